@@ -1,0 +1,96 @@
+//! CAN buses behind one trait. Every backend passes the same contract test.
+
+mod error;
+
+use core::time::Duration;
+
+use resonarm_protocol::{Frame, Id};
+
+pub use error::BusError;
+
+/// One end of a CAN bus.
+///
+/// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for everyone else.
+/// A node does not receive the frames it sent itself. Frames come in the order in which they were on the bus.
+pub trait Bus: Send {
+    /// Queues one frame for sending. A full transmit queue is not an error: it is [`Sent::QueueFull`], and counted.
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus is gone or the backend failed.
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError>;
+
+    /// The next frame that has come in, if any.
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus is gone or the backend failed.
+    fn receive(&mut self) -> Result<Option<Received>, BusError>;
+
+    /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`).
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus is gone or the backend failed.
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError>;
+
+    /// Receives from now on only frames that match one of `filters`; an empty list receives everything.
+    ///
+    /// # Errors
+    /// [`BusError`] if the backend can't filter so.
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError>;
+
+    /// What this end has seen so far.
+    fn statistics(&self) -> Statistics;
+
+    /// Leaves the bus; whatever is called afterwards answers [`BusError::Closed`]. Frames queued before are still sent.
+    ///
+    /// # Errors
+    /// [`BusError`] if the backend could not leave in order.
+    fn close(&mut self) -> Result<(), BusError>;
+}
+
+/// What became of a frame given to [`Bus::send`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sent {
+    /// The frame is on its way.
+    Queued,
+    /// The transmit queue is full (`ENOBUFS` of SocketCAN); the frame was not taken. Try again later.
+    QueueFull,
+}
+
+/// A frame that came in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// The frame.
+    pub frame: Frame,
+    /// When the kernel or the adapter saw it, in nanoseconds of the UNIX epoch, where the backend knows.
+    pub timestamp_ns: Option<u64>,
+}
+
+/// Lets a frame through when `frame.id & mask == id & mask` and the identifier formats agree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filter {
+    /// The identifier to compare with.
+    pub id: Id,
+    /// The bits that count.
+    pub mask: u32,
+}
+
+impl Filter {
+    /// Whether `frame` passes.
+    pub fn matches(&self, frame: &Frame) -> bool {
+        matches!((self.id, frame.id()), (Id::Standard(_), Id::Standard(_)) | (Id::Extended(_), Id::Extended(_)))
+            && frame.id().raw() & self.mask == self.id.raw() & self.mask
+    }
+}
+
+/// What one end of a bus has seen, in frames since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Frames handed to the caller by [`Bus::receive`].
+    pub received: u64,
+    /// Frames queued for sending.
+    pub sent: u64,
+    /// Incoming frames lost because the receive queue was full.
+    pub dropped: u64,
+    /// Calls of [`Bus::send`] that met a full transmit queue.
+    pub queue_full: u64,
+}

@@ -1,0 +1,3 @@
+//! The `resonarm` program.
+
+fn main() {}

@@ -1,0 +1,98 @@
+//! What a run hands to the recorder: small values of fixed size, so that they pass through a ring without allocation.
+
+use resonarm_protocol::Frame;
+
+/// One thing worth recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Record {
+    /// The state of the arm at a step and the load held over it.
+    Step(StepRecord),
+    /// What the sensors said at a step.
+    Sample(SampleRecord),
+    /// A frame on the bus.
+    Frame(FrameRecord),
+    /// How punctual a tick of the real-time loop was.
+    Tick(TickRecord),
+    /// Something that happened: a state change, a fault, an overrun.
+    Event(Event),
+}
+
+/// The arm at step `step`, and the load held (zero-order) from `step` to `step + 1`.
+///
+/// From these alone the run can be simulated again bit for bit: a step's state and load give the next step's state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepRecord {
+    /// Index of the step; step k is at k times the sample period.
+    pub step: u64,
+    /// α1, α2: vibration angles, rad.
+    pub alpha_rad: [f64; 2],
+    /// α̇1, α̇2, rad/s.
+    pub alpha_dot_rad_s: [f64; 2],
+    /// Torques at joints 1 and 2, N·m.
+    pub torque_nm: [f64; 2],
+    /// Force at point C along x and y, N.
+    pub force_n: [f64; 2],
+}
+
+/// What the sensors said at step `step`: after range, noise and quantisation, before the wire's scaling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleRecord {
+    /// Index of the step.
+    pub step: u64,
+    /// Acceleration of point B along x and y, m/s².
+    pub acceleration_b_m_s2: [f64; 2],
+    /// Acceleration of point C along x and y, m/s².
+    pub acceleration_c_m_s2: [f64; 2],
+    /// Force in the impedance head at C along x and y, N.
+    pub head_force_n: [f64; 2],
+}
+
+/// Which way a frame went, seen from the plant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// Came in from the bus.
+    Received,
+    /// Was sent to the bus.
+    Sent,
+}
+
+/// A frame and when it was on the bus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameRecord {
+    /// The step in which the frame took effect (received) or of which it tells (sent).
+    pub step: u64,
+    /// Which way it went.
+    pub direction: Direction,
+    /// When the run loop handled it, nanoseconds since the start of the run.
+    pub time_ns: u64,
+    /// When the kernel or the adapter saw it, nanoseconds of the UNIX epoch, where known.
+    pub bus_timestamp_ns: Option<u64>,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// One tick of the real-time loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TickRecord {
+    /// Index of the step.
+    pub step: u64,
+    /// How late the loop woke after the tick's deadline, ns.
+    pub wakeup_ns: u64,
+    /// How long the tick's work took, ns.
+    pub exec_ns: u64,
+    /// Deadlines missed since the tick before: 0 when on time.
+    pub overruns: u32,
+}
+
+/// Something that happened at a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Index of the step.
+    pub step: u64,
+    /// When, nanoseconds since the start of the run.
+    pub time_ns: u64,
+    /// What, as a short stable name, for example `plant.state.fault`.
+    pub name: &'static str,
+    /// A number that belongs to it (a fault code, a count), 0 where none does.
+    pub value: i64,
+}
