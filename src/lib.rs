@@ -6,6 +6,8 @@
 
 extern crate alloc;
 
+pub mod arm;
+
 #[cfg(feature = "std")]
 pub mod bus;
 #[cfg(feature = "std")]

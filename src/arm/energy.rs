@@ -1,0 +1,36 @@
+//! Energy and power: what the balance of a simulation is checked with.
+
+use super::{Arm, Load, State};
+
+/// The energy in the arm, J.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Energy {
+    /// E = ½ α̇ᵀ M α̇, Eq. (13) with the missing factor 2 restored, J.
+    pub kinetic_j: f64,
+    /// V = ½ αᵀ K α, Eq. (10) less its constant, J.
+    pub potential_j: f64,
+}
+
+impl Energy {
+    /// Kinetic and potential energy together, J.
+    pub fn total_j(&self) -> f64 {
+        self.kinetic_j + self.potential_j
+    }
+}
+
+impl Arm {
+    /// The energy at a state.
+    pub fn energy(&self, state: &State) -> Energy {
+        let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+        Energy {
+            kinetic_j: 0.5 * v.dot(&(self.mass_matrix(x) * v)),
+            potential_j: 0.5 * x.dot(&(self.stiffness_matrix() * x)),
+        }
+    }
+
+    /// The rate at which the energy changes, W: what the load puts in less what the dampers take, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇.
+    pub fn power_w(&self, state: &State, load: &Load) -> f64 {
+        let v = &state.alpha_dot_rad_s;
+        v.dot(&self.generalised_force(&state.alpha_rad, load)) - v.dot(&(self.damping_matrix() * v))
+    }
+}

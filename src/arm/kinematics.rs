@@ -1,0 +1,59 @@
+//! Where the points B (elbow) and C (tip) are and how they move, in the base frame.
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::{Arm, State};
+
+/// Positions of the points, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Points {
+    /// B = (l1 c1, l1 s1).
+    pub b_m: Vector2<f64>,
+    /// C = B + (l2 c12, l2 s12), Eq. (27).
+    pub c_m: Vector2<f64>,
+}
+
+/// Accelerations of the points, m/s².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointMotion {
+    /// Acceleration of B along x and y.
+    pub b_m_s2: Vector2<f64>,
+    /// Acceleration of C along x and y.
+    pub c_m_s2: Vector2<f64>,
+}
+
+impl Arm {
+    /// Positions of B and C.
+    pub fn points(&self, alpha_rad: &Vector2<f64>) -> Points {
+        let (first, second) = self.links(alpha_rad);
+        Points { b_m: first, c_m: first + second }
+    }
+
+    /// The links as vectors: l1 (c1, s1) and l2 (c12, s12), m.
+    fn links(&self, alpha_rad: &Vector2<f64>) -> (Vector2<f64>, Vector2<f64>) {
+        let angle1 = self.beta1_rad + alpha_rad.x;
+        let (s1, c1) = libm::sincos(angle1);
+        let (s12, c12) = libm::sincos(angle1 + (self.beta2_rad + alpha_rad.y));
+        let p = &self.parameters;
+        (Vector2::new(c1, s1) * p.length1_m, Vector2::new(c12, s12) * p.length2_m)
+    }
+
+    /// J, Eq. (28), m: the velocity of C is J α̇, and a force F at C acts on the joints as JᵀF.
+    pub fn tip_jacobian(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
+        let points = self.points(alpha_rad);
+        let (c, second) = (points.c_m, points.c_m - points.b_m);
+        Matrix2::new(-c.y, -second.y, c.x, second.x)
+    }
+
+    /// Accelerations of B and C, with the centripetal terms.
+    ///
+    /// A link vector r turning with the rate w and the angular acceleration e adds e (−r_y, r_x) − w² r; link 1 turns with
+    /// α̇1, link 2 with α̇1 + α̇2.
+    pub fn point_accelerations(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> PointMotion {
+        let (first, second) = self.links(&state.alpha_rad);
+        let turning = |r: Vector2<f64>, w: f64, e: f64| Vector2::new(-r.y, r.x) * e - r * (w * w);
+        let (v, a) = (&state.alpha_dot_rad_s, acceleration_rad_s2);
+        let b_m_s2 = turning(first, v.x, a.x);
+        PointMotion { b_m_s2, c_m_s2: b_m_s2 + turning(second, v.x + v.y, a.x + a.y) }
+    }
+}

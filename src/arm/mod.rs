@@ -1,0 +1,68 @@
+//! The arm: two links with compliant joints (Gierlak & Warmiński 2023, IRB 1600), exactly.
+//!
+//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, the vibration α is what moves. The equation of motion
+//! (Eq. 3) is
+//!
+//! ```text
+//! M(α,β) α̈ + C(α,α̇,β) α̇ + D α̇ + K α = u + J(α,β)ᵀ F
+//! ```
+//!
+//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. Equation numbers in this module
+//! are those of P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
+//! Compliance", Appl. Sci. 2023, 13, 11941.
+
+mod dynamics;
+mod energy;
+mod error;
+mod kinematics;
+mod parameters;
+mod preset;
+mod types;
+
+pub use dynamics::AccelerationJacobian;
+pub use energy::Energy;
+pub use error::ArmError;
+pub use kinematics::{PointMotion, Points};
+pub use parameters::{Parameters, Pose};
+pub use preset::Preset;
+pub use types::{Load, State};
+
+use parameters::Inertia;
+
+/// An arm with valid parameters in a valid pose: everything constant about it, ready for computing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arm {
+    parameters: Parameters,
+    pose: Pose,
+    beta1_rad: f64,
+    beta2_rad: f64,
+    inertia: Inertia,
+}
+
+impl Arm {
+    /// Checks the parameters and the pose and makes an arm of them.
+    ///
+    /// # Errors
+    /// [`ArmError`] names the first value that no arm can have.
+    pub fn new(parameters: Parameters, pose: Pose) -> Result<Arm, ArmError> {
+        parameters.check()?;
+        pose.validate()?;
+        let inertia = Inertia::of(&parameters);
+        let beta1_rad = pose.beta1_deg.to_radians();
+        let beta2_rad = pose.beta2_deg.to_radians();
+        Ok(Arm { parameters, pose, beta1_rad, beta2_rad, inertia })
+    }
+
+    /// The parameters the arm was made of.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The pose the arm was made in.
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

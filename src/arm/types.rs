@@ -1,0 +1,50 @@
+//! What moves the arm and how it moves.
+
+use nalgebra::Vector2;
+
+/// The vibration of the arm about its pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// α: deflections of joints 1 and 2, rad.
+    pub alpha_rad: Vector2<f64>,
+    /// α̇, rad/s.
+    pub alpha_dot_rad_s: Vector2<f64>,
+}
+
+impl State {
+    /// The state with α = `(alpha1_rad, alpha2_rad)` and α̇ = `(alpha_dot1_rad_s, alpha_dot2_rad_s)`.
+    pub fn new(alpha_rad: [f64; 2], alpha_dot_rad_s: [f64; 2]) -> State {
+        State { alpha_rad: alpha_rad.into(), alpha_dot_rad_s: alpha_dot_rad_s.into() }
+    }
+
+    /// Whether all four numbers are finite.
+    pub fn is_finite(&self) -> bool {
+        self.alpha_rad.iter().chain(&self.alpha_dot_rad_s).all(|value| value.is_finite())
+    }
+}
+
+/// What acts on the arm from outside: the right-hand side of Eq. (3).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Load {
+    /// u: torques at joints 1 and 2, N·m.
+    pub torque_nm: Vector2<f64>,
+    /// F: force at point C along x and y of the base frame, N.
+    pub force_n: Vector2<f64>,
+}
+
+impl Load {
+    /// A torque u at the joints, N·m, and no force.
+    pub fn torque_nm(u1_nm: f64, u2_nm: f64) -> Load {
+        Load { torque_nm: Vector2::new(u1_nm, u2_nm), ..Load::default() }
+    }
+
+    /// A force F at point C, N, and no torque.
+    pub fn force_n(fx_n: f64, fy_n: f64) -> Load {
+        Load { force_n: Vector2::new(fx_n, fy_n), ..Load::default() }
+    }
+
+    /// The load times a factor (dimensionless).
+    pub fn scaled(&self, factor: f64) -> Load {
+        Load { torque_nm: self.torque_nm * factor, force_n: self.force_n * factor }
+    }
+}
