@@ -7,6 +7,7 @@
 extern crate alloc;
 
 pub mod arm;
+pub mod integrate;
 
 #[cfg(feature = "std")]
 pub mod bus;

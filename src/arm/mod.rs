@@ -15,6 +15,7 @@ mod dynamics;
 mod energy;
 mod error;
 mod kinematics;
+mod modes;
 mod parameters;
 mod preset;
 mod types;

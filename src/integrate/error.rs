@@ -1,0 +1,46 @@
+//! Why a step could not be made.
+
+use thiserror::Error;
+
+use super::Scheme;
+
+/// What keeps an integrator from starting or going on.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum IntegrateError {
+    /// The rate is not a positive number.
+    #[error("integration rate {got_hz} Hz: it must be a positive number")]
+    Rate {
+        /// What was given, Hz.
+        got_hz: f64,
+    },
+    /// The scheme is not stable, or sees less than one step a period, at this rate.
+    #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz")]
+    RateTooLow {
+        /// The scheme.
+        scheme: Scheme,
+        /// What was given, Hz.
+        got_hz: f64,
+        /// The lowest rate that would do, Hz.
+        needed_hz: f64,
+    },
+    /// Newton's method did not solve the stages of an implicit scheme.
+    #[error(
+        "the stages of the step at t = {t_s} s did not converge in {iterations} Newton iterations (last relative \
+         correction {correction:.1e}): raise the rate, or look for a load beyond what the arm can bear"
+    )]
+    NoConvergence {
+        /// Start of the step, s.
+        t_s: f64,
+        /// Iterations made.
+        iterations: usize,
+        /// The last relative correction of the stage accelerations.
+        correction: f64,
+    },
+    /// The new state is infinite or not a number.
+    #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the arm can bear")]
+    NotFinite {
+        /// End of the step, s.
+        t_s: f64,
+    },
+}
