@@ -8,6 +8,8 @@ extern crate alloc;
 
 pub mod arm;
 pub mod integrate;
+pub mod plant;
+pub mod rig;
 
 #[cfg(feature = "std")]
 pub mod bus;
