@@ -129,6 +129,18 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
+    /// A classical data frame of this protocol, whose identifiers and lengths fit by construction.
+    pub(crate) const fn standard<const N: usize>(id: u16, bytes: [u8; N]) -> Frame {
+        const { assert!(N <= 8) };
+        let mut data = [0; 64];
+        let mut i = 0;
+        while i < N {
+            data[i] = bytes[i];
+            i += 1;
+        }
+        Frame { id: Id::Standard(id), format: FrameFormat::Classic, len: N as u8, data }
+    }
+
     /// The identifier.
     pub const fn id(&self) -> Id {
         self.id

@@ -8,6 +8,29 @@
 #[cfg(test)]
 extern crate std;
 
+mod dbc;
+pub mod e2e;
+mod error;
 pub mod frame;
+pub mod message;
+pub mod network;
+mod receiver;
+pub mod scaling;
+pub mod state;
+pub mod timing;
+mod transmitter;
 
+pub use dbc::{DBC_HASH, DBC_TEXT};
+pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
+pub use message::{
+    Acceleration, Cycle, Emergency, FaultCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Message, MessageKind,
+    Mismatch, OperatorCommand, OperatorRequest, Profile, TorqueCommand, Version,
+};
+pub use network::{DEFAULT_BASE, Network, NetworkError, Node};
+pub use receiver::Receiver;
+pub use state::{NodeState, StateEvent, next};
+pub use transmitter::Transmitter;
+
+/// The version of the protocol that this crate speaks: major in the high nibble, minor in the low one.
+pub const PROTOCOL_VERSION: u8 = 0x10;

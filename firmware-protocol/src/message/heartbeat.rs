@@ -1,0 +1,27 @@
+//! The heartbeat, as CANopen has it (CiA 301, "heartbeat protocol").
+
+use super::{MessageKind, Payload};
+use crate::error::DecodeError;
+use crate::network::Node;
+use crate::state::NodeState;
+
+/// A node tells its state. Unprotected, one byte, so that any CANopen tool reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Heartbeat {
+    /// The node.
+    pub node: Node,
+    /// Its state.
+    pub state: NodeState,
+}
+
+impl Heartbeat {
+    pub(crate) const fn encode(&self) -> Payload {
+        Payload { flags: 0, bytes: [self.state.heartbeat_byte(), 0, 0, 0, 0, 0] }
+    }
+
+    pub(crate) fn decode(kind: MessageKind, payload: &Payload) -> Result<Heartbeat, DecodeError> {
+        let [byte, ..] = payload.bytes;
+        let unknown = DecodeError::UnknownValue { kind, signal: "state", got: byte.into() };
+        Ok(Heartbeat { node: kind.sender(), state: NodeState::from_heartbeat_byte(byte).ok_or(unknown)? })
+    }
+}

@@ -1,0 +1,105 @@
+//! The messages: valid values on one side, bytes on the other.
+
+mod acceleration;
+mod command;
+mod emergency;
+mod heartbeat;
+mod hello;
+mod impedance_head;
+mod kind;
+mod operator;
+mod payload;
+
+pub use acceleration::Acceleration;
+pub use command::{ForceCommand, TorqueCommand};
+pub use emergency::{Emergency, FaultCode};
+pub use heartbeat::Heartbeat;
+pub use hello::{Hello, Mismatch, Profile, Version};
+pub use impedance_head::ImpedanceHead;
+pub use kind::{Cycle, MessageKind};
+pub use operator::{OperatorCommand, OperatorRequest};
+
+pub(crate) use payload::Payload;
+
+use crate::error::{DecodeError, EncodeError};
+use crate::network::Node;
+
+/// One message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Message {
+    /// The operator arms, disarms or resets a node.
+    Operator(OperatorCommand),
+    /// The exciter commands the force at the tip.
+    Force(ForceCommand),
+    /// The exciter commands the torques at the joints.
+    Torque(TorqueCommand),
+    /// The plant's impedance head: the force at the tip, point C.
+    Head(ImpedanceHead),
+    /// The plant's accelerometer at point B.
+    AccelerometerB(Acceleration),
+    /// The plant's accelerometer at point C, which is also the acceleration of the impedance head.
+    AccelerometerC(Acceleration),
+    /// The plant says what it speaks.
+    PlantHello(Hello),
+    /// The exciter says what it speaks and what it expects.
+    ExciterHello(Hello),
+    /// A node tells its state.
+    Heartbeat(Heartbeat),
+    /// A node tells why it has faulted or refused to arm.
+    Emergency(Emergency),
+}
+
+impl Message {
+    /// The kind of the message: its identifier, sender and protection.
+    pub const fn kind(&self) -> MessageKind {
+        match self {
+            Message::Operator(_) => MessageKind::Operator,
+            Message::Force(_) => MessageKind::Force,
+            Message::Torque(_) => MessageKind::Torque,
+            Message::Head(_) => MessageKind::Head,
+            Message::AccelerometerB(_) => MessageKind::AccelerometerB,
+            Message::AccelerometerC(_) => MessageKind::AccelerometerC,
+            Message::PlantHello(_) => MessageKind::PlantHello,
+            Message::ExciterHello(_) => MessageKind::ExciterHello,
+            Message::Heartbeat(Heartbeat { node: Node::Plant, .. }) => MessageKind::PlantHeartbeat,
+            Message::Heartbeat(Heartbeat { node: Node::Exciter, .. }) => MessageKind::ExciterHeartbeat,
+            Message::Emergency(Emergency { node: Node::Plant, .. }) => MessageKind::PlantEmergency,
+            Message::Emergency(Emergency { node: Node::Exciter, .. }) => MessageKind::ExciterEmergency,
+        }
+    }
+
+    /// The bytes of the message; CRC and counter are still zero.
+    pub(crate) fn encode(&self) -> Result<Payload, EncodeError> {
+        let kind = self.kind();
+        match self {
+            Message::Operator(command) => Ok(command.encode()),
+            Message::Force(command) => command.encode(),
+            Message::Torque(command) => command.encode(),
+            Message::Head(head) => head.encode(),
+            Message::AccelerometerB(acceleration) | Message::AccelerometerC(acceleration) => acceleration.encode(kind),
+            Message::PlantHello(hello) | Message::ExciterHello(hello) => hello.encode(kind),
+            Message::Heartbeat(heartbeat) => Ok(heartbeat.encode()),
+            Message::Emergency(emergency) => Ok(emergency.encode()),
+        }
+    }
+
+    /// The message of this kind in a payload whose length and protection are right.
+    pub(crate) fn decode(kind: MessageKind, payload: &Payload) -> Result<Message, DecodeError> {
+        match kind {
+            MessageKind::Operator => OperatorCommand::decode(payload).map(Message::Operator),
+            MessageKind::Force => ForceCommand::decode(payload).map(Message::Force),
+            MessageKind::Torque => TorqueCommand::decode(payload).map(Message::Torque),
+            MessageKind::Head => ImpedanceHead::decode(payload).map(Message::Head),
+            MessageKind::AccelerometerB => Acceleration::decode(kind, payload).map(Message::AccelerometerB),
+            MessageKind::AccelerometerC => Acceleration::decode(kind, payload).map(Message::AccelerometerC),
+            MessageKind::PlantHello => Hello::decode(kind, payload).map(Message::PlantHello),
+            MessageKind::ExciterHello => Hello::decode(kind, payload).map(Message::ExciterHello),
+            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => {
+                Heartbeat::decode(kind, payload).map(Message::Heartbeat)
+            }
+            MessageKind::PlantEmergency | MessageKind::ExciterEmergency => {
+                Emergency::decode(kind, payload).map(Message::Emergency)
+            }
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The operator's command: arm, disarm, reset.
+
+use super::{MessageKind, Payload};
+use crate::error::DecodeError;
+use crate::network::Node;
+use crate::state::StateEvent;
+
+/// What the operator asks of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum OperatorRequest {
+    /// Let commands reach the arm.
+    Arm = 1,
+    /// Back to zero force.
+    Disarm = 2,
+    /// Clear a latched fault.
+    Reset = 3,
+}
+
+impl OperatorRequest {
+    /// Every request.
+    pub const ALL: [OperatorRequest; 3] = [OperatorRequest::Arm, OperatorRequest::Disarm, OperatorRequest::Reset];
+
+    /// The event that the request is to the node it is meant for.
+    pub const fn event(self) -> StateEvent {
+        match self {
+            OperatorRequest::Arm => StateEvent::Arm,
+            OperatorRequest::Disarm => StateEvent::Disarm,
+            OperatorRequest::Reset => StateEvent::Reset,
+        }
+    }
+}
+
+/// The operator arms, disarms or resets a node. The answer is the node's heartbeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct OperatorCommand {
+    /// What is asked.
+    pub request: OperatorRequest,
+    /// Which node it is asked of.
+    pub target: Node,
+}
+
+impl OperatorCommand {
+    pub(crate) const fn encode(&self) -> Payload {
+        Payload { flags: 0, bytes: [self.request as u8, self.target.id(), 0, 0, 0, 0] }
+    }
+
+    pub(crate) fn decode(payload: &Payload) -> Result<OperatorCommand, DecodeError> {
+        let kind = MessageKind::Operator;
+        payload.check_flags(kind, 0)?;
+        payload.check_zero_from(kind, 4)?;
+        let [request, target, ..] = payload.bytes;
+        let unknown = |signal, got: u8| DecodeError::UnknownValue { kind, signal, got: got.into() };
+        Ok(OperatorCommand {
+            request: OperatorRequest::ALL
+                .into_iter()
+                .find(|known| *known as u8 == request)
+                .ok_or(unknown("request", request))?,
+            target: Node::from_id(target).ok_or(unknown("target", target))?,
+        })
+    }
+}

@@ -1,0 +1,148 @@
+//! What every protected message has in common: four flag bits and six bytes beside CRC and counter.
+
+use super::MessageKind;
+use crate::error::{DecodeError, EncodeError};
+use crate::scaling::{Count, RAW_NOT_AVAILABLE, Scale};
+
+/// The part of a message that means something: the flags (high nibble of byte 1) and the bytes 2 to 7.
+///
+/// A heartbeat, which is unprotected and one byte long, has its byte in `bytes[0]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Payload {
+    pub(crate) flags: u8,
+    pub(crate) bytes: [u8; 6],
+}
+
+/// The first byte of `Payload::bytes` within the frame.
+pub(crate) const OFFSET: usize = 2;
+
+/// Flag bit of messages with two axes: the first is saturated.
+const X_SATURATED: u8 = 1;
+
+/// Flag bit of messages with two axes: the second is saturated.
+const Y_SATURATED: u8 = 2;
+
+/// Two measured values with a saturation mark each, and the sample they belong to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Measured {
+    pub(crate) values: [f64; 2],
+    pub(crate) saturated: [bool; 2],
+    pub(crate) sample: u16,
+}
+
+impl Payload {
+    /// Three little-endian words.
+    pub(crate) const fn from_words(flags: u8, words: [u16; 3]) -> Payload {
+        let [[a, b], [c, d], [e, f]] = [words[0].to_le_bytes(), words[1].to_le_bytes(), words[2].to_le_bytes()];
+        Payload { flags, bytes: [a, b, c, d, e, f] }
+    }
+
+    /// The three little-endian words.
+    pub(crate) const fn words(&self) -> [u16; 3] {
+        let [a, b, c, d, e, f] = self.bytes;
+        [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]), u16::from_le_bytes([e, f])]
+    }
+
+    /// Refuses flags other than those in `used`.
+    pub(crate) const fn check_flags(&self, kind: MessageKind, used: u8) -> Result<(), DecodeError> {
+        match self.flags & !used {
+            0 => Ok(()),
+            reserved => Err(DecodeError::Reserved { kind, byte: 1, got: reserved << 4 }),
+        }
+    }
+
+    /// Refuses content in the bytes from `first` on, counted within the frame.
+    pub(crate) fn check_zero_from(&self, kind: MessageKind, first: usize) -> Result<(), DecodeError> {
+        match self.bytes.iter().enumerate().skip(first - OFFSET).find(|(_, byte)| **byte != 0) {
+            None => Ok(()),
+            Some((place, &got)) => Err(DecodeError::Reserved { kind, byte: place + OFFSET, got }),
+        }
+    }
+
+    /// Two commanded values and a sample index. A value beyond the range is refused, never cut.
+    pub(crate) fn from_command(
+        kind: MessageKind,
+        scale: Scale,
+        signals: [&'static str; 2],
+        values: [f64; 2],
+        sample: u16,
+    ) -> Result<Payload, EncodeError> {
+        let mut words = [0, 0, sample];
+        for axis in 0..2 {
+            let (signal, got) = (signals[axis], values[axis]);
+            words[axis] = match scale.count(got) {
+                Count::InRange(raw) => raw.cast_unsigned(),
+                Count::Beyond(_) => return Err(EncodeError::OutOfRange { kind, signal, got, limit: scale.max() }),
+                Count::NotFinite => return Err(EncodeError::NotFinite { kind, signal, got }),
+            };
+        }
+        Ok(Payload::from_words(0, words))
+    }
+
+    /// The two commanded values and the sample index.
+    pub(crate) fn to_command(
+        self,
+        kind: MessageKind,
+        scale: Scale,
+        signals: [&'static str; 2],
+    ) -> Result<([f64; 2], u16), DecodeError> {
+        self.check_flags(kind, 0)?;
+        self.values(kind, scale, signals)
+    }
+
+    /// Two measured values and a sample index. A value beyond the range goes to the end of the range and is flagged.
+    pub(crate) fn from_measured(
+        kind: MessageKind,
+        scale: Scale,
+        signals: [&'static str; 2],
+        measured: Measured,
+    ) -> Result<Payload, EncodeError> {
+        let mut words = [0, 0, measured.sample];
+        let mut saturated = measured.saturated;
+        for axis in 0..2 {
+            let (signal, got) = (signals[axis], measured.values[axis]);
+            let raw = match scale.count(got) {
+                Count::InRange(raw) => raw,
+                Count::Beyond(end) => {
+                    saturated[axis] = true;
+                    end
+                }
+                Count::NotFinite => return Err(EncodeError::NotFinite { kind, signal, got }),
+            };
+            words[axis] = raw.cast_unsigned();
+        }
+        let flag = |set: bool, bit: u8| if set { bit } else { 0 };
+        Ok(Payload::from_words(flag(saturated[0], X_SATURATED) | flag(saturated[1], Y_SATURATED), words))
+    }
+
+    /// The two measured values, whether each is saturated, and the sample index.
+    pub(crate) fn to_measured(
+        self,
+        kind: MessageKind,
+        scale: Scale,
+        signals: [&'static str; 2],
+    ) -> Result<Measured, DecodeError> {
+        self.check_flags(kind, X_SATURATED | Y_SATURATED)?;
+        let (values, sample) = self.values(kind, scale, signals)?;
+        let saturated = [self.flags & X_SATURATED != 0, self.flags & Y_SATURATED != 0];
+        Ok(Measured { values, saturated, sample })
+    }
+
+    fn values(
+        self,
+        kind: MessageKind,
+        scale: Scale,
+        signals: [&'static str; 2],
+    ) -> Result<([f64; 2], u16), DecodeError> {
+        let words = self.words();
+        let mut values = [0.0; 2];
+        for axis in 0..2 {
+            let raw = words[axis].cast_signed();
+            if raw == RAW_NOT_AVAILABLE {
+                return Err(DecodeError::NotAvailable { kind, signal: signals[axis] });
+            }
+            values[axis] = scale.value(raw);
+        }
+        Ok((values, words[2]))
+    }
+}

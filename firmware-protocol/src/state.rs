@@ -1,0 +1,152 @@
+//! The states of a node, as CANopen has them (CiA 301), and the one table of their transitions.
+
+use core::fmt;
+
+/// The state of a node, as its heartbeat tells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum NodeState {
+    /// The node has just started; it says so once.
+    BootUp,
+    /// The node runs, exchanges hellos and measures; the force is zero.
+    PreOperational,
+    /// Armed: commands reach the arm.
+    Operational,
+    /// A fault has latched; the force ramps to zero and stays there. CANopen's "stopped".
+    Fault,
+}
+
+/// What moves a node from state to state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum StateEvent {
+    /// The node has finished its start.
+    Started,
+    /// The operator arms the node. The node must have found its partner compatible before.
+    Arm,
+    /// The operator disarms the node.
+    Disarm,
+    /// The operator clears a latched fault.
+    Reset,
+    /// The node has found a fault.
+    Fault,
+}
+
+/// Every transition there is: from, event, to. A pair that is not here changes nothing.
+const TRANSITIONS: [(NodeState, StateEvent, NodeState); 7] = [
+    (NodeState::BootUp, StateEvent::Started, NodeState::PreOperational),
+    (NodeState::BootUp, StateEvent::Fault, NodeState::Fault),
+    (NodeState::PreOperational, StateEvent::Arm, NodeState::Operational),
+    (NodeState::PreOperational, StateEvent::Fault, NodeState::Fault),
+    (NodeState::Operational, StateEvent::Disarm, NodeState::PreOperational),
+    (NodeState::Operational, StateEvent::Fault, NodeState::Fault),
+    (NodeState::Fault, StateEvent::Reset, NodeState::PreOperational),
+];
+
+/// The state after `event` in `state`, or `None` if `event` is not accepted there.
+pub const fn next(state: NodeState, event: StateEvent) -> Option<NodeState> {
+    let mut i = 0;
+    while i < TRANSITIONS.len() {
+        let (from, on, to) = TRANSITIONS[i];
+        if from as u8 == state as u8 && on as u8 == event as u8 {
+            return Some(to);
+        }
+        i += 1;
+    }
+    None
+}
+
+impl NodeState {
+    /// Every state.
+    pub const ALL: [NodeState; 4] =
+        [NodeState::BootUp, NodeState::PreOperational, NodeState::Operational, NodeState::Fault];
+
+    /// The byte that stands for the state in a heartbeat (CiA 301).
+    pub const fn heartbeat_byte(self) -> u8 {
+        match self {
+            NodeState::BootUp => 0x00,
+            NodeState::Fault => 0x04,
+            NodeState::Operational => 0x05,
+            NodeState::PreOperational => 0x7F,
+        }
+    }
+
+    /// The state that a heartbeat's byte stands for, if it is one.
+    pub const fn from_heartbeat_byte(byte: u8) -> Option<NodeState> {
+        match byte {
+            0x00 => Some(NodeState::BootUp),
+            0x04 => Some(NodeState::Fault),
+            0x05 => Some(NodeState::Operational),
+            0x7F => Some(NodeState::PreOperational),
+            _ => None,
+        }
+    }
+
+    /// The state after `event`, or `None` if `event` is not accepted: [`next`] as a method.
+    pub const fn next(self, event: StateEvent) -> Option<NodeState> {
+        next(self, event)
+    }
+}
+
+impl StateEvent {
+    /// Every event.
+    pub const ALL: [StateEvent; 5] =
+        [StateEvent::Started, StateEvent::Arm, StateEvent::Disarm, StateEvent::Reset, StateEvent::Fault];
+}
+
+impl fmt::Display for NodeState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            NodeState::BootUp => "boot-up",
+            NodeState::PreOperational => "pre-operational",
+            NodeState::Operational => "operational",
+            NodeState::Fault => "fault",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heartbeat_bytes_go_there_and_back() {
+        let known: std::vec::Vec<u8> =
+            (0..=255).filter(|&byte| NodeState::from_heartbeat_byte(byte).is_some()).collect();
+        assert_eq!(known, [0x00, 0x04, 0x05, 0x7F]);
+        for state in NodeState::ALL {
+            assert_eq!(NodeState::from_heartbeat_byte(state.heartbeat_byte()), Some(state));
+        }
+    }
+
+    #[test]
+    fn a_fault_is_left_by_reset_alone() {
+        for event in StateEvent::ALL {
+            let expected = (event == StateEvent::Reset).then_some(NodeState::PreOperational);
+            assert_eq!(next(NodeState::Fault, event), expected, "{event:?}");
+        }
+    }
+
+    #[test]
+    fn only_arm_in_pre_operational_arms() {
+        for state in NodeState::ALL {
+            for event in StateEvent::ALL {
+                let arms = state == NodeState::PreOperational && event == StateEvent::Arm;
+                assert_eq!(next(state, event) == Some(NodeState::Operational), arms, "{state:?} {event:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_fault_is_seen_in_every_other_state() {
+        for state in NodeState::ALL {
+            let expected = (state != NodeState::Fault).then_some(NodeState::Fault);
+            assert_eq!(next(state, StateEvent::Fault), expected, "{state:?}");
+        }
+    }
+
+    #[test]
+    fn no_transition_stands_twice() {
+        for (i, (from, on, _)) in TRANSITIONS.iter().enumerate() {
+            assert!(TRANSITIONS[..i].iter().all(|(f, o, _)| (f, o) != (from, on)), "{from:?} {on:?}");
+        }
+    }
+}
