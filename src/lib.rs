@@ -7,6 +7,7 @@
 extern crate alloc;
 
 pub mod arm;
+pub mod excitation;
 pub mod integrate;
 pub mod plant;
 pub mod rig;

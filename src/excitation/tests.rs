@@ -1,0 +1,89 @@
+use super::*;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+fn force(profile: Waveform) -> ExcitationSpec {
+    ExcitationSpec { amplitude: Amplitude { force_x_n: 10.0, ..Amplitude::default() }, ramp_s: 0.5, profile }
+}
+
+const STEPPED: Waveform = Waveform::SteppedSine { from_hz: 20.0, to_hz: 25.0, steps: 11, dwell_s: 2.0, settle_s: 0.6 };
+
+#[test]
+fn stepped_sine_runs_on_without_jumps() {
+    let profile = Profile::new(&force(STEPPED), 1000.0).unwrap();
+    let loads: Vec<f64> = (0..=profile.samples()).map(|n| profile.load(n).force_n.x).collect();
+    let steepest = 10.0 * TAU * 25.0 / 1000.0;
+    assert!(loads.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= steepest * 1.001));
+    assert_eq!((loads[0], *loads.last().unwrap()), (0.0, 0.0));
+    let crest = loads.iter().fold(0.0_f64, |crest, load| crest.max(load.abs()));
+    assert!((crest - 10.0).abs() < 1e-3);
+    let windows: Vec<_> = profile.windows().collect();
+    assert_eq!(windows.len(), 11);
+    assert_eq!((windows[0].frequency_hz, windows[10].frequency_hz), (20.0, 25.0));
+    assert!(windows.windows(2).all(|pair| pair[0].end <= pair[1].first));
+}
+
+#[test]
+fn swept_sine_passes_the_frequencies_it_names() {
+    let profile =
+        Profile::new(&force(Waveform::SweptSine { from_hz: 10.0, to_hz: 30.0, duration_s: 10.0 }), 1000.0).unwrap();
+    let frequency = |n: u64| {
+        let cycles = profile.phase_cycles(n + 1) - profile.phase_cycles(n);
+        1000.0 * (cycles - cycles.floor())
+    };
+    for (n, hz) in [(0, 10.0), (5_000, 20.0), (9_998, 30.0)] {
+        assert!((frequency(n) - hz).abs() < 0.01, "{n}: {}", frequency(n));
+    }
+    assert_eq!(profile.windows().count(), 0);
+}
+
+#[test]
+fn impulse_is_a_half_sine() {
+    let spec = force(Waveform::Impulse { pulse_s: 0.01, duration_s: 1.0 });
+    let profile = Profile::new(&spec, 1000.0).unwrap();
+    let impulse: f64 = (0..1000).map(|n| profile.load(n).force_n.x * 1e-3).sum();
+    // ∫ 10 N sin(πt/10 ms) dt = 10 · 2/π · 10 ms
+    assert!((impulse - 10.0 * 2.0 / core::f64::consts::PI * 0.01).abs() < 1e-3);
+    assert_eq!(profile.load(11).force_n.x, 0.0);
+}
+
+#[test]
+fn fit_finds_amplitude_and_phase_beside_another_mode() {
+    let (rate, n) = (1000.0, 4000_u64);
+    let mut fit = SineFit::<1>::new(n);
+    for k in 0..n {
+        let t = k as f64 / rate;
+        let wanted = 3.0 * (TAU * 20.0 * t).sin() - 4.0 * (TAU * 20.0 * t).cos() + 7.0;
+        let ringing = 5.0 * (TAU * 23.0 * t + 0.3).sin();
+        fit.add(k, 20.0 * t, &[wanted + ringing]);
+    }
+    let [phasor] = fit.finish().unwrap();
+    // Twelve beats away the Hann window leaks less than 1/12³.
+    assert!((phasor - Phasor::new(3.0, -4.0)).norm() < 5.0 / 1000.0, "{phasor}");
+}
+
+#[test]
+fn says_what_cannot_be_played() {
+    let says = |spec: ExcitationSpec, rate_hz| Profile::new(&spec, rate_hz).unwrap_err().to_string();
+    insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: 25 Hz can't be told at 40 samples a second: it must be below half of that");
+    let short = Waveform::Dwell { frequency_hz: 20.0, duration_s: 1.0, settle_s: 0.8 };
+    insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1 s leaves no time to read its response after settling (0.8 s) and the ramps (0.5 s): make the step longer or the others shorter");
+    let negative = Waveform::Dwell { frequency_hz: -20.0, duration_s: 1.0, settle_s: 0.0 };
+    insta::assert_snapshot!(says(force(negative), 1000.0), @"excitation: `frequency_hz` is -20: it must be a positive number");
+    let both = Amplitude { force_x_n: 1.0, torque1_nm: 1.0, ..Amplitude::default() };
+    insta::assert_snapshot!(says(ExcitationSpec { amplitude: both, ..force(STEPPED) }, 1000.0), @"excitation: forces and torques at once: a command carries one kind; set one of them to 0");
+    let none = Amplitude::default();
+    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`");
+}
+
+#[test]
+fn reads_from_toml_and_names_unknown_keys() {
+    let text = "amplitude = { force_x_n = 10.0 }\nramp_s = 0.5\n[profile]\nwaveform = 'stepped-sine'\nfrom_hz = 20\nto_hz = 25\nsteps = 11\ndwell_s = 2\nsettle_s = 0.6\n";
+    assert_eq!(toml::from_str::<ExcitationSpec>(text).unwrap(), force(STEPPED));
+    assert!(
+        toml::from_str::<ExcitationSpec>(&text.replace("settle_s", "settel_s"))
+            .unwrap_err()
+            .to_string()
+            .contains("settel_s")
+    );
+}
