@@ -9,6 +9,7 @@ extern crate alloc;
 pub mod arm;
 pub mod excitation;
 pub mod integrate;
+pub mod node;
 pub mod plant;
 pub mod rig;
 

@@ -53,8 +53,8 @@ fn fit_finds_amplitude_and_phase_beside_another_mode() {
     let mut fit = SineFit::<1>::new(n);
     for k in 0..n {
         let t = k as f64 / rate;
-        let wanted = 3.0 * (TAU * 20.0 * t).sin() - 4.0 * (TAU * 20.0 * t).cos() + 7.0;
-        let ringing = 5.0 * (TAU * 23.0 * t + 0.3).sin();
+        let wanted = 3.0 * libm::sin(TAU * 20.0 * t) - 4.0 * libm::cos(TAU * 20.0 * t) + 7.0;
+        let ringing = 5.0 * libm::sin(TAU * 23.0 * t + 0.3);
         fit.add(k, 20.0 * t, &[wanted + ringing]);
     }
     let [phasor] = fit.finish().unwrap();

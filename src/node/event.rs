@@ -1,0 +1,61 @@
+//! What a node tells of itself.
+
+use resonarm_protocol::{DecodeError, Emergency, NodeState};
+
+/// Something that happened to a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NodeEvent {
+    /// The node changed its state.
+    State {
+        /// The state before.
+        from: NodeState,
+        /// The state now.
+        to: NodeState,
+    },
+    /// The node faulted, or would not arm, and why.
+    Emergency(Emergency),
+    /// A command did not reach the arm.
+    Refused(Refusal),
+    /// A frame of the protocol could not be taken.
+    Frame(DecodeError),
+}
+
+/// Why a valid command did not reach the arm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The plant is not armed.
+    NotArmed,
+    /// It answers a sample that is too old, or still to come.
+    Late,
+    /// It answers an older sample than the last command that was taken.
+    OutOfOrder,
+    /// The exciter can't produce it.
+    OutOfRange,
+}
+
+impl Refusal {
+    /// The name under which it is recorded.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Refusal::NotArmed => "plant.command.not_armed",
+            Refusal::Late => "plant.command.late",
+            Refusal::OutOfOrder => "plant.command.out_of_order",
+            Refusal::OutOfRange => "plant.command.out_of_range",
+        }
+    }
+}
+
+impl NodeEvent {
+    /// The name and the number under which the event is recorded.
+    pub const fn record(&self) -> (&'static str, i64) {
+        match self {
+            NodeEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
+            NodeEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
+            NodeEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
+            NodeEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
+            NodeEvent::Emergency(emergency) => ("emergency", emergency.code as i64),
+            NodeEvent::Refused(refusal) => (refusal.name(), 0),
+            NodeEvent::Frame(_) => ("frame.refused", 0),
+        }
+    }
+}

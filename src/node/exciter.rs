@@ -1,0 +1,314 @@
+//! The exciter controller's node: arms the plant, plays a profile, reads the responses, disarms.
+
+use resonarm_protocol::{
+    Acceleration, Emergency, FaultCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
+    Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent, TorqueCommand,
+};
+
+use super::link::Link;
+use super::queue::Queue;
+use super::response::ResponseReader;
+use super::{NodeEvent, ResponsePoint, Timing};
+use crate::excitation::Profile;
+
+/// Time between two tries to arm or disarm the plant, ns.
+const RETRY_NS: u64 = 100_000_000;
+/// Responses that wait to be fetched.
+const RESPONSES: usize = 16;
+
+/// How a controller's work ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The profile was played to its end and the plant disarmed.
+    Finished,
+    /// It was stopped before the end, and the plant disarmed.
+    Stopped,
+    /// A fault ended it: this node's own or the plant's.
+    Faulted(Emergency),
+}
+
+/// What the controller is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Looking for the plant and arming it.
+    Arming,
+    /// Answering samples.
+    Playing,
+    /// Disarming the plant, for this outcome.
+    Disarming(Outcome),
+    Done(Outcome),
+}
+
+/// The exciter controller as a node.
+#[derive(Clone, Debug)]
+pub struct ExciterNode {
+    link: Link,
+    timing: Timing,
+    profile: Profile,
+    phase: Phase,
+    plant_hello: Option<Hello>,
+    plant_state: Option<NodeState>,
+    plant_heard_ns: u64,
+    retry_at_ns: u64,
+    sample_heard_ns: u64,
+    head: Option<ImpedanceHead>,
+    b: Option<Acceleration>,
+    /// The last sample answered: its index on the wire, and since the start of the profile.
+    answered: Option<(u16, u64)>,
+    missed_samples: u64,
+    reader: ResponseReader,
+    responses: Queue<ResponsePoint>,
+}
+
+impl ExciterNode {
+    /// A controller that plays `profile` on a plant with `rate_hz` samples a second.
+    pub fn new(network: Network, rate_hz: u16, timing: Timing, profile: Profile) -> ExciterNode {
+        ExciterNode {
+            link: Link::new(Node::Exciter, network, rate_hz, timing),
+            timing,
+            reader: ResponseReader::new(&profile),
+            profile,
+            phase: Phase::Arming,
+            plant_hello: None,
+            plant_state: None,
+            plant_heard_ns: 0,
+            retry_at_ns: 0,
+            sample_heard_ns: 0,
+            head: None,
+            b: None,
+            answered: None,
+            missed_samples: 0,
+            responses: Queue::new(RESPONSES),
+        }
+    }
+
+    /// Boots: boot-up heartbeat, pre-operational, hello.
+    pub fn start(&mut self, now_ns: u64) {
+        self.link.start(now_ns);
+        self.retry_at_ns = now_ns;
+    }
+
+    /// The node's state.
+    pub fn state(&self) -> NodeState {
+        self.link.state()
+    }
+
+    /// The profile.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// How it ended, once it has.
+    pub fn outcome(&self) -> Option<Outcome> {
+        match self.phase {
+            Phase::Done(outcome) => Some(outcome),
+            _ => None,
+        }
+    }
+
+    /// Whether a plant has been heard.
+    pub fn has_heard_plant(&self) -> bool {
+        self.plant_state.is_some() || self.plant_hello.is_some()
+    }
+
+    /// Samples answered so far, counted from the start of the profile.
+    pub fn samples_played(&self) -> u64 {
+        self.answered.map_or(0, |(_, n)| n + 1)
+    }
+
+    /// Samples of the plant that never came in whole.
+    pub fn missed_samples(&self) -> u64 {
+        self.missed_samples
+    }
+
+    /// Frames of the protocol refused for their checks (E2E, length, values).
+    pub fn refused_frames(&self) -> u64 {
+        self.link.refused_frames()
+    }
+
+    /// Ends the profile now: disarms the plant.
+    pub fn stop(&mut self, now_ns: u64) {
+        match self.phase {
+            Phase::Playing => self.disarm(now_ns, Outcome::Stopped),
+            Phase::Arming => self.phase = Phase::Done(Outcome::Stopped),
+            Phase::Disarming(_) | Phase::Done(_) => {}
+        }
+    }
+
+    /// Takes in a frame from the bus; one of another protocol means nothing.
+    pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        let Some(message) = self.link.accept(frame) else { return };
+        self.plant_heard_ns = now_ns;
+        match message {
+            Message::PlantHello(hello) => self.greet(now_ns, hello),
+            Message::Heartbeat(Heartbeat { node: Node::Plant, state }) => self.watch(now_ns, state),
+            Message::Emergency(emergency) => self.heed(now_ns, emergency),
+            Message::Head(head) => self.head = Some(head),
+            Message::AccelerometerB(b) => self.b = Some(b),
+            Message::AccelerometerC(c) => self.sample(now_ns, c),
+            _ => {}
+        }
+    }
+
+    fn greet(&mut self, now_ns: u64, hello: Hello) {
+        if let Some(mismatch) = self.link.hello().mismatch(&hello) {
+            self.fault(now_ns, FaultCode::Incompatible, mismatch as u16);
+        } else if self.plant_hello.replace(hello).is_none() {
+            self.ask_for_arming(now_ns);
+        }
+    }
+
+    fn watch(&mut self, now_ns: u64, state: NodeState) {
+        self.plant_state = Some(state);
+        match (self.phase, state) {
+            (Phase::Arming, NodeState::Operational) if self.plant_hello.is_some() => {
+                self.phase = Phase::Playing;
+                self.sample_heard_ns = now_ns;
+                self.link.transition(now_ns, StateEvent::Arm);
+            }
+            (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
+                self.fault(now_ns, FaultCode::PartnerFault, u16::from(Node::Plant.id()));
+            }
+            (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, Outcome::Stopped),
+            (Phase::Disarming(outcome), NodeState::PreOperational | NodeState::Fault) => {
+                self.phase = Phase::Done(outcome)
+            }
+            _ => {}
+        }
+    }
+
+    /// The plant's own word of why it faulted says more than its heartbeat.
+    fn heed(&mut self, now_ns: u64, emergency: Emergency) {
+        let no_hello_yet = emergency.code == FaultCode::Incompatible && emergency.detail == Mismatch::NoHello as u16;
+        if no_hello_yet || !matches!(self.phase, Phase::Playing | Phase::Arming) {
+            return;
+        }
+        if self.phase == Phase::Playing || emergency.code == FaultCode::Incompatible {
+            self.link.tell(NodeEvent::Emergency(emergency));
+            self.link.transition(now_ns, StateEvent::Fault);
+            self.phase = Phase::Done(Outcome::Faulted(emergency));
+        }
+    }
+
+    /// A sample is whole when its last frame, accelerometer C, is in; it is answered at once.
+    fn sample(&mut self, now_ns: u64, c: Acceleration) {
+        let whole = self.head.take().zip(self.b.take());
+        let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) else {
+            return;
+        };
+        match self.phase {
+            Phase::Playing => {}
+            // The plant still waits for a command: the request was lost.
+            Phase::Disarming(_) => return self.request(OperatorRequest::Disarm),
+            Phase::Arming | Phase::Done(_) => return,
+        }
+        self.sample_heard_ns = now_ns;
+        let n = match self.answered {
+            None => 0,
+            Some((last, n)) => {
+                let ahead = u64::from(c.sample.wrapping_sub(last));
+                self.missed_samples += ahead.saturating_sub(1);
+                n + ahead
+            }
+        };
+        self.answered = Some((c.sample, n));
+        if let Some(point) = self.reader.add(n, self.profile.phase_cycles(n), &head, &b, &c) {
+            self.responses.push(point);
+        }
+        if n >= self.profile.samples() {
+            self.disarm(now_ns, Outcome::Finished);
+        } else {
+            self.command(now_ns, n, c.sample);
+        }
+    }
+
+    fn command(&mut self, now_ns: u64, n: u64, sample: u16) {
+        let load = self.profile.load(n);
+        let message = if self.profile.spec().amplitude.is_torque() {
+            let (torque1_nm, torque2_nm) = (load.torque_nm.x, load.torque_nm.y);
+            Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample })
+        } else {
+            let (force_x_n, force_y_n) = (load.force_n.x, load.force_n.y);
+            Message::Force(ForceCommand { force_x_n, force_y_n, sample })
+        };
+        if self.link.send(&message).is_err() {
+            self.fault(now_ns, FaultCode::CommandOutOfRange, 0);
+        }
+    }
+
+    fn ask_for_arming(&mut self, now_ns: u64) {
+        self.retry_at_ns = now_ns + RETRY_NS;
+        if self.plant_hello.is_none() {
+            return;
+        }
+        self.link.send_hello(now_ns);
+        if self.plant_state == Some(NodeState::Fault) {
+            self.request(OperatorRequest::Reset);
+        }
+        self.request(OperatorRequest::Arm);
+    }
+
+    fn disarm(&mut self, now_ns: u64, outcome: Outcome) {
+        self.phase = Phase::Disarming(outcome);
+        self.retry_at_ns = now_ns + RETRY_NS;
+        self.request(OperatorRequest::Disarm);
+        self.link.transition(now_ns, StateEvent::Disarm);
+    }
+
+    fn request(&mut self, request: OperatorRequest) {
+        let sent = self.link.send(&Message::Operator(OperatorCommand { request, target: Node::Plant }));
+        debug_assert!(sent.is_ok(), "{sent:?}");
+    }
+
+    fn fault(&mut self, now_ns: u64, code: FaultCode, detail: u16) {
+        let sample = self.answered.map_or(0, |(sample, _)| sample);
+        let emergency = Emergency { node: Node::Exciter, code, detail, sample };
+        self.link.send_emergency(emergency);
+        self.link.transition(now_ns, StateEvent::Fault);
+        self.phase = Phase::Done(Outcome::Faulted(emergency));
+    }
+
+    /// Does what is due: heartbeats, hellos, tries, and the timeouts of a playing controller.
+    pub fn handle_deadline(&mut self, now_ns: u64) {
+        self.link.handle_deadline(now_ns);
+        match self.phase {
+            Phase::Arming if now_ns >= self.retry_at_ns => self.ask_for_arming(now_ns),
+            Phase::Disarming(outcome) if now_ns >= self.retry_at_ns => self.disarm(now_ns, outcome),
+            Phase::Playing if now_ns >= self.sample_heard_ns + self.timing.partner_timeout_ns => {
+                let sample = self.answered.map_or(0, |(sample, _)| sample);
+                self.fault(now_ns, FaultCode::SensorTimeout, sample);
+            }
+            _ => {}
+        }
+        let silent = now_ns >= self.plant_heard_ns + self.timing.partner_timeout_ns;
+        if let (Phase::Disarming(_), true) = (self.phase, silent) {
+            self.fault(now_ns, FaultCode::HeartbeatLost, u16::from(Node::Plant.id()));
+        }
+    }
+
+    /// When [`ExciterNode::handle_deadline`] is to be called next.
+    pub fn next_deadline_ns(&self) -> u64 {
+        let link = self.link.next_deadline_ns();
+        match self.phase {
+            Phase::Arming => link.min(self.retry_at_ns),
+            Phase::Disarming(_) => link.min(self.retry_at_ns).min(self.plant_heard_ns + self.timing.partner_timeout_ns),
+            Phase::Playing => link.min(self.sample_heard_ns + self.timing.partner_timeout_ns),
+            Phase::Done(_) => link,
+        }
+    }
+
+    /// The next frame to send.
+    pub fn poll_transmit(&mut self) -> Option<Frame> {
+        self.link.poll_transmit()
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<NodeEvent> {
+        self.link.poll_event()
+    }
+
+    /// The next response read.
+    pub fn poll_response(&mut self) -> Option<ResponsePoint> {
+        self.responses.pop()
+    }
+}
