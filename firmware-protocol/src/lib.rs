@@ -12,6 +12,7 @@ mod dbc;
 pub mod e2e;
 mod error;
 pub mod frame;
+pub mod load;
 pub mod message;
 pub mod network;
 mod receiver;

@@ -6,19 +6,25 @@ pub const HEARTBEAT_PERIOD_NS: u64 = 100_000_000;
 /// A partner unheard for this long is lost: three heartbeats and half a period.
 pub const HEARTBEAT_TIMEOUT_NS: u64 = 350_000_000;
 
-/// Every node sends its hello at this period, and at once when it boots and when it sees the partner boot.
+/// Every node sends its hello at this period and when it boots; the exciter also when the plant boots, the plant also in
+/// answer to each hello of the exciter.
 pub const HELLO_PERIOD_NS: u64 = 1_000_000_000;
 
 /// In real time: an operational plant without a valid command for this long has lost its controller.
 pub const COMMAND_TIMEOUT_NS: u64 = 20_000_000;
 
+/// In real time: an operational exciter without a whole sample of an operational plant for this long has lost it.
+pub const SENSOR_TIMEOUT_NS: u64 = COMMAND_TIMEOUT_NS;
+
 /// A command that answers a sample older than this is late and refused.
 pub const COMMAND_AGE_NS: u64 = COMMAND_TIMEOUT_NS;
 
-/// After a fault the held force goes linearly to zero in this time.
+/// When the plant leaves the state operational, by a fault or disarmed, the held command goes linearly to zero in this
+/// time.
 pub const FORCE_RAMP_NS: u64 = 50_000_000;
 
-/// In lockstep: how long the plant waits, in wall-clock time, for the command that answers the sample it published.
+/// In lockstep: how long, in wall-clock time, the plant waits for the command that answers the sample it published, and
+/// the exciter for the next sample.
 pub const LOCKSTEP_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// The lowest sample rate, in Hz, that a real-time run can have: two sample periods in [`COMMAND_TIMEOUT_NS`].

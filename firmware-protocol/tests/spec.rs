@@ -1,0 +1,197 @@
+//! Holds `SPEC.md` to the code and to `resonarm.dbc`: every table and every example.
+
+mod common;
+
+use can_dbc::{Dbc, NumericValue, ValueType};
+use resonarm_protocol::{
+    Cycle, DBC_TEXT, DEFAULT_BASE, FaultCode, MessageKind, Mismatch, Network, NodeState, PROTOCOL_VERSION, StateEvent,
+    Version, e2e,
+    load::{Stuffing, bits_per_second, frame_bits},
+    timing,
+};
+
+const SPEC: &str = include_str!("../SPEC.md");
+
+/// The text from a heading to the next one.
+fn section(heading: &str) -> &'static str {
+    let (_, rest) = SPEC.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| panic!("no {heading}"));
+    rest.split("\n#").next().unwrap()
+}
+
+/// The rows of a section's tables whose first cell is of use, without heads; code marks and spaces taken off.
+fn rows(section: &str) -> Vec<Vec<String>> {
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().replace('`', "")).collect();
+    let lines: Vec<&str> = section.lines().collect();
+    let is_rule = |line: &&str| line.starts_with("| -");
+    let heads = lines.windows(2).filter(|pair| is_rule(&pair[1])).map(|pair| pair[0]).collect::<Vec<_>>();
+    let is_row = |line: &&&str| line.starts_with('|') && !is_rule(line) && !heads.contains(line);
+    lines.iter().filter(is_row).map(|line| cells(line)).collect()
+}
+
+fn hex(text: &str) -> u16 {
+    u16::from_str_radix(text.trim_start_matches("0x"), 16).unwrap_or_else(|_| panic!("{text}"))
+}
+
+fn nanoseconds(text: &str) -> u64 {
+    text.strip_suffix(" ms").and_then(|ms| ms.parse::<u64>().ok()).unwrap_or_else(|| panic!("{text}")) * 1_000_000
+}
+
+#[test]
+fn the_messages_are_those_of_the_code() {
+    let rows: Vec<_> = rows(section("## 1. Network")).into_iter().filter(|row| row.len() == 7).collect();
+    assert_eq!(rows.len(), MessageKind::COUNT);
+    for row in rows {
+        let kind = common::kind(&row[2]);
+        let (base, offset) = row[0].split_once(" + ").unwrap();
+        let base = if base == "base" { DEFAULT_BASE } else { hex(base) };
+        assert_eq!(base + offset.parse::<u16>().unwrap(), kind.id(Network::default()), "{kind}");
+        assert_eq!(hex(&row[1]), kind.id(Network::default()), "{kind}");
+        assert_eq!(row[3], kind.sender().to_string(), "{kind}");
+        assert_eq!(row[4], kind.len().to_string(), "{kind}");
+        let cycle = match kind.cycle() {
+            Cycle::Sample => "sample".to_string(),
+            Cycle::Event => "event".to_string(),
+            Cycle::Period { period_ns } => format!("{} ms", period_ns / 1_000_000),
+        };
+        assert_eq!(row[5], cycle, "{kind}");
+        assert_eq!(row[6], kind.data_id().map_or("none".to_string(), |id| format!("{id:#06X}").replace("0X", "0x")));
+    }
+}
+
+#[test]
+fn the_layouts_are_those_of_the_dbc() {
+    let dbc = Dbc::try_from(DBC_TEXT).unwrap();
+    let number = |value: NumericValue| match value {
+        NumericValue::Uint(value) => value.to_string(),
+        NumericValue::Int(value) => value.to_string(),
+        NumericValue::Double(value) => value.to_string(),
+    };
+    for message in &dbc.messages {
+        let mut expected: Vec<Vec<String>> = Vec::new();
+        let mut signals: Vec<_> =
+            message.signals.iter().filter(|signal| !matches!(signal.name.as_str(), "crc" | "counter")).collect();
+        signals.sort_by_key(|signal| signal.start_bit);
+        for signal in signals {
+            let sign = if signal.value_type == ValueType::Signed { 'i' } else { 'u' };
+            let values = dbc.value_descriptions_for_signal(message.id, &signal.name).unwrap_or_default();
+            let names: Vec<String> =
+                values.iter().filter(|v| v.id >= 0).map(|v| format!("{} {}", v.id, v.description)).collect();
+            let names = if names.is_empty() { String::new() } else { format!(" {}.", names.join(", ")) };
+            let comment = dbc.signal_comment(message.id, &signal.name).unwrap();
+            expected.push(vec![
+                signal.start_bit.to_string(),
+                signal.size.to_string(),
+                signal.name.clone(),
+                format!("{sign}{}", signal.size),
+                signal.factor.to_string(),
+                format!("{} to {}", number(signal.min), number(signal.max)),
+                if signal.unit.is_empty() { "–".to_string() } else { signal.unit.clone() },
+                format!("{comment}{names}"),
+            ]);
+        }
+        assert_eq!(rows(section(&format!("### {}", message.name))), expected, "{}", message.name);
+    }
+}
+
+#[test]
+fn the_transitions_are_those_of_the_code() {
+    let mut stated = Vec::new();
+    for row in rows(section("## 5. States")) {
+        let state = |name: &str| NodeState::ALL.into_iter().find(|state| state.to_string() == name).unwrap();
+        let event = StateEvent::ALL.into_iter().find(|event| format!("{event:?}").to_lowercase() == row[1]).unwrap();
+        assert_eq!(state(&row[0]).next(event), Some(state(&row[2])), "{row:?}");
+        stated.push((state(&row[0]), event));
+    }
+    for state in NodeState::ALL {
+        for event in StateEvent::ALL {
+            assert_eq!(state.next(event).is_some(), stated.contains(&(state, event)), "{state:?} {event:?}");
+        }
+    }
+}
+
+#[test]
+fn the_times_are_those_of_the_code() {
+    let known = [
+        ("HEARTBEAT_PERIOD", timing::HEARTBEAT_PERIOD_NS),
+        ("HEARTBEAT_TIMEOUT", timing::HEARTBEAT_TIMEOUT_NS),
+        ("HELLO_PERIOD", timing::HELLO_PERIOD_NS),
+        ("COMMAND_TIMEOUT", timing::COMMAND_TIMEOUT_NS),
+        ("SENSOR_TIMEOUT", timing::SENSOR_TIMEOUT_NS),
+        ("COMMAND_AGE", timing::COMMAND_AGE_NS),
+        ("FORCE_RAMP", timing::FORCE_RAMP_NS),
+        ("LOCKSTEP_TIMEOUT", timing::LOCKSTEP_TIMEOUT_NS),
+    ];
+    let stated: Vec<(String, u64)> =
+        rows(section("## 6. Times")).into_iter().map(|row| (row[0].clone(), nanoseconds(&row[1]))).collect();
+    assert_eq!(stated, known.map(|(name, time)| (name.to_string(), time)));
+    let total_ms = (timing::COMMAND_TIMEOUT_NS + timing::FORCE_RAMP_NS) / 1_000_000;
+    assert!(section("## 8. Running").contains(&format!("zero at most {total_ms} ms and one sample period")));
+    assert!(section("## 6. Times").contains(&format!("must be at least {}:", timing::REAL_TIME_RATE_MIN_HZ)));
+}
+
+#[test]
+fn the_faults_are_those_of_the_code() {
+    let rows = rows(section("## 9. Faults"));
+    assert_eq!(rows.len(), FaultCode::ALL.len());
+    for (row, code) in rows.iter().zip(FaultCode::ALL) {
+        assert_eq!(row[0], (code as u16).to_string());
+        assert_eq!(row[1].replace(' ', ""), format!("{code:?}").to_lowercase());
+    }
+    let details = ["no hello", "major version", "DBC hash", "profile", "rate"];
+    let stated: Vec<String> =
+        Mismatch::ALL.iter().zip(details).map(|(mismatch, name)| format!("{} {name}", *mismatch as u16)).collect();
+    assert_eq!(rows[FaultCode::Incompatible as usize - 1][4], stated.join(", "));
+}
+
+#[test]
+fn the_bus_load_is_that_of_the_code() {
+    let rows = rows(section("## 10. Bus load"));
+    let bits = |len| [Stuffing::None, Stuffing::Worst].map(|stuffing| frame_bits(len, stuffing).to_string());
+    assert_eq!((&rows[0][1..], &rows[1][1..]), (&bits(8)[..], &bits(1)[..]));
+    for row in &rows[2..] {
+        let rate_hz = row[0].strip_suffix(" Hz").unwrap().parse().unwrap();
+        let loads = [Stuffing::None, Stuffing::Worst].map(|stuffing| bits_per_second(rate_hz, stuffing));
+        assert_eq!(row[1..3], loads.map(|load| load.to_string()));
+        assert_eq!(row[3..5], loads.map(|load| format!("{:.1} %", load as f64 / 1e4)));
+    }
+    for (rate_hz, stuffing) in [(1573, Stuffing::None), (1293, Stuffing::Worst)] {
+        assert!(bits_per_second(rate_hz, stuffing) <= 700_000 && bits_per_second(rate_hz + 1, stuffing) > 700_000);
+        assert!(section("## 10. Bus load").contains(&format!("{rate_hz} Hz")));
+    }
+}
+
+#[test]
+fn the_protection_is_that_of_the_code() {
+    let text = section("## 2. Protection");
+    assert!(text.contains("id `0x0123` and eight zero bytes give `0xCC`"));
+    assert_eq!(e2e::crc(0x0123, &[0; 8]), 0xCC);
+    let lost = format!("| 2 to {} | δ − 1 frames were lost |", e2e::MAX_DELTA_COUNTER);
+    let wrong = format!("| {} to {} | wrong sequence |", e2e::MAX_DELTA_COUNTER + 1, e2e::COUNTER_MAX);
+    assert!(text.contains(&lost) && text.contains(&wrong));
+    let title = format!("# The Resonarm protocol, classic profile, version {}\n", Version::from_byte(PROTOCOL_VERSION));
+    assert!(SPEC.starts_with(&title));
+}
+
+#[test]
+fn the_examples_are_frames_of_the_code() {
+    let mut seen = Vec::new();
+    let block = section("## 11. Examples").split("```").nth(1).unwrap();
+    for line in block.trim().lines() {
+        let mut words = line.split_whitespace();
+        let (frame, kind) = (common::frame(words.next().unwrap()), common::kind(words.next().unwrap()));
+        let value = |text: &str| text.parse::<f64>().ok().or(text.strip_prefix("0x").map(|_| hex24(text))).unwrap();
+        let stated: common::Signals =
+            words.filter_map(|word| word.split_once('=')).map(|(name, text)| (name.to_string(), value(text))).collect();
+        let received = common::accept(&frame).unwrap().unwrap();
+        assert_eq!((received.kind(), common::signals(&received)), (kind, stated.clone()), "{line}");
+        assert_eq!(common::first_frame(&common::message(kind, &stated)), frame, "{line}");
+        seen.push(kind);
+    }
+    seen.sort();
+    seen.dedup();
+    assert_eq!(seen, MessageKind::ALL, "an example of every message");
+}
+
+fn hex24(text: &str) -> f64 {
+    u32::from_str_radix(text.trim_start_matches("0x"), 16).unwrap_or_else(|_| panic!("{text}")).into()
+}
