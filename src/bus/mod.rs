@@ -1,6 +1,8 @@
 //! CAN buses behind one trait. Every backend passes the same contract test.
 
+mod deadline;
 mod error;
+pub mod memory;
 
 use core::time::Duration;
 
@@ -31,7 +33,8 @@ pub trait Bus: Send {
     /// [`BusError`] if the bus is gone or the backend failed.
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError>;
 
-    /// Receives from now on only frames that match one of `filters`; an empty list receives everything.
+    /// Receives from now on only frames that match one of `filters`; an empty list receives everything. Frames that came
+    /// in before the call and were not yet received may still come out.
     ///
     /// # Errors
     /// [`BusError`] if the backend can't filter so.
@@ -80,6 +83,11 @@ impl Filter {
         matches!((self.id, frame.id()), (Id::Standard(_), Id::Standard(_)) | (Id::Extended(_), Id::Extended(_)))
             && frame.id().raw() & self.mask == self.id.raw() & self.mask
     }
+}
+
+/// Whether `filters` let `frame` through; none let everything through.
+fn accepts(filters: &[Filter], frame: &Frame) -> bool {
+    filters.is_empty() || filters.iter().any(|filter| filter.matches(frame))
 }
 
 /// What one end of a bus has seen, in frames since it was opened.
