@@ -1,6 +1,7 @@
 //! What every backend of `resonarm::bus` must do, whatever lies beneath it.
 //!
 //! `make` gives two ends of one bus on which nothing else is sent meanwhile; it is called afresh for each clause.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::time::{Duration, Instant};
 
