@@ -1,14 +1,33 @@
 //! CAN buses behind one trait. Every backend passes the same contract test.
 
+mod address;
 mod deadline;
 mod error;
 pub mod memory;
+pub mod socketcan;
 
+use alloc::boxed::Box;
 use core::time::Duration;
 
 use resonarm_protocol::{Frame, Id};
 
+pub use address::BusAddress;
 pub use error::BusError;
+
+/// Opens the bus that `address` names, with the default options of its backend.
+///
+/// # Errors
+/// [`BusError`]: what the environment lacks, and how to mend it. [`BusAddress::Memory`] can't be opened by name, see
+/// [`BusError::MemoryIsNotShared`].
+pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
+    match address {
+        BusAddress::SocketCan(interface) => {
+            Ok(Box::new(socketcan::SocketCan::open(interface, socketcan::Options::default())?))
+        }
+        BusAddress::Memory => Err(BusError::MemoryIsNotShared),
+        BusAddress::PythonCan(_) => Err(BusError::NoPythonCan),
+    }
+}
 
 /// One end of a CAN bus.
 ///
