@@ -1,12 +1,33 @@
 //! CAN buses behind one trait. Every backend passes the same contract test.
 
+mod address;
+mod deadline;
 mod error;
+pub mod memory;
+pub mod socketcan;
 
+use alloc::boxed::Box;
 use core::time::Duration;
 
 use resonarm_protocol::{Frame, Id};
 
+pub use address::BusAddress;
 pub use error::BusError;
+
+/// Opens the bus that `address` names, with the default options of its backend.
+///
+/// # Errors
+/// [`BusError`]: what the environment lacks, and how to mend it. [`BusAddress::Memory`] can't be opened by name, see
+/// [`BusError::MemoryIsNotShared`].
+pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
+    match address {
+        BusAddress::SocketCan(interface) => {
+            Ok(Box::new(socketcan::SocketCan::open(interface, socketcan::Options::default())?))
+        }
+        BusAddress::Memory => Err(BusError::MemoryIsNotShared),
+        BusAddress::PythonCan(_) => Err(BusError::NoPythonCan),
+    }
+}
 
 /// One end of a CAN bus.
 ///
@@ -31,7 +52,8 @@ pub trait Bus: Send {
     /// [`BusError`] if the bus is gone or the backend failed.
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError>;
 
-    /// Receives from now on only frames that match one of `filters`; an empty list receives everything.
+    /// Receives from now on only frames that match one of `filters`; an empty list receives everything. Frames that came
+    /// in before the call and were not yet received may still come out.
     ///
     /// # Errors
     /// [`BusError`] if the backend can't filter so.
@@ -80,6 +102,11 @@ impl Filter {
         matches!((self.id, frame.id()), (Id::Standard(_), Id::Standard(_)) | (Id::Extended(_), Id::Extended(_)))
             && frame.id().raw() & self.mask == self.id.raw() & self.mask
     }
+}
+
+/// Whether `filters` let `frame` through; none let everything through.
+fn accepts(filters: &[Filter], frame: &Frame) -> bool {
+    filters.is_empty() || filters.iter().any(|filter| filter.matches(frame))
 }
 
 /// What one end of a bus has seen, in frames since it was opened.

@@ -1,0 +1,260 @@
+//! A bus inside one process: every end hears every other end.
+//!
+//! One single-producer single-consumer ring joins each ordered pair of ends, so that neither sending nor receiving takes
+//! a lock. Each frame carries a number drawn from one counter of the hub, and an end hands out the lowest number it holds:
+//! the order on the bus, as far as the ends send one after the other. Ends that send at the same instant from different
+//! threads race as nodes on a wire do, and two listeners may then see the two frames in different order; the frames of
+//! one sender never change places.
+//!
+//! There is no bus time: a frame can be received as soon as it was sent, and has no timestamp.
+
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
+use core::time::Duration;
+
+use resonarm_protocol::Frame;
+use rtrb::{Consumer, Producer, RingBuffer};
+use rustix::thread::futex;
+
+use super::deadline::Deadline;
+use super::{Bus, BusError, Filter, Received, Sent, Statistics, accepts};
+
+/// A bus with `nodes` ends. Each end keeps up to `capacity` frames not yet received from each other end; what comes in
+/// beyond that is lost to this end and counted in its [`Statistics::dropped`], whether or not its filters want it.
+pub fn hub(nodes: usize, capacity: usize) -> Vec<MemoryBus> {
+    let sequence = Arc::new(AtomicU64::new(0));
+    let mut ends: Vec<MemoryBus> = (0..nodes).map(|_| MemoryBus::new(Arc::clone(&sequence))).collect();
+    for sender in 0..nodes {
+        for receiver in (0..nodes).filter(|&receiver| receiver != sender) {
+            let (ring, incoming) = RingBuffer::new(capacity);
+            let mailbox = Arc::clone(&ends[receiver].mailbox);
+            ends[sender].outgoing.push(Outgoing { ring, mailbox });
+            ends[receiver].incoming.push(incoming);
+        }
+    }
+    ends
+}
+
+/// One end of the bus that [`hub`] makes.
+pub struct MemoryBus {
+    sequence: Arc<AtomicU64>,
+    outgoing: Vec<Outgoing>,
+    incoming: Vec<Consumer<Numbered>>,
+    mailbox: Arc<Mailbox>,
+    filters: Vec<Filter>,
+    received: u64,
+    sent: u64,
+    open: bool,
+}
+
+/// The way to one other end.
+struct Outgoing {
+    ring: Producer<Numbered>,
+    mailbox: Arc<Mailbox>,
+}
+
+/// A frame and its place in the order on the bus.
+struct Numbered {
+    sequence: u64,
+    frame: Frame,
+}
+
+/// What the senders tell one receiver beside the frames.
+#[derive(Default)]
+struct Mailbox {
+    /// Frames that found the ring full.
+    dropped: AtomicU64,
+    /// The futex word: [`AWAKE`] or [`WAITING`].
+    state: AtomicU32,
+}
+
+const AWAKE: u32 = 0;
+const WAITING: u32 = 1;
+
+impl Mailbox {
+    /// Wakes the receiver if it waits. A system call only in that case.
+    ///
+    /// The frame is pushed before the state is read here, and the state is written before the rings are read in
+    /// [`MemoryBus::wait`]; with a sequentially consistent fence between each two, at least one side sees the other's
+    /// write, so no wake-up is lost.
+    fn wake(&self) {
+        fence(Ordering::SeqCst);
+        if self.state.load(Ordering::Relaxed) == WAITING && self.state.swap(AWAKE, Ordering::Relaxed) == WAITING {
+            // Fails only for an address that is no futex, which a live atomic always is.
+            let _ = futex::wake(&self.state, futex::Flags::PRIVATE, 1);
+        }
+    }
+}
+
+impl MemoryBus {
+    fn new(sequence: Arc<AtomicU64>) -> MemoryBus {
+        MemoryBus {
+            sequence,
+            outgoing: Vec::new(),
+            incoming: Vec::new(),
+            mailbox: Arc::default(),
+            filters: Vec::new(),
+            received: 0,
+            sent: 0,
+            open: true,
+        }
+    }
+
+    fn check_open(&self) -> Result<(), BusError> {
+        if self.open { Ok(()) } else { Err(BusError::Closed) }
+    }
+
+    /// The ring that holds the next frame the filters accept, once the refused frames before it are thrown away. Looks at
+    /// no more frames than there were at the call, so that a fast sender can't hold it.
+    fn next_ring(&mut self) -> Option<usize> {
+        let queued: usize = self.incoming.iter().map(Consumer::slots).sum();
+        for _ in 0..queued {
+            let heads = self.incoming.iter().enumerate().filter_map(|(ring, frames)| Some((ring, frames.peek().ok()?)));
+            let (ring, head) = heads.min_by_key(|(_, head)| head.sequence)?;
+            if accepts(&self.filters, &head.frame) {
+                return Some(ring);
+            }
+            self.incoming[ring].pop().ok()?;
+        }
+        None
+    }
+}
+
+impl Bus for MemoryBus {
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        self.check_open()?;
+        let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
+        for Outgoing { ring, mailbox } in &mut self.outgoing {
+            match ring.push(Numbered { sequence, frame: *frame }) {
+                Ok(()) => mailbox.wake(),
+                Err(_) => _ = mailbox.dropped.fetch_add(1, Ordering::Relaxed),
+            }
+        }
+        self.sent += 1;
+        Ok(Sent::Queued)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        self.check_open()?;
+        let next = self.next_ring().and_then(|ring| self.incoming[ring].pop().ok());
+        self.received += u64::from(next.is_some());
+        Ok(next.map(|Numbered { frame, .. }| Received { frame, timestamp_ns: None }))
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        self.check_open()?;
+        let deadline = Deadline::after(timeout);
+        loop {
+            self.mailbox.state.store(WAITING, Ordering::Relaxed);
+            fence(Ordering::SeqCst);
+            let ready = self.next_ring().is_some();
+            let remaining = deadline.remaining();
+            if ready || remaining.is_zero() {
+                self.mailbox.state.store(AWAKE, Ordering::Relaxed);
+                return Ok(ready);
+            }
+            // A timeout too long for the system call is endless. Whatever the reason it returns for (woken, time out,
+            // signal, state changed before it slept), the next turn looks again.
+            let relative = remaining.try_into().ok();
+            let _ = futex::wait(&self.mailbox.state, futex::Flags::PRIVATE, WAITING, relative.as_ref());
+        }
+    }
+
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
+        self.check_open()?;
+        self.filters = filters.to_vec();
+        Ok(())
+    }
+
+    fn statistics(&self) -> Statistics {
+        Statistics {
+            received: self.received,
+            sent: self.sent,
+            dropped: self.mailbox.dropped.load(Ordering::Relaxed),
+            queue_full: 0,
+        }
+    }
+
+    /// The other ends keep what they have not yet received.
+    fn close(&mut self) -> Result<(), BusError> {
+        self.check_open()?;
+        self.open = false;
+        self.outgoing.clear();
+        self.incoming.clear();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use resonarm_protocol::Id;
+
+    use super::*;
+
+    fn frame(id: u16) -> Frame {
+        Frame::classic(Id::Standard(id), &[]).unwrap()
+    }
+
+    fn ids(end: &mut MemoryBus) -> Vec<u32> {
+        core::iter::from_fn(|| end.receive().unwrap()).map(|received| received.frame.id().raw()).collect()
+    }
+
+    #[test]
+    fn three_ends_hear_one_order() {
+        let mut ends = hub(3, 8);
+        for id in [1, 2, 3, 4] {
+            ends[usize::from(id % 2)].send(&frame(id)).unwrap();
+        }
+        assert_eq!(ids(&mut ends[2]), [1, 2, 3, 4]);
+        assert_eq!(ids(&mut ends[1]), [2, 4]);
+        assert_eq!(ids(&mut ends[0]), [1, 3]);
+    }
+
+    #[test]
+    fn the_newest_frames_are_lost_to_the_full_end_alone() {
+        let mut ends = hub(3, 2);
+        for id in 0..5 {
+            ends[0].send(&frame(id)).unwrap();
+            if id < 4 {
+                ends[2].receive().unwrap();
+            }
+        }
+        assert_eq!(ids(&mut ends[1]), [0, 1]);
+        assert_eq!(ends[1].statistics().dropped, 3);
+        assert_eq!(ids(&mut ends[2]), [4]);
+        assert_eq!(ends[2].statistics(), Statistics { received: 5, ..Statistics::default() });
+    }
+
+    #[test]
+    fn refused_frames_wake_nobody_up_for_good() {
+        let mut ends = hub(2, 4);
+        ends[1].set_filters(&[Filter { id: Id::Standard(7), mask: 0x7FF }]).unwrap();
+        ends[0].send(&frame(6)).unwrap();
+        assert!(!ends[1].wait(Duration::ZERO).unwrap());
+        ends[0].send(&frame(7)).unwrap();
+        assert!(ends[1].wait(Duration::ZERO).unwrap());
+        assert_eq!(ids(&mut ends[1]), [7]);
+    }
+
+    #[test]
+    fn no_wake_up_is_lost_between_two_threads() {
+        let mut ends = hub(2, 1);
+        let mut far = ends.pop().unwrap();
+        let mut near = ends.pop().unwrap();
+        const TURNS: u16 = 2000;
+        let echo = std::thread::spawn(move || {
+            for _ in 0..TURNS {
+                assert!(far.wait(Duration::from_secs(10)).unwrap());
+                let received = far.receive().unwrap().unwrap();
+                far.send(&received.frame).unwrap();
+            }
+        });
+        for id in 0..TURNS {
+            near.send(&frame(id)).unwrap();
+            assert!(near.wait(Duration::from_secs(10)).unwrap(), "turn {id}");
+            assert_eq!(ids(&mut near), [u32::from(id)]);
+        }
+        echo.join().unwrap();
+    }
+}

@@ -1,0 +1,285 @@
+//! CAN interfaces of this Linux, through SocketCAN raw sockets (kernel document `networking/can.rst`).
+//!
+//! **Error frames** are messages of the local controller, not of the bus. Only bus-off is asked for: it comes out of
+//! [`Bus::receive`] as [`BusError::BusOff`], in its place among the frames, and the end works again once the controller
+//! has been restarted. Error warning, error passive and lost arbitration are not errors of the bus: `candump -e` and
+//! `ip -details -statistics link show` tell of them.
+//!
+//! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel counter,
+//! but only with the next frame that comes in after the loss, so never those at the end of a run.
+
+mod frame;
+mod interface;
+
+use alloc::borrow::ToOwned;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::time::Duration;
+use std::io;
+
+use libc::{
+    CAN_ERR_BUSOFF, EAFNOSUPPORT, EINVAL, EMSGSIZE, ENETDOWN, ENOBUFS, ENODEV, ENXIO, EPROTONOSUPPORT, SO_MEMINFO,
+    SOL_SOCKET,
+};
+use resonarm_protocol::Frame;
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+use rustix::net::sockopt;
+use socketcan::timestamp::{SOF_TIMESTAMPING_OPT_CMSG, SOF_TIMESTAMPING_RX_SOFTWARE, SOF_TIMESTAMPING_SOFTWARE};
+use socketcan::{CanAddr, CanFdSocket, CanFilter, ShouldRetry, Socket, SocketOptions};
+
+use self::frame::{KernelFrame, filter, from_kernel};
+use super::deadline::Deadline;
+use super::{Bus, BusError, Filter, Received, Sent, Statistics};
+
+pub use interface::interfaces;
+
+/// The place of the frames lost at the receive queue among the `u32` counters of `SO_MEMINFO` (Linux 4.12).
+const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
+
+/// How to open a [`SocketCan`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Memory for frames not yet received, in bytes (`SO_RCVBUF`). The kernel counts about 1 KiB for a frame.
+    pub receive_buffer_bytes: usize,
+    /// Memory for frames not yet sent, in bytes (`SO_SNDBUF`). Short queues upstream of the wire keep old commands few.
+    pub send_buffer_bytes: usize,
+}
+
+impl Default for Options {
+    /// 2 MiB for receiving, half a second of a full 1 Mbit/s bus at the least; 256 KiB for sending.
+    fn default() -> Options {
+        Options { receive_buffer_bytes: 2 << 20, send_buffer_bytes: 256 << 10 }
+    }
+}
+
+/// One end on a CAN interface.
+pub struct SocketCan {
+    interface: String,
+    socket: Option<CanFdSocket>,
+    buffers: Options,
+    received: u64,
+    sent: u64,
+    queue_full: u64,
+    /// The kernel's count when the socket was closed.
+    dropped_at_close: u64,
+}
+
+impl SocketCan {
+    /// Opens `interface` (`can0`, `vcan0`) for classical and FD frames, with kernel timestamps.
+    ///
+    /// Buffer sizes beyond `net.core.rmem_max` and `wmem_max` are granted to a process with CAP_NET_ADMIN; another gets
+    /// the maximum, which is logged as a warning. [`SocketCan::buffers`] tells what was granted.
+    ///
+    /// # Errors
+    /// [`BusError`] that says what is missing: SocketCAN in the kernel, the interface, its being up, a permission.
+    pub fn open(interface: &str, options: Options) -> Result<SocketCan, BusError> {
+        let address = CanAddr::from_iface(interface).map_err(|source| match source.raw_os_error() {
+            Some(ENODEV | ENXIO) => supported().err().unwrap_or_else(|| missing(interface)),
+            _ => os(interface, "looking the interface up", source),
+        })?;
+        let socket = CanFdSocket::open_addr(&address).map_err(|source| match source.raw_os_error() {
+            Some(EAFNOSUPPORT | EPROTONOSUPPORT) => BusError::NoSocketCan { source },
+            Some(ENODEV) => BusError::NotCan { interface: interface.to_owned() },
+            _ => os(interface, "opening the socket", source),
+        })?;
+        let buffers = configure(&socket, options).map_err(|(action, source)| os(interface, action, source))?;
+        warn_if_less(interface, "receive", "rmem_max", options.receive_buffer_bytes, buffers.receive_buffer_bytes);
+        warn_if_less(interface, "send", "wmem_max", options.send_buffer_bytes, buffers.send_buffer_bytes);
+        let bus = SocketCan {
+            interface: interface.to_owned(),
+            socket: Some(socket),
+            buffers,
+            received: 0,
+            sent: 0,
+            queue_full: 0,
+            dropped_at_close: 0,
+        };
+        // The kernel binds to an interface that is down, and leaves ENETDOWN as the pending error of the socket.
+        bus.pending_error(bus.socket()?)?;
+        Ok(bus)
+    }
+
+    /// The buffer sizes the kernel granted, in the measure of [`Options`].
+    pub fn buffers(&self) -> Options {
+        self.buffers
+    }
+
+    /// The name of the interface.
+    pub fn interface(&self) -> &str {
+        &self.interface
+    }
+
+    fn socket(&self) -> Result<&CanFdSocket, BusError> {
+        self.socket.as_ref().ok_or(BusError::Closed)
+    }
+
+    /// Takes the error that the kernel holds for the socket, such as the interface having gone down.
+    fn pending_error(&self, socket: &CanFdSocket) -> Result<(), BusError> {
+        match sockopt::socket_error(socket) {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(errno)) | Err(errno) => Err(self.failure("using the socket", errno.into())),
+        }
+    }
+
+    /// Names what an error of the open socket means.
+    fn failure(&self, action: &'static str, source: io::Error) -> BusError {
+        let interface = self.interface.clone();
+        match source.raw_os_error() {
+            Some(ENETDOWN) => BusError::InterfaceDown { interface },
+            Some(ENODEV | ENXIO) => BusError::InterfaceGone { interface },
+            _ => os(&interface, action, source),
+        }
+    }
+}
+
+impl Bus for SocketCan {
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        let socket = self.socket()?;
+        let kernel_frame = KernelFrame::from(frame);
+        let written = match &kernel_frame {
+            KernelFrame::Classical(frame) => socket.write_frame(frame),
+            KernelFrame::Fd(frame) => socket.write_frame(frame),
+        };
+        match written {
+            Ok(()) => {
+                self.sent += 1;
+                Ok(Sent::Queued)
+            }
+            // EAGAIN: the socket's send buffer is full. ENOBUFS: the interface's transmit queue is.
+            Err(error) if error.should_retry() || error.raw_os_error() == Some(ENOBUFS) => {
+                self.queue_full += 1;
+                Ok(Sent::QueueFull)
+            }
+            Err(error) => match (kernel_frame, error.raw_os_error()) {
+                (KernelFrame::Fd(_), Some(EINVAL | EMSGSIZE)) => {
+                    Err(BusError::FdNotEnabled { interface: self.interface.clone() })
+                }
+                _ => Err(self.failure("sending", error)),
+            },
+        }
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        let (kernel_frame, stamps) = match self.socket()?.read_frame_with_timestamps() {
+            Ok(read) => read,
+            Err(error) if error.should_retry() => return Ok(None),
+            Err(error) => return Err(self.failure("receiving", error)),
+        };
+        let Some(frame) = from_kernel(&kernel_frame).map_err(BusError::Malformed)? else {
+            return Err(BusError::BusOff { interface: self.interface.clone() });
+        };
+        let since_epoch = stamps.sw.and_then(|stamp| stamp.duration_since(std::time::UNIX_EPOCH).ok());
+        let timestamp_ns = since_epoch.and_then(|duration| u64::try_from(duration.as_nanos()).ok());
+        self.received += 1;
+        Ok(Some(Received { frame, timestamp_ns }))
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        let socket = self.socket()?;
+        let deadline = Deadline::after(timeout);
+        loop {
+            let mut polled = [PollFd::new(socket, PollFlags::IN)];
+            // A timeout too long for the system call is endless.
+            match poll(&mut polled, deadline.remaining().try_into().ok().as_ref()) {
+                Ok(0) => return Ok(false),
+                Ok(_) if polled[0].revents().contains(PollFlags::IN) => return Ok(true),
+                Ok(_) => self.pending_error(socket)?,
+                Err(Errno::INTR) => {}
+                Err(errno) => return Err(self.failure("waiting", errno.into())),
+            }
+        }
+    }
+
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
+        let socket = self.socket()?;
+        let outcome = if filters.is_empty() {
+            socket.set_filter_accept_all()
+        } else {
+            socket.set_filters(&filters.iter().map(filter).collect::<Vec<CanFilter>>())
+        };
+        outcome.map_err(|source| self.failure("setting the receive filters", source))
+    }
+
+    fn statistics(&self) -> Statistics {
+        // That the kernel answers was checked when the socket was opened.
+        let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
+        Statistics { received: self.received, sent: self.sent, dropped, queue_full: self.queue_full }
+    }
+
+    /// The kernel sends what it has queued.
+    fn close(&mut self) -> Result<(), BusError> {
+        self.dropped_at_close = self.statistics().dropped;
+        self.socket.take().map(drop).ok_or(BusError::Closed)
+    }
+}
+
+/// Whether this kernel has SocketCAN raw sockets, loading the modules where it may.
+///
+/// # Errors
+/// [`BusError::NoSocketCan`], or another [`BusError`] if a socket can't be had for another reason.
+pub fn supported() -> Result<(), BusError> {
+    const ANY: &str = "any interface";
+    match CanFdSocket::open_addr(&CanAddr::new(0)) {
+        Ok(_) => Ok(()),
+        Err(source) if matches!(source.raw_os_error(), Some(EAFNOSUPPORT | EPROTONOSUPPORT)) => {
+            Err(BusError::NoSocketCan { source })
+        }
+        Err(source) => Err(os(ANY, "opening the socket", source)),
+    }
+}
+
+/// Makes the socket what the module promises, and says what buffers it was granted. An error says what was being done.
+fn configure(socket: &CanFdSocket, options: Options) -> Result<Options, (&'static str, io::Error)> {
+    let stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_OPT_CMSG;
+    socket.set_nonblocking(true).map_err(|e| ("making the socket non-blocking", e))?;
+    socket.set_timestamping(stamps).map_err(|e| ("asking for kernel timestamps", e))?;
+    socket.set_error_filter(CAN_ERR_BUSOFF).map_err(|e| ("asking for bus-off", e))?;
+    drops(socket).map_err(|e| ("reading the count of lost frames", e))?;
+    grant_buffers(socket, options).map_err(|e| ("setting the buffer sizes", e.into()))
+}
+
+/// Sets the buffer sizes, past the system's limits where the process may, and reads back what became of it. The kernel
+/// doubles what it is given, for its own bookkeeping, and reports the double.
+fn grant_buffers(socket: &CanFdSocket, options: Options) -> Result<Options, Errno> {
+    if sockopt::set_socket_recv_buffer_size_force(socket, options.receive_buffer_bytes).is_err() {
+        sockopt::set_socket_recv_buffer_size(socket, options.receive_buffer_bytes)?;
+    }
+    if sockopt::set_socket_send_buffer_size_force(socket, options.send_buffer_bytes).is_err() {
+        sockopt::set_socket_send_buffer_size(socket, options.send_buffer_bytes)?;
+    }
+    Ok(Options {
+        receive_buffer_bytes: sockopt::socket_recv_buffer_size(socket)? / 2,
+        send_buffer_bytes: sockopt::socket_send_buffer_size(socket)? / 2,
+    })
+}
+
+fn warn_if_less(interface: &str, which: &str, limit: &str, asked: usize, granted: usize) {
+    if granted < asked {
+        tracing::warn!(
+            "{interface}: {which} buffer of {granted} bytes instead of {asked}; `sudo sysctl net.core.{limit}={asked}` allows it"
+        );
+    }
+}
+
+/// The frames that found the receive queue full, since the socket was opened.
+fn drops(socket: &CanFdSocket) -> io::Result<u64> {
+    let mut counters = [0; 4 * (DROPS + 1)];
+    let len = socket.get_socket_option_bytes(SOL_SOCKET, SO_MEMINFO, &mut counters)?;
+    let last = counters[..len].chunks_exact(4).nth(DROPS).and_then(|bytes| bytes.try_into().ok());
+    let count = last.map(u32::from_ne_bytes).ok_or_else(|| io::Error::from(io::ErrorKind::UnexpectedEof))?;
+    Ok(u64::from(count))
+}
+
+fn missing(interface: &str) -> BusError {
+    // Without sysfs the list stays empty; the error is the same.
+    BusError::InterfaceMissing { interface: interface.to_owned(), present: interfaces().unwrap_or_default() }
+}
+
+fn os(interface: &str, action: &'static str, source: io::Error) -> BusError {
+    let interface = interface.to_owned();
+    match source.kind() {
+        io::ErrorKind::PermissionDenied => BusError::Permission { interface, action, source },
+        _ => BusError::Os { interface, action, source },
+    }
+}

@@ -1,0 +1,242 @@
+//! What every backend of `resonarm::bus` must do, whatever lies beneath it.
+//!
+//! `make` gives two ends of one bus on which nothing else is sent meanwhile; it is called afresh for each clause.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::time::{Duration, Instant};
+
+use resonarm::bus::{Bus, BusError, Filter, Received, Sent, Statistics};
+use resonarm::protocol::{Frame, FrameFormat, Id};
+
+/// Two ends of one bus.
+pub type Pair = (Box<dyn Bus>, Box<dyn Bus>);
+
+/// Which formats the bus under test carries, beside classical data frames.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Formats {
+    /// Remote frames and CAN FD.
+    All,
+    /// Remote frames; sending CAN FD is an error.
+    #[allow(dead_code, reason = "not every test target has a classical bus")]
+    ClassicalOnly,
+}
+
+/// Longer than any backend needs for a frame on a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Long enough for a frame that must not come to come after all.
+const SILENCE: Duration = Duration::from_millis(50);
+
+/// Runs every clause; panics at the first that does not hold.
+pub fn contract(make: impl Fn() -> Pair, formats: Formats) {
+    keeps_order_and_content(make());
+    carries_remote_frames(make());
+    carries_fd_frames(make(), formats);
+    does_not_hear_itself(make());
+    receives_nothing_at_once(make());
+    wait_ends_at_the_timeout(make());
+    wait_ends_with_a_frame(make());
+    filters_by_identifier_and_mask(make());
+    filters_by_format(make());
+    empty_filters_pass_everything(make());
+    no_frame_vanishes_uncounted(make());
+    answers_closed_after_close(make());
+    close_still_sends_what_was_queued(make());
+}
+
+fn standard(id: u16, data: &[u8]) -> Frame {
+    Frame::classic(Id::Standard(id), data).unwrap()
+}
+
+fn extended(id: u32) -> Frame {
+    Frame::classic(Id::Extended(id), &[0xEE]).unwrap()
+}
+
+/// Sends, waiting while the transmit queue is full.
+fn send(end: &mut dyn Bus, frame: &Frame) {
+    #[allow(clippy::disallowed_methods, reason = "a test bounds itself in real time")]
+    let start = Instant::now();
+    while end.send(frame).unwrap() == Sent::QueueFull {
+        assert!(start.elapsed() < PATIENCE, "the transmit queue stays full");
+        end.wait(Duration::from_millis(1)).unwrap();
+    }
+}
+
+/// The next frame, which must come.
+fn next(end: &mut dyn Bus) -> Received {
+    assert!(end.wait(PATIENCE).unwrap(), "no frame came");
+    end.receive().unwrap().expect("wait promised a frame")
+}
+
+/// Everything that comes until the bus has been silent for a while.
+fn drain(end: &mut dyn Bus) -> Vec<Frame> {
+    let mut frames = Vec::new();
+    while end.wait(SILENCE).unwrap() {
+        frames.extend(end.receive().unwrap().map(|received| received.frame));
+    }
+    frames
+}
+
+fn keeps_order_and_content((mut near, mut far): Pair) {
+    let frames: Vec<Frame> = (0..200u8)
+        .map(|k| match k % 3 {
+            0 => standard(0x7FF - u16::from(k), &vec![k; usize::from(k % 9)]),
+            1 => standard(0x100, &[k, 1, 2, 3, 4, 5, 6, 7]),
+            _ => extended(0x1FFF_FFFF - u32::from(k)),
+        })
+        .collect();
+    let mut last_ns = 0;
+    for half in frames.chunks(50) {
+        half.iter().for_each(|frame| send(&mut *near, frame));
+        for frame in half {
+            let received = next(&mut *far);
+            assert_eq!(received.frame, *frame);
+            if let Some(stamp_ns) = received.timestamp_ns {
+                assert!(stamp_ns >= last_ns, "timestamps go back from {last_ns} to {stamp_ns}");
+                last_ns = stamp_ns;
+            }
+        }
+    }
+    assert_eq!(
+        near.statistics(),
+        Statistics { sent: 200, queue_full: near.statistics().queue_full, ..Default::default() }
+    );
+    assert_eq!(far.statistics(), Statistics { received: 200, ..Default::default() });
+}
+
+fn carries_remote_frames((mut near, mut far): Pair) {
+    for len in [0, 5, 8] {
+        let frame = Frame::new(Id::Standard(0x321), FrameFormat::Remote, &[0; 8][..len]).unwrap();
+        send(&mut *near, &frame);
+        assert_eq!(next(&mut *far).frame, frame);
+    }
+}
+
+fn carries_fd_frames((mut near, mut far): Pair, formats: Formats) {
+    for (len, bit_rate_switch) in [(0, false), (8, true), (12, false), (64, true)] {
+        let format = FrameFormat::Fd { bit_rate_switch, error_state_indicator: false };
+        let data: Vec<u8> = (1..=len).collect();
+        let frame = Frame::new(Id::Extended(0x1234_5678), format, &data).unwrap();
+        if formats == Formats::ClassicalOnly {
+            assert!(near.send(&frame).is_err(), "a classical bus must refuse {frame}");
+            continue;
+        }
+        send(&mut *near, &frame);
+        assert_eq!(next(&mut *far).frame, frame);
+    }
+}
+
+fn does_not_hear_itself((mut near, mut far): Pair) {
+    send(&mut *near, &standard(1, &[]));
+    send(&mut *far, &standard(2, &[]));
+    assert_eq!(drain(&mut *near), [standard(2, &[])]);
+    assert_eq!(drain(&mut *far), [standard(1, &[])]);
+}
+
+fn receives_nothing_at_once((mut near, mut far): Pair) {
+    for end in [&mut near, &mut far] {
+        #[allow(clippy::disallowed_methods, reason = "a test measures real time")]
+        let start = Instant::now();
+        assert_eq!(end.receive().unwrap(), None);
+        assert!(start.elapsed() < Duration::from_millis(500), "receive blocked for {:?}", start.elapsed());
+        assert!(!end.wait(Duration::ZERO).unwrap());
+    }
+}
+
+fn wait_ends_at_the_timeout((mut near, _far): Pair) {
+    let timeout = Duration::from_millis(30);
+    #[allow(clippy::disallowed_methods, reason = "a test measures real time")]
+    let start = Instant::now();
+    assert!(!near.wait(timeout).unwrap());
+    assert!(start.elapsed() >= timeout, "wait came back after {:?}", start.elapsed());
+    assert!(start.elapsed() < PATIENCE, "wait came back after {:?}", start.elapsed());
+}
+
+fn wait_ends_with_a_frame((mut near, mut far): Pair) {
+    let sender = std::thread::spawn(move || {
+        far.wait(SILENCE).unwrap();
+        send(&mut *far, &standard(0x55, &[1]));
+        far
+    });
+    assert!(near.wait(PATIENCE).unwrap(), "the frame did not wake the waiting end");
+    assert!(near.wait(Duration::ZERO).unwrap(), "waiting must not take the frame");
+    assert_eq!(near.receive().unwrap().map(|received| received.frame), Some(standard(0x55, &[1])));
+    assert!(!near.wait(Duration::ZERO).unwrap());
+    sender.join().unwrap();
+}
+
+fn filters_by_identifier_and_mask((mut near, mut far): Pair) {
+    let exactly = Filter { id: Id::Standard(0x123), mask: 0x7FF };
+    let block = Filter { id: Id::Standard(0x204), mask: 0x7F0 };
+    far.set_filters(&[exactly, block]).unwrap();
+    for id in [0x122, 0x123, 0x124, 0x1FF, 0x200, 0x20F, 0x210] {
+        send(&mut *near, &standard(id, &[]));
+    }
+    let ids: Vec<u32> = drain(&mut *far).iter().map(|frame| frame.id().raw()).collect();
+    assert_eq!(ids, [0x123, 0x200, 0x20F]);
+}
+
+fn filters_by_format((mut near, mut far): Pair) {
+    let both = [standard(0x123, &[]), extended(0x123)];
+    far.set_filters(&[Filter { id: Id::Standard(0x123), mask: 0x7FF }]).unwrap();
+    both.iter().for_each(|frame| send(&mut *near, frame));
+    assert_eq!(drain(&mut *far), both[..1]);
+    far.set_filters(&[Filter { id: Id::Extended(0x123), mask: 0x1FFF_FFFF }]).unwrap();
+    both.iter().for_each(|frame| send(&mut *near, frame));
+    assert_eq!(drain(&mut *far), both[1..]);
+    far.set_filters(&[Filter { id: Id::Extended(0), mask: 0 }]).unwrap();
+    both.iter().for_each(|frame| send(&mut *near, frame));
+    assert_eq!(drain(&mut *far), both[1..], "a mask of zero still asks for the format");
+}
+
+fn empty_filters_pass_everything((mut near, mut far): Pair) {
+    let remote = Frame::new(Id::Standard(0x7FF), FrameFormat::Remote, &[]).unwrap();
+    let all = [standard(0, &[1]), extended(0x1FFF_FFFF), remote];
+    far.set_filters(&[Filter { id: Id::Standard(1), mask: 0x7FF }]).unwrap();
+    all.iter().for_each(|frame| send(&mut *near, frame));
+    assert_eq!(drain(&mut *far), []);
+    far.set_filters(&[]).unwrap();
+    all.iter().for_each(|frame| send(&mut *near, frame));
+    assert_eq!(drain(&mut *far), all);
+}
+
+/// Sends far more than an end that does not listen can keep: each frame is refused with [`Sent::QueueFull`], received,
+/// or counted as dropped; those that are received keep their order.
+fn no_frame_vanishes_uncounted((mut near, mut far): Pair) {
+    const ATTEMPTS: u32 = 100_000;
+    for k in 0..ATTEMPTS {
+        near.send(&standard(0x100, &k.to_le_bytes())).unwrap();
+    }
+    let kept = drain(&mut *far);
+    let numbers: Vec<u32> = kept.iter().map(|f| u32::from_le_bytes(f.data().try_into().unwrap())).collect();
+    assert!(numbers.is_sorted_by(|a, b| a < b), "frames out of order");
+    let (tx, rx) = (near.statistics(), far.statistics());
+    assert_eq!(tx.sent + tx.queue_full, u64::from(ATTEMPTS));
+    assert_eq!(rx.received, kept.len() as u64);
+    assert_eq!(rx.received + rx.dropped, tx.sent, "{tx:?} {rx:?}");
+    assert!(tx.queue_full + rx.dropped > 0, "the bus under test must overflow: {tx:?} {rx:?}");
+    send(&mut *near, &standard(0x101, &[]));
+    assert_eq!(next(&mut *far).frame, standard(0x101, &[]), "the bus must work after an overflow");
+    assert_eq!(far.statistics().dropped, rx.dropped);
+}
+
+fn answers_closed_after_close((mut near, mut far): Pair) {
+    send(&mut *near, &standard(1, &[]));
+    next(&mut *far);
+    let before = near.statistics();
+    near.close().unwrap();
+    assert!(matches!(near.send(&standard(1, &[])), Err(BusError::Closed)));
+    assert!(matches!(near.receive(), Err(BusError::Closed)));
+    assert!(matches!(near.wait(Duration::ZERO), Err(BusError::Closed)));
+    assert!(matches!(near.set_filters(&[]), Err(BusError::Closed)));
+    assert!(matches!(near.close(), Err(BusError::Closed)));
+    assert_eq!(near.statistics(), before);
+    far.send(&standard(2, &[])).expect("the other end lives on");
+    assert_eq!(far.receive().unwrap(), None);
+}
+
+fn close_still_sends_what_was_queued((mut near, mut far): Pair) {
+    let frames: Vec<Frame> = (0..20).map(|id| standard(id, &[7])).collect();
+    frames.iter().for_each(|frame| send(&mut *near, frame));
+    near.close().unwrap();
+    assert_eq!(drain(&mut *far), frames);
+}
