@@ -3,8 +3,11 @@
 use resonarm_protocol::Frame;
 
 /// One thing worth recording.
+///
+/// `Name` is the type of an event's name: `&'static str` on the way in, so that a record needs no allocation, and
+/// [`String`](alloc::string::String) when read back.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Record {
+pub enum Record<Name = &'static str> {
     /// The state of the arm at a step and the load held over it.
     Step(StepRecord),
     /// What the sensors said at a step.
@@ -14,7 +17,20 @@ pub enum Record {
     /// How punctual a tick of the real-time loop was.
     Tick(TickRecord),
     /// Something that happened: a state change, a fault, an overrun.
-    Event(Event),
+    Event(Event<Name>),
+}
+
+impl<Name> Record<Name> {
+    /// Index of the step it belongs to.
+    pub const fn step(&self) -> u64 {
+        match self {
+            Record::Step(record) => record.step,
+            Record::Sample(record) => record.step,
+            Record::Frame(record) => record.step,
+            Record::Tick(record) => record.step,
+            Record::Event(record) => record.step,
+        }
+    }
 }
 
 /// The arm at step `step`, and the load held (zero-order) from `step` to `step + 1`.
@@ -86,13 +102,13 @@ pub struct TickRecord {
 
 /// Something that happened at a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Event {
+pub struct Event<Name = &'static str> {
     /// Index of the step.
     pub step: u64,
     /// When, nanoseconds since the start of the run.
     pub time_ns: u64,
     /// What, as a short stable name, for example `plant.state.fault`.
-    pub name: &'static str,
+    pub name: Name,
     /// A number that belongs to it (a fault code, a count), 0 where none does.
     pub value: i64,
 }

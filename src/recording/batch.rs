@@ -1,0 +1,194 @@
+//! Rows of consecutive steps gathered into one message, and taken apart again.
+
+use alloc::vec::Vec;
+
+use super::schema::Topic;
+use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
+use super::{SampleRecord, StepRecord, TickRecord};
+
+/// A message that holds one row for each of a number of consecutive steps, column by column.
+pub(super) trait Batch: prost::Message + Default {
+    /// What one row is made from.
+    type Row: Copy;
+
+    /// Where the message goes.
+    const TOPIC: Topic;
+
+    /// An empty batch for steps from `first_step` on.
+    fn begin(&mut self, first_step: u64, dt_s: f64);
+    /// Index of the first step.
+    fn first_step(&self) -> u64;
+    /// Step of a row.
+    fn step(row: &Self::Row) -> u64;
+    /// Appends a row. Its step is the next one: the caller has seen to that.
+    fn append(&mut self, row: &Self::Row);
+    /// Length of every column.
+    fn columns(&self) -> Vec<usize>;
+    /// Row `index`, if every column has it.
+    fn row(&self, index: usize) -> Option<Self::Row>;
+}
+
+/// Gathers rows until a batch is full or the steps stop being consecutive.
+#[derive(Debug)]
+pub(super) struct Batcher<B> {
+    batch: B,
+    rows: u32,
+    limit: u32,
+    dt_s: f64,
+}
+
+impl<B: Batch> Batcher<B> {
+    /// Gathers at most `limit` rows, `dt_s` apart.
+    pub fn new(limit: u32, dt_s: f64) -> Batcher<B> {
+        Batcher { batch: B::default(), rows: 0, limit, dt_s }
+    }
+
+    /// Whether `row` can't be appended before the batch is taken.
+    pub fn must_take_before(&self, row: &B::Row) -> bool {
+        self.rows == self.limit
+            || (self.rows > 0 && self.batch.first_step().checked_add(u64::from(self.rows)) != Some(B::step(row)))
+    }
+
+    /// Appends a row.
+    pub fn append(&mut self, row: &B::Row) {
+        if self.rows == 0 {
+            self.batch.begin(B::step(row), self.dt_s);
+        }
+        self.batch.append(row);
+        self.rows += 1;
+    }
+
+    /// The batch, if it holds a row; the next row starts another.
+    pub fn take(&mut self) -> Option<&B> {
+        let rows = core::mem::take(&mut self.rows);
+        (rows > 0).then_some(&self.batch)
+    }
+}
+
+impl Batch for StepBatch {
+    type Row = StepRecord;
+    const TOPIC: Topic = Topic::Steps;
+
+    fn begin(&mut self, first_step: u64, dt_s: f64) {
+        prost::Message::clear(self);
+        self.first_step = first_step;
+        self.dt_s = dt_s;
+    }
+
+    fn first_step(&self) -> u64 {
+        self.first_step
+    }
+
+    fn step(row: &StepRecord) -> u64 {
+        row.step
+    }
+
+    fn append(&mut self, row: &StepRecord) {
+        self.alpha1_rad.push(row.alpha_rad[0]);
+        self.alpha2_rad.push(row.alpha_rad[1]);
+        self.alpha1_dot_rad_s.push(row.alpha_dot_rad_s[0]);
+        self.alpha2_dot_rad_s.push(row.alpha_dot_rad_s[1]);
+        self.torque1_nm.push(row.torque_nm[0]);
+        self.torque2_nm.push(row.torque_nm[1]);
+        self.force_x_n.push(row.force_n[0]);
+        self.force_y_n.push(row.force_n[1]);
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        let columns = [&self.alpha1_rad, &self.alpha2_rad, &self.alpha1_dot_rad_s, &self.alpha2_dot_rad_s];
+        let loads = [&self.torque1_nm, &self.torque2_nm, &self.force_x_n, &self.force_y_n];
+        columns.iter().chain(&loads).map(|column| column.len()).collect()
+    }
+
+    fn row(&self, index: usize) -> Option<StepRecord> {
+        Some(StepRecord {
+            step: self.first_step.checked_add(index as u64)?,
+            alpha_rad: [*self.alpha1_rad.get(index)?, *self.alpha2_rad.get(index)?],
+            alpha_dot_rad_s: [*self.alpha1_dot_rad_s.get(index)?, *self.alpha2_dot_rad_s.get(index)?],
+            torque_nm: [*self.torque1_nm.get(index)?, *self.torque2_nm.get(index)?],
+            force_n: [*self.force_x_n.get(index)?, *self.force_y_n.get(index)?],
+        })
+    }
+}
+
+impl Batch for SampleBatch {
+    type Row = SampleRecord;
+    const TOPIC: Topic = Topic::Samples;
+
+    fn begin(&mut self, first_step: u64, dt_s: f64) {
+        prost::Message::clear(self);
+        self.first_step = first_step;
+        self.dt_s = dt_s;
+    }
+
+    fn first_step(&self) -> u64 {
+        self.first_step
+    }
+
+    fn step(row: &SampleRecord) -> u64 {
+        row.step
+    }
+
+    fn append(&mut self, row: &SampleRecord) {
+        self.acceleration_b_x_m_s2.push(row.acceleration_b_m_s2[0]);
+        self.acceleration_b_y_m_s2.push(row.acceleration_b_m_s2[1]);
+        self.acceleration_c_x_m_s2.push(row.acceleration_c_m_s2[0]);
+        self.acceleration_c_y_m_s2.push(row.acceleration_c_m_s2[1]);
+        self.head_force_x_n.push(row.head_force_n[0]);
+        self.head_force_y_n.push(row.head_force_n[1]);
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        let accelerations = [&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2];
+        let others =
+            [&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2, &self.head_force_x_n, &self.head_force_y_n];
+        accelerations.iter().chain(&others).map(|column| column.len()).collect()
+    }
+
+    fn row(&self, index: usize) -> Option<SampleRecord> {
+        let pair = |x: &[f64], y: &[f64]| Some([*x.get(index)?, *y.get(index)?]);
+        Some(SampleRecord {
+            step: self.first_step.checked_add(index as u64)?,
+            acceleration_b_m_s2: pair(&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2)?,
+            acceleration_c_m_s2: pair(&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2)?,
+            head_force_n: pair(&self.head_force_x_n, &self.head_force_y_n)?,
+        })
+    }
+}
+
+impl Batch for TickBatch {
+    type Row = TickRecord;
+    const TOPIC: Topic = Topic::Ticks;
+
+    fn begin(&mut self, first_step: u64, _dt_s: f64) {
+        prost::Message::clear(self);
+        self.first_step = first_step;
+    }
+
+    fn first_step(&self) -> u64 {
+        self.first_step
+    }
+
+    fn step(row: &TickRecord) -> u64 {
+        row.step
+    }
+
+    fn append(&mut self, row: &TickRecord) {
+        self.wakeup_ns.push(row.wakeup_ns);
+        self.exec_ns.push(row.exec_ns);
+        self.overruns.push(row.overruns);
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        [self.wakeup_ns.len(), self.exec_ns.len(), self.overruns.len()].to_vec()
+    }
+
+    fn row(&self, index: usize) -> Option<TickRecord> {
+        Some(TickRecord {
+            step: self.first_step.checked_add(index as u64)?,
+            wakeup_ns: *self.wakeup_ns.get(index)?,
+            exec_ns: *self.exec_ns.get(index)?,
+            overruns: *self.overruns.get(index)?,
+        })
+    }
+}

@@ -1,0 +1,209 @@
+//! The recorder as the run loops see it: channels that take records, and an end.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock, mpsc};
+use std::thread::{self, JoinHandle, Thread};
+use std::time::Duration;
+
+use super::writer::{Control, Source, Writer};
+use super::{Configuration, Options, Record, RecordingError, Topic};
+
+/// How long a full channel waits before it looks again.
+const FULL_WAIT: Duration = Duration::from_micros(50);
+
+/// Writes a recording on a thread of its own.
+///
+/// The thread inherits scheduling policy and affinity of the thread that calls [`Recorder::create`]: call it before the
+/// set-up of a real-time thread. Dropping a recorder finishes the file without statistics; a failure then goes to the log.
+#[derive(Debug)]
+pub struct Recorder {
+    control: mpsc::Sender<Control>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<Result<Summary, RecordingError>>>,
+}
+
+/// What the recorder, its channels and its thread share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub path: PathBuf,
+    pub failure: OnceLock<RecordingError>,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Summary {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// Messages in each topic, by its name in the file; of batched topics the batches.
+    pub messages: BTreeMap<&'static str, u64>,
+    /// Steps recorded.
+    pub steps: u64,
+    /// Records lost because a channel was full, by the channel's name.
+    pub lost: BTreeMap<String, u64>,
+}
+
+impl Summary {
+    /// Messages in one topic.
+    pub fn messages_in(&self, topic: Topic) -> u64 {
+        self.messages.get(topic.name()).copied().unwrap_or(0)
+    }
+}
+
+/// What became of a record given to [`Channel::push`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pushed {
+    /// It is on its way to the file.
+    Stored,
+    /// The channel was full, or the recorder has failed: it is lost, and counted.
+    Lost,
+}
+
+/// One producer's way into a recording: a ring that takes records without waiting.
+#[derive(Debug)]
+pub struct Channel {
+    ring: rtrb::Producer<Record>,
+    lost: Arc<AtomicU64>,
+    shared: Arc<Shared>,
+    writer: Thread,
+}
+
+impl Recorder {
+    /// Creates the file, writes `configuration` into it and starts the thread.
+    ///
+    /// # Errors
+    /// [`RecordingError::Exists`] if the file is there already, [`RecordingError::Create`] if it can't be created,
+    /// [`RecordingError::Write`] if not even its head can be written, [`RecordingError::Option`] if `options` make no sense.
+    pub fn create(
+        path: impl AsRef<Path>,
+        configuration: &Configuration,
+        options: Options,
+    ) -> Result<Recorder, RecordingError> {
+        options.check()?;
+        let path = path.as_ref();
+        let shared = Arc::new(Shared { path: path.to_path_buf(), failure: OnceLock::new() });
+        let (control, commands) = mpsc::channel();
+        let writer = Writer::create(path, configuration, options, commands)?;
+        let for_thread = Arc::clone(&shared);
+        let thread = thread::Builder::new()
+            .name(String::from("recorder"))
+            .spawn(move || writer.run(&for_thread.failure))
+            .map_err(|source| RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) })?;
+        Ok(Recorder { control, shared, thread: Some(thread) })
+    }
+
+    /// Opens a channel that holds up to `capacity` records. Losses are counted under `name`.
+    ///
+    /// # Errors
+    /// [`RecordingError::Option`] if `capacity` is 0; the failure of the recorder, if it has failed.
+    pub fn channel(&self, name: &str, capacity: usize) -> Result<Channel, RecordingError> {
+        if capacity == 0 {
+            let (option, got, expected) = ("capacity", String::from("0"), "at least 1 record");
+            return Err(RecordingError::Option { option, got, expected });
+        }
+        let (ring, records) = rtrb::RingBuffer::new(capacity);
+        let lost = Arc::new(AtomicU64::new(0));
+        let source = Source::new(name.to_string(), records, Arc::clone(&lost));
+        match (&self.thread, self.control.send(Control::Open(source))) {
+            (Some(thread), Ok(())) => {
+                Ok(Channel { ring, lost, shared: Arc::clone(&self.shared), writer: thread.thread().clone() })
+            }
+            _ => Err(self.shared.error()),
+        }
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.shared.path
+    }
+
+    /// Why nothing is recorded any more, if so. Cheap; ask as often as you like.
+    pub fn failure(&self) -> Option<RecordingError> {
+        let dead = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
+        match self.shared.failure.get() {
+            Some(error) => Some(error.clone()),
+            None if dead => Some(RecordingError::WriterDied { path: self.shared.path.clone() }),
+            None => None,
+        }
+    }
+
+    /// Writes what is in the channels, the configuration again, `statistics` and the count of lost records, and closes
+    /// the file. What a channel takes after this call began is not recorded.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if writing failed, now or at any time before.
+    pub fn finish(mut self, statistics: &[(&str, String)]) -> Result<Summary, RecordingError> {
+        let statistics = statistics.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
+        self.end(statistics)
+    }
+
+    /// Ends the thread. A thread that has ended before takes no command; its result says why.
+    fn end(&mut self, statistics: BTreeMap<String, String>) -> Result<Summary, RecordingError> {
+        let _ended_before = self.control.send(Control::Finish(statistics));
+        match self.thread.take() {
+            Some(thread) => {
+                thread.thread().unpark();
+                thread.join().unwrap_or_else(|_panic| Err(self.shared.error()))
+            }
+            None => Err(self.shared.error()),
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        if self.thread.is_some()
+            && let Err(error) = self.end(BTreeMap::new())
+        {
+            tracing::error!(%error, "the recording is not whole");
+        }
+    }
+}
+
+impl Shared {
+    /// Why the thread takes nothing any more.
+    fn error(&self) -> RecordingError {
+        match self.failure.get() {
+            Some(error) => error.clone(),
+            None => RecordingError::WriterDied { path: self.path.clone() },
+        }
+    }
+}
+
+impl Channel {
+    /// Records `record`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    pub fn push(&mut self, record: Record) -> Pushed {
+        if !self.ring.is_abandoned() && self.ring.push(record).is_ok() {
+            Pushed::Stored
+        } else {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+            Pushed::Lost
+        }
+    }
+
+    /// Records `record`, waiting while the channel is full: for loops in virtual time, which must lose nothing.
+    ///
+    /// # Errors
+    /// The failure of the recorder; [`RecordingError::Finished`] if it was finished.
+    pub fn push_blocking(&mut self, record: Record) -> Result<(), RecordingError> {
+        while self.ring.is_full() && !self.ring.is_abandoned() {
+            self.writer.unpark();
+            thread::park_timeout(FULL_WAIT);
+        }
+        match self.push(record) {
+            Pushed::Stored => Ok(()),
+            Pushed::Lost => Err(match self.shared.failure.get() {
+                Some(error) => error.clone(),
+                None => RecordingError::Finished { path: self.shared.path.clone() },
+            }),
+        }
+    }
+
+    /// Records this channel has lost so far.
+    pub fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,102 @@
+//! The topics of a recording and the Protobuf messages in them.
+
+/// Generated from `proto/*.proto`; `tests/proto_codegen.rs` holds it to them.
+#[allow(missing_docs, clippy::doc_markdown)]
+pub(super) mod proto {
+    include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));
+}
+
+/// A topic (MCAP channel) of a recording. Each has one message type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Topic {
+    /// `/plant/steps`: states and loads at full rate, in batches.
+    Steps,
+    /// `/plant/samples`: sensors at full rate, in batches.
+    Samples,
+    /// `/plant/state`: every n-th state, for plotting.
+    State,
+    /// `/plant/command`: every n-th load, for plotting.
+    Command,
+    /// `/plant/sensors`: every n-th sample, for plotting.
+    Sensors,
+    /// `/can/frames`: every frame on the bus.
+    Frames,
+    /// `/timing/ticks`: how punctual the real-time loop was, in batches.
+    Ticks,
+    /// `/events`: state changes, faults, overruns, losses.
+    Events,
+}
+
+impl Topic {
+    /// All topics; the index of each is its place here.
+    pub const ALL: [Topic; 8] = [
+        Topic::Steps,
+        Topic::Samples,
+        Topic::State,
+        Topic::Command,
+        Topic::Sensors,
+        Topic::Frames,
+        Topic::Ticks,
+        Topic::Events,
+    ];
+
+    /// Name of the topic in the file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Topic::Steps => "/plant/steps",
+            Topic::Samples => "/plant/samples",
+            Topic::State => "/plant/state",
+            Topic::Command => "/plant/command",
+            Topic::Sensors => "/plant/sensors",
+            Topic::Frames => "/can/frames",
+            Topic::Ticks => "/timing/ticks",
+            Topic::Events => "/events",
+        }
+    }
+
+    /// Full name of its message type.
+    pub const fn schema_name(self) -> &'static str {
+        match self {
+            Topic::Steps => "resonarm.v1.StepBatch",
+            Topic::Samples => "resonarm.v1.SampleBatch",
+            Topic::State => "resonarm.v1.State",
+            Topic::Command => "resonarm.v1.Command",
+            Topic::Sensors => "resonarm.v1.Sensors",
+            Topic::Frames => "resonarm.v1.CanFrame",
+            Topic::Ticks => "resonarm.v1.TickBatch",
+            Topic::Events => "resonarm.v1.Event",
+        }
+    }
+
+    /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
+    pub(super) const fn descriptor(self) -> &'static [u8] {
+        match self {
+            Topic::Steps => include_bytes!("../../proto/descriptors/step_batch.bin"),
+            Topic::Samples => include_bytes!("../../proto/descriptors/sample_batch.bin"),
+            Topic::State => include_bytes!("../../proto/descriptors/state.bin"),
+            Topic::Command => include_bytes!("../../proto/descriptors/command.bin"),
+            Topic::Sensors => include_bytes!("../../proto/descriptors/sensors.bin"),
+            Topic::Frames => include_bytes!("../../proto/descriptors/can_frame.bin"),
+            Topic::Ticks => include_bytes!("../../proto/descriptors/tick_batch.bin"),
+            Topic::Events => include_bytes!("../../proto/descriptors/event.bin"),
+        }
+    }
+}
+
+/// Names of the metadata records of a recording.
+pub(super) mod metadata {
+    /// What the recorder itself knows: format, time step, interface, build.
+    pub const RECORDING: &str = "resonarm.recording";
+    /// The configuration handed in.
+    pub const CONFIGURATION: &str = "resonarm.configuration";
+    /// The statistics handed in at the end.
+    pub const STATISTICS: &str = "resonarm.statistics";
+    /// Records lost in each channel. Last of all: a recording without it was not finished.
+    pub const LOST: &str = "resonarm.lost";
+    /// What was mended in a recovered recording.
+    pub const RECOVERED: &str = "resonarm.recovered";
+}
+
+/// Version of topics, schemas and metadata; a reader refuses any other.
+pub(super) const FORMAT: &str = "1";

@@ -1,0 +1,153 @@
+//! The MCAP file being written: topics, messages, metadata.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{WriteOptions, Writer};
+
+use super::schema::Topic;
+use super::{Compression, Existing, RecordingError};
+
+/// The file being written. `NoSeek` lets a chunk reach the file only whole, so that a killed file is whole up to a chunk.
+pub(super) struct Sink {
+    path: PathBuf,
+    writer: Writer<NoSeek<BufWriter<File>>>,
+    lanes: Vec<Lane>,
+    buffer: Vec<u8>,
+    unflushed: bool,
+}
+
+/// What is known of one topic.
+struct Lane {
+    channel_id: u16,
+    messages: u64,
+}
+
+impl Sink {
+    /// Creates the file and writes its head: `metadata` records first, flushed, then all topics.
+    pub fn create(
+        path: &Path,
+        existing: Existing,
+        compression: Compression,
+        metadata: &[(&str, &BTreeMap<String, String>)],
+    ) -> Result<Sink, RecordingError> {
+        let file = open(path, existing)?;
+        let compression = match compression {
+            Compression::None => None,
+            Compression::Lz4 => Some(mcap::Compression::Lz4),
+        };
+        let writer = WriteOptions::new()
+            .library(concat!("resonarm ", env!("CARGO_PKG_VERSION")))
+            .compression(compression)
+            .disable_seeking(true)
+            .create(NoSeek::new(BufWriter::new(file)))
+            .map_err(|error| RecordingError::write(path, error))?;
+        let mut sink =
+            Sink { path: path.to_path_buf(), writer, lanes: Vec::new(), buffer: Vec::new(), unflushed: true };
+        metadata.iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
+        sink.flush()?;
+        sink.lanes = Topic::ALL.into_iter().map(|topic| sink.add(topic)).collect::<Result<_, _>>()?;
+        Ok(sink)
+    }
+
+    /// Declares a topic and its schema.
+    fn add(&mut self, topic: Topic) -> Result<Lane, RecordingError> {
+        self.writer
+            .add_schema(topic.schema_name(), "protobuf", topic.descriptor())
+            .and_then(|schema| self.writer.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new()))
+            .map(|channel_id| Lane { channel_id, messages: 0 })
+            .map_err(|error| RecordingError::write(&self.path, error))
+    }
+
+    /// Writes one message.
+    pub fn message(&mut self, topic: Topic, time_ns: u64, message: &impl prost::Message) -> Result<(), RecordingError> {
+        let mut buffer = core::mem::take(&mut self.buffer);
+        buffer.clear();
+        let written = match message.encode(&mut buffer) {
+            Ok(()) => self.bytes(topic, time_ns, &buffer),
+            Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
+        };
+        self.buffer = buffer;
+        written
+    }
+
+    /// Writes one message that is serialised already.
+    pub fn bytes(&mut self, topic: Topic, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+        let lane = &mut self.lanes[topic as usize];
+        let header = MessageHeader {
+            channel_id: lane.channel_id,
+            sequence: lane.messages as u32, // wraps, as MCAP's sequence numbers may
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        lane.messages += 1;
+        self.unflushed = true;
+        self.writer.write_to_known_channel(&header, bytes).map_err(|error| RecordingError::write(&self.path, error))
+    }
+
+    /// Writes a metadata record; it goes outside the chunks.
+    pub fn metadata(&mut self, name: &str, content: &BTreeMap<String, String>) -> Result<(), RecordingError> {
+        self.unflushed = true;
+        self.writer
+            .write_metadata(&Metadata { name: name.to_string(), metadata: content.clone() })
+            .map_err(|error| RecordingError::write(&self.path, error))
+    }
+
+    /// Closes the chunk and hands everything to the system, if there is anything new.
+    pub fn flush(&mut self) -> Result<(), RecordingError> {
+        if core::mem::take(&mut self.unflushed) {
+            self.writer.flush().map_err(|error| RecordingError::write(&self.path, error))?;
+        }
+        Ok(())
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Messages written so far in a topic.
+    pub fn messages(&self, topic: Topic) -> u64 {
+        self.lanes[topic as usize].messages
+    }
+
+    /// Writes summary and footer and puts the file on the disk. Returns its size, bytes.
+    pub fn finish(mut self) -> Result<u64, RecordingError> {
+        let finished = self.writer.finish();
+        let path = self.path.clone();
+        let mut file = self.into_file();
+        finished.map_err(|error| RecordingError::write(&path, error))?;
+        let size = io::Write::flush(&mut file)
+            .and_then(|()| file.get_ref().sync_all())
+            .and_then(|()| file.get_ref().metadata())
+            .map_err(|source| RecordingError::Write { path, source: Arc::new(source) })?;
+        Ok(size.len())
+    }
+
+    /// Lets go of a file that can't be written any more, without a footer: it must not look whole.
+    pub fn abandon(self) {
+        let _unwritten = self.into_file().into_parts();
+    }
+
+    fn into_file(self) -> BufWriter<File> {
+        self.writer.into_inner().into_inner()
+    }
+}
+
+/// Opens the file for writing.
+fn open(path: &Path, existing: Existing) -> Result<File, RecordingError> {
+    let mut options = OpenOptions::new();
+    match existing {
+        Existing::Refuse => options.write(true).create_new(true),
+        Existing::Overwrite => options.write(true).create(true).truncate(true),
+    };
+    options.open(path).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_path_buf() },
+        _ => RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) },
+    })
+}
