@@ -9,6 +9,8 @@ extern crate alloc;
 #[cfg(feature = "std")]
 pub mod bus;
 #[cfg(feature = "std")]
+pub mod realtime;
+#[cfg(feature = "std")]
 pub mod recording;
 
 pub use resonarm_protocol as protocol;
