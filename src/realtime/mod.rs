@@ -23,6 +23,7 @@
 //! ```
 
 mod clock;
+mod idle;
 mod latency;
 mod periodic;
 mod privileges;
@@ -30,6 +31,7 @@ mod rate;
 mod thread;
 
 pub use clock::{Clock, SystemClock, unix_time_ns};
+pub use idle::CoresAwake;
 pub use latency::{HISTOGRAM_BOUND_NS, HistogramError, LatencyHistogram, Percentiles};
 pub use periodic::{
     Action, LoopSummary, MAX_LAG_NS, OverrunPolicy, Periodic, PeriodicError, Tick, UnknownOverrunPolicy,

@@ -147,6 +147,8 @@ pub enum Wanted {
     Core,
     /// Timers that aren't delayed to save power.
     TimerSlack,
+    /// Cores that don't fall into idle states.
+    CoresAwake,
 }
 
 /// Something that was asked for and could not be had.
