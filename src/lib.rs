@@ -16,6 +16,8 @@ pub mod rig;
 #[cfg(feature = "std")]
 pub mod bus;
 #[cfg(feature = "std")]
+pub mod realtime;
+#[cfg(feature = "std")]
 pub mod recording;
 
 pub use resonarm_protocol as protocol;

@@ -1,0 +1,88 @@
+//! The system's clocks.
+
+use rustix::io::Errno;
+use rustix::thread::clock_nanosleep_absolute;
+use rustix::time::{ClockId, Timespec, clock_gettime};
+
+const NS_PER_S: u64 = 1_000_000_000;
+
+/// A clock that a loop can wait on. Tests drive the loop with a scripted one.
+pub trait Clock {
+    /// Nanoseconds since some fixed instant; never decreases.
+    fn now_ns(&self) -> u64;
+
+    /// Returns at `deadline_ns` or later; at once if that has passed.
+    fn sleep_until_ns(&self, deadline_ns: u64);
+}
+
+/// `CLOCK_MONOTONIC`: nanoseconds since boot, without the time the machine was suspended, never set back.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SystemClock;
+
+impl Clock for SystemClock {
+    fn now_ns(&self) -> u64 {
+        to_ns(clock_gettime(ClockId::Monotonic))
+    }
+
+    /// `clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME)`. A signal that interrupts the sleep doesn't shorten it.
+    fn sleep_until_ns(&self, deadline_ns: u64) {
+        let deadline = to_timespec(deadline_ns);
+        while let Err(error) = clock_nanosleep_absolute(ClockId::Monotonic, &deadline) {
+            // An absolute sleep is resumed by calling it again. It knows no other error for a valid time; were one to
+            // come, the time would still be kept, by polling.
+            if error != Errno::INTR && self.now_ns() >= deadline_ns {
+                return;
+            }
+        }
+    }
+}
+
+/// Nanoseconds since the UNIX epoch (`CLOCK_REALTIME`). For time stamps only: this clock may be set at any moment.
+pub fn unix_time_ns() -> u64 {
+    to_ns(clock_gettime(ClockId::Realtime))
+}
+
+/// Neither clock is ever before its epoch on Linux (`CLOCK_REALTIME` can't be set below zero), so the conversion is exact.
+pub(super) fn to_ns(time: Timespec) -> u64 {
+    time.tv_sec.unsigned_abs() * NS_PER_S + time.tv_nsec.unsigned_abs()
+}
+
+fn to_timespec(time_ns: u64) -> Timespec {
+    Timespec { tv_sec: (time_ns / NS_PER_S).cast_signed(), tv_nsec: (time_ns % NS_PER_S).cast_signed() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_monotonic_clock_never_goes_back_and_sleeps_never_end_early() {
+        let clock = SystemClock;
+        let mut before = clock.now_ns();
+        for _ in 0..20 {
+            let deadline = before + 300_000;
+            clock.sleep_until_ns(deadline);
+            let now = clock.now_ns();
+            assert!(now >= deadline, "woke {} ns early", deadline - now);
+            before = now;
+        }
+    }
+
+    #[test]
+    fn a_deadline_that_has_passed_does_not_block() {
+        SystemClock.sleep_until_ns(0);
+        SystemClock.sleep_until_ns(SystemClock.now_ns());
+    }
+
+    #[test]
+    fn conversions_are_inverse() {
+        for time_ns in [0, 1, 999_999_999, 1_000_000_000, 1_000_000_001, 9_223_372_036_854_775_807] {
+            assert_eq!(to_ns(to_timespec(time_ns)), time_ns);
+        }
+    }
+
+    #[test]
+    fn unix_time_is_after_this_was_written() {
+        assert!(unix_time_ns() > 1_735_689_600 * NS_PER_S); // 2025-01-01
+    }
+}

@@ -1,0 +1,264 @@
+//! The periodic loop: tick k is due at `start + k / rate` on the monotonic clock, exactly, for ever.
+//!
+//! Simulated time is k / rate at tick k, whatever the clock says: **every tick is given out, once, in order**. Being late
+//! changes when a tick is worked on, never which one it is.
+//!
+//! A *deadline* is the instant a tick is due. It is *missed* when the loop isn't asleep waiting for it: because the work
+//! of a tick before took too long, or because the system woke the loop so late that more deadlines had passed. After a
+//! miss the loop doesn't sleep; it gives out the ticks that are overdue one after another, each with its true lateness,
+//! until it is ahead again:
+//!
+//! ```text
+//!  deadline      d0        d1        d2        d3        d4        d5
+//!                |---------|---------|---------|---------|---------|----
+//!  on time       [0]       [1]       [2]       [3]       [4]       [5]
+//!
+//!  long work     [0]       [1----------------------][2-][3][4]     [5]      d2, d3 pass while tick 1 works, d4 in tick 3
+//!  missed        0         0                        2   0  1       0        the sum is 3: d2 and d3 told by 2, d4 by 4
+//!  lateness      ε         ε                        1.5 .9 .2      ε        periods; ε is the wake-up latency
+//!
+//!  late wake-up  [0]       . . . still asleep . . . [1][2][3]      [4]      d2, d3 pass in the sleep until d1
+//!  missed        0                                  2  0  0        0
+//!  lateness      ε                                  2.5 1.6 .7     ε
+//! ```
+//!
+//! So [`Tick::missed`] counts each missed deadline once, in the first tick given out after it, and the sum over all ticks
+//! is the number of overruns of the run. A lateness is recorded for every tick, including those that caught up: a
+//! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; Tene 2013).
+//!
+//! What a miss means is the [`OverrunPolicy`]'s matter. Behind by more than [`MAX_LAG_NS`], the loop ends with an error
+//! under every policy: the other end of the bus has long stopped to believe in it.
+
+use core::fmt;
+use core::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::latency::HistogramError;
+use super::{Clock, LatencyHistogram, Percentiles, SampleRate};
+
+/// How far behind its deadline a tick may be: 1 s. A loop further behind ends with [`PeriodicError::TooFarBehind`].
+pub const MAX_LAG_NS: u64 = 1_000_000_000;
+
+/// What a missed deadline leads to. In text: `continue`, `fault`, `stop`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OverrunPolicy {
+    /// The overdue ticks are run late, marked, and the run goes on.
+    #[default]
+    Continue,
+    /// As `Continue`, and each tick that tells of a miss asks for a fault ([`Action::Fault`]): the plant's force goes to
+    /// zero, and stays there until it is armed again.
+    Fault,
+    /// The loop ends with [`PeriodicError::Overrun`].
+    Stop,
+}
+
+impl OverrunPolicy {
+    /// Every policy.
+    pub const ALL: [Self; 3] = [Self::Continue, Self::Fault, Self::Stop];
+
+    /// Its name in text.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Continue => "continue",
+            Self::Fault => "fault",
+            Self::Stop => "stop",
+        }
+    }
+}
+
+impl fmt::Display for OverrunPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for OverrunPolicy {
+    type Err = UnknownOverrunPolicy;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let found = Self::ALL.into_iter().find(|policy| policy.name() == text);
+        found.ok_or_else(|| UnknownOverrunPolicy { got: text.to_owned() })
+    }
+}
+
+/// A text that names no [`OverrunPolicy`].
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("unknown overrun policy `{got}`; it is one of continue, fault, stop")]
+pub struct UnknownOverrunPolicy {
+    /// The text.
+    pub got: String,
+}
+
+/// What a tick asks of the loop's work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Do the work of the tick.
+    Proceed,
+    /// Put the plant into fault, then do the work of the tick.
+    Fault,
+}
+
+/// One tick of the loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tick {
+    /// Index k of the tick: 0, 1, 2 …, without gaps.
+    pub index: u64,
+    /// When the tick was due, on the loop's clock, ns.
+    pub deadline_ns: u64,
+    /// When the loop was awake for it, on the same clock, ns; `deadline_ns` or later.
+    pub woke_ns: u64,
+    /// How late that was: `woke_ns - deadline_ns`. The wake-up latency, or how far a tick that catches up is behind.
+    pub wakeup_ns: u64,
+    /// Deadlines missed that no tick before has told of; 0 when on time.
+    pub missed: u32,
+    /// What the overrun policy asks for.
+    pub action: Action,
+}
+
+/// The figures of a loop so far. The field names are those of the program's JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LoopSummary {
+    /// Ticks given out.
+    pub steps: u64,
+    /// Deadlines missed.
+    pub overruns: u64,
+    /// Lateness of all ticks, µs; `None` before the first.
+    pub wakeup_us: Option<Percentiles>,
+    /// Duration of the work of all finished ticks, µs; `None` before the first.
+    pub exec_us: Option<Percentiles>,
+}
+
+/// A loop that ticks with a fixed rate. The module's text tells what it promises.
+///
+/// Neither [`Periodic::tick`] nor [`Periodic::finish`] allocates, locks or blocks, save for the sleep itself.
+#[derive(Debug)]
+pub struct Periodic<'c, C: Clock> {
+    clock: &'c C,
+    rate: SampleRate,
+    policy: OverrunPolicy,
+    start_ns: u64,
+    /// Index of the tick to give out next.
+    next: u64,
+    /// Deadlines below this index were waited for or counted as missed.
+    settled: u64,
+    overruns: u64,
+    wakeup: LatencyHistogram,
+    exec: LatencyHistogram,
+}
+
+impl<'c, C: Clock> Periodic<'c, C> {
+    /// A loop whose tick 0 is due one period from now: call it last, right before the loop.
+    ///
+    /// # Errors
+    /// [`HistogramError`] if the latency histograms can't be built.
+    pub fn start(clock: &'c C, rate: SampleRate, policy: OverrunPolicy) -> Result<Self, HistogramError> {
+        let (wakeup, exec) = (LatencyHistogram::new()?, LatencyHistogram::new()?);
+        let start_ns = clock.now_ns() + rate.offset_ns(1);
+        Ok(Self { clock, rate, policy, start_ns, next: 0, settled: 0, overruns: 0, wakeup, exec })
+    }
+
+    /// When tick 0 is due, on the loop's clock, ns.
+    pub fn start_ns(&self) -> u64 {
+        self.start_ns
+    }
+
+    /// Sleeps until the next tick is due, if it isn't overdue, and gives it out.
+    ///
+    /// # Errors
+    /// [`PeriodicError::Overrun`] if a deadline was missed and the policy is to stop;
+    /// [`PeriodicError::TooFarBehind`] if the tick is late by more than [`MAX_LAG_NS`]. The tick named by the error is not
+    /// given out, the deadlines missed up to it are in [`LoopSummary::overruns`], and the loop is over.
+    pub fn tick(&mut self) -> Result<Tick, PeriodicError> {
+        let index = self.next;
+        let deadline_ns = self.start_ns + self.rate.offset_ns(index);
+        let ready_ns = self.clock.now_ns();
+        let woke_ns = if ready_ns <= deadline_ns {
+            self.settled = index + 1;
+            self.clock.sleep_until_ns(deadline_ns);
+            self.clock.now_ns()
+        } else {
+            ready_ns
+        };
+        let missed = self.count_missed(woke_ns);
+        let late_ns = woke_ns.saturating_sub(deadline_ns);
+        if late_ns > MAX_LAG_NS {
+            return Err(PeriodicError::TooFarBehind { index, late_ns });
+        }
+        if missed > 0 && self.policy == OverrunPolicy::Stop {
+            return Err(PeriodicError::Overrun { index, missed, late_ns });
+        }
+        let faulty = missed > 0 && self.policy == OverrunPolicy::Fault;
+        let action = if faulty { Action::Fault } else { Action::Proceed };
+        self.next = index + 1;
+        self.wakeup.record(late_ns);
+        Ok(Tick { index, deadline_ns, woke_ns, wakeup_ns: late_ns, missed, action })
+    }
+
+    /// Ends the work of `tick`, and returns how long it took since the loop woke for it, ns.
+    pub fn finish(&mut self, tick: &Tick) -> u64 {
+        let exec_ns = self.clock.now_ns().saturating_sub(tick.woke_ns);
+        self.exec.record(exec_ns);
+        exec_ns
+    }
+
+    /// The figures so far.
+    pub fn summary(&self) -> LoopSummary {
+        LoopSummary {
+            steps: self.next,
+            overruns: self.overruns,
+            wakeup_us: self.wakeup.percentiles(),
+            exec_us: self.exec.percentiles(),
+        }
+    }
+
+    /// Counts the deadlines that have passed at `now_ns` and that were neither waited for nor counted before.
+    fn count_missed(&mut self, now_ns: u64) -> u32 {
+        let passed = match now_ns.checked_sub(self.start_ns) {
+            Some(offset_ns) => self.rate.last_due(offset_ns) + 1,
+            None => 0,
+        };
+        let missed = passed.saturating_sub(self.settled);
+        self.settled += missed;
+        self.overruns += missed;
+        u32::try_from(missed).unwrap_or(u32::MAX) // 2^32 periods are 11 hours at least, far beyond the lag allowed
+    }
+}
+
+/// Why a periodic loop ended by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum PeriodicError {
+    /// Deadlines were missed, and the policy is to stop.
+    #[error(
+        "overrun at step {index}: {missed} deadline(s) missed, {:.3} ms late, and the overrun policy is `stop`; lower \
+         the rate, give the loop a core of its own, or choose the policy `continue` or `fault`",
+        *late_ns as f64 / 1e6
+    )]
+    Overrun {
+        /// The tick that is late.
+        index: u64,
+        /// Deadlines missed that no tick before has told of.
+        missed: u32,
+        /// How late the tick is, ns.
+        late_ns: u64,
+    },
+    /// The loop can't catch up any more.
+    #[error(
+        "the loop is {:.3} s behind at step {index}, more than the {:.0} s allowed; the machine can't keep \
+         this rate, or the process was paused: lower the rate, or run in lockstep",
+        *late_ns as f64 / 1e9,
+        MAX_LAG_NS as f64 / 1e9
+    )]
+    TooFarBehind {
+        /// The tick that is late.
+        index: u64,
+        /// How late it is, ns.
+        late_ns: u64,
+    },
+}
+
+#[cfg(test)]
+#[path = "periodic_tests.rs"]
+mod tests;

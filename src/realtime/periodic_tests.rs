@@ -1,0 +1,253 @@
+//! The loop on a scripted clock, where every instant is known, and on the real one.
+
+use core::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+
+use proptest::prelude::*;
+
+use super::super::{Clock, SampleRate, SystemClock};
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes what it is told.
+#[derive(Default)]
+struct ScriptedClock {
+    now_ns: Cell<u64>,
+    wakeup_ns: RefCell<VecDeque<u64>>,
+    sleeps: Cell<u64>,
+}
+
+impl ScriptedClock {
+    fn with_wakeups(wakeup_ns: &[u64]) -> Self {
+        Self {
+            now_ns: Cell::new(5_000 * MS),
+            wakeup_ns: RefCell::new(wakeup_ns.iter().copied().collect()),
+            ..Self::default()
+        }
+    }
+
+    fn work(&self, duration_ns: u64) {
+        self.now_ns.set(self.now_ns.get() + duration_ns);
+    }
+}
+
+impl Clock for ScriptedClock {
+    fn now_ns(&self) -> u64 {
+        self.now_ns.get()
+    }
+
+    fn sleep_until_ns(&self, deadline_ns: u64) {
+        let late_ns = self.wakeup_ns.borrow_mut().pop_front().unwrap_or(0);
+        self.now_ns.set(self.now_ns.get().max(deadline_ns) + late_ns);
+        self.sleeps.set(self.sleeps.get() + 1);
+    }
+}
+
+/// One line a tick, for a loop at 1 kHz whose ticks work for `work_ns`.
+fn trace(clock: &ScriptedClock, policy: OverrunPolicy, work_ns: &[u64]) -> String {
+    let rate = SampleRate::new(1000.0).unwrap();
+    let mut periodic = Periodic::start(clock, rate, policy).unwrap();
+    let mut lines = Vec::new();
+    for &work_ns in work_ns {
+        match periodic.tick() {
+            Ok(tick) => {
+                clock.work(work_ns);
+                let exec_ns = periodic.finish(&tick);
+                assert_eq!(exec_ns, work_ns);
+                assert_eq!(tick.woke_ns - tick.deadline_ns, tick.wakeup_ns);
+                assert_eq!(tick.deadline_ns, periodic.start_ns() + tick.index * MS);
+                let late_us = tick.wakeup_ns / 1000;
+                lines.push(format!("{} late {late_us} us, missed {}, {:?}", tick.index, tick.missed, tick.action));
+            }
+            Err(error) => {
+                lines.push(error.to_string());
+                break;
+            }
+        }
+    }
+    let summary = periodic.summary();
+    lines.push(format!("steps {}, overruns {}, sleeps {}", summary.steps, summary.overruns, clock.sleeps.get()));
+    lines.join("\n")
+}
+
+#[test]
+fn on_time() {
+    let clock = ScriptedClock::with_wakeups(&[50_000, 60_000, 70_000]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Stop, &[MS / 2; 4]), @"
+    0 late 50 us, missed 0, Proceed
+    1 late 60 us, missed 0, Proceed
+    2 late 70 us, missed 0, Proceed
+    3 late 0 us, missed 0, Proceed
+    steps 4, overruns 0, sleeps 4
+    ");
+}
+
+#[test]
+fn long_work_is_caught_up_tick_by_tick() {
+    let clock = ScriptedClock::with_wakeups(&[]);
+    let work_ns = [MS / 10, 5 * MS / 2, 4 * MS / 10, 3 * MS / 10, MS / 10, MS / 10];
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &work_ns), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 0 us, missed 0, Proceed
+    2 late 1500 us, missed 2, Proceed
+    3 late 900 us, missed 0, Proceed
+    4 late 200 us, missed 1, Proceed
+    5 late 0 us, missed 0, Proceed
+    steps 6, overruns 3, sleeps 3
+    ");
+}
+
+#[test]
+fn a_late_wake_up_is_caught_up_tick_by_tick() {
+    let clock = ScriptedClock::with_wakeups(&[0, 5 * MS / 2]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[MS / 10; 6]), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 2500 us, missed 2, Proceed
+    2 late 1600 us, missed 0, Proceed
+    3 late 700 us, missed 0, Proceed
+    4 late 0 us, missed 0, Proceed
+    5 late 0 us, missed 0, Proceed
+    steps 6, overruns 2, sleeps 4
+    ");
+}
+
+#[test]
+fn the_policy_fault_asks_for_a_fault_at_each_miss() {
+    let clock = ScriptedClock::with_wakeups(&[]);
+    let work_ns = [MS / 10, 5 * MS / 2, 4 * MS / 10, 3 * MS / 10, MS / 10, MS / 10];
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Fault, &work_ns), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 0 us, missed 0, Proceed
+    2 late 1500 us, missed 2, Fault
+    3 late 900 us, missed 0, Proceed
+    4 late 200 us, missed 1, Fault
+    5 late 0 us, missed 0, Proceed
+    steps 6, overruns 3, sleeps 3
+    ");
+}
+
+#[test]
+fn the_policy_stop_ends_the_loop_at_the_first_miss() {
+    let clock = ScriptedClock::with_wakeups(&[]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Stop, &[MS / 10, 7 * MS / 2, MS / 10]), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 0 us, missed 0, Proceed
+    overrun at step 2: 3 deadline(s) missed, 2.500 ms late, and the overrun policy is `stop`; lower the rate, give the loop a core of its own, or choose the policy `continue` or `fault`
+    steps 2, overruns 3, sleeps 2
+    ");
+}
+
+#[test]
+fn a_deadline_met_to_the_nanosecond_is_met_and_a_microsecond_more_is_a_miss() {
+    let clock = ScriptedClock::with_wakeups(&[]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Stop, &[MS, MS, MS + 1_000, MS]), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 0 us, missed 0, Proceed
+    2 late 0 us, missed 0, Proceed
+    overrun at step 3: 1 deadline(s) missed, 0.001 ms late, and the overrun policy is `stop`; lower the rate, give the loop a core of its own, or choose the policy `continue` or `fault`
+    steps 3, overruns 1, sleeps 3
+    ");
+}
+
+#[test]
+fn a_loop_more_than_a_second_behind_ends_under_every_policy() {
+    let clock = ScriptedClock::with_wakeups(&[MAX_LAG_NS]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[1, 0]), @"
+    0 late 1000000 us, missed 1000, Proceed
+    1 late 999000 us, missed 0, Proceed
+    steps 2, overruns 1000, sleeps 1
+    ");
+    let clock = ScriptedClock::with_wakeups(&[MAX_LAG_NS + MS]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[1, 0]), @"
+    the loop is 1.001 s behind at step 0, more than the 1 s allowed; the machine can't keep this rate, or the process was paused: lower the rate, or run in lockstep
+    steps 0, overruns 1001, sleeps 1
+    ");
+}
+
+#[test]
+fn policies_are_read_and_written_as_text() {
+    for policy in OverrunPolicy::ALL {
+        let name = policy.to_string();
+        assert_eq!(name.parse(), Ok(policy));
+        assert_eq!(serde_json::to_value(policy).unwrap(), *name);
+    }
+    let error = "skip".parse::<OverrunPolicy>().unwrap_err();
+    insta::assert_snapshot!(error, @"unknown overrun policy `skip`; it is one of continue, fault, stop");
+}
+
+#[test]
+fn the_summary_has_the_keys_of_the_program_s_json() {
+    let clock = ScriptedClock::with_wakeups(&[2_000]);
+    let rate = SampleRate::new(500.0).unwrap();
+    let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Continue).unwrap();
+    assert_eq!(periodic.summary(), LoopSummary { steps: 0, overruns: 0, wakeup_us: None, exec_us: None });
+    let tick = periodic.tick().unwrap();
+    clock.work(1_000);
+    periodic.finish(&tick);
+    insta::assert_snapshot!(serde_json::to_string(&periodic.summary()).unwrap(), @r#"{"steps":1,"overruns":0,"wakeup_us":{"p50":2.0,"p99":2.0,"p99_9":2.0,"p99_99":2.0,"max":2.0},"exec_us":{"p50":1.0,"p99":1.0,"p99_9":1.0,"p99_99":1.0,"max":1.0}}"#);
+}
+
+proptest! {
+    /// Whatever the delays: every index once and in order, no tick early, and as many misses told as deadlines were
+    /// passed without the loop asleep for them. The oracle counts these one deadline at a time.
+    #[test]
+    fn every_miss_is_told_once(
+        rate_hz in 10.0..20_000.0_f64,
+        delays_periods in prop::collection::vec((0.0..3.0_f64, 0.0..3.0_f64), 1..60),
+    ) {
+        let rate = SampleRate::new(rate_hz).unwrap();
+        let period_ns = 1e9 / rate_hz;
+        let clock = ScriptedClock::with_wakeups(&[]);
+        let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Continue).unwrap();
+        let start_ns = periodic.start_ns();
+        let (mut told, mut waited) = (0, 0);
+        let mut woke_ns = 0;
+        for (index, (wakeup, work)) in delays_periods.iter().enumerate() {
+            clock.wakeup_ns.borrow_mut().clear();
+            clock.wakeup_ns.borrow_mut().push_back((wakeup * period_ns) as u64);
+            let slept_before = clock.sleeps.get();
+            let Ok(tick) = periodic.tick() else { break };
+            waited += clock.sleeps.get() - slept_before;
+            told += u64::from(tick.missed);
+            woke_ns = tick.woke_ns;
+            prop_assert_eq!(tick.index, index as u64);
+            prop_assert!(tick.woke_ns >= tick.deadline_ns);
+            clock.work((work * period_ns) as u64);
+            periodic.finish(&tick);
+            let mut due = 0;
+            while start_ns + rate.offset_ns(due) <= woke_ns {
+                due += 1;
+            }
+            prop_assert_eq!(told + waited, due);
+        }
+        prop_assert!(periodic.summary().overruns >= told && woke_ns >= start_ns);
+    }
+}
+
+#[test]
+fn a_second_on_the_real_clock() {
+    let rate = SampleRate::new(1000.0).unwrap();
+    let mut periodic = Periodic::start(&SystemClock, rate, OverrunPolicy::Continue).unwrap();
+    let start_ns = periodic.start_ns();
+    let (mut told, mut last_woke_ns) = (0, 0);
+    for index in 0..1000 {
+        // On a machine stalled for over a second the loop must say so; nothing else may end it.
+        let tick = match periodic.tick() {
+            Ok(tick) => tick,
+            Err(PeriodicError::TooFarBehind { late_ns, .. }) if late_ns > MAX_LAG_NS => return,
+            Err(error) => panic!("{error}"),
+        };
+        assert_eq!(tick.index, index);
+        assert_eq!(tick.deadline_ns, start_ns + index * MS);
+        assert!(tick.woke_ns >= tick.deadline_ns && tick.woke_ns >= last_woke_ns);
+        told += u64::from(tick.missed);
+        last_woke_ns = tick.woke_ns;
+        // A deadline that passed before this tick was either waited for, by a tick up to this one, or told as missed.
+        assert!((tick.woke_ns - start_ns) / MS < index + 1 + told);
+        periodic.finish(&tick);
+    }
+    let summary = periodic.summary();
+    assert_eq!((summary.steps, summary.overruns), (1000, told));
+    assert!(last_woke_ns - start_ns >= 999 * MS);
+}

@@ -1,0 +1,274 @@
+//! What this process may have of real time: found out by trying, without lasting change.
+
+use std::fs;
+
+use rustix::io::Errno;
+use rustix::process::{Resource, getrlimit};
+use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_getaffinity};
+use rustix::time::{ClockId, clock_getres};
+use serde::Serialize;
+
+use super::clock::to_ns;
+use super::thread::{FifoPriority, set_fifo};
+
+/// The coarsest resolution of the monotonic clock that a periodic loop can live with, ns.
+const CLOCK_RESOLUTION_WANTED_NS: u64 = 1_000;
+
+/// What this process, on this machine, can have of real time.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Privileges {
+    /// The highest priority of `SCHED_FIFO` that a thread got; `None` if refused.
+    pub fifo_priority_max: Option<FifoPriority>,
+    /// How much memory may be locked into RAM, bytes; `None` without limit.
+    pub memory_lock_limit_bytes: Option<u64>,
+    /// The cores the calling thread may run on; `None` if the system doesn't tell (more than 1024 cores).
+    pub allowed_cores: Option<Vec<usize>>,
+    /// The cores that the kernel keeps free of other threads (`isolcpus`).
+    pub isolated_cores: Vec<usize>,
+    /// Resolution of the monotonic clock, ns.
+    pub clock_resolution_ns: u64,
+    /// Whether the kernel is fully preemptible (`PREEMPT_RT`).
+    pub preempt_rt: bool,
+    /// The frequency governor of the first allowed core, where the system tells.
+    pub governor: Option<String>,
+}
+
+impl Privileges {
+    /// Finds out. Nothing stays changed: the priority is tried on a thread that ends at once, and no memory is locked.
+    pub fn probe() -> Self {
+        let allowed_cores = allowed_cores().ok();
+        let first_core = allowed_cores.as_ref().and_then(|cores| cores.first());
+        let governor = first_core.and_then(|core| governor(*core));
+        Self {
+            fifo_priority_max: fifo_priority_max(),
+            memory_lock_limit_bytes: memory_lock_limit_bytes(),
+            isolated_cores: read_line("/sys/devices/system/cpu/isolated")
+                .map_or_else(Vec::new, |text| core_list(&text)),
+            allowed_cores,
+            clock_resolution_ns: to_ns(clock_getres(ClockId::Monotonic)),
+            preempt_rt: preempt_rt(),
+            governor,
+        }
+    }
+
+    /// The same for people: a line each, with the way to mend what could be better.
+    pub fn findings(&self) -> Vec<Finding> {
+        vec![
+            self.scheduling(),
+            self.memory(),
+            self.clock(),
+            Finding {
+                subject: "kernel preemption",
+                state: if self.preempt_rt { "PREEMPT_RT" } else { "not PREEMPT_RT" }.to_owned(),
+                mend: (!self.preempt_rt).then(|| {
+                    "for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), \
+                     `pro enable realtime-kernel` (Ubuntu)"
+                        .to_owned()
+                }),
+            },
+            self.cores(),
+            self.frequency_governor(),
+        ]
+    }
+
+    fn scheduling(&self) -> Finding {
+        let (state, mend) = match self.fifo_priority_max {
+            Some(max) if max >= FifoPriority::DEFAULT => (format!("SCHED_FIFO up to priority {}", max.get()), None),
+            Some(max) => (format!("SCHED_FIFO only up to priority {}", max.get()), Some(mend_priority())),
+            None => ("no SCHED_FIFO".to_owned(), Some(mend_priority())),
+        };
+        Finding { subject: "real-time scheduling", state, mend }
+    }
+
+    fn memory(&self) -> Finding {
+        let (state, mend) = match self.memory_lock_limit_bytes {
+            None => ("may be locked into RAM without limit".to_owned(), None),
+            Some(limit) => (format!("at most {} KiB may be locked into RAM", limit / 1024), Some(mend_memory_lock())),
+        };
+        Finding { subject: "memory", state, mend }
+    }
+
+    fn clock(&self) -> Finding {
+        let mend = (self.clock_resolution_ns > CLOCK_RESOLUTION_WANTED_NS)
+            .then(|| "boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)".to_owned());
+        Finding { subject: "monotonic clock", state: format!("resolution {} ns", self.clock_resolution_ns), mend }
+    }
+
+    fn cores(&self) -> Finding {
+        let Some(allowed) = &self.allowed_cores else {
+            return Finding { subject: "cores", state: "not told by this system".to_owned(), mend: None };
+        };
+        let state = format!("{allowed:?} allowed, {:?} isolated", self.isolated_cores);
+        // The only core can't be given away. The last one is as good as any, and not core 0, which serves the interrupts.
+        let spare = allowed.last().filter(|_| allowed.len() > 1 && self.isolated_cores.is_empty());
+        let mend = spare.map(|core| {
+            format!("to keep a core for the loop boot with `isolcpus={core} nohz_full={core} rcu_nocbs={core}`, and pin to it")
+        });
+        Finding { subject: "cores", state, mend }
+    }
+
+    fn frequency_governor(&self) -> Finding {
+        let (state, mend) = match self.governor.as_deref() {
+            None => ("not told by this system".to_owned(), None),
+            Some("performance") => ("performance".to_owned(), None),
+            Some(other) => (
+                other.to_owned(),
+                Some("for steady execution times: `sudo cpupower frequency-set -g performance`".to_owned()),
+            ),
+        };
+        Finding { subject: "frequency governor", state, mend }
+    }
+}
+
+/// One thing found out about this machine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// About what.
+    pub subject: &'static str,
+    /// How it is.
+    pub state: String,
+    /// How it could be better; `None` if it is well.
+    pub mend: Option<String>,
+}
+
+/// The cores that the calling thread may run on.
+pub(super) fn allowed_cores() -> Result<Vec<usize>, Errno> {
+    let set = sched_getaffinity(None)?;
+    Ok((0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect())
+}
+
+/// How much memory may be locked, bytes; `None` without limit: by `CAP_IPC_LOCK` or by `RLIMIT_MEMLOCK`.
+pub(super) fn memory_lock_limit_bytes() -> Option<u64> {
+    let capable = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
+    if capable { None } else { getrlimit(Resource::Memlock).current }
+}
+
+pub(super) fn mend_priority() -> String {
+    format!(
+        "`sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new \
+         login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`",
+        program_path()
+    )
+}
+
+pub(super) fn mend_memory_lock() -> String {
+    format!(
+        "`sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`; or the line `* - memlock unlimited` in \
+         /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`",
+        program_path()
+    )
+}
+
+pub(super) fn program_path() -> String {
+    std::env::current_exe().map_or_else(|_| "resonarm".to_owned(), |path| path.display().to_string())
+}
+
+/// The highest priority that a thread gets, of those that the limits could allow.
+fn fifo_priority_max() -> Option<FifoPriority> {
+    let limit = getrlimit(Resource::Rtprio).current.map_or(99, |limit| limit.min(99)) as u8;
+    let candidates = [99, limit].into_iter().filter_map(|priority| FifoPriority::try_from(priority).ok());
+    std::thread::scope(|scope| {
+        let trial = scope.spawn(|| candidates.clone().find(|priority| set_fifo(*priority).is_ok()));
+        trial.join().unwrap_or(None)
+    })
+}
+
+/// Kernels with `PREEMPT_RT` say so in `/sys/kernel/realtime` (out-of-tree patches) or in their version line.
+fn preempt_rt() -> bool {
+    read_line("/sys/kernel/realtime").is_some_and(|text| text == "1")
+        || read_line("/proc/sys/kernel/version").is_some_and(|text| text.contains("PREEMPT_RT"))
+}
+
+fn governor(core: usize) -> Option<String> {
+    read_line(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor"))
+}
+
+fn read_line(path: &str) -> Option<String> {
+    fs::read_to_string(path).ok().map(|text| text.trim().to_owned())
+}
+
+/// The kernel's form of a list of cores, for example `1,4-6`.
+fn core_list(text: &str) -> Vec<usize> {
+    let range = |part: &str| {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        Some(first.parse().ok()?..=last.parse().ok()?)
+    };
+    text.split(',').filter_map(range).flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_probe_tells_what_the_kernel_grants_and_changes_nothing() {
+        let cores_before = allowed_cores().unwrap();
+        let probe = Privileges::probe();
+        assert_eq!(allowed_cores().unwrap(), cores_before);
+        assert_eq!(probe.allowed_cores, Some(cores_before));
+        assert!(probe.clock_resolution_ns > 0);
+        if let Some(max) = probe.fifo_priority_max {
+            std::thread::scope(|scope| scope.spawn(|| set_fifo(max).unwrap()).join().unwrap());
+        }
+        let stat = fs::read_to_string("/proc/thread-self/stat").unwrap();
+        let policy = stat.rsplit(')').next().unwrap().split_whitespace().nth(38).unwrap();
+        assert_ne!(policy, (libc::SCHED_FIFO as u32).to_string(), "the calling thread was left under SCHED_FIFO");
+    }
+
+    fn told(privileges: &Privileges) -> String {
+        let line = |finding: Finding| match finding.mend {
+            Some(mend) => format!("{}: {}; to mend: {mend}", finding.subject, finding.state),
+            None => format!("{}: {}", finding.subject, finding.state),
+        };
+        privileges.findings().into_iter().map(line).collect::<Vec<_>>().join("\n")
+    }
+
+    #[test]
+    fn a_machine_with_nothing_is_told_what_to_do() {
+        let privileges = Privileges {
+            fifo_priority_max: None,
+            memory_lock_limit_bytes: Some(8 << 20),
+            allowed_cores: Some(vec![0, 1]),
+            isolated_cores: Vec::new(),
+            clock_resolution_ns: 4_000_000,
+            preempt_rt: false,
+            governor: Some("powersave".to_owned()),
+        };
+        insta::assert_snapshot!(told(&privileges).replace(&program_path(), "PROGRAM"), @"
+        real-time scheduling: no SCHED_FIFO; to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`
+        memory: at most 8192 KiB may be locked into RAM; to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`
+        monotonic clock: resolution 4000000 ns; to mend: boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)
+        kernel preemption: not PREEMPT_RT; to mend: for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), `pro enable realtime-kernel` (Ubuntu)
+        cores: [0, 1] allowed, [] isolated; to mend: to keep a core for the loop boot with `isolcpus=1 nohz_full=1 rcu_nocbs=1`, and pin to it
+        frequency governor: powersave; to mend: for steady execution times: `sudo cpupower frequency-set -g performance`
+        ");
+    }
+
+    #[test]
+    fn a_machine_set_up_well_has_nothing_to_mend() {
+        let privileges = Privileges {
+            fifo_priority_max: FifoPriority::try_from(99).ok(),
+            memory_lock_limit_bytes: None,
+            allowed_cores: Some(vec![0, 1, 2]),
+            isolated_cores: vec![2],
+            clock_resolution_ns: 1,
+            preempt_rt: true,
+            governor: Some("performance".to_owned()),
+        };
+        insta::assert_snapshot!(told(&privileges), @"
+        real-time scheduling: SCHED_FIFO up to priority 99
+        memory: may be locked into RAM without limit
+        monotonic clock: resolution 1 ns
+        kernel preemption: PREEMPT_RT
+        cores: [0, 1, 2] allowed, [2] isolated
+        frequency governor: performance
+        ");
+    }
+
+    #[test]
+    fn lists_of_cores_are_read_as_the_kernel_writes_them() {
+        assert_eq!(core_list("1,4-6,9"), [1, 4, 5, 6, 9]);
+        assert_eq!(core_list("3"), [3]);
+        assert!(core_list("").is_empty());
+    }
+}

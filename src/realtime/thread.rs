@@ -1,0 +1,322 @@
+//! Making the calling thread a real-time thread, as far as the system permits.
+
+use core::fmt;
+use core::hint::black_box;
+use core::num::NonZeroU64;
+
+use rustix::io::Errno;
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::privileges::{allowed_cores, memory_lock_limit_bytes, mend_memory_lock, mend_priority};
+
+/// How much of its stack [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
+pub const PREFAULT_STACK_BYTES: usize = 256 * 1024;
+
+/// A priority of `SCHED_FIFO`, 1 (lowest) to 99.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
+pub struct FifoPriority(u8);
+
+impl FifoPriority {
+    /// Above threaded interrupt handlers (50), below the kernel's own watchdog and migration threads (99).
+    pub const DEFAULT: Self = Self(80);
+    /// The lowest.
+    pub const MIN: Self = Self(1);
+
+    /// The number.
+    pub fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl TryFrom<u8> for FifoPriority {
+    type Error = PriorityError;
+
+    fn try_from(priority: u8) -> Result<Self, Self::Error> {
+        if (1..=99).contains(&priority) { Ok(Self(priority)) } else { Err(PriorityError { priority }) }
+    }
+}
+
+impl From<FifoPriority> for u8 {
+    fn from(priority: FifoPriority) -> Self {
+        priority.0
+    }
+}
+
+/// A number that is no priority of `SCHED_FIFO`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("the real-time priority is {priority}; it must be from 1 to 99")]
+pub struct PriorityError {
+    /// The number.
+    pub priority: u8,
+}
+
+/// What a real-time thread is to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ThreadSetup {
+    /// Scheduling by `SCHED_FIFO` with this priority; `None` leaves the scheduling as it is.
+    pub priority: Option<FifoPriority>,
+    /// All memory of the process locked into RAM (`mlockall`).
+    pub lock_memory: bool,
+    /// The only core to run on; `None` lets the thread move.
+    pub core: Option<usize>,
+}
+
+impl Default for ThreadSetup {
+    /// `SCHED_FIFO` 80, memory locked, no core of its own.
+    fn default() -> Self {
+        Self { priority: Some(FifoPriority::DEFAULT), lock_memory: true, core: None }
+    }
+}
+
+impl ThreadSetup {
+    /// Gives the calling thread what is asked for, as far as the system permits; the rest is in
+    /// [`ThreadReport::shortfalls`]. Touches [`PREFAULT_STACK_BYTES`] of stack in any case.
+    ///
+    /// Threads that the calling thread starts later don't inherit the priority (`SCHED_FLAG_RESET_ON_FORK`), but do inherit
+    /// the core. Memory is locked for the whole process. A thread that gets no priority asks for timers without slack
+    /// instead, which would otherwise wake it up to 50 µs late.
+    pub fn apply(&self) -> ThreadReport {
+        let mut report = ThreadReport { priority: None, memory: MemoryLock::None, core: None, shortfalls: Vec::new() };
+        prefault_stack();
+        if let Some(core) = self.core {
+            match pin(core) {
+                Ok(()) => report.core = Some(core),
+                Err(error) => report.shortfalls.push(Shortfall::core(core, error)),
+            }
+        }
+        if self.lock_memory {
+            match lock_memory() {
+                Ok(lock) => report.memory = lock,
+                Err(error) => report.shortfalls.push(Shortfall::memory(error)),
+            }
+        }
+        if let Some(priority) = self.priority {
+            match set_fifo(priority) {
+                Ok(()) => report.priority = Some(priority),
+                Err(error) => report.shortfalls.push(Shortfall::priority(priority, error)),
+            }
+        }
+        if report.priority.is_none()
+            && let Err(error) = set_current_timer_slack(NonZeroU64::new(1))
+        {
+            report.shortfalls.push(Shortfall::timer_slack(error));
+        }
+        report
+    }
+}
+
+/// What a thread got.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ThreadReport {
+    /// The priority under `SCHED_FIFO`; `None` without it.
+    pub priority: Option<FifoPriority>,
+    /// How much of the process's memory is locked.
+    pub memory: MemoryLock,
+    /// The core it is pinned to.
+    pub core: Option<usize>,
+    /// What was asked for and not to be had.
+    pub shortfalls: Vec<Shortfall>,
+}
+
+/// How much of the process's memory is locked into RAM.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MemoryLock {
+    /// None.
+    None,
+    /// What was mapped when the lock was made. What comes later isn't, because the process's limit would make allocations
+    /// fail: the loop itself makes none.
+    Current,
+    /// All, also what will be mapped later.
+    All,
+}
+
+/// Something that a real-time thread needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wanted {
+    /// Scheduling by `SCHED_FIFO`.
+    Priority,
+    /// Memory locked into RAM.
+    MemoryLock,
+    /// A core to stay on.
+    Core,
+    /// Timers that aren't delayed to save power.
+    TimerSlack,
+    /// Cores that don't fall into idle states.
+    CoresAwake,
+}
+
+/// Something that was asked for and could not be had.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Shortfall {
+    /// What was wanted.
+    pub wanted: Wanted,
+    /// The same in words, with its number.
+    pub what: String,
+    /// What the system said.
+    pub why: String,
+    /// How to get it.
+    pub mend: String,
+}
+
+impl Shortfall {
+    fn priority(priority: FifoPriority, error: Errno) -> Self {
+        let what = format!("SCHED_FIFO priority {}", priority.get());
+        Self { wanted: Wanted::Priority, what, why: error.to_string(), mend: mend_priority() }
+    }
+
+    fn memory(error: Errno) -> Self {
+        let what = "memory locked into RAM".to_owned();
+        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), mend: mend_memory_lock() }
+    }
+
+    fn core(core: usize, error: Errno) -> Self {
+        let allowed = allowed_cores().map_or_else(|error| error.to_string(), |cores| format!("{cores:?}"));
+        let mend = format!("choose a core that this process may use: {allowed}");
+        Self { wanted: Wanted::Core, what: format!("core {core}"), why: error.to_string(), mend }
+    }
+
+    fn timer_slack(error: Errno) -> Self {
+        let mend = "real-time scheduling makes it unnecessary".to_owned();
+        Self { wanted: Wanted::TimerSlack, what: "timers without slack".to_owned(), why: error.to_string(), mend }
+    }
+}
+
+impl fmt::Display for Shortfall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no {}: {}; to mend: {}", self.what, self.why, self.mend)
+    }
+}
+
+/// Writes to [`PREFAULT_STACK_BYTES`] of stack below the caller's frame, so that their pages are there.
+#[inline(never)]
+fn prefault_stack() {
+    black_box(&mut [0_u8; PREFAULT_STACK_BYTES]);
+}
+
+fn pin(core: usize) -> Result<(), Errno> {
+    if core >= CpuSet::MAX_CPU {
+        return Err(Errno::INVAL);
+    }
+    let mut set = CpuSet::new();
+    set.set(core);
+    sched_setaffinity(None, &set)
+}
+
+/// `MCL_FUTURE` under a limit would make any later allocation fail once the limit is reached, so it is asked for only when
+/// the process has no limit.
+fn lock_memory() -> Result<MemoryLock, Errno> {
+    if memory_lock_limit_bytes().is_none() {
+        mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map(|()| MemoryLock::All)
+    } else {
+        mlockall(MlockAllFlags::CURRENT).map(|()| MemoryLock::Current)
+    }
+}
+
+/// Puts the calling thread under `SCHED_FIFO`; threads that it starts later get the default scheduling.
+#[allow(unsafe_code)] // no safe wrapper exists: rustix has no call that sets a scheduling policy
+pub(super) fn set_fifo(priority: FifoPriority) -> Result<(), Errno> {
+    const CALLING_THREAD: libc::c_long = 0;
+    const NO_FLAGS: libc::c_long = 0;
+    let attributes = libc::sched_attr {
+        size: size_of::<libc::sched_attr>() as u32,
+        sched_policy: libc::SCHED_FIFO.unsigned_abs(),
+        sched_flags: libc::SCHED_FLAG_RESET_ON_FORK as u64,
+        sched_nice: 0,
+        sched_priority: priority.get().into(),
+        sched_runtime: 0,
+        sched_deadline: 0,
+        sched_period: 0,
+    };
+    // SAFETY: the kernel reads `attributes.size` bytes from the pointer, which is that of a live value of that size, and
+    // writes nothing.
+    let result =
+        unsafe { libc::syscall(libc::SYS_sched_setattr, CALLING_THREAD, core::ptr::from_ref(&attributes), NO_FLAGS) };
+    if result == 0 {
+        return Ok(());
+    }
+    Err(Errno::from_io_error(&std::io::Error::last_os_error()).unwrap_or(Errno::IO))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::privileges::program_path;
+    use super::*;
+
+    /// Runs `body` on a thread of its own, whose settings end with it.
+    fn on_a_thread<T: Send>(body: impl FnOnce() -> T + Send) -> T {
+        std::thread::scope(|scope| scope.spawn(body).join().unwrap())
+    }
+
+    /// Policy and priority of the calling thread as the kernel tells them: fields 41 and 40 of `/proc/self/stat`.
+    fn scheduling() -> (u32, u32) {
+        let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
+        let after_name: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+        (after_name[38].parse().unwrap(), after_name[37].parse().unwrap())
+    }
+
+    #[test]
+    fn nothing_asked_is_nothing_done() {
+        let setup = ThreadSetup { priority: None, lock_memory: false, core: None };
+        let report = on_a_thread(|| setup.apply());
+        let nothing = ThreadReport { priority: None, memory: MemoryLock::None, core: None, shortfalls: Vec::new() };
+        assert_eq!(report, nothing);
+    }
+
+    #[test]
+    fn the_kernel_agrees_with_the_report() {
+        let core = allowed_cores().unwrap()[0];
+        let priority = FifoPriority::try_from(7).unwrap();
+        let setup = ThreadSetup { priority: Some(priority), lock_memory: false, core: Some(core) };
+        on_a_thread(|| {
+            let report = setup.apply();
+            assert_eq!(report.core, Some(core), "{:?}", report.shortfalls);
+            assert_eq!(allowed_cores().unwrap(), [core]);
+            let (policy, priority) = scheduling();
+            match report.priority {
+                Some(got) => {
+                    assert_eq!((policy, priority), (libc::SCHED_FIFO as u32, got.get().into()));
+                    assert_eq!(on_a_thread(scheduling).0, libc::SCHED_OTHER as u32, "inherited");
+                }
+                None => {
+                    assert_ne!(policy, libc::SCHED_FIFO as u32);
+                    assert_eq!(report.shortfalls[0].wanted, Wanted::Priority);
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn a_core_that_is_not_there_is_a_shortfall_and_the_run_goes_on() {
+        for core in [CpuSet::MAX_CPU - 1, CpuSet::MAX_CPU] {
+            let setup = ThreadSetup { priority: None, lock_memory: false, core: Some(core) };
+            let report = on_a_thread(|| setup.apply());
+            assert_eq!((report.core, report.shortfalls.len()), (None, 1));
+            assert_eq!(report.shortfalls[0].wanted, Wanted::Core);
+        }
+        let shortfall = Shortfall {
+            mend: "choose a core that this process may use: [0, 1]".to_owned(),
+            ..Shortfall::core(9, Errno::INVAL)
+        };
+        insta::assert_snapshot!(shortfall, @"no core 9: Invalid argument (os error 22); to mend: choose a core that this process may use: [0, 1]");
+    }
+
+    #[test]
+    fn what_is_refused_is_told_with_the_way_to_mend_it() {
+        let said = |shortfall: Shortfall| shortfall.to_string().replace(&program_path(), "PROGRAM");
+        insta::assert_snapshot!(said(Shortfall::priority(FifoPriority::DEFAULT, Errno::PERM)), @"no SCHED_FIFO priority 80: Operation not permitted (os error 1); to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`");
+        insta::assert_snapshot!(said(Shortfall::memory(Errno::NOMEM)), @"no memory locked into RAM: Cannot allocate memory (os error 12); to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`");
+    }
+
+    #[test]
+    fn priorities_out_of_range_are_refused() {
+        assert_eq!([1, 99].map(|p| FifoPriority::try_from(p).unwrap().get()), [1, 99]);
+        assert!(FifoPriority::try_from(100).is_err());
+        insta::assert_snapshot!(FifoPriority::try_from(0).unwrap_err(), @"the real-time priority is 0; it must be from 1 to 99");
+    }
+}
