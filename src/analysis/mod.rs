@@ -1,0 +1,7 @@
+//! Analysis of the arm without stepping through time: what a bench measurement is held against.
+
+pub mod frf;
+pub mod modes;
+
+pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response};
+pub use modes::{Mode, modes};
