@@ -20,5 +20,7 @@ pub mod bus;
 pub mod realtime;
 #[cfg(feature = "std")]
 pub mod recording;
+#[cfg(feature = "std")]
+pub mod scenario;
 
 pub use resonarm_protocol as protocol;

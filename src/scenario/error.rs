@@ -1,0 +1,85 @@
+//! What is wrong with a scenario.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::arm::ArmError;
+use crate::excitation::ExcitationError;
+use crate::protocol::NetworkError;
+
+/// Why a scenario can't be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ScenarioError {
+    /// The file can't be read.
+    #[error("can't read the scenario {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The text is no scenario.
+    #[error("{origin}: {message}{}", suggestion.as_ref().map_or(String::new(), |s| format!("\nDid you mean `{s}`?")))]
+    Parse {
+        /// Where the text is from.
+        origin: String,
+        /// What the TOML reader says, with the place.
+        message: String,
+        /// The known key that is nearest to an unknown one.
+        suggestion: Option<String>,
+    },
+    /// The scenario can't be written as TOML.
+    #[error("the scenario can't be written as TOML: {reason}")]
+    Write {
+        /// What the TOML writer says.
+        reason: String,
+    },
+    /// There is no such arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// The excitation can't be played.
+    #[error(transparent)]
+    Excitation(#[from] ExcitationError),
+    /// The base identifier is impossible.
+    #[error("network.base_id: {0}")]
+    Network(#[from] NetworkError),
+    /// The sample rate can't be put on the wire.
+    #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535")]
+    Rate {
+        /// What was given, Hz.
+        got_hz: f64,
+    },
+    /// A number is impossible.
+    #[error("{name} is {got}: it must be {expected}")]
+    Value {
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// An exciter was asked for, and the scenario has nothing to play.
+    #[error("the scenario has no [excitation]: add one, as scenarios/demo.toml shows")]
+    NoExcitation,
+}
+
+impl ScenarioError {
+    /// What the TOML reader says, and for an unknown key or variant the nearest known one.
+    pub(super) fn parse(origin: &str, error: &toml::de::Error) -> ScenarioError {
+        let message = error.to_string().trim_end().to_string();
+        ScenarioError::Parse { origin: origin.to_string(), suggestion: suggestion(error.message()), message }
+    }
+}
+
+/// Reads serde's ``unknown field `x`, expected one of `a`, `b` `` and finds the name nearest to x.
+fn suggestion(message: &str) -> Option<String> {
+    let (unknown, expected) = message.split_once(", expected ")?;
+    let got = unknown.strip_prefix("unknown field ").or(unknown.strip_prefix("unknown variant "))?.trim_matches('`');
+    let known = expected.split('`').skip(1).step_by(2);
+    let near = known.map(|name| (strsim::normalized_damerau_levenshtein(got, name), name));
+    let (similarity, name) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (similarity > 0.5).then(|| name.to_string())
+}

@@ -1,0 +1,271 @@
+//! Scenarios: everything about a run, in one TOML file.
+//!
+//! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
+//! nearest known one. The whole scenario, defaults written out, goes into the recording.
+
+mod error;
+
+pub use error::ScenarioError;
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::arm::{Arm, Parameters, Pose, Preset, State};
+use crate::excitation::{ExcitationSpec, Profile};
+use crate::integrate::Scheme;
+use crate::node::Timing;
+use crate::plant::PlantSpec;
+use crate::protocol::{Network, timing};
+use crate::rig::RigSpec;
+
+/// Everything about a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scenario {
+    /// The arm and how it starts.
+    pub arm: ArmSection,
+    /// The simulation: rate, scheme, seed, length.
+    pub simulation: SimulationSection,
+    /// The CAN network.
+    pub network: NetworkSection,
+    /// The instruments.
+    pub rig: RigSpec,
+    /// What the exciter controller plays, if the scenario says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation: Option<ExcitationSpec>,
+}
+
+/// The arm and how it starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArmSection {
+    /// Name of the preset.
+    pub preset: String,
+    /// β1, degrees.
+    pub beta1_deg: f64,
+    /// β2, degrees.
+    pub beta2_deg: f64,
+    /// Initial state: α1, α2 in rad, α̇1, α̇2 in rad/s.
+    pub initial: [f64; 4],
+    /// Parameters that differ from the preset's, by their names.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub parameters: toml::Table,
+}
+
+impl Default for ArmSection {
+    /// The default preset at β1 = 0°, β2 = 60°, at rest.
+    fn default() -> ArmSection {
+        ArmSection {
+            preset: Preset::default().name().to_string(),
+            beta1_deg: 0.0,
+            beta2_deg: 60.0,
+            initial: [0.0; 4],
+            parameters: toml::Table::new(),
+        }
+    }
+}
+
+/// The simulation: rate, scheme, seed, length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulationSection {
+    /// Samples a second, whole Hz from 1 to 65535: the wire states it so.
+    pub rate_hz: f64,
+    /// Integration steps a sample, at least 1.
+    pub steps_per_sample: u32,
+    /// Integration scheme.
+    pub scheme: Scheme,
+    /// Seed of all noise, from 0 to 2⁶³ − 1.
+    pub seed: u64,
+    /// Length of the run, s; without it the run goes on until it is stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub duration_s: Option<f64>,
+}
+
+impl Default for SimulationSection {
+    /// 1 kHz, four steps a sample of the default scheme, seed 0, no end.
+    fn default() -> SimulationSection {
+        let scheme = Scheme::default();
+        SimulationSection { rate_hz: 1000.0, steps_per_sample: 4, scheme, seed: 0, duration_s: None }
+    }
+}
+
+/// The CAN network and its deadlines.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkSection {
+    /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
+    pub base_id: u16,
+    /// Longest time without a valid command while armed, s; more than one sample.
+    pub command_timeout_s: f64,
+    /// Longest time without a sign of life of the partner while armed, s.
+    pub partner_timeout_s: f64,
+    /// How long each end waits for the other in lockstep, s of wall-clock time.
+    pub lockstep_timeout_s: f64,
+}
+
+impl Default for NetworkSection {
+    /// The protocol's specification.
+    fn default() -> NetworkSection {
+        NetworkSection {
+            base_id: Network::default().base(),
+            command_timeout_s: timing::COMMAND_TIMEOUT_NS as f64 * 1e-9,
+            partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
+            lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
+        }
+    }
+}
+
+impl Scenario {
+    /// Reads a scenario file.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario.
+    pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
+        Scenario::parse(&text, &path.display().to_string())
+    }
+
+    /// Reads a scenario from its text; `origin` is what to call it in messages.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Parse`] if it is no scenario.
+    pub fn parse(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+        toml::from_str(text).map_err(|error| ScenarioError::parse(origin, &error))
+    }
+
+    /// The scenario as TOML, with every default written out.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Write`] if a number can't be written: a seed above 2⁶³ − 1.
+    pub fn to_toml(&self) -> Result<String, ScenarioError> {
+        toml::to_string(self).map_err(|error| ScenarioError::Write { reason: error.to_string() })
+    }
+
+    /// The arm's parameters: the preset's, with the scenario's own in their place.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter.
+    pub fn parameters(&self) -> Result<Parameters, ScenarioError> {
+        let preset = self.arm.preset.parse::<Preset>()?.parameters()?;
+        let mut table =
+            toml::Table::try_from(preset).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
+        table.extend(self.arm.parameters.clone());
+        table.try_into().map_err(|error: toml::de::Error| ScenarioError::parse("[arm.parameters]", &error))
+    }
+
+    /// The pose.
+    pub fn pose(&self) -> Pose {
+        Pose { beta1_deg: self.arm.beta1_deg, beta2_deg: self.arm.beta2_deg }
+    }
+
+    /// The arm in its pose.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if there is no such arm.
+    pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
+        Ok(Arm::new(self.parameters()?, self.pose())?)
+    }
+
+    /// Everything that makes the plant.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if the arm's parameters can't be had.
+    pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
+        let [x1, x2, v1, v2] = self.arm.initial;
+        Ok(PlantSpec {
+            parameters: self.parameters()?,
+            pose: self.pose(),
+            initial: State::new([x1, x2], [v1, v2]),
+            scheme: self.simulation.scheme,
+            sample_rate_hz: self.simulation.rate_hz,
+            steps_per_sample: self.simulation.steps_per_sample,
+            rig: self.rig,
+            seed: self.simulation.seed,
+        })
+    }
+
+    /// The sample rate as the wire states it.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Rate`] if it is not a whole number of hertz from 1 to 65535.
+    pub fn wire_rate_hz(&self) -> Result<u16, ScenarioError> {
+        let got_hz = self.simulation.rate_hz;
+        let rate_hz = got_hz as u16;
+        if f64::from(rate_hz) == got_hz && rate_hz > 0 { Ok(rate_hz) } else { Err(ScenarioError::Rate { got_hz }) }
+    }
+
+    /// The length of the run in samples, if it has an end.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] if the length is not a positive number.
+    pub fn duration_samples(&self) -> Result<Option<u64>, ScenarioError> {
+        let samples = |duration_s| {
+            let seconds = positive("simulation.duration_s", duration_s)?;
+            Ok(libm::ceil(seconds * self.simulation.rate_hz) as u64)
+        };
+        self.simulation.duration_s.map(samples).transpose()
+    }
+
+    /// The CAN network.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Network`] for an impossible base identifier.
+    pub fn network(&self) -> Result<Network, ScenarioError> {
+        Ok(Network::new(self.network.base_id)?)
+    }
+
+    /// The deadlines of a run in real time.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] if one is not a positive number, or the command timeout is not more than a sample.
+    pub fn real_time_timing(&self) -> Result<Timing, ScenarioError> {
+        let command_timeout_s = positive("network.command_timeout_s", self.network.command_timeout_s)?;
+        if command_timeout_s * self.simulation.rate_hz <= 1.0 {
+            let expected = "longer than a sample (1 / simulation.rate_hz)";
+            return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
+        }
+        let partner_timeout_s = positive("network.partner_timeout_s", self.network.partner_timeout_s)?;
+        Ok(Timing {
+            command_timeout_ns: nanoseconds(command_timeout_s),
+            command_age_ns: nanoseconds(command_timeout_s),
+            partner_timeout_ns: nanoseconds(partner_timeout_s),
+            ..Timing::real_time()
+        })
+    }
+
+    /// The deadlines of a run in lockstep.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] if the timeout is not a positive number.
+    pub fn lockstep_timing(&self) -> Result<Timing, ScenarioError> {
+        let timeout_s = positive("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
+        Ok(Timing::lockstep(nanoseconds(timeout_s)))
+    }
+
+    /// What the exciter plays.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NoExcitation`] if the scenario has none, [`ScenarioError::Excitation`] if it can't be played.
+    pub fn profile(&self) -> Result<Profile, ScenarioError> {
+        let spec = self.excitation.as_ref().ok_or(ScenarioError::NoExcitation)?;
+        Ok(Profile::new(spec, self.simulation.rate_hz)?)
+    }
+}
+
+fn positive(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
+    if got.is_finite() && got > 0.0 {
+        Ok(got)
+    } else {
+        Err(ScenarioError::Value { name, got, expected: "a positive number" })
+    }
+}
+
+fn nanoseconds(seconds: f64) -> u64 {
+    libm::round(seconds * 1e9) as u64
+}
+
+#[cfg(test)]
+mod tests;

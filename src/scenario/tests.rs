@@ -1,0 +1,61 @@
+use super::*;
+
+fn parse(text: &str) -> Result<Scenario, ScenarioError> {
+    Scenario::parse(text, "test.toml")
+}
+
+#[test]
+fn an_empty_scenario_is_the_default_and_survives_writing() {
+    let scenario = parse("").unwrap();
+    assert_eq!(scenario, Scenario::default());
+    assert_eq!(parse(&scenario.to_toml().unwrap()).unwrap(), scenario);
+    assert_eq!(scenario.parameters().unwrap(), Preset::Irb1600Fitted.parameters().unwrap());
+    assert_eq!(scenario.real_time_timing().unwrap(), Timing::real_time());
+    assert_eq!(scenario.lockstep_timing().unwrap(), Timing::lockstep(timing::LOCKSTEP_TIMEOUT_NS));
+}
+
+#[test]
+fn own_parameters_replace_the_presets() {
+    let scenario = parse("[arm]\npreset = 'irb1600-table1'\nparameters = { inertia2_kg_m2 = 1.5 }").unwrap();
+    assert_eq!(scenario.parameters().unwrap(), Preset::Irb1600Fitted.parameters().unwrap());
+}
+
+#[test]
+fn names_an_unknown_key_and_suggests_the_nearest() {
+    let says = |text: &str| parse(text).and_then(|scenario| scenario.plant_spec()).unwrap_err().to_string();
+    insta::assert_snapshot!(says("[simulation]\nrate_hz = 1000\nstep_per_sample = 2\n"), @r"
+    test.toml: TOML parse error at line 3, column 1
+      |
+    3 | step_per_sample = 2
+      | ^^^^^^^^^^^^^^^
+    unknown field `step_per_sample`, expected one of `rate_hz`, `steps_per_sample`, `scheme`, `seed`, `duration_s`
+    Did you mean `steps_per_sample`?
+    ");
+    insta::assert_snapshot!(says("[arm]\nparameters = { mass_kg = 3.0 }"), @r"
+    [arm.parameters]: unknown field `mass_kg`, expected one of `inertia1_kg_m2`, `inertia2_kg_m2`, `mass2_kg`, `length1_m`, `length2_m`, `centre2_m`, `stiffness1_nm_rad`, `stiffness2_nm_rad`, `damping1_nm_s_rad`, `damping2_nm_s_rad`
+    Did you mean `mass2_kg`?
+    ");
+    insta::assert_snapshot!(says("[arm]\npreset = 'irb140'"), @"there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+}
+
+#[test]
+fn says_what_is_wrong_with_the_numbers() {
+    let says = |text: &str| {
+        let scenario = parse(text).unwrap();
+        let checks = || -> Result<(), ScenarioError> {
+            scenario.wire_rate_hz()?;
+            scenario.duration_samples()?;
+            scenario.network()?;
+            scenario.real_time_timing()?;
+            scenario.lockstep_timing()?;
+            scenario.profile().map(|_| ())
+        };
+        checks().unwrap_err().to_string()
+    };
+    insta::assert_snapshot!(says("simulation.rate_hz = 0"), @"simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");
+    insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: the wire states it as a whole number of hertz from 1 to 65535");
+    insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
+    insta::assert_snapshot!(says("network.base_id = 0x205"), @"network.base_id: base identifier 0x205 is not a multiple of 0x10: take 0x200");
+    insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be longer than a sample (1 / simulation.rate_hz)");
+    insta::assert_snapshot!(says(""), @"the scenario has no [excitation]: add one, as scenarios/demo.toml shows");
+}
