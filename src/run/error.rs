@@ -1,0 +1,49 @@
+//! What ends a run before its end.
+
+use thiserror::Error;
+
+use crate::bus::BusError;
+use crate::plant::PlantError;
+use crate::protocol::EncodeError;
+use crate::realtime::{HistogramError, PeriodicError};
+use crate::recording::RecordingError;
+
+/// Why a run ended early.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The recording failed.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The simulation failed.
+    #[error("the simulation failed at {0}")]
+    Plant(#[from] PlantError),
+    /// A measurement could not be put on the wire.
+    #[error("a measurement can't be sent: {0}")]
+    Encode(#[from] EncodeError),
+    /// The real-time loop ended itself.
+    #[error(transparent)]
+    Periodic(#[from] PeriodicError),
+    /// The latencies could not be measured.
+    #[error(transparent)]
+    Histogram(#[from] HistogramError),
+    /// No plant answered the exciter.
+    #[error(
+        "no plant was heard within {waited_s} s: start one with `resonarm run` on the same bus, with the same rate and base identifier"
+    )]
+    NoPlant {
+        /// How long the exciter waited, s.
+        waited_s: f64,
+    },
+    /// A run in one loop made no progress.
+    #[error("plant and exciter did not come to terms: the plant is {plant}, the exciter {exciter}")]
+    Stalled {
+        /// The plant's state.
+        plant: crate::protocol::NodeState,
+        /// The exciter's state.
+        exciter: crate::protocol::NodeState,
+    },
+}

@@ -1,0 +1,31 @@
+//! Where the records of a run go.
+
+use crate::recording::{Channel, Record, RecordingError};
+
+/// Where the records of a run go.
+#[derive(Debug)]
+pub enum Tape {
+    /// Nowhere.
+    Off,
+    /// To a recording that may lose records rather than hold up the loop; losses are counted.
+    Lossy(Channel),
+    /// To a recording that gets every record, for which a loop in virtual time waits.
+    Whole(Channel),
+}
+
+impl Tape {
+    /// Records `record`.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if a whole recording has failed. A lossy one counts.
+    pub fn record(&mut self, record: Record) -> Result<(), RecordingError> {
+        match self {
+            Tape::Off => Ok(()),
+            Tape::Lossy(channel) => {
+                channel.push(record);
+                Ok(())
+            }
+            Tape::Whole(channel) => channel.push_blocking(record),
+        }
+    }
+}
