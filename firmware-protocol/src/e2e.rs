@@ -4,8 +4,9 @@
 //! The CRC is the polynomial x⁸ + x⁴ + x³ + x² + 1 (0x1D, SAE J1850), over: data id low byte, data id high byte, bytes
 //! 1 to n−1 of the message. SAE J1850 starts at 0xFF and inverts the result; Profile 11 undoes both (it calls the CRC
 //! with 0xFF as a *continued* start value, which the CRC library inverts to 0x00, and inverts the result again), so
-//! what stands here is the plain remainder: start 0x00, no final XOR. The polynomial is primitive: every error of one
-//! or two bits and every burst of up to 8 bits in a message of up to 31 bytes changes the CRC.
+//! what stands here is the plain remainder: start 0x00, no final XOR. The polynomial is primitive, of period 255 bits, so every
+//! error of one or two bits changes the remainder. So does every burst of up to 7 bits; not of 8, for the CRC stands
+//! before the bytes it covers, and a burst over the end of byte 0 is none to the polynomial.
 
 /// The largest counter; the next is 0.
 pub const COUNTER_MAX: u8 = 14;
@@ -53,7 +54,10 @@ pub enum CounterFault {
     /// The counter is that of the message before: a repetition (or exactly 15 were lost).
     Repeated,
     /// The counter steps by more than [`MAX_DELTA_COUNTER`]: too many lost, or out of order.
-    WrongSequence,
+    WrongSequence {
+        /// The counter before.
+        last: u8,
+    },
     /// The counter is 15, which Profile 11 doesn't use.
     Invalid,
 }
@@ -68,11 +72,6 @@ impl Supervision {
     /// Supervision that takes the first counter it sees, whatever it is.
     pub const fn new() -> Supervision {
         Supervision { last: None }
-    }
-
-    /// The counter that the next one is compared with, if there was one since the start.
-    pub const fn last(self) -> Option<u8> {
-        self.last
     }
 
     /// Checks the counter of a message whose CRC is right, and says how many messages were lost before it.
@@ -95,7 +94,7 @@ impl Supervision {
         match (counter + COUNTER_MAX + 1 - last) % (COUNTER_MAX + 1) {
             0 => Err(CounterFault::Repeated),
             delta if delta <= MAX_DELTA_COUNTER => Ok(delta - 1),
-            _ => Err(CounterFault::WrongSequence),
+            _ => Err(CounterFault::WrongSequence { last }),
         }
     }
 }
@@ -151,7 +150,7 @@ mod tests {
                 let expected = match lost {
                     0 => Err(CounterFault::Repeated),
                     1..=4 => Ok(lost - 1),
-                    _ => Err(CounterFault::WrongSequence),
+                    _ => Err(CounterFault::WrongSequence { last }),
                 };
                 assert_eq!(supervision.check(counter), expected, "{last} then {counter}");
                 assert_eq!(supervision.check(counter_after(counter)), Ok(0), "in step again after {counter}");
@@ -163,7 +162,7 @@ mod tests {
     fn counter_15_is_invalid_and_forgotten() {
         let mut supervision = Supervision::new();
         assert_eq!(supervision.check(15), Err(CounterFault::Invalid));
-        assert_eq!(supervision.last(), None);
+        assert_eq!(supervision, Supervision::new());
         assert_eq!(supervision.check(3), Ok(0));
         assert_eq!(supervision.check(15), Err(CounterFault::Invalid));
         assert_eq!(supervision.check(4), Ok(0));

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::e2e::{CounterFault, MAX_DELTA_COUNTER};
+use crate::e2e::{COUNTER_MAX, CounterFault, MAX_DELTA_COUNTER};
 use crate::frame::FrameFormat;
 use crate::message::MessageKind;
 
@@ -98,8 +98,6 @@ pub enum DecodeError {
         fault: CounterFault,
         /// The counter in the frame.
         got: u8,
-        /// The counter of the frame before, if there was one.
-        last: Option<u8>,
     },
     /// Bits that must be zero are not.
     Reserved {
@@ -158,7 +156,13 @@ impl fmt::Display for DecodeError {
             DecodeError::Crc { got, expected, .. } => {
                 write!(f, "CRC {got:#04X} instead of {expected:#04X}")
             }
-            DecodeError::Counter { fault, got, last, .. } => write_counter(f, fault, got, last),
+            DecodeError::Counter { fault: CounterFault::Repeated, got, .. } => write!(f, "counter {got} again"),
+            DecodeError::Counter { fault: CounterFault::WrongSequence { last }, got, .. } => {
+                write!(f, "counter {got} after {last}, a step of more than {MAX_DELTA_COUNTER}")
+            }
+            DecodeError::Counter { fault: CounterFault::Invalid, got, .. } => {
+                write!(f, "counter {got} is not in 0 to {COUNTER_MAX}")
+            }
             DecodeError::Reserved { byte, got, .. } => {
                 write!(f, "byte {byte} has reserved bits set ({got:#04X})")
             }
@@ -168,15 +172,88 @@ impl fmt::Display for DecodeError {
     }
 }
 
-fn write_counter(f: &mut fmt::Formatter<'_>, fault: CounterFault, got: u8, last: Option<u8>) -> fmt::Result {
-    match (fault, last) {
-        (CounterFault::Repeated, _) => write!(f, "counter {got} again"),
-        (CounterFault::WrongSequence, Some(last)) => {
-            write!(f, "counter {got} after {last}, a step of more than {MAX_DELTA_COUNTER}")
-        }
-        (CounterFault::WrongSequence, None) => write!(f, "counter {got} out of sequence"),
-        (CounterFault::Invalid, _) => write!(f, "counter {got} is not in 0 to 14"),
+impl core::error::Error for DecodeError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Frame, Id};
+    use crate::message::{ForceCommand, Hello, ImpedanceHead, Message};
+    use crate::network::Network;
+    use crate::receiver::Receiver;
+    use crate::transmitter::Transmitter;
+    use crate::{Profile, Version};
+    use std::string::{String, ToString};
+    use std::vec::Vec;
+
+    fn unsendable(message: Message) -> String {
+        Transmitter::new(Network::default()).frame(&message).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn says_why_a_message_cannot_be_sent() {
+        let force = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
+        insta::assert_snapshot!(unsendable(force(700.0)), @"ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
+        insta::assert_snapshot!(unsendable(force(f64::NAN)), @"ForceCommand: force_x_n is NaN, which is not a finite number; nothing was sent");
+        let (x_saturated, y_saturated) = (false, false);
+        let head = ImpedanceHead { force_x_n: 0.0, force_y_n: f64::INFINITY, x_saturated, y_saturated, sample: 0 };
+        insta::assert_snapshot!(unsendable(Message::Head(head)), @"ImpedanceHead: force_y_n is inf, which is not a finite number; nothing was sent");
+        let version = Version { major: 1, minor: 0 };
+        let hello = Hello { version, dbc_hash: 0, profile: Profile::Classic, rate_hz: 0 };
+        insta::assert_snapshot!(unsendable(Message::ExciterHello(hello)), @"ExciterHello: rate_hz is 0, not in 1 to 65535; nothing was sent");
+    }
+
+    /// What a receiver says to each frame in turn.
+    fn refusals(frames: &[(u16, FrameFormat, &[u8])]) -> String {
+        let mut receiver = Receiver::new(Network::default());
+        let say = |&(id, format, data): &(u16, FrameFormat, &[u8])| {
+            let mut bytes = [0; 64];
+            bytes[..data.len()].copy_from_slice(data);
+            let kind = MessageKind::from_id(Network::default(), Id::Standard(id)).unwrap();
+            if let (8, Some(data_id), 0) = (data.len(), kind.data_id(), data[0]) {
+                bytes[0] = crate::e2e::crc(data_id, bytes.first_chunk().unwrap());
+            }
+            let frame = Frame::new(Id::Standard(id), format, &bytes[..data.len()]).unwrap();
+            receiver.accept(&frame).map_or_else(|error| error.to_string(), |_| "taken".to_string())
+        };
+        frames.iter().map(say).collect::<Vec<_>>().join("\n")
+    }
+
+    #[test]
+    fn says_why_a_frame_is_refused() {
+        let classic = FrameFormat::Classic;
+        let fd = FrameFormat::Fd { bit_rate_switch: false, error_state_indicator: false };
+        // A CRC of 0 stands for the right one.
+        insta::assert_snapshot!(refusals(&[
+            (0x201, FrameFormat::Remote, &[0; 8]),
+            (0x201, fd, &[0; 8]),
+            (0x203, classic, &[0; 7]),
+            (0x702, classic, &[0; 2]),
+            (0x201, classic, &[1; 8]),
+            (0x201, classic, &[0, 4, 0, 0, 0, 0, 0, 0]),
+            (0x201, classic, &[0, 4, 0, 0, 0, 0, 0, 0]),
+            (0x201, classic, &[0, 3, 0, 0, 0, 0, 0, 0]),
+            (0x201, classic, &[0, 15, 0, 0, 0, 0, 0, 0]),
+            (0x201, classic, &[0, 0x14, 0, 0, 0, 0, 0, 0]),
+            (0x200, classic, &[0, 0, 1, 1, 0, 0, 9, 0]),
+            (0x200, classic, &[0, 1, 7, 1, 0, 0, 0, 0]),
+            (0x204, classic, &[0, 0, 0, 0, 0, 0x80, 0, 0]),
+            (0x701, classic, &[0x42]),
+        ]), @r"
+        ForceCommand refused: a remote frame carries no data
+        ForceCommand refused: a CAN FD frame on an identifier of the classic profile
+        ImpedanceHead refused: 7 bytes long instead of 8
+        ExciterHeartbeat refused: 2 bytes long instead of 1
+        ForceCommand refused: CRC 0x01 instead of 0x81
+        taken
+        ForceCommand refused: counter 4 again
+        ForceCommand refused: counter 3 after 4, a step of more than 4
+        ForceCommand refused: counter 15 is not in 0 to 14
+        ForceCommand refused: byte 1 has reserved bits set (0x10)
+        OperatorCommand refused: byte 6 has reserved bits set (0x09)
+        OperatorCommand refused: request has no value 7
+        AccelerometerB refused: acceleration_y_m_s2 is not available
+        PlantHeartbeat refused: state has no value 66
+        ");
     }
 }
-
-impl core::error::Error for DecodeError {}

@@ -73,10 +73,9 @@ impl Receiver {
         if got != expected {
             return Err(DecodeError::Crc { kind, got, expected });
         }
-        let supervision = &mut self.supervisions[kind as usize];
-        let (last, counter) = (supervision.last(), data[1] & 0xF);
-        let lost =
-            supervision.check(counter).map_err(|fault| DecodeError::Counter { kind, fault, got: counter, last })?;
+        let counter = data[1] & 0xF;
+        let checked = self.supervisions[kind as usize].check(counter);
+        let lost = checked.map_err(|fault| DecodeError::Counter { kind, fault, got: counter })?;
         self.lost += u64::from(lost);
         let [_, flags, bytes @ ..] = *data;
         Ok(Payload { flags: flags >> 4, bytes })

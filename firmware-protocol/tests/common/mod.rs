@@ -122,7 +122,7 @@ pub fn frame(text: &str) -> Frame {
     let number = u32::from_str_radix(id, 16).unwrap();
     let id = if id.len() == 3 { Id::Standard(number as u16) } else { Id::Extended(number) };
     let bytes = |hex: &str| -> Vec<u8> {
-        assert!(hex.is_ascii() && hex.len() % 2 == 0, "{text}");
+        assert!(hex.is_ascii() && hex.len().is_multiple_of(2), "{text}");
         (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
     };
     let (format, data) = if let Some(fd) = rest.strip_prefix('#') {
@@ -169,21 +169,15 @@ pub fn samples() -> Vec<Message> {
         messages.push(Message::Force(ForceCommand { force_x_n, force_y_n, sample }));
         messages.push(Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample: sample_t }));
     }
-    for (x, y, x_saturated, y_saturated, sample) in [
-        (0.0, 0.0, false, false, 0),
-        (12.34, -56.78, false, false, 42),
-        (655.34, -655.34, true, false, 65_535),
-        (700.0, -1e9, false, false, 3),
-        (-0.01, 0.05, false, true, 300),
+    for ([force_x_n, force_y_n], [acceleration_x_m_s2, acceleration_y_m_s2], x_saturated, y_saturated, sample) in [
+        ([0.0, 0.0], [0.0, 0.0], false, false, 0),
+        ([12.34, -56.78], [30.85, -141.95], false, false, 42),
+        ([655.34, -655.34], [1638.35, -1638.35], true, false, 65_535),
+        ([700.0, -1e9], [1640.0, -2e9], false, false, 3),
+        ([-0.01, 0.05], [-0.025, 0.125], false, true, 300),
     ] {
-        let acceleration = Acceleration {
-            acceleration_x_m_s2: 2.5 * x,
-            acceleration_y_m_s2: 2.5 * y,
-            x_saturated,
-            y_saturated,
-            sample,
-        };
-        messages.push(Message::Head(ImpedanceHead { force_x_n: x, force_y_n: y, x_saturated, y_saturated, sample }));
+        let acceleration = Acceleration { acceleration_x_m_s2, acceleration_y_m_s2, x_saturated, y_saturated, sample };
+        messages.push(Message::Head(ImpedanceHead { force_x_n, force_y_n, x_saturated, y_saturated, sample }));
         messages.push(Message::AccelerometerB(acceleration));
         messages.push(Message::AccelerometerC(acceleration));
     }
