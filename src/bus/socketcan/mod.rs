@@ -273,7 +273,7 @@ fn drops(socket: &CanFdSocket) -> io::Result<u64> {
 }
 
 fn missing(interface: &str) -> BusError {
-    // Without sysfs the list stays empty; the error is the same.
+    // Without /proc the list stays empty; the error is the same.
     BusError::InterfaceMissing { interface: interface.to_owned(), present: interfaces().unwrap_or_default() }
 }
 
