@@ -88,7 +88,7 @@ pub enum BusError {
     },
     /// The process may not do this.
     #[error(
-        "{interface}: {action} is not permitted ({source}). Run as root, or in a container with `--cap-add NET_RAW` and a seccomp profile that allows AF_CAN"
+        "{interface}: {action} is not permitted ({source}). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
     )]
     Permission {
         /// The interface.
@@ -170,7 +170,7 @@ mod tests {
     fn kernel_messages_say_how_to_mend() {
         assert_snapshot!(BusError::NoSocketCan { source: source(libc::EAFNOSUPPORT) }, @"this kernel has no SocketCAN (Address family not supported by protocol (os error 97)). `sudo modprobe -a can can_raw vcan` loads it (in a container: on its host); a kernel built without CAN needs another. `resonarm demo` needs none");
         let (interface, action) = ("can0".to_string(), "opening the socket");
-        assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). Run as root, or in a container with `--cap-add NET_RAW` and a seccomp profile that allows AF_CAN");
+        assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)");
         let interface = "can0".to_string();
         assert_snapshot!(BusError::Os { interface, action: "sending", source: source(libc::EIO) }, @"can0: sending failed: Input/output error (os error 5)");
     }

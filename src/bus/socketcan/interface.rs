@@ -1,27 +1,41 @@
-//! The CAN interfaces that this Linux has, as sysfs lists them.
+//! The CAN interfaces that this process can reach.
 
-use alloc::format;
+use alloc::borrow::ToOwned;
 use alloc::string::String;
 use alloc::vec::Vec;
 use std::{fs, io};
 
-/// The hardware type of a CAN interface (`ARPHRD_CAN` of `linux/if_arp.h`).
-const ARPHRD_CAN: &str = "280";
+use socketcan::{CanFdSocket, Socket};
 
-/// The names of all CAN interfaces, up or down, sorted. Needs no AF_CAN in the kernel.
+/// The names of all CAN interfaces in this process's network namespace, up or down, sorted. None where the kernel has no
+/// SocketCAN.
+///
+/// An interface counts as CAN if a CAN socket can be bound to it. The type in sysfs would not do: sysfs shows the network
+/// namespace it was mounted in, which need not be that of the process.
 ///
 /// # Errors
-/// What reading `/sys/class/net` gave.
+/// What reading `/proc/self/net/dev` gave.
 pub fn interfaces() -> io::Result<Vec<String>> {
-    let mut names = Vec::new();
-    for entry in fs::read_dir("/sys/class/net")? {
-        // Beside interfaces the directory may hold plain files (bonding_masters), whose names don't end here.
-        if let Ok(name) = entry?.file_name().into_string()
-            && fs::read_to_string(format!("/sys/class/net/{name}/type")).is_ok_and(|kind| kind.trim() == ARPHRD_CAN)
-        {
-            names.push(name);
-        }
-    }
+    let table = fs::read_to_string("/proc/self/net/dev")?;
+    let mut names: Vec<String> =
+        names(&table).filter(|name| CanFdSocket::open(name).is_ok()).map(str::to_owned).collect();
     names.sort();
     Ok(names)
+}
+
+/// The interfaces in a table of counters: two lines of headings, then one line each, `name: figures`.
+fn names(table: &str) -> impl Iterator<Item = &str> {
+    table.lines().skip(2).filter_map(|line| line.split_once(':')).map(|(name, _)| name.trim())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stand_before_the_colon() {
+        let table =
+            "Inter-|   Receive  |  Transmit\n face |bytes packets|bytes packets\n    lo: 1 2 3\nvcan0:    0   0\n";
+        assert_eq!(names(table).collect::<Vec<_>>(), ["lo", "vcan0"]);
+    }
 }

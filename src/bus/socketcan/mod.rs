@@ -40,14 +40,15 @@ const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
 /// How to open a [`SocketCan`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Memory for frames not yet received, in bytes (`SO_RCVBUF`). The kernel counts about 1 KiB for a frame.
+    /// Memory for frames not yet received, in bytes (`SO_RCVBUF`). A frame takes about 400 of them.
     pub receive_buffer_bytes: usize,
     /// Memory for frames not yet sent, in bytes (`SO_SNDBUF`). Short queues upstream of the wire keep old commands few.
     pub send_buffer_bytes: usize,
 }
 
 impl Default for Options {
-    /// 2 MiB for receiving, half a second of a full 1 Mbit/s bus at the least; 256 KiB for sending.
+    /// 2 MiB for receiving, which hold about 5400 classical frames: 0.6 s of 8-byte frames that fill 1 Mbit/s. 256 KiB for
+    /// sending.
     fn default() -> Options {
         Options { receive_buffer_bytes: 2 << 20, send_buffer_bytes: 256 << 10 }
     }
@@ -272,7 +273,7 @@ fn drops(socket: &CanFdSocket) -> io::Result<u64> {
 }
 
 fn missing(interface: &str) -> BusError {
-    // Without sysfs the list stays empty; the error is the same.
+    // Without /proc the list stays empty; the error is the same.
     BusError::InterfaceMissing { interface: interface.to_owned(), present: interfaces().unwrap_or_default() }
 }
 

@@ -1,0 +1,252 @@
+//! The bus contract and what only SocketCAN has, on real virtual CAN interfaces.
+//!
+//! Run by `tests/vcan/with-vcan`, which says where they are. Tests that take an interface down or slow it make one of
+//! their own.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+#[path = "common/bus_contract.rs"]
+mod contract;
+
+use std::io::Read;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use resonarm::bus::socketcan::{Options, SocketCan, interfaces};
+use resonarm::bus::{Bus, BusError, Filter, Received, Sent, Statistics};
+use resonarm::protocol::{Frame, FrameFormat, Id};
+use socketcan::Socket;
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The interface that everybody shares.
+fn vcan() -> String {
+    std::env::var("RESONARM_TEST_VCAN").expect("RESONARM_TEST_VCAN is unset: run this by tests/vcan/with-vcan")
+}
+
+/// A virtual interface for one test.
+struct Interface(&'static str);
+
+impl Interface {
+    fn new(name: &'static str) -> Interface {
+        run(&format!("ip link add {name} type vcan"));
+        run(&format!("ip link set {name} mtu 72 up"));
+        Interface(name)
+    }
+
+    fn open(&self) -> SocketCan {
+        SocketCan::open(self.0, Options::default()).unwrap()
+    }
+}
+
+impl Drop for Interface {
+    fn drop(&mut self) {
+        // Gone already where that was the test.
+        _ = Command::new("ip").args(["link", "del", self.0]).stderr(Stdio::null()).status();
+    }
+}
+
+fn run(command: &str) {
+    let mut words = command.split(' ');
+    let status = Command::new(words.next().unwrap()).args(words).status().unwrap();
+    assert!(status.success(), "`{command}` ended with {status}");
+}
+
+fn frame(id: u16, data: &[u8]) -> Frame {
+    Frame::classic(Id::Standard(id), data).unwrap()
+}
+
+fn next(bus: &mut SocketCan) -> Received {
+    assert!(bus.wait(PATIENCE).unwrap(), "no frame came");
+    bus.receive().unwrap().unwrap()
+}
+
+fn refusal(interface: &str) -> BusError {
+    SocketCan::open(interface, Options::default()).err().expect("opened all the same")
+}
+
+#[test]
+fn socketcan_keeps_the_contract() {
+    let end = || Box::new(SocketCan::open(&vcan(), Options::default()).unwrap()) as Box<dyn Bus>;
+    contract::contract(|| (end(), end()), contract::Formats::All);
+}
+
+#[test]
+fn sends_and_receives_without_allocating() {
+    let interface = Interface::new("rtalloc");
+    let (mut near, mut far) = (interface.open(), interface.open());
+    let frame = frame(1, &[1, 2, 3]);
+    let received = assert_no_alloc(|| {
+        (0..8).for_each(|_| _ = near.send(&frame));
+        std::iter::from_fn(|| far.wait(PATIENCE).ok().and_then(|_| far.receive().ok().flatten())).take(8).count()
+    });
+    assert_eq!(received, 8);
+}
+
+#[test]
+fn kernel_timestamps_lie_between_sending_and_receiving() {
+    #[allow(clippy::disallowed_methods, reason = "the kernel stamps by the system's clock")]
+    let now_ns = || std::time::UNIX_EPOCH.elapsed().unwrap().as_nanos() as u64;
+    let interface = Interface::new("rtstamp");
+    let (mut near, mut far) = (interface.open(), interface.open());
+    for _ in 0..20 {
+        let before_ns = now_ns();
+        near.send(&frame(1, &[])).unwrap();
+        let stamp_ns = next(&mut far).timestamp_ns.expect("the kernel stamps every frame");
+        assert!((before_ns..=now_ns()).contains(&stamp_ns), "{before_ns} {stamp_ns} {}", now_ns());
+    }
+}
+
+#[test]
+fn candump_sees_the_frames_that_were_sent() {
+    let interface = Interface::new("rtdump");
+    let fd = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+    let frames = [
+        frame(0x123, &[0x11, 0x22]),
+        frame(0x7FF, &[]),
+        Frame::classic(Id::Extended(0x1234_5678), &[0xFF; 8]).unwrap(),
+        Frame::new(Id::Standard(0x321), FrameFormat::Remote, &[0; 4]).unwrap(),
+        Frame::new(Id::Extended(1), fd, &[0xA5; 64]).unwrap(),
+    ];
+    let count = frames.len().to_string();
+    let arguments = ["-L", "-T", "5000", "-n", &count, interface.0];
+    let mut candump = Command::new("candump").args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut bus = interface.open();
+    // The kernel lists who receives from which interface, one a line; this end is one of the two.
+    let listening = || std::fs::read_to_string("/proc/net/can/rcvlist_all").unwrap().matches(interface.0).count() == 2;
+    (0..500).find(|_| listening() || bus.wait(Duration::from_millis(10)).unwrap()).expect("candump does not listen");
+    frames.iter().for_each(|frame| assert_eq!(bus.send(frame).unwrap(), Sent::Queued));
+    let mut log = String::new();
+    candump.stdout.take().unwrap().read_to_string(&mut log).unwrap();
+    assert!(candump.wait().unwrap().success());
+    // candump writes the flags as they are, among them FDF (4), which marks any FD frame and says no more than `##`.
+    let seen: Vec<String> = log.lines().map(|line| line.split(' ').nth(2).unwrap().replace("##5", "##1")).collect();
+    assert_eq!(seen, frames.map(|frame| frame.to_string()));
+}
+
+#[test]
+fn receives_what_cansend_sends() {
+    let interface = Interface::new("rtsend");
+    let mut bus = interface.open();
+    for text in ["123#DEADBEEF", "1FFFFFFF#", "5AA#R3", "00000123##3AABBCCDDEEFF001122334455"] {
+        run(&format!("cansend {} {text}", interface.0));
+        assert_eq!(next(&mut bus).frame.to_string(), text);
+    }
+}
+
+#[test]
+fn says_which_interface_is_missing() {
+    let vcan = vcan();
+    assert!(interfaces().unwrap().contains(&vcan));
+    let BusError::InterfaceMissing { interface, present } = refusal("rtnone") else { panic!("another error") };
+    assert_eq!(interface, "rtnone");
+    assert!(present.contains(&vcan), "{present:?} lacks {vcan}");
+    assert!(matches!(refusal("lo"), BusError::NotCan { .. }));
+}
+
+#[test]
+fn says_that_the_interface_is_down_and_works_when_it_is_up_again() {
+    let interface = Interface::new("rtdown");
+    let down = |outcome: BusError| matches!(&outcome, BusError::InterfaceDown { interface } if interface == "rtdown");
+    let (mut near, mut far) = (interface.open(), interface.open());
+    run("ip link set rtdown down");
+    assert!(down(far.wait(PATIENCE).unwrap_err()), "the waiting end must hear of it");
+    assert!(down(near.receive().unwrap_err()));
+    assert!(down(near.send(&frame(1, &[])).unwrap_err()));
+    assert!(down(refusal("rtdown")));
+    run("ip link set rtdown up");
+    assert_eq!(near.send(&frame(2, &[])).unwrap(), Sent::Queued);
+    assert_eq!(next(&mut far).frame, frame(2, &[]));
+    assert_eq!(near.statistics(), Statistics { sent: 1, ..Statistics::default() });
+}
+
+#[test]
+fn says_that_the_interface_was_removed() {
+    let interface = Interface::new("rtgone");
+    let mut bus = interface.open();
+    run("ip link del rtgone");
+    let first = bus.receive().unwrap_err();
+    assert!(matches!(first, BusError::InterfaceGone { .. } | BusError::InterfaceDown { .. }), "{first}");
+    let then = bus.send(&frame(1, &[])).unwrap_err();
+    assert!(matches!(then, BusError::InterfaceGone { .. }), "{then}");
+}
+
+#[test]
+fn refuses_fd_frames_where_the_interface_is_classical() {
+    let interface = Interface::new("rtclassic");
+    run("ip link set rtclassic down");
+    run("ip link set rtclassic mtu 16 up");
+    let mut bus = interface.open();
+    let fd = FrameFormat::Fd { bit_rate_switch: false, error_state_indicator: false };
+    let refused = bus.send(&Frame::new(Id::Standard(1), fd, &[0; 12]).unwrap()).unwrap_err();
+    assert!(matches!(refused, BusError::FdNotEnabled { .. }), "{refused}");
+    assert_eq!(bus.send(&frame(1, &[])).unwrap(), Sent::Queued);
+}
+
+/// A transmit queue of four frames before a slow wire, as a real adapter has.
+#[test]
+fn counts_the_frames_that_the_transmit_queue_refuses() {
+    let interface = Interface::new("rtslow");
+    run("tc qdisc add dev rtslow root netem delay 300ms limit 4");
+    let (mut near, mut far) = (interface.open(), interface.open());
+    let outcomes: Vec<Sent> = (0..6).map(|id| near.send(&frame(id, &[])).unwrap()).collect();
+    assert_eq!(outcomes[..4], [Sent::Queued; 4]);
+    assert_eq!(outcomes[4..], [Sent::QueueFull; 2]);
+    assert_eq!(near.statistics(), Statistics { sent: 4, queue_full: 2, ..Statistics::default() });
+    near.close().unwrap();
+    for id in 0..4 {
+        assert_eq!(next(&mut far).frame, frame(id, &[]), "frames queued before the close are still sent");
+    }
+    assert!(!far.wait(Duration::from_millis(400)).unwrap());
+}
+
+#[test]
+fn bus_off_comes_out_in_its_place() {
+    let interface = Interface::new("rtoff");
+    let (mut near, mut far) = (interface.open(), interface.open());
+    let controller = socketcan::CanFdSocket::open(interface.0).unwrap();
+    let message = |class| socketcan::CanErrorFrame::new_error(class, &[0; 8]).unwrap();
+    near.send(&frame(1, &[])).unwrap();
+    controller.write_frame(&message(libc::CAN_ERR_CRTL)).unwrap();
+    controller.write_frame(&message(libc::CAN_ERR_BUSOFF)).unwrap();
+    near.send(&frame(2, &[])).unwrap();
+    assert_eq!(next(&mut far).frame, frame(1, &[]));
+    let off = far.receive().unwrap_err();
+    assert!(matches!(off, BusError::BusOff { .. }), "{off}");
+    assert_eq!(next(&mut far).frame, frame(2, &[]));
+    assert_eq!(far.statistics(), Statistics { received: 2, ..Statistics::default() });
+}
+
+#[test]
+fn the_receive_buffer_bounds_what_is_kept() {
+    let interface = Interface::new("rtbuffer");
+    let kept = |receive_buffer_bytes| {
+        let options = Options { receive_buffer_bytes, ..Options::default() };
+        let (mut near, mut far) = (interface.open(), SocketCan::open(interface.0, options).unwrap());
+        assert_eq!(far.buffers(), options, "a privileged process gets what it asks for");
+        (0..20_000).for_each(|_| _ = near.send(&frame(1, &[0; 8])).unwrap());
+        let dropped = far.statistics().dropped;
+        let received = std::iter::from_fn(|| far.receive().unwrap()).count() as u64;
+        assert_eq!(received + dropped, near.statistics().sent);
+        assert_eq!(far.statistics().dropped, dropped);
+        far.close().unwrap();
+        assert_eq!(far.statistics().dropped, dropped, "the count outlives the socket");
+        received
+    };
+    let (small, default) = (kept(64 << 10), kept(Options::default().receive_buffer_bytes));
+    println!("{small} frames fit 64 KiB, {default} the default");
+    assert!(small > 50 && default > 20 * small, "{small} {default}");
+}
+
+#[test]
+fn too_many_filters_are_an_error() {
+    let interface = Interface::new("rtfilter");
+    let filters: Vec<Filter> = (0..600).map(|id| Filter { id: Id::Standard(id), mask: 0x7FF }).collect();
+    let mut bus = interface.open();
+    bus.set_filters(&filters[..512]).unwrap();
+    let refused = bus.set_filters(&filters).unwrap_err();
+    assert!(matches!(refused, BusError::Os { action: "setting the receive filters", .. }), "{refused}");
+}
