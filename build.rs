@@ -1,6 +1,7 @@
 //! Tells the library from which commit, for which target and with which compiler it is built.
 //!
 //! Without git, or outside the project's own repository, the commit is `unknown`; the build never fails for it.
+//! With the feature `python-can` it also lets the programs find the Python library they are linked with, wherever that is.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -10,6 +11,8 @@ use std::process::Command;
 const SOURCES: [&str; 5] = ["src", "firmware-protocol", "proto", "Cargo.toml", "Cargo.lock"];
 
 fn main() {
+    #[cfg(feature = "python-can")]
+    pyo3_build_config::add_libpython_rpath_link_args();
     println!("cargo:rerun-if-changed=build.rs");
     SOURCES.iter().filter(|path| Path::new(path).exists()).for_each(|path| println!("cargo:rerun-if-changed={path}"));
     let commit = commit().unwrap_or_else(|| String::from("unknown"));

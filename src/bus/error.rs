@@ -111,6 +111,10 @@ pub enum BusError {
         /// What the kernel answered.
         source: io::Error,
     },
+    /// python-can, or the Python it needs, stands in the way.
+    #[cfg(feature = "python-can")]
+    #[error(transparent)]
+    PythonCan(#[from] super::python_can::PythonCanError),
 }
 
 fn is_virtual(interface: &str) -> bool {

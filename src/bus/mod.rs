@@ -4,6 +4,8 @@ mod address;
 mod deadline;
 mod error;
 pub mod memory;
+#[cfg(feature = "python-can")]
+pub mod python_can;
 pub mod socketcan;
 
 use alloc::boxed::Box;
@@ -25,6 +27,9 @@ pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
             Ok(Box::new(socketcan::SocketCan::open(interface, socketcan::Options::default())?))
         }
         BusAddress::Memory => Err(BusError::MemoryIsNotShared),
+        #[cfg(feature = "python-can")]
+        BusAddress::PythonCan(options) => Ok(Box::new(python_can::PythonCan::open(options)?)),
+        #[cfg(not(feature = "python-can"))]
         BusAddress::PythonCan(_) => Err(BusError::NoPythonCan),
     }
 }

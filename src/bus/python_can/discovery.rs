@@ -1,0 +1,186 @@
+//! Which Python, which environment, and python-can in it.
+//!
+//! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the environment
+//! is looked up here: the one that VIRTUAL_ENV names, else a `.venv` in the working directory or the nearest of its
+//! parents, else none, and the packages of the interpreter itself count.
+
+use alloc::format;
+use alloc::string::{String, ToString};
+use core::fmt;
+use std::env;
+use std::ffi::{CString, OsString};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use pyo3::exceptions::PyModuleNotFoundError;
+use pyo3::prelude::*;
+use pyo3::types::PyModule;
+
+use super::error::Operation;
+use super::{PythonCanError, exception};
+
+/// A release of Python as far as it decides where packages lie and which of them can be loaded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Version {
+    major: u8,
+    minor: u8,
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.major, self.minor)
+    }
+}
+
+/// A virtual environment as its `pyvenv.cfg` describes it (Python's documentation of the module `venv`, PEP 405).
+#[derive(Debug, PartialEq, Eq)]
+struct VirtualEnvironment {
+    path: PathBuf,
+    version: Version,
+    /// The packages of the interpreter itself are out of sight.
+    isolated: bool,
+}
+
+/// The module `can`, out of the environment that fits.
+pub(super) fn import_can(py: Python<'_>) -> Result<Bound<'_, PyModule>, PythonCanError> {
+    let raised = |error| exception(py, Operation::Import, error);
+    let working_directory = env::current_dir().unwrap_or_default();
+    let environment = find(env::var_os("VIRTUAL_ENV"), &working_directory)?;
+    let python = base_interpreter(py).map_err(raised)?;
+    if let Some(environment) = &environment {
+        let info = py.version_info();
+        let embedded = Version { major: info.major, minor: info.minor };
+        if environment.version != embedded {
+            return Err(PythonCanError::Version {
+                path: environment.path.clone(),
+                environment: environment.version.to_string(),
+                embedded: embedded.to_string(),
+                python,
+            });
+        }
+        activate(py, environment).map_err(raised)?;
+    }
+    py.import("can").map_err(|error| match is_missing(py, &error) {
+        true => missing(py, environment.as_ref(), &python),
+        false => raised(error),
+    })
+}
+
+/// Whether it is `can` itself that Python did not find, and not something that `can` imports.
+fn is_missing(py: Python<'_>, error: &PyErr) -> bool {
+    let name = || error.value(py).getattr("name").and_then(|name| name.extract::<String>());
+    error.is_instance_of::<PyModuleNotFoundError>(py) && name().is_ok_and(|name| name == "can")
+}
+
+fn missing(py: Python<'_>, environment: Option<&VirtualEnvironment>, python: &str) -> PythonCanError {
+    let info = py.version_info();
+    let version = format!("{}.{}.{}", info.major, info.minor, info.patch);
+    match environment {
+        Some(VirtualEnvironment { path, .. }) => PythonCanError::Missing {
+            environment: format!("the virtual environment `{}` (Python {version})", path.display()),
+            command: format!("{}/bin/python3 -m pip install python-can", path.display()),
+        },
+        // Distributions forbid pip outside an environment (PEP 668), so the command makes one where it will be found.
+        None => PythonCanError::Missing {
+            environment: format!("Python {version} (`{python}`; no VIRTUAL_ENV, no .venv here or above)"),
+            command: format!("{python} -m venv .venv && .venv/bin/python3 -m pip install python-can"),
+        },
+    }
+}
+
+/// The executable that belongs to the embedded interpreter; `sys.executable` may be another one, found on PATH.
+fn base_interpreter(py: Python<'_>) -> PyResult<String> {
+    let prefix: String = py.import("sys")?.getattr("base_exec_prefix")?.extract()?;
+    let info = py.version_info();
+    Ok(format!("{prefix}/bin/python{}.{}", info.major, info.minor))
+}
+
+fn activate(py: Python<'_>, environment: &VirtualEnvironment) -> PyResult<()> {
+    let source = CString::new(include_str!("activate.py"))?;
+    let module = PyModule::from_code(py, &source, c"activate.py", c"resonarm_activate")?;
+    let directory = environment.path.join(format!("lib/python{}/site-packages", environment.version));
+    module.getattr("activate")?.call1((directory, environment.isolated))?;
+    Ok(())
+}
+
+/// The environment to use, by the rule at the top of this file.
+fn find(named: Option<OsString>, start: &Path) -> Result<Option<VirtualEnvironment>, PythonCanError> {
+    let found = match named.filter(|name| !name.is_empty()) {
+        Some(name) => Some(PathBuf::from(name)),
+        None => start.ancestors().map(|parent| parent.join(".venv")).find(|path| path.join("pyvenv.cfg").is_file()),
+    };
+    found.map(read).transpose()
+}
+
+/// Reads `pyvenv.cfg`: lines `key = value`. `venv` writes `version`, virtualenv and uv write `version_info`.
+fn read(path: PathBuf) -> Result<VirtualEnvironment, PythonCanError> {
+    let file = path.join("pyvenv.cfg");
+    let refuse = |reason: String| PythonCanError::VirtualEnvironment { path: path.clone(), reason };
+    let text =
+        fs::read_to_string(&file).map_err(|error| refuse(format!("can't read `{}`: {error}", file.display())))?;
+    let value = |wanted: &str| {
+        let pairs = text.lines().filter_map(|line| line.split_once('='));
+        pairs.map(|(key, value)| (key.trim(), value.trim())).find(|(key, _)| *key == wanted).map(|(_, value)| value)
+    };
+    let version = value("version").or_else(|| value("version_info")).and_then(parse_version);
+    let version = version.ok_or_else(|| refuse(format!("`{}` states no version", file.display())))?;
+    let isolated = !value("include-system-site-packages").is_some_and(|shared| shared.eq_ignore_ascii_case("true"));
+    Ok(VirtualEnvironment { path, version, isolated })
+}
+
+fn parse_version(text: &str) -> Option<Version> {
+    let mut parts = text.split('.');
+    Some(Version { major: parts.next()?.parse().ok()?, minor: parts.next()?.parse().ok()? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn environment(parent: &Path, name: &str, config: &str) -> PathBuf {
+        let path = parent.join(name);
+        fs::create_dir_all(&path).unwrap();
+        fs::write(path.join("pyvenv.cfg"), config).unwrap();
+        path
+    }
+
+    #[test]
+    fn reads_what_venv_and_virtualenv_write() {
+        let directory = tempfile::tempdir().unwrap();
+        let venv = "home = /usr/bin\ninclude-system-site-packages = false\nversion = 3.11.2\n";
+        let path = environment(directory.path(), "a", venv);
+        let expected =
+            VirtualEnvironment { path: path.clone(), version: Version { major: 3, minor: 11 }, isolated: true };
+        assert_eq!(read(path).unwrap(), expected);
+        let virtualenv = "version_info=3.12.1.final.0\ninclude-system-site-packages=True";
+        let read = read(environment(directory.path(), "b", virtualenv)).unwrap();
+        assert_eq!((read.version, read.isolated), (Version { major: 3, minor: 12 }, false));
+    }
+
+    #[test]
+    fn prefers_the_named_environment_then_the_nearest() {
+        let directory = tempfile::tempdir().unwrap();
+        let config = "version = 3.11.2";
+        let outer = environment(directory.path(), ".venv", config);
+        let project = directory.path().join("project/src");
+        fs::create_dir_all(&project).unwrap();
+        let path = |named: Option<&Path>| find(named.map(Into::into), &project).unwrap().map(|found| found.path);
+        assert_eq!(path(None), Some(outer.clone()));
+        assert_eq!(path(Some(Path::new(""))), Some(outer));
+        let inner = environment(&directory.path().join("project"), ".venv", config);
+        assert_eq!(path(None), Some(inner));
+        let named = environment(directory.path(), "named", config);
+        assert_eq!(path(Some(&named)), Some(named));
+    }
+
+    #[test]
+    fn says_why_it_is_not_an_environment() {
+        let message = |error: PythonCanError| error.to_string();
+        let missing = find(Some("/nonexistent".into()), Path::new("/")).unwrap_err();
+        insta::assert_snapshot!(message(missing), @"`/nonexistent` is not a Python virtual environment: can't read `/nonexistent/pyvenv.cfg`: No such file or directory (os error 2); make one with `python3 -m venv /nonexistent`, or unset VIRTUAL_ENV");
+        let directory = tempfile::tempdir().unwrap();
+        let broken = environment(directory.path(), "broken", "home = /usr/bin");
+        let text = message(read(broken).unwrap_err()).replace(&directory.path().display().to_string(), "DIR");
+        insta::assert_snapshot!(text, @"`DIR/broken` is not a Python virtual environment: `DIR/broken/pyvenv.cfg` states no version; make one with `python3 -m venv DIR/broken`, or unset VIRTUAL_ENV");
+    }
+}

@@ -1,0 +1,266 @@
+//! Any CAN adapter that the Python package python-can knows, through an embedded interpreter (feature `python-can`).
+//!
+//! Two bridge threads hold the Python side; between them and the caller stand bounded queues, so that the methods of
+//! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where there
+//! is one.
+//!
+//! Error frames are not frames of the bus: they are left out and counted in [`PythonCan::discarded`].
+
+mod bridge;
+mod discovery;
+mod error;
+mod message;
+mod options;
+mod signals;
+
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::sync::atomic::Ordering;
+use core::time::Duration;
+use std::sync::mpsc;
+use std::thread::{self, JoinHandle, Thread};
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyModule};
+use resonarm_protocol::Frame;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::{Bus, BusError, Filter, Received, Sent, Statistics};
+use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared};
+pub use error::{Operation, PythonCanError};
+use options::{Options, Value};
+
+/// Frames that wait to be received at most; what comes in beyond is lost and counted in [`Statistics::dropped`].
+pub const RECEIVE_QUEUE: usize = 1024;
+/// Frames that wait to be sent at most; beyond, [`Bus::send`] answers [`Sent::QueueFull`].
+pub const TRANSMIT_QUEUE: usize = 1024;
+/// Failures kept for the caller; the first ones are kept.
+const FAILURE_QUEUE: usize = 16;
+/// How long [`Bus::close`] and [`Bus::set_filters`] wait for the driver.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// One end of a bus behind a python-can interface.
+///
+/// An exception raised while sending or receiving comes out of the next [`Bus::send`], [`Bus::receive`] or [`Bus::wait`],
+/// once; a frame that could not be sent is lost with it. The bridge goes on, so the caller decides whether to.
+pub struct PythonCan {
+    outgoing: Producer<Frame>,
+    incoming: Consumer<Received>,
+    failures: [Consumer<PythonCanError>; 2],
+    requests: mpsc::Sender<FilterRequest>,
+    shared: Arc<Shared>,
+    sender: Thread,
+    receiver: Option<JoinHandle<()>>,
+    outcome: mpsc::Receiver<Result<(), PythonCanError>>,
+    statistics: Statistics,
+}
+
+impl PythonCan {
+    /// Opens `can.Bus(interface=…, channel=…, …)`. `options` are its keyword arguments: `interface` is required, `channel`
+    /// stays text, every other value is read as in python-can's configuration files (integer, float, `true`, `false`, else
+    /// text). Blocks until the driver has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
+    ///
+    /// Python is looked for in VIRTUAL_ENV, else in a `.venv` in the working directory or above it, else in the interpreter
+    /// this program was built with. Ctrl-C stays with this program: no signal handler of Python is installed.
+    ///
+    /// # Errors
+    /// [`BusError::PythonCan`] with every variant of [`PythonCanError`] except [`PythonCanError::Stuck`].
+    pub fn open(options: &[(String, String)]) -> Result<PythonCan, BusError> {
+        let options = Options::parse(options)?;
+        signals::start_python().map_err(|error| Python::attach(|py| exception(py, Operation::Import, error)))?;
+        let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
+        Ok(PythonCan::start(bus, message_class)?)
+    }
+
+    /// Starts the bridge threads on an open python-can bus.
+    fn start(bus: Py<PyAny>, message_class: Py<PyAny>) -> Result<PythonCan, PythonCanError> {
+        let shared = Arc::new(Shared::default());
+        let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
+        let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
+        let (send_failed, send_failures) = RingBuffer::new(FAILURE_QUEUE);
+        let (receive_failed, receive_failures) = RingBuffer::new(FAILURE_QUEUE);
+        let (requests, requested) = mpsc::channel();
+        let (ended, outcome) = mpsc::sync_channel(1);
+        let bus = Arc::new(bus);
+        let sender = Sender {
+            bus: Arc::clone(&bus),
+            message_class,
+            outgoing: to_send,
+            failures: send_failed,
+            shared: Arc::clone(&shared),
+            attempts: ATTEMPTS_WHEN_CLOSING,
+        };
+        let receiver = Receiver {
+            bus,
+            incoming: came_in,
+            failures: receive_failed,
+            requests: requested,
+            shared: Arc::clone(&shared),
+        };
+        let sender = spawn("python-can-tx", move || sender.run())?;
+        let sender_thread = sender.thread().clone();
+        let receiver = spawn("python-can-rx", move || {
+            let _ = ended.send(receiver.run(sender));
+        });
+        let receiver = receiver.inspect_err(|_| {
+            shared.closing.store(true, Ordering::Release);
+            sender_thread.unpark();
+        })?;
+        Ok(PythonCan {
+            outgoing,
+            incoming,
+            failures: [send_failures, receive_failures],
+            requests,
+            shared,
+            sender: sender_thread,
+            receiver: Some(receiver),
+            outcome,
+            statistics: Statistics::default(),
+        })
+    }
+
+    /// Messages left out so far: error frames, and messages that ISO 11898-1 has no frame for.
+    pub fn discarded(&self) -> u64 {
+        self.shared.discarded.load(Ordering::Relaxed)
+    }
+
+    fn check_open(&self) -> Result<(), BusError> {
+        if self.receiver.is_some() { Ok(()) } else { Err(BusError::Closed) }
+    }
+
+    /// The oldest failure not yet told.
+    fn check_failures(&mut self) -> Result<(), BusError> {
+        match self.failures.iter_mut().find_map(|failures| failures.pop().ok()) {
+            Some(failure) => Err(failure.into()),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Bus for PythonCan {
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        self.check_open()?;
+        self.check_failures()?;
+        if self.outgoing.push(*frame).is_err() {
+            self.statistics.queue_full += 1;
+            return Ok(Sent::QueueFull);
+        }
+        self.statistics.sent += 1;
+        self.sender.unpark();
+        Ok(Sent::Queued)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        self.check_open()?;
+        match self.incoming.pop() {
+            Ok(received) => {
+                self.statistics.received += 1;
+                Ok(Some(received))
+            }
+            Err(_) => self.check_failures().map(|()| None),
+        }
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        self.check_open()?;
+        let PythonCan { incoming, failures, shared, .. } = self;
+        shared.wait_while(timeout, || incoming.is_empty() && failures.iter().all(Consumer::is_empty));
+        if !self.incoming.is_empty() {
+            return Ok(true);
+        }
+        self.check_failures().map(|()| false)
+    }
+
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
+        self.check_open()?;
+        let stuck = PythonCanError::Stuck { operation: Operation::SetFilters, waited: PATIENCE };
+        let (reply, answer) = mpsc::sync_channel(1);
+        let asked = self.requests.send(FilterRequest { filters: filters.to_vec(), reply });
+        match asked.map(|()| answer.recv_timeout(PATIENCE)) {
+            Ok(Ok(outcome)) => Ok(outcome?),
+            Ok(Err(_)) | Err(_) => Err(stuck.into()),
+        }
+    }
+
+    fn statistics(&self) -> Statistics {
+        Statistics { dropped: self.shared.dropped.load(Ordering::Relaxed), ..self.statistics }
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        let receiver = self.receiver.take().ok_or(BusError::Closed)?;
+        self.shared.closing.store(true, Ordering::Release);
+        self.sender.unpark();
+        let Ok(outcome) = self.outcome.recv_timeout(PATIENCE) else {
+            return Err(PythonCanError::Stuck { operation: Operation::Close, waited: PATIENCE }.into());
+        };
+        // It has given its last word and does not panic any more.
+        let _ = receiver.join();
+        outcome?;
+        self.check_failures()
+    }
+}
+
+impl Drop for PythonCan {
+    fn drop(&mut self) {
+        // Whoever wants to know what goes wrong here calls `close`.
+        let _ = self.close();
+    }
+}
+
+fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, PythonCanError> {
+    thread::Builder::new().name(name.to_string()).spawn(run).map_err(PythonCanError::Thread)
+}
+
+/// Imports python-can and opens the bus: the bus, and the class `can.Message`.
+fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>), PythonCanError> {
+    let can = discovery::import_can(py)?;
+    check_interface(&can, &options.interface)?;
+    let open = || -> PyResult<(Py<PyAny>, Py<PyAny>)> {
+        let arguments = PyDict::new(py);
+        for (key, value) in &options.rest {
+            match value {
+                Value::Integer(integer) => arguments.set_item(key, integer)?,
+                Value::Float(float) => arguments.set_item(key, float)?,
+                Value::Boolean(boolean) => arguments.set_item(key, boolean)?,
+                Value::Text(text) => arguments.set_item(key, text)?,
+            }
+        }
+        arguments.set_item("interface", &options.interface)?;
+        if let Some(channel) = &options.channel {
+            arguments.set_item("channel", channel)?;
+        }
+        let bus = can.getattr("Bus")?.call((), Some(&arguments))?;
+        Ok((bus.unbind(), can.getattr("Message")?.unbind()))
+    };
+    open().map_err(|error| exception(py, Operation::Open, error))
+}
+
+/// `can.VALID_INTERFACES` holds the interfaces of python-can and of its installed plug-ins.
+fn check_interface(can: &Bound<'_, PyModule>, interface: &str) -> Result<(), PythonCanError> {
+    let names = || -> PyResult<(Vec<String>, String)> {
+        let known =
+            can.getattr("VALID_INTERFACES")?.try_iter()?.map(|name| name?.extract()).collect::<PyResult<_>>()?;
+        Ok((known, can.getattr("__version__")?.extract()?))
+    };
+    let (mut known, version) = names().map_err(|error| exception(can.py(), Operation::Open, error))?;
+    if known.iter().any(|name| name == interface) {
+        return Ok(());
+    }
+    known.sort();
+    Err(PythonCanError::UnknownInterface { interface: interface.to_string(), version, known: known.join(", ") })
+}
+
+/// A Python exception: the name of its class, its message, and those of the exception it was raised from if they say more.
+fn exception(py: Python<'_>, operation: Operation, error: PyErr) -> PythonCanError {
+    let kind = |error: &PyErr| error.get_type(py).name().map_or("Exception".to_string(), |name| name.to_string());
+    let mut message = error.value(py).to_string();
+    if let Some(cause) = error.cause(py)
+        && let reason = cause.value(py).to_string()
+        && !message.contains(&reason)
+    {
+        message = format!("{message} (from {}: {reason})", kind(&cause));
+    }
+    PythonCanError::Exception { operation, kind: kind(&error), message }
+}

@@ -1,0 +1,303 @@
+//! Buses through python-can: the contract on its `virtual` and `slcan` interfaces, its failures, and the Python it needs.
+//!
+//! The tests open python-can as the program does (`VIRTUAL_ENV`, `.venv`, the interpreter built in); `slcan` runs over pairs
+//! of pseudo-terminals that socat makes.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+#[path = "common/bus_contract.rs"]
+mod contract;
+
+use std::cell::{Cell, RefCell};
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, TRANSMIT_QUEUE};
+use resonarm::bus::{Bus, BusError, Sent};
+use resonarm::protocol::{Frame, FrameFormat, Id};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+const PATIENCE: Duration = Duration::from_secs(5);
+/// The keyword arguments that [`the_environment_decides`] opens when it runs as a child of another test.
+const CHILD: &str = "RESONARM_TEST_PYTHON_CAN";
+
+/// Opens `interface=…,channel=…`.
+fn open(options: &str) -> Result<PythonCan, BusError> {
+    let pairs = options.split(',').filter_map(|pair| pair.split_once('='));
+    PythonCan::open(&pairs.map(|(key, value)| (key.to_string(), value.to_string())).collect::<Vec<_>>())
+}
+
+fn virtual_end(channel: &str) -> PythonCan {
+    open(&format!("interface=virtual,channel={channel}")).unwrap()
+}
+
+fn frame(number: u32) -> Frame {
+    Frame::classic(Id::Standard(0x123), &number.to_le_bytes()).unwrap()
+}
+
+/// A bus of python-can itself, outside the bridge.
+fn foreign_end<'py>(py: Python<'py>, channel: &str, rx_queue_size: u32) -> Bound<'py, PyAny> {
+    let arguments = PyDict::new(py);
+    arguments.set_item("interface", "virtual").unwrap();
+    arguments.set_item("channel", channel).unwrap();
+    arguments.set_item("rx_queue_size", rx_queue_size).unwrap();
+    py.import("can").unwrap().getattr("Bus").unwrap().call((), Some(&arguments)).unwrap()
+}
+
+/// Two pseudo-terminals, joined as a null modem joins two serial ports.
+struct NullModem {
+    socat: Child,
+    directory: tempfile::TempDir,
+}
+
+impl NullModem {
+    fn new() -> NullModem {
+        let directory = tempfile::tempdir().unwrap();
+        let end = |name| format!("pty,raw,echo=0,link={}", directory.path().join(name).display());
+        let mut socat = Command::new("socat")
+            .args(["-d", "-d", &end("a"), &end("b")])
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("these tests need socat: apt-get install socat");
+        let mut lines = BufReader::new(socat.stderr.take().unwrap()).lines();
+        assert!(lines.any(|line| line.unwrap().contains("starting data transfer loop")), "socat ended");
+        NullModem { socat, directory }
+    }
+
+    /// The path of one end, `a` or `b`.
+    fn port(&self, name: &str) -> String {
+        self.directory.path().join(name).display().to_string()
+    }
+
+    fn end(&self, name: &str) -> PythonCan {
+        open(&format!("interface=slcan,channel={},bitrate=1000000,sleep_after_open=0.0", self.port(name))).unwrap()
+    }
+}
+
+impl Drop for NullModem {
+    fn drop(&mut self) {
+        let _ = self.socat.kill();
+        let _ = self.socat.wait();
+    }
+}
+
+#[test]
+fn virtual_keeps_the_contract() {
+    let pairs = Cell::new(0);
+    let make = || {
+        let channel = format!("contract {}", pairs.replace(pairs.get() + 1));
+        let end = || Box::new(virtual_end(&channel)) as Box<dyn Bus>;
+        (end(), end())
+    };
+    contract::contract(make, contract::Formats::All);
+}
+
+#[test]
+fn slcan_keeps_the_contract() {
+    let modems = RefCell::new(Vec::new());
+    let make = || {
+        let modem = NullModem::new();
+        let end = |name| Box::new(modem.end(name)) as Box<dyn Bus>;
+        let pair = (end("a"), end("b"));
+        modems.borrow_mut().push(modem);
+        pair
+    };
+    contract::contract(make, contract::Formats::All);
+}
+
+#[test]
+fn carries_every_field_of_a_frame() {
+    let (mut near, mut far) = (virtual_end("fields"), virtual_end("fields"));
+    let fd = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: true };
+    let frames = [
+        Frame::new(Id::Standard(0x7FF), FrameFormat::Classic, &[1, 2, 3]),
+        Frame::new(Id::Extended(0x7FF), FrameFormat::Classic, &[]),
+        Frame::new(Id::Extended(0x1FFF_FFFF), FrameFormat::Remote, &[0; 8]),
+        Frame::new(Id::Standard(0), fd, &[0xA5; 64]),
+    ];
+    for frame in frames.map(Result::unwrap) {
+        near.send(&frame).unwrap();
+        assert!(far.wait(PATIENCE).unwrap());
+        let received = far.receive().unwrap().unwrap();
+        assert_eq!(received.frame, frame);
+        let year_2024_ns = 1_704_067_200_000_000_000;
+        assert!(received.timestamp_ns > Some(year_2024_ns), "{:?}", received.timestamp_ns);
+    }
+}
+
+#[test]
+fn sends_and_receives_without_allocating() {
+    let (mut near, mut far) = (virtual_end("allocation"), virtual_end("allocation"));
+    let frame = frame(1);
+    let sent = assert_no_alloc(|| near.send(&frame).ok());
+    assert_eq!(sent, Some(Sent::Queued));
+    assert!(far.wait(PATIENCE).unwrap());
+    let received = assert_no_alloc(|| [far.receive().ok().flatten(), far.receive().ok().flatten()]);
+    assert_eq!(received.map(|received| received.map(|received| received.frame)), [Some(frame), None]);
+}
+
+/// The dispositions of this process as Linux shows them: bit n − 1 of a mask stands for signal n.
+#[test]
+fn leaves_ctrl_c_alone() {
+    const SIGINT: u32 = 2;
+    let _bus = virtual_end("signals");
+    let status = fs::read_to_string("/proc/self/status").unwrap();
+    for mask in ["SigCgt:", "SigIgn:"] {
+        let bits = status.lines().find_map(|line| line.strip_prefix(mask)).unwrap();
+        assert_eq!(u64::from_str_radix(bits.trim(), 16).unwrap() >> (SIGINT - 1) & 1, 0, "{mask}{bits}");
+    }
+}
+
+#[test]
+fn leaves_error_frames_out_and_counts_them() {
+    let mut bus = virtual_end("error frames");
+    Python::attach(|py| {
+        let foreign = foreign_end(py, "error frames", 0);
+        for (name, value) in [("is_error_frame", true), ("is_error_frame", false)] {
+            let arguments = PyDict::new(py);
+            arguments.set_item(name, value).unwrap();
+            let message = py.import("can").unwrap().getattr("Message").unwrap().call((), Some(&arguments)).unwrap();
+            foreign.call_method1("send", (message,)).unwrap();
+        }
+        foreign.call_method0("shutdown").unwrap();
+    });
+    assert!(bus.wait(PATIENCE).unwrap());
+    let received = bus.receive().unwrap().map(|received| received.frame);
+    assert_eq!(received, Some(Frame::classic(Id::Extended(0), &[]).unwrap()));
+    assert_eq!((bus.discarded(), bus.statistics().received, bus.statistics().dropped), (1, 1, 0));
+}
+
+/// The driver takes a few frames and then blocks in `send`, as it does on a serial port whose other end stopped reading.
+#[test]
+fn a_blocked_driver_blocks_nobody_here() {
+    let mut bus = virtual_end("blocked");
+    let foreign = Python::attach(|py| foreign_end(py, "blocked", 2).unbind());
+    let outcomes: Vec<Sent> = (0..3 * TRANSMIT_QUEUE as u32).map(|k| bus.send(&frame(k)).unwrap()).collect();
+    assert_eq!(outcomes.last(), Some(&Sent::QueueFull));
+    assert_eq!(bus.receive().unwrap(), None);
+    let stuck = bus.close().unwrap_err();
+    assert!(matches!(stuck, BusError::PythonCan(PythonCanError::Stuck { operation: Operation::Close, .. })));
+    insta::assert_snapshot!(stuck, @"python-can did not close the bus within 3 s: the driver does not return; unplug the adapter or end this program");
+    // Read everything, so that the blocked thread gets out before this process ends.
+    Python::attach(|py| {
+        while !foreign.call_method1(py, "recv", (0.2,)).unwrap().is_none(py) {}
+        foreign.call_method0(py, "shutdown").unwrap();
+    });
+}
+
+#[test]
+fn an_unplugged_adapter_is_an_error_of_the_next_call() {
+    let mut modem = NullModem::new();
+    let mut bus = modem.end("a");
+    assert_eq!(bus.receive().unwrap(), None);
+    modem.socat.kill().unwrap();
+    modem.socat.wait().unwrap();
+    let lost = bus.wait(PATIENCE).unwrap_err();
+    // Linux tells a hang-up in either of two ways, by a failed or by an empty read.
+    let expected = "python-can could not receive: CanOperationError: Could not read from serial device (from ";
+    assert!(lost.to_string().starts_with(expected), "{lost}");
+    // python-can's slcan says goodbye on the line when it shuts down, and there is no line any more.
+    let error = bus.close().unwrap_err();
+    insta::assert_snapshot!(error, @"python-can could not close the bus: CanOperationError: Could not write to serial device (from SerialException: write failed: [Errno 5] Input/output error)");
+    assert!(matches!(bus.receive(), Err(BusError::Closed)));
+}
+
+#[test]
+fn refuses_what_python_can_does_not_know() {
+    let message = |options: &str| open(options).err().map(|error| error.to_string()).unwrap_or_default();
+    let unknown = message("interface=slacn,channel=/dev/ttyACM0");
+    assert!(unknown.starts_with("python-can 4"), "{unknown}");
+    assert!(unknown.contains("has no interface `slacn`; it has: "), "{unknown}");
+    assert!(unknown.contains(", slcan, socketcan, "), "{unknown}");
+    insta::assert_snapshot!(message("channel=0"), @"python-can option `interface`: missing; name the adapter, for example interface=slcan,channel=/dev/ttyACM0");
+    insta::assert_snapshot!(message("interface=slcan,channel=/nonexistent"), @"python-can could not open the bus: CanInitializationError: [Errno 2] could not open port /nonexistent: [Errno 2] No such file or directory: '/nonexistent'");
+    let modem = NullModem::new();
+    let rate = message(&format!("interface=slcan,channel={},bitrate=1,sleep_after_open=0.0", modem.port("a")));
+    let expected = "python-can could not open the bus: CanInitializationError: Invalid bitrate, choose one of ";
+    assert!(rate.starts_with(expected), "{rate}");
+}
+
+/// What became of the child that [`child`] starts.
+fn outcome(directory: &Path, environment: &[(&str, &Path)]) -> String {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "the_environment_decides", "--nocapture"]).current_dir(directory);
+    command.env_remove("VIRTUAL_ENV").env(CHILD, "interface=virtual,channel=child");
+    let output = command.envs(environment.iter().copied()).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let line = text.lines().find_map(|line| line.split_once("outcome: ").map(|(_, outcome)| outcome.to_string()));
+    line.unwrap_or_else(|| panic!("no outcome in {text}{}", String::from_utf8_lossy(&output.stderr)))
+}
+
+/// Opens the virtual bus in the environment of this process; the tests below run it as a child in environments of theirs.
+#[test]
+fn the_environment_decides() {
+    match std::env::var(CHILD) {
+        Ok(options) => {
+            println!("outcome: {}", open(&options).map(|_| "open".to_string()).unwrap_or_else(|e| e.to_string()))
+        }
+        Err(_) => open("interface=virtual,channel=child").unwrap().close().unwrap(),
+    }
+}
+
+/// The major and minor version and the installation directory of the embedded interpreter.
+fn embedded() -> (String, String) {
+    Python::attach(|py| {
+        let info = py.version_info();
+        let prefix = py.import("sys").unwrap().getattr("base_exec_prefix").unwrap().extract().unwrap();
+        (format!("{}.{}", info.major, info.minor), prefix)
+    })
+}
+
+/// An environment without a single package.
+fn empty_environment(path: &Path, version: &str) {
+    fs::create_dir_all(path.join(format!("lib/python{version}/site-packages"))).unwrap();
+    fs::write(path.join("pyvenv.cfg"), format!("version = {version}.0\n")).unwrap();
+}
+
+#[test]
+fn finds_the_environment_beside_the_working_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = directory.path().join(".venv");
+    let (version, _) = embedded();
+    empty_environment(&environment, &version);
+    let packages = environment.join(format!("lib/python{version}/site-packages"));
+    // The packages that this process uses, by way of a .pth file.
+    let can: String = Python::attach(|py| py.import("can").unwrap().getattr("__file__").unwrap().extract().unwrap());
+    let own = Path::new(&can).ancestors().nth(2).unwrap();
+    fs::write(packages.join("own.pth"), own.to_str().unwrap()).unwrap();
+    let below = directory.path().join("below");
+    fs::create_dir(&below).unwrap();
+    assert_eq!(outcome(&below, &[]), "open");
+}
+
+#[test]
+fn says_which_command_installs_python_can() {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = directory.path().join("environment");
+    let (version, _) = embedded();
+    empty_environment(&environment, &version);
+    let text = outcome(directory.path(), &[("VIRTUAL_ENV", &environment)]);
+    let patch = Python::attach(|py| py.version_info().patch);
+    let advice =
+        text.replace(&environment.display().to_string(), "ENV").replace(&format!("{version}.{patch}"), "X.Y.Z");
+    insta::assert_snapshot!(advice, @"python-can is not installed in the virtual environment `ENV` (Python X.Y.Z); install it with `ENV/bin/python3 -m pip install python-can`");
+}
+
+#[test]
+fn says_both_versions() {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = directory.path().join("environment");
+    empty_environment(&environment, "2.7");
+    let (version, prefix) = embedded();
+    let text = outcome(directory.path(), &[("VIRTUAL_ENV", &environment)]);
+    let text =
+        text.replace(&environment.display().to_string(), "ENV").replace(&prefix, "PREFIX").replace(&version, "X.Y");
+    insta::assert_snapshot!(text, @"the virtual environment `ENV` is for Python 2.7, and this program embeds Python X.Y; make one with `PREFIX/bin/pythonX.Y -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=ENV/bin/python3");
+}
