@@ -91,12 +91,19 @@ pub enum RecordingError {
         /// What is wrong.
         cause: String,
     },
-    /// A metadata record is missing without which nothing else can be understood.
+    /// The file is a whole MCAP file, but not a recording.
+    #[error("`{path}` is an MCAP file without metadata `{name}`: it was not recorded by resonarm")]
+    NotARecording {
+        /// The file.
+        path: PathBuf,
+        /// Name of the metadata record.
+        name: &'static str,
+    },
+    /// The file was cut off, or is damaged, before its head was whole: nothing can be had from it.
     #[error(
-        "`{path}` has no metadata `{name}` in its first {readable_bytes} bytes, which are all that can be read: either \
-         it is not a recording of resonarm, or it was cut off before its first flush and holds nothing to recover"
+        "recording `{path}` can't be read beyond byte {readable_bytes}, before its metadata `{name}`: nothing is left of it"
     )]
-    MissingMetadata {
+    NothingLeft {
         /// The file.
         path: PathBuf,
         /// Name of the metadata record.

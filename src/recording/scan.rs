@@ -99,10 +99,12 @@ fn lost(
 impl Scan {
     /// The metadata record `name`, which must be there.
     pub fn required(&self, path: &Path, name: &'static str) -> Result<&BTreeMap<String, String>, RecordingError> {
-        self.metadata.get(name).ok_or_else(|| RecordingError::MissingMetadata {
-            path: path.to_path_buf(),
-            name,
-            readable_bytes: self.readable_bytes,
+        self.metadata.get(name).ok_or_else(|| {
+            let path = path.to_path_buf();
+            match self.integrity {
+                Integrity::Complete | Integrity::Unfinished => RecordingError::NotARecording { path, name },
+                _ => RecordingError::NothingLeft { path, name, readable_bytes: self.readable_bytes },
+            }
         })
     }
 }

@@ -1,5 +1,6 @@
 //! What a recording says about itself.
 
+use core::fmt;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -48,6 +49,27 @@ pub enum Integrity {
         /// What is wrong.
         cause: String,
     },
+}
+
+impl fmt::Display for Integrity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let last_step = match self {
+            Integrity::Complete => return f.write_str("complete"),
+            Integrity::Unfinished => return f.write_str("recovered, without the end of the run"),
+            Integrity::Truncated { readable_bytes, file_bytes, last_step } => {
+                write!(f, "truncated: {readable_bytes} of {file_bytes} bytes can be read")?;
+                last_step
+            }
+            Integrity::Damaged { readable_bytes, file_bytes, last_step, cause } => {
+                write!(f, "damaged at byte {readable_bytes} of {file_bytes} ({cause}): what comes before can be read")?;
+                last_step
+            }
+        };
+        match last_step {
+            Some(step) => write!(f, ", up to step {step}"),
+            None => f.write_str(", which hold no step"),
+        }
+    }
 }
 
 /// What a recording holds, in numbers: see [`Recording::summary`].

@@ -76,6 +76,11 @@ impl From<McapError> for Fault {
     fn from(error: McapError) -> Fault {
         match error {
             McapError::UnexpectedEof => Fault::Truncated,
+            McapError::BadChunkCrc { saved, calculated }
+            | McapError::BadDataCrc { saved, calculated }
+            | McapError::BadSummaryCrc { saved, calculated } => {
+                Fault::Damaged(format!("the checksum is {calculated:#010x}, expected {saved:#010x}"))
+            }
             error => Fault::Damaged(error.to_string()),
         }
     }
@@ -214,7 +219,7 @@ impl Walk {
         let head = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
         let mut source = head.chain(body);
         while let Some(event) = reader.next_event() {
-            match event.map_err(|error| Fault::Damaged(format!("a chunk that can't be read: {error}")))? {
+            match event.map_err(in_chunk)? {
                 LinearReadEvent::ReadRequest(need) => {
                     let read = source.read(reader.insert(need)).map_err(Fault::Io)?;
                     reader.notify_read(read);
@@ -256,5 +261,13 @@ impl Walk {
             _ => {}
         }
         Ok(())
+    }
+}
+
+/// What an error inside a chunk means. The chunk is there to its last byte, so it can't be cut short.
+fn in_chunk(error: McapError) -> Fault {
+    match error {
+        McapError::UnexpectedEof => Fault::Damaged(String::from("a chunk that ends inside a record")),
+        error => Fault::from(error),
     }
 }
