@@ -26,6 +26,14 @@ pub(super) trait Batch: prost::Message + Default {
     fn columns(&self) -> Vec<usize>;
     /// Row `index`, if every column has it.
     fn row(&self, index: usize) -> Option<Self::Row>;
+
+    /// All rows; what is wrong, if columns differ in length or the steps run out of range.
+    fn rows(&self) -> Result<Vec<Self::Row>, String> {
+        let columns = self.columns();
+        let length = columns.iter().copied().max().unwrap_or(0);
+        let rows: Option<Vec<_>> = (0..length).map(|index| self.row(index)).collect();
+        rows.ok_or_else(|| format!("a batch from step {} with columns of {columns:?} rows", self.first_step()))
+    }
 }
 
 /// Gathers rows until a batch is full or the steps stop being consecutive.

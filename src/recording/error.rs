@@ -55,6 +55,130 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
+    /// The file can't be opened or read.
+    #[error("can't read recording `{path}`: {source}")]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: Arc<io::Error>,
+    },
+    /// The file is something else.
+    #[error("`{path}` is not an MCAP file: it begins with {}", begins(.got))]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes, at most 8.
+        got: Vec<u8>,
+    },
+    /// The file ends inside a record: the run that wrote it was killed, or a copy was cut short.
+    #[error("recording `{path}` ends at byte {file_bytes} inside the record that begins at byte {offset}")]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Where the first record begins that is not whole, bytes.
+        offset: u64,
+        /// Size of the file, bytes.
+        file_bytes: u64,
+    },
+    /// A checksum or a layout is wrong.
+    #[error("recording `{path}` is damaged in the record that begins at byte {offset}: {cause}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where the record begins, bytes.
+        offset: u64,
+        /// What is wrong.
+        cause: String,
+    },
+    /// The file is a whole MCAP file, but not a recording.
+    #[error("`{path}` is an MCAP file without metadata `{name}`: it was not recorded by resonarm")]
+    NotARecording {
+        /// The file.
+        path: PathBuf,
+        /// Name of the metadata record.
+        name: &'static str,
+    },
+    /// The file was cut off, or is damaged, before its head was whole: nothing can be had from it.
+    #[error(
+        "recording `{path}` can't be read beyond byte {readable_bytes}, before its metadata `{name}`: nothing is left of it"
+    )]
+    NothingLeft {
+        /// The file.
+        path: PathBuf,
+        /// Name of the metadata record.
+        name: &'static str,
+        /// How much of the file can be read, bytes.
+        readable_bytes: u64,
+    },
+    /// An entry of the metadata is missing or has a value that makes no sense.
+    #[error("recording `{path}` states `{key}` as `{got}` in its metadata `{name}`, expected {expected}")]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// Name of the metadata record.
+        name: &'static str,
+        /// The key.
+        key: String,
+        /// Its value; empty if it is missing.
+        got: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A topic has another message type than it should.
+    #[error(
+        "recording `{path}` has messages `{got}` in topic `{topic}`, expected `{expected} (protobuf)`: read it with the \
+         version of resonarm that wrote it"
+    )]
+    Schema {
+        /// The file.
+        path: PathBuf,
+        /// Name of the topic.
+        topic: &'static str,
+        /// The message type it should have.
+        expected: &'static str,
+        /// Message type and encoding that it has.
+        got: String,
+    },
+    /// The file has no such topic.
+    #[error(
+        "recording `{path}` has no topic `{topic}`: it was taken out by another tool; go back to the original file"
+    )]
+    MissingTopic {
+        /// The file.
+        path: PathBuf,
+        /// Name of the topic.
+        topic: &'static str,
+    },
+    /// Steps are missing, so that the recording can't be taken as continuous.
+    #[error(
+        "recording `{path}` is not continuous in topic `{topic}`: step {got} follows where step {expected} should \
+         ({gaps} such gaps in all); the run lost records, repeat it with more capacity or fewer steps a second"
+    )]
+    Gap {
+        /// The file.
+        path: PathBuf,
+        /// Name of the topic.
+        topic: &'static str,
+        /// The step that should have come first after the gap.
+        expected: u64,
+        /// The step that came.
+        got: u64,
+        /// How many gaps there are.
+        gaps: u64,
+    },
+    /// There is nothing to recover.
+    #[error("recording `{path}` is whole: there is nothing to recover")]
+    Whole {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A recording can't be recovered onto itself.
+    #[error("recording `{path}` can't be recovered onto itself: name another file for the result")]
+    SameFile {
+        /// The file.
+        path: PathBuf,
+    },
     /// A record came after the recording was finished.
     #[error("recording `{path}` is finished: it takes no more records")]
     Finished {
@@ -71,5 +195,13 @@ impl RecordingError {
             McapError::Io(source) => RecordingError::Write { path, source: Arc::new(source) },
             source => RecordingError::Format { path, source: Arc::new(source) },
         }
+    }
+}
+
+/// The first bytes of a file, for a message.
+fn begins(bytes: &[u8]) -> String {
+    match bytes {
+        [] => String::from("nothing (it is empty)"),
+        bytes => format!("`{}`", bytes.escape_ascii()),
     }
 }

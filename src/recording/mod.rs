@@ -19,17 +19,28 @@
 
 mod batch;
 mod build_info;
+mod decode;
 mod error;
 mod options;
+mod reader;
 mod record;
 mod recorder;
+mod records;
+mod recover;
+mod scan;
 mod schema;
 mod sink;
+mod summary;
+mod walk;
 mod writer;
 
 pub use build_info::{BuildInfo, build_info};
 pub use error::RecordingError;
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Options, TimeBase};
+pub use reader::Recording;
 pub use record::{Direction, Event, FrameRecord, Record, SampleRecord, StepRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};
+pub use records::Records;
+pub use recover::{Recovered, recover};
 pub use schema::Topic;
+pub use summary::{Integrity, Origin, RecordingSummary, TopicSummary};

@@ -1,0 +1,73 @@
+//! Records a decaying vibration and reads it back.
+//!
+//! `cargo run --example recording -- out.mcap [steps]` writes `out.mcap` and prints its summary as one JSON document.
+
+use std::env;
+use std::error::Error;
+use std::io::Write;
+
+use resonarm::protocol::{Frame, Id};
+use resonarm::recording::{
+    Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording, SampleRecord,
+    StepRecord, TickRecord,
+};
+
+/// Time from one step to the next, s.
+const DT_S: f64 = 1e-3;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = env::args().skip(1);
+    let path = arguments.next().ok_or("usage: recording FILE [STEPS]")?;
+    let steps: u64 = arguments.next().map_or(Ok(1000), |steps| steps.parse())?;
+
+    let configuration = Configuration::new().with("scenario", "frequency_hz = 30\n").with("seed", 1);
+    let options = Options { existing: Existing::Overwrite, ..Options::virtual_time(DT_S, "memory") };
+    let recorder = Recorder::create(&path, &configuration, options)?;
+    let mut channel = recorder.channel("plant", 8192)?;
+    for step in 0..steps {
+        records(step)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+    }
+    let time_ns = steps * 1_000_000;
+    channel.push_blocking(Record::Event(Event { step: steps, time_ns, name: "run.end", value: -1 }))?;
+    recorder.finish(&[("overruns", "0".to_string())])?;
+
+    let recording = Recording::open(&path)?;
+    let peak_rad = recording.steps()?.try_fold(0.0_f64, |peak, step| step.map(|step| peak.max(step.alpha_rad[0])))?;
+    let mut output = std::io::stdout();
+    serde_json::to_writer(
+        &mut output,
+        &serde_json::json!({ "summary": recording.summary(), "peak_alpha1_rad": peak_rad }),
+    )?;
+    writeln!(output)?;
+    Ok(())
+}
+
+/// What a plant would record at a step: α1 = 1 mrad · exp(−2t) · cos(2π · 30 Hz · t).
+fn records(step: u64) -> Result<[Record; 5], Box<dyn Error>> {
+    let t = step as f64 * DT_S;
+    let phase = 2.0 * core::f64::consts::PI * 30.0 * t;
+    let alpha = 1e-3 * libm::exp(-2.0 * t) * libm::cos(phase);
+    let time_ns = step * 1_000_000;
+    let frame = |id, direction| -> Result<Record, Box<dyn Error>> {
+        let frame = Frame::classic(Id::Standard(id), &step.to_le_bytes())?;
+        Ok(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns: None, frame }))
+    };
+    Ok([
+        Record::Step(StepRecord {
+            step,
+            alpha_rad: [alpha, -0.5 * alpha],
+            alpha_dot_rad_s: [-2.0 * alpha, alpha],
+            torque_nm: [0.0, 0.0],
+            force_n: [10.0 * libm::sin(phase), 0.0],
+        }),
+        Record::Sample(SampleRecord {
+            step,
+            acceleration_b_m_s2: [alpha, 2.0 * alpha],
+            acceleration_c_m_s2: [3.0 * alpha, 4.0 * alpha],
+            head_force_n: [10.0 * libm::sin(phase), 0.0],
+        }),
+        frame(0x201, Direction::Received)?,
+        frame(0x203, Direction::Sent)?,
+        Record::Tick(TickRecord { step, wakeup_ns: 1000 + step, exec_ns: 2000, overruns: 0 }),
+    ])
+}

@@ -1,0 +1,66 @@
+//! Messages back into records.
+
+use prost::Message;
+use resonarm_protocol::{Frame, FrameFormat, Id};
+
+use super::batch::Batch;
+use super::schema::Topic;
+use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch, can_frame};
+use super::{Direction, Event, FrameRecord, Record};
+
+/// Hands the records in a message to `visit`, in order. The messages for plotting repeat others and give none.
+///
+/// Errors: what is wrong with the message.
+pub(super) fn decode(topic: Topic, bytes: &[u8], visit: &mut impl FnMut(Record<String>)) -> Result<(), String> {
+    match topic {
+        Topic::Steps => rows::<StepBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Step(row))),
+        Topic::Samples => rows::<SampleBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Sample(row))),
+        Topic::Ticks => rows::<TickBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Tick(row))),
+        Topic::Frames => visit(Record::Frame(frame(message::<proto::CanFrame>(bytes)?)?)),
+        Topic::Events => {
+            let proto::Event { step, time_ns, name, value } = message(bytes)?;
+            visit(Record::Event(Event { step, time_ns, name, value }));
+        }
+        Topic::State | Topic::Command | Topic::Sensors => {}
+    }
+    Ok(())
+}
+
+fn message<M: Message + Default>(bytes: &[u8]) -> Result<M, String> {
+    M::decode(bytes).map_err(|error| error.to_string())
+}
+
+fn rows<B: Batch>(bytes: &[u8]) -> Result<Vec<B::Row>, String> {
+    message::<B>(bytes)?.rows()
+}
+
+fn frame(message: proto::CanFrame) -> Result<FrameRecord, String> {
+    let direction = match can_frame::Direction::try_from(message.direction) {
+        Ok(can_frame::Direction::Received) => Direction::Received,
+        Ok(can_frame::Direction::Sent) => Direction::Sent,
+        _ => return Err(format!("a frame of direction {}", message.direction)),
+    };
+    let id = match (message.extended, u16::try_from(message.id)) {
+        (true, _) => Id::Extended(message.id),
+        (false, Ok(id)) => Id::Standard(id),
+        (false, Err(_)) => return Err(format!("a standard frame with identifier {:#x}", message.id)),
+    };
+    let format = match (message.fd, message.remote) {
+        (true, _) => FrameFormat::Fd { bit_rate_switch: message.brs, error_state_indicator: message.esi },
+        (false, true) => FrameFormat::Remote,
+        (false, false) => FrameFormat::Classic,
+    };
+    let asked_for = [0; 8];
+    let data = match format {
+        FrameFormat::Remote => asked_for.get(..message.length as usize).ok_or("a remote frame of over 8 bytes")?,
+        _ => &message.data,
+    };
+    let frame = Frame::new(id, format, data).map_err(|error| error.to_string())?;
+    Ok(FrameRecord {
+        step: message.step,
+        direction,
+        time_ns: message.time_ns,
+        bus_timestamp_ns: message.bus_timestamp_ns,
+        frame,
+    })
+}

@@ -1,0 +1,140 @@
+//! The first pass through a file: is it whole, and what is in it?
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::decode::decode;
+use super::schema::{Topic, metadata};
+use super::walk::{Part, Walk};
+use super::{Integrity, Record, RecordingError, TopicSummary};
+
+/// What a pass through a file has shown.
+#[derive(Clone, Debug)]
+pub(super) struct Scan {
+    pub integrity: Integrity,
+    pub file_bytes: u64,
+    /// Everything before this byte is good.
+    pub readable_bytes: u64,
+    /// The first metadata record of each name.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    pub lost: BTreeMap<String, u64>,
+    pub tally: Tally,
+}
+
+/// What is in the chunks.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    /// First and last step of any record.
+    pub steps: Option<(u64, u64)>,
+    /// One for each of [`Topic::ALL`].
+    pub topics: [TopicTally; Topic::ALL.len()],
+}
+
+/// What is in a topic.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TopicTally {
+    /// Whether the file has the topic, be it empty.
+    pub declared: bool,
+    pub summary: TopicSummary,
+    /// The step expected and the step that came, at the first gap.
+    pub first_gap: Option<(u64, u64)>,
+    expected: Option<u64>,
+}
+
+/// Passes through the file once.
+pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
+    let mut walk = Walk::open(path)?;
+    let mut metadata = BTreeMap::new();
+    let mut tally = Tally::default();
+    let end = loop {
+        let offset = walk.offset();
+        match walk.next() {
+            Ok(Some(Part::Metadata(name, content))) => {
+                metadata.entry(name).or_insert(content);
+            }
+            Ok(Some(Part::Chunk)) => match tally.with(&walk) {
+                Ok(with) => tally = with,
+                Err(cause) => break (offset, Err(walk.damaged(offset, cause))),
+            },
+            Ok(Some(Part::Other)) => {}
+            Ok(None) => break (offset, Ok(())),
+            Err(error) => break (offset, Err(error)),
+        }
+    };
+    let (readable_bytes, end) = end;
+    let file_bytes = walk.file_bytes();
+    let last_step = tally.steps.map(|(_, last)| last);
+    let integrity = match end {
+        Ok(()) if metadata.contains_key(metadata::LOST) => Integrity::Complete,
+        Ok(()) => Integrity::Unfinished,
+        Err(RecordingError::Truncated { .. }) => Integrity::Truncated { readable_bytes, file_bytes, last_step },
+        Err(RecordingError::Damaged { cause, .. }) => {
+            Integrity::Damaged { readable_bytes, file_bytes, last_step, cause }
+        }
+        Err(error) => return Err(error),
+    };
+    let lost = lost(path, &metadata)?;
+    Ok(Scan { integrity, file_bytes, readable_bytes, metadata, lost, tally })
+}
+
+/// The counts of lost records.
+fn lost(
+    path: &Path,
+    metadata: &BTreeMap<String, BTreeMap<String, String>>,
+) -> Result<BTreeMap<String, u64>, RecordingError> {
+    let entries = metadata.get(metadata::LOST).into_iter().flatten();
+    let parsed = entries.map(|(channel, count)| match count.parse() {
+        Ok(count) => Ok((channel.clone(), count)),
+        Err(_) => Err(RecordingError::Metadata {
+            path: path.to_path_buf(),
+            name: metadata::LOST,
+            key: channel.clone(),
+            got: count.clone(),
+            expected: "a count of records",
+        }),
+    });
+    parsed.collect()
+}
+
+impl Scan {
+    /// The metadata record `name`, which must be there.
+    pub fn required(&self, path: &Path, name: &'static str) -> Result<&BTreeMap<String, String>, RecordingError> {
+        self.metadata.get(name).ok_or_else(|| {
+            let path = path.to_path_buf();
+            match self.integrity {
+                Integrity::Complete | Integrity::Unfinished => RecordingError::NotARecording { path, name },
+                _ => RecordingError::NothingLeft { path, name, readable_bytes: self.readable_bytes },
+            }
+        })
+    }
+}
+
+impl Tally {
+    /// The tally with the chunk that was read last. Errors: what is wrong with a message in it.
+    fn with(mut self, walk: &Walk) -> Result<Tally, String> {
+        walk.topics().for_each(|topic| self.topics[topic as usize].declared = true);
+        for (topic, _, bytes) in walk.chunk().messages() {
+            let summary = &mut self.topics[topic as usize].summary;
+            summary.messages += 1;
+            summary.bytes += bytes.len() as u64;
+            decode(topic, bytes, &mut |record| self.record(topic, &record))?;
+        }
+        Ok(self)
+    }
+
+    /// Takes in one record.
+    fn record(&mut self, topic: Topic, record: &Record<String>) {
+        let step = record.step();
+        let (first, last) = self.steps.unwrap_or((step, step));
+        self.steps = Some((first.min(step), last.max(step)));
+        let topic = &mut self.topics[topic as usize];
+        topic.summary.records += 1;
+        if matches!(record, Record::Step(_) | Record::Sample(_) | Record::Tick(_)) {
+            if let Some(expected) = topic.expected.filter(|&expected| expected != step) {
+                topic.summary.gaps += 1;
+                topic.first_gap.get_or_insert((expected, step));
+            }
+            topic.expected = step.checked_add(1);
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! What a recording says about itself.
+
+use core::fmt;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::scan::Scan;
+use super::schema::{FORMAT, metadata};
+use super::{BuildInfo, RecordingError};
+
+/// Where a recording comes from.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Origin {
+    /// Time from one step to the next, s.
+    pub dt_s: f64,
+    /// Name of the bus interface.
+    pub interface: String,
+    /// Start of the run, ns of the UNIX epoch; 0 for a run in virtual time.
+    pub start_unix_ns: u64,
+    /// The build that recorded.
+    pub build: BuildInfo,
+}
+
+/// Whether a file is whole, and how much of it can be had if not.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case", tag = "state")]
+pub enum Integrity {
+    /// The whole run is there.
+    Complete,
+    /// The file is whole, but the end of the run is not in it: it was recovered from a truncated one.
+    Unfinished,
+    /// The file ends inside a record: the run was killed, or a copy was cut short.
+    Truncated {
+        /// How much can be read, bytes.
+        readable_bytes: u64,
+        /// Size of the file, bytes.
+        file_bytes: u64,
+        /// The last step that can be read, if any.
+        last_step: Option<u64>,
+    },
+    /// A checksum or a layout is wrong; what comes before can be read.
+    Damaged {
+        /// How much can be read, bytes: here the damaged record begins.
+        readable_bytes: u64,
+        /// Size of the file, bytes.
+        file_bytes: u64,
+        /// The last step that can be read, if any.
+        last_step: Option<u64>,
+        /// What is wrong.
+        cause: String,
+    },
+}
+
+impl fmt::Display for Integrity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let last_step = match self {
+            Integrity::Complete => return f.write_str("complete"),
+            Integrity::Unfinished => return f.write_str("recovered, without the end of the run"),
+            Integrity::Truncated { readable_bytes, file_bytes, last_step } => {
+                write!(f, "truncated: {readable_bytes} of {file_bytes} bytes can be read")?;
+                last_step
+            }
+            Integrity::Damaged { readable_bytes, file_bytes, last_step, cause } => {
+                write!(f, "damaged at byte {readable_bytes} of {file_bytes} ({cause}): what comes before can be read")?;
+                last_step
+            }
+        };
+        match last_step {
+            Some(step) => write!(f, ", up to step {step}"),
+            None => f.write_str(", which hold no step"),
+        }
+    }
+}
+
+/// What a recording holds, in numbers: see [`Recording::summary`].
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct RecordingSummary {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub file_bytes: u64,
+    /// Whether it is whole.
+    pub integrity: Integrity,
+    /// Where it comes from.
+    pub origin: Origin,
+    /// Time from the first step to the last, s.
+    pub duration_s: f64,
+    /// First and last step, if there is any.
+    pub steps: Option<(u64, u64)>,
+    /// What is in each topic, by its name in the file.
+    pub topics: BTreeMap<&'static str, TopicSummary>,
+    /// Records lost in each channel; empty if the end of the run is not in the file.
+    pub lost: BTreeMap<String, u64>,
+    /// The configuration of the run.
+    pub configuration: BTreeMap<String, String>,
+    /// The statistics of the run; empty if its end is not in the file.
+    pub statistics: BTreeMap<String, String>,
+}
+
+/// What is in a topic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct TopicSummary {
+    /// Messages; in a batched topic a batch is one.
+    pub messages: u64,
+    /// Records in these messages. The messages for plotting repeat others and count none.
+    pub records: u64,
+    /// Their size before compression, bytes.
+    pub bytes: u64,
+    /// Places where the steps of a batched topic are not consecutive.
+    pub gaps: u64,
+}
+
+impl Origin {
+    /// Reads it from the metadata of a file.
+    pub(super) fn of(path: &Path, scan: &Scan) -> Result<Origin, RecordingError> {
+        let about = scan.required(path, metadata::RECORDING)?;
+        let value = |key: &'static str| about.get(key).cloned().unwrap_or_default();
+        let wrong = |key: &'static str, expected: &'static str| RecordingError::Metadata {
+            path: path.to_path_buf(),
+            name: metadata::RECORDING,
+            key: key.to_string(),
+            got: value(key),
+            expected,
+        };
+        if value("format") != FORMAT {
+            return Err(wrong("format", "`1`: read it with the version of resonarm that wrote it"));
+        }
+        let dt_s: f64 = value("dt_s").parse().map_err(|_| wrong("dt_s", "a time in s"))?;
+        Ok(Origin {
+            dt_s: if dt_s.is_finite() && dt_s > 0.0 {
+                dt_s
+            } else {
+                return Err(wrong("dt_s", "a finite time above 0 s"));
+            },
+            interface: value("interface"),
+            start_unix_ns: value("start_unix_ns").parse().map_err(|_| wrong("start_unix_ns", "a time in ns"))?,
+            build: BuildInfo {
+                version: value("version"),
+                git_commit: value("git_commit"),
+                target: value("target"),
+                profile: value("profile"),
+                compiler: value("compiler"),
+            },
+        })
+    }
+}

@@ -1,0 +1,166 @@
+//! What users are told.
+
+use std::fs;
+
+use resonarm::recording::{
+    Compression, Configuration, Existing, FlushPolicy, Integrity, Options, Recorder, Recording, RecordingError, recover,
+};
+
+use crate::{Outcome, options, record, records_of, run};
+
+/// The error, with the directory of the test taken out.
+fn text<T>(result: Result<T, RecordingError>, directory: &tempfile::TempDir) -> Outcome<String> {
+    match result {
+        Ok(_) => Err("no error".into()),
+        Err(error) => Ok(error.to_string().replace(&format!("{}/", directory.path().display()), "")),
+    }
+}
+
+#[test]
+fn of_files_that_cannot_be_created() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let create = |name: &str| Recorder::create(directory.path().join(name), &Configuration::new(), options());
+    create("run.mcap")?;
+    insta::assert_snapshot!(text(create("run.mcap"), &directory)?, @"recording `run.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
+    insta::assert_snapshot!(text(create("missing/run.mcap"), &directory)?, @"can't create recording `missing/run.mcap`: No such file or directory (os error 2); name a file in a directory that exists and is writable");
+    fs::create_dir(directory.path().join("folder"))?;
+    let overwrite = Options { existing: Existing::Overwrite, ..options() };
+    let onto = Recorder::create(directory.path().join("folder"), &Configuration::new(), overwrite);
+    insta::assert_snapshot!(text(onto, &directory)?, @"can't create recording `folder`: Is a directory (os error 21); name a file in a directory that exists and is writable");
+    Ok(())
+}
+
+#[test]
+fn of_options_that_make_no_sense() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let create = |options| text(Recorder::create(&path, &Configuration::new(), options), &directory);
+    insta::assert_snapshot!(create(Options { dt_s: f64::NAN, ..options() })?, @"recording option `dt_s` is NaN, expected a finite time above 0 s");
+    insta::assert_snapshot!(create(Options { dt_s: 0.0, ..options() })?, @"recording option `dt_s` is 0, expected a finite time above 0 s");
+    insta::assert_snapshot!(create(Options { batch_steps: 0, ..options() })?, @"recording option `batch_steps` is 0, expected at least 1");
+    insta::assert_snapshot!(create(Options { plot_every_steps: 0, ..options() })?, @"recording option `plot_every_steps` is 0, expected at least 1");
+    insta::assert_snapshot!(create(Options { flush: FlushPolicy::Steps(0), ..options() })?, @"recording option `flush` is every 0 steps, expected at least 1");
+    assert!(!path.exists(), "a refusal has made a file");
+    let recorder = Recorder::create(&path, &Configuration::new(), options())?;
+    insta::assert_snapshot!(text(recorder.channel("plant", 0), &directory)?, @"recording option `capacity` is 0, expected at least 1 record");
+    Ok(())
+}
+
+#[test]
+fn of_files_that_are_no_recordings() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("file");
+    let open = |bytes: &[u8]| -> Outcome<String> {
+        fs::write(&path, bytes)?;
+        text(Recording::open(&path), &directory)
+    };
+    insta::assert_snapshot!(open(b"")?, @"`file` is not an MCAP file: it begins with nothing (it is empty)");
+    insta::assert_snapshot!(open(b"(0.1) vcan0 123#00\n")?, @"`file` is not an MCAP file: it begins with `(0.1) vc`");
+    insta::assert_snapshot!(open(mcap::MAGIC)?, @"recording `file` can't be read beyond byte 8, before its metadata `resonarm.recording`: nothing is left of it");
+    let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new()))?;
+    other.finish()?;
+    insta::assert_snapshot!(open(&other.into_inner().into_inner())?, @"`file` is an MCAP file without metadata `resonarm.recording`: it was not recorded by resonarm");
+    insta::assert_snapshot!(text(Recording::open(directory.path().join("missing")), &directory)?, @"can't read recording `missing`: No such file or directory (os error 2)");
+    insta::assert_snapshot!(text(Recording::open(directory.path()), &directory)?.replace(&directory.path().display().to_string(), "folder"), @"can't read recording `folder`: Is a directory (os error 21)");
+    Ok(())
+}
+
+/// A file with the given metadata `resonarm.recording` and one topic.
+fn foreign(about: &[(&str, &str)], topic: &str, schema: &str) -> Outcome<Vec<u8>> {
+    let options = mcap::WriteOptions::new().compression(None);
+    let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
+    let metadata = about.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    writer.write_metadata(&mcap::records::Metadata { name: "resonarm.recording".into(), metadata })?;
+    writer.write_metadata(&mcap::records::Metadata { name: "resonarm.configuration".into(), metadata: [].into() })?;
+    let schema = writer.add_schema(schema, "protobuf", &[])?;
+    writer.add_channel(schema, topic, "protobuf", &[].into())?;
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}
+
+#[test]
+fn of_recordings_of_another_kind() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let good = [("format", "1"), ("dt_s", "0.001"), ("interface", "vcan0"), ("start_unix_ns", "0")];
+    let open = |about: &[(&str, &str)], topic: &str, schema: &str| -> Result<Recording, RecordingError> {
+        let bytes = foreign(about, topic, schema).unwrap_or_default();
+        let _written = fs::write(&path, bytes);
+        Recording::open(&path)
+    };
+    let (topic, schema) = ("/plant/samples", "resonarm.v1.SampleBatch");
+    let recording = open(&good, topic, schema)?;
+    insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
+    insta::assert_snapshot!(text(open(&[("format", "2")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `2` in its metadata `resonarm.recording`, expected `1`: read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(text(open(&[("format", "1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
+    insta::assert_snapshot!(text(open(&[("format", "1"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
+    insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/plant/samples`, expected `resonarm.v1.SampleBatch (protobuf)`: read it with the version of resonarm that wrote it");
+    Ok(())
+}
+
+#[test]
+fn of_gaps() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let records = [0, 1, 2, 7, 8, 20].map(|step| records_of(step).map(|records| records[0]));
+    record(&path, options(), &records.into_iter().collect::<Result<Vec<_>, _>>()?)?;
+    let recording = Recording::open(&path)?;
+    insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: step 7 follows where step 3 should (2 such gaps in all); the run lost records, repeat it with more capacity or fewer steps a second");
+    assert_eq!(recording.records()?.count(), 6);
+    Ok(())
+}
+
+/// The text with `N` for every word that begins with a digit.
+fn without_numbers(text: &str) -> String {
+    let word = |word: &str| match word.find(|letter: char| !letter.is_alphanumeric()) {
+        end if word.starts_with(|letter: char| letter.is_numeric()) => {
+            format!("N{}", &word[end.unwrap_or(word.len())..])
+        }
+        _ => word.to_string(),
+    };
+    text.split_inclusive(' ').map(word).collect()
+}
+
+#[test]
+fn of_integrity() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let (path, cut) = (directory.path().join("run.mcap"), directory.path().join("cut.mcap"));
+    let options = Options { compression: Compression::None, flush: FlushPolicy::Steps(50), ..options() };
+    record(&path, options, &run(200)?)?;
+    let integrity = |bytes: &[u8]| -> Outcome<String> {
+        fs::write(&cut, bytes)?;
+        Ok(Recording::open(&cut)?.integrity().to_string())
+    };
+    let mut bytes = fs::read(&path)?;
+    let whole = bytes.clone();
+    assert_eq!(integrity(&whole)?, "complete");
+    // The bytes depend on the commit and the compiler, which the head names: their numbers stay out of the snapshot.
+    let half = &whole[..whole.len() / 2];
+    insta::assert_snapshot!(without_numbers(&integrity(half)?), @"truncated: N of N bytes can be read, up to step N");
+    insta::assert_snapshot!(without_numbers(&integrity(&whole[..1200])?), @"truncated: N of N bytes can be read, which hold no step");
+    bytes[whole.len() / 2] ^= 1;
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (the checksum is N, expected N): what comes before can be read, up to step N");
+    fs::write(&cut, half)?;
+    if let Integrity::Truncated { readable_bytes, .. } = Recording::open(&cut)?.integrity() {
+        bytes.truncate(*readable_bytes as usize); // what a lost power supply leaves: the length is there, the data is not
+        bytes.extend([0; 500]);
+    }
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (a record with opcode N): what comes before can be read, up to step N");
+    bytes = whole;
+    bytes.push(0);
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (file has more bytes after end magic): what comes before can be read, up to step N");
+    Ok(())
+}
+
+#[test]
+fn of_recoveries() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let (path, cut) = (directory.path().join("run.mcap"), directory.path().join("cut.mcap"));
+    record(&path, options(), &run(200)?)?;
+    insta::assert_snapshot!(text(recover(&path, &cut, Existing::Refuse), &directory)?, @"recording `run.mcap` is whole: there is nothing to recover");
+    let bytes = fs::read(&path)?;
+    fs::write(&cut, &bytes[..bytes.len() / 2])?;
+    insta::assert_snapshot!(text(recover(&cut, &cut, Existing::Overwrite), &directory)?, @"recording `cut.mcap` can't be recovered onto itself: name another file for the result");
+    assert_eq!(fs::metadata(&cut)?.len(), bytes.len() as u64 / 2);
+    Ok(())
+}

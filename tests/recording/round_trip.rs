@@ -1,0 +1,147 @@
+//! Whatever goes in comes out, bit for bit.
+
+use proptest::prelude::*;
+use resonarm::protocol::{Frame, FrameFormat, Id};
+use resonarm::recording::{
+    Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording, SampleRecord,
+    StepRecord, TickRecord,
+};
+
+use crate::{Outcome, options, record, run};
+
+/// Any pair of doubles, every NaN among them.
+fn pair() -> impl Strategy<Value = [f64; 2]> {
+    any::<[u64; 2]>().prop_map(|bits| bits.map(f64::from_bits))
+}
+
+fn frame() -> impl Strategy<Value = Frame> {
+    let id = prop_oneof![
+        (0..=0x7FF_u16).prop_map(Id::Standard),
+        (0..=0x1FFF_FFFF_u32).prop_map(Id::Extended), // small ones too: the format must not be guessed from the number
+        (0..=0x7FF_u32).prop_map(Id::Extended),
+    ];
+    let format = prop_oneof![
+        Just(FrameFormat::Classic),
+        Just(FrameFormat::Remote),
+        any::<(bool, bool)>().prop_map(|(bit_rate_switch, error_state_indicator)| FrameFormat::Fd {
+            bit_rate_switch,
+            error_state_indicator
+        }),
+    ];
+    let data = prop::collection::vec(any::<u8>(), 0..=64);
+    (id, format, data).prop_filter_map("length", |(id, format, data)| Frame::new(id, format, &data).ok())
+}
+
+fn any_record(step: u64) -> impl Strategy<Value = Record> {
+    let direction = prop_oneof![Just(Direction::Received), Just(Direction::Sent)];
+    prop_oneof![
+        4 => [pair(), pair(), pair(), pair()].prop_map(move |[alpha_rad, alpha_dot_rad_s, torque_nm, force_n]| {
+            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n })
+        }),
+        4 => [pair(), pair(), pair()].prop_map(move |[acceleration_b_m_s2, acceleration_c_m_s2, head_force_n]| {
+            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n })
+        }),
+        4 => (frame(), direction, any::<u64>(), any::<Option<u64>>()).prop_map(
+            move |(frame, direction, time_ns, bus_timestamp_ns)| {
+                Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame })
+            }
+        ),
+        2 => any::<(u64, u64, u32)>().prop_map(move |(wakeup_ns, exec_ns, overruns)| {
+            Record::Tick(TickRecord { step, wakeup_ns, exec_ns, overruns })
+        }),
+        1 => any::<(u64, i64)>().prop_map(move |(time_ns, value)| {
+            Record::Event(Event { step, time_ns, name: "plant.state.fault", value })
+        }),
+    ]
+}
+
+/// Steps that mostly follow each other, and now and then jump anywhere.
+fn any_run() -> impl Strategy<Value = Vec<Record>> {
+    let steps = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
+        let steps = jumps.into_iter().scan(0_u64, |step, (chance, anywhere)| {
+            *step = if chance == 0 { anywhere } else { step.wrapping_add(u64::from(chance > 9)) };
+            Some(*step)
+        });
+        steps.collect::<Vec<_>>()
+    });
+    steps.prop_flat_map(|steps| steps.into_iter().map(any_record).collect::<Vec<_>>())
+}
+
+fn any_options() -> impl Strategy<Value = Options> {
+    (any::<bool>(), 1..50_u64, 1..20_u32, 1..20_u64).prop_map(|(lz4, flush, batch_steps, plot_every_steps)| Options {
+        compression: if lz4 { Compression::Lz4 } else { Compression::None },
+        flush: FlushPolicy::Steps(flush),
+        batch_steps,
+        plot_every_steps,
+        ..options()
+    })
+}
+
+/// A record so that equal texts mean equal bits.
+fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
+    let bits =
+        |pairs: &[[f64; 2]]| pairs.iter().map(|pair| format!("{:x?}", pair.map(f64::to_bits))).collect::<String>();
+    match record {
+        Record::Step(r) => format!("{} {}", r.step, bits(&[r.alpha_rad, r.alpha_dot_rad_s, r.torque_nm, r.force_n])),
+        Record::Sample(r) => {
+            format!("{} {}", r.step, bits(&[r.acceleration_b_m_s2, r.acceleration_c_m_s2, r.head_force_n]))
+        }
+        Record::Frame(r) => format!("{r:?} {:?}", r.frame.format()),
+        Record::Tick(r) => format!("{r:?}"),
+        Record::Event(r) => format!("{} {} {} {}", r.step, r.time_ns, r.name.as_ref(), r.value),
+    }
+}
+
+/// The records of each topic in order; between topics a batch may overtake.
+fn by_topic<Name: AsRef<str>>(records: &[Record<Name>]) -> [Vec<String>; 5] {
+    let mut topics = [const { Vec::new() }; 5];
+    for record in records {
+        let topic = match record {
+            Record::Step(_) => 0,
+            Record::Sample(_) => 1,
+            Record::Frame(_) => 2,
+            Record::Tick(_) => 3,
+            Record::Event(_) => 4,
+        };
+        topics[topic].push(exact(record));
+    }
+    topics
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_record_comes_back(records in any_run(), options in any_options()) {
+        let directory = tempfile::tempdir()?;
+        let path = directory.path().join("run.mcap");
+        record(&path, options, &records).map_err(|error| TestCaseError::fail(error.to_string()))?;
+        let recording = Recording::open(&path)?;
+        prop_assert_eq!(recording.integrity(), &Integrity::Complete);
+        let back = recording.records()?.collect::<Result<Vec<_>, _>>()?;
+        prop_assert_eq!(by_topic(&back), by_topic(&records));
+        let summary = recording.summary();
+        prop_assert_eq!(summary.topics.values().map(|topic| topic.records).sum::<u64>(), records.len() as u64);
+    }
+}
+
+#[test]
+fn a_recording_says_what_was_said_of_it() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let options = Options { dt_s: 1.0 / 3000.0, ..options() };
+    record(&path, options, &run(1001)?)?;
+    let recording = Recording::open(&path)?;
+    assert_eq!(recording.origin().dt_s.to_bits(), (1.0_f64 / 3000.0).to_bits());
+    assert_eq!(recording.origin().interface, "memory");
+    assert_eq!(recording.origin().build, resonarm::recording::build_info());
+    assert_eq!(recording.configuration(), &crate::configuration());
+    assert_eq!(recording.statistics().and_then(|statistics| statistics.get("overruns")).map(String::as_str), Some("0"));
+    let summary = recording.summary();
+    assert_eq!(summary.steps, Some((0, 1000)));
+    assert!((summary.duration_s - 1.0 / 3.0).abs() < 1e-12);
+    assert_eq!(summary.file_bytes, std::fs::metadata(&path)?.len());
+    assert_eq!(summary.topics["/plant/steps"].records, 1001);
+    assert_eq!(summary.topics["/plant/state"].messages, 101);
+    Ok(())
+}

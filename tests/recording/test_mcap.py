@@ -1,0 +1,115 @@
+"""A recording as independent readers see it: the packages `mcap` and `mcap-protobuf-support`."""
+
+import json
+import math
+import subprocess
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+from mcap_protobuf.decoder import DecoderFactory
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = 1234
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A file of the example, and what the example said of it."""
+    path = tmp_path_factory.mktemp("recording") / "run.mcap"
+    command = ["cargo", "run", "--quiet", "--example", "recording", "--", str(path), str(STEPS)]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=True)
+    return path, json.loads(run.stdout)
+
+
+@pytest.fixture(scope="module")
+def messages(recording):
+    """All messages, decoded by the schemas in the file, by topic."""
+    path, _ = recording
+    topics = defaultdict(list)
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            topics[channel.topic].append((message, decoded))
+    return topics
+
+
+def alpha1_rad(step):
+    t = step * 1e-3
+    return 1e-3 * math.exp(-2 * t) * math.cos(2 * math.pi * 30 * t)
+
+
+def test_every_record_passes_a_reader_that_checks_all_checksums(recording):
+    path, _ = recording
+    with path.open("rb") as stream:
+        names = [type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records]
+    assert names[:3] == ["Header", "Metadata", "Metadata"]
+    assert names[-1] == "Footer"
+    assert names.count("Message") > STEPS
+
+
+def test_counts_are_those_of_the_summary(recording, messages):
+    path, said = recording
+    topics = said["summary"]["topics"]
+    assert {topic: len(found) for topic, found in messages.items()} == {
+        topic: content["messages"] for topic, content in topics.items()
+    }
+    with path.open("rb") as stream:
+        statistics = make_reader(stream).get_summary().statistics
+    assert statistics.message_count == sum(len(found) for found in messages.values())
+    assert said["summary"]["file_bytes"] == path.stat().st_size
+    assert said["summary"]["integrity"] == {"state": "complete"}
+
+
+def test_steps_are_what_was_simulated(messages):
+    step = 0
+    for message, batch in messages["/plant/steps"]:
+        assert batch.first_step == step
+        assert message.log_time == step * 1_000_000
+        assert batch.dt_s == 1e-3
+        assert len(batch.force_y_n) == len(batch.alpha1_rad)
+        for row, alpha in enumerate(batch.alpha1_rad):
+            assert alpha == pytest.approx(alpha1_rad(step), abs=1e-18)
+            assert batch.alpha2_rad[row] == -0.5 * alpha
+            step += 1
+    assert step == STEPS
+
+
+def test_plot_topics_repeat_every_tenth_step(messages):
+    batched = {}
+    for _, batch in messages["/plant/steps"]:
+        batched |= {batch.first_step + row: alpha for row, alpha in enumerate(batch.alpha1_rad)}
+    states = [(state.step, state.alpha1_rad) for _, state in messages["/plant/state"]]
+    assert states == [(step, batched[step]) for step in range(0, STEPS, 10)]
+    assert [message.log_time for message, _ in messages["/plant/sensors"]] == [k * 10_000_000 for k in range(124)]
+
+
+def test_frames_are_whole(messages):
+    frames = [frame for _, frame in messages["/can/frames"]]
+    assert len(frames) == 2 * STEPS
+    for index, frame in enumerate(frames):
+        assert frame.step == index // 2
+        assert frame.data == frame.step.to_bytes(8, "little")
+        assert (frame.id, frame.direction) == ((0x201, 1), (0x203, 2))[index % 2]
+        assert frame.interface == "memory"
+        assert not frame.HasField("bus_timestamp_ns")
+
+
+def test_ticks_and_events(messages):
+    wakeups = [wakeup for _, batch in messages["/timing/ticks"] for wakeup in batch.wakeup_ns]
+    assert wakeups == [1000 + step for step in range(STEPS)]
+    assert [(event.name, event.value, event.step) for _, event in messages["/events"]] == [("run.end", -1, STEPS)]
+
+
+def test_metadata_stands_at_both_ends(recording):
+    path, _ = recording
+    with path.open("rb") as stream:
+        metadata = [(record.name, record.metadata) for record in make_reader(stream).iter_metadata()]
+    names = [name for name, _ in metadata]
+    head = ["resonarm.recording", "resonarm.configuration"]
+    assert names == head + head + ["resonarm.statistics", "resonarm.lost"]
+    assert metadata[:2] == metadata[2:4]
+    assert metadata[1][1] == {"scenario": "frequency_hz = 30\n", "seed": "1"}
+    assert dict(metadata)["resonarm.lost"] == {"plant": "0"}

@@ -1,0 +1,164 @@
+//! The writer: same bytes for the same records, nothing lost unseen.
+
+use std::fs;
+use std::path::Path;
+
+use resonarm::recording::{Existing, FlushPolicy, Options, Pushed, Record, Recorder, Recording, RecordingError, Topic};
+
+use crate::{Outcome, configuration, options, record, records_of, run};
+
+#[test]
+fn the_same_records_give_the_same_bytes() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let (one, two) = (directory.path().join("one.mcap"), directory.path().join("two.mcap"));
+    let records = run(2500)?;
+    let summary = record(&one, options(), &records)?;
+    record(&two, options(), &records)?;
+    let bytes = fs::read(&one)?;
+    assert!(bytes == fs::read(&two)?, "two recordings of the same records differ");
+    assert_eq!(summary.bytes, bytes.len() as u64);
+    assert_eq!(summary.steps, 2500);
+    assert_eq!(summary.messages_in(Topic::Steps), 25);
+    assert_eq!(summary.messages_in(Topic::State), 250);
+    assert_eq!(summary.messages_in(Topic::Frames), 5000);
+    assert_eq!(summary.lost["plant"], 0);
+    Ok(())
+}
+
+/// 64 bytes of state and load, 48 of sensors, and two frames, which make the most of it.
+#[test]
+fn a_step_costs_less_than_its_raw_size_and_sixty_bytes_a_frame() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let steps = 10_000;
+    let summary = record(&directory.path().join("run.mcap"), options(), &run(steps)?)?;
+    let bytes_per_step = summary.bytes / steps;
+    assert!((64..64 + 48 + 2 * 60).contains(&bytes_per_step), "{bytes_per_step} bytes a step");
+    Ok(())
+}
+
+#[test]
+fn a_full_channel_loses_records_and_says_so() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &configuration(), options())?;
+    let mut channel = recorder.channel("plant", 2)?;
+    let (mut stored, mut lost) = (0, 0);
+    for step in 0..20_000 {
+        match channel.push(records_of(step)?[0]) {
+            Pushed::Stored => stored += 1,
+            Pushed::Lost => lost += 1,
+        }
+    }
+    let summary = recorder.finish(&[])?;
+    assert!(lost > 0, "a channel of 2 records kept up with 20000");
+    assert_eq!((summary.steps, summary.lost["plant"], channel.lost()), (stored, lost, lost));
+
+    let recording = Recording::open(&path)?;
+    assert_eq!(recording.summary().lost["plant"], lost);
+    let mut reported = 0;
+    for event in recording.events()? {
+        let event = event?;
+        assert_eq!(event.name, "recording.lost.plant");
+        reported += event.value as u64;
+    }
+    assert_eq!(reported, lost);
+    assert!(matches!(recording.steps(), Err(RecordingError::Gap { .. })));
+    assert_eq!(recording.records()?.filter(|record| matches!(record, Ok(Record::Step(_)))).count() as u64, stored);
+    Ok(())
+}
+
+#[test]
+fn several_channels_keep_the_order_of_each() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &configuration(), options())?;
+    std::thread::scope(|scope| {
+        let threads = ["plant", "exciter"].map(|name| {
+            let mut channel = recorder.channel(name, 64)?;
+            let wanted = move |record: &Record| matches!(record, Record::Step(_)) == (name == "plant");
+            Ok::<_, RecordingError>(scope.spawn(move || {
+                let records = run(500).map_err(|error| error.to_string())?;
+                let pushed = records.into_iter().filter(wanted).try_for_each(|record| channel.push_blocking(record));
+                pushed.map_err(|error| error.to_string())
+            }))
+        });
+        for thread in threads {
+            thread?.join().map_err(|_| "a thread has died")??;
+        }
+        Ok::<_, Box<dyn std::error::Error>>(())
+    })?;
+    let summary = recorder.finish(&[])?;
+    assert_eq!(summary.lost.into_iter().collect::<Vec<_>>(), [("exciter".into(), 0), ("plant".into(), 0)]);
+    let recording = Recording::open(&path)?;
+    assert_eq!(recording.steps()?.count(), 500);
+    assert_eq!(recording.samples()?.count(), 500);
+    assert_eq!(recording.frames()?.count(), 1000);
+    Ok(())
+}
+
+#[test]
+fn a_dropped_recorder_leaves_a_whole_file() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &configuration(), options())?;
+    let mut channel = recorder.channel("plant", 64)?;
+    run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+    drop(recorder);
+    let recording = Recording::open(&path)?;
+    assert_eq!(recording.steps()?.count(), 10);
+    assert!(matches!(channel.push_blocking(records_of(10)?[0]), Err(RecordingError::Finished { .. })));
+    Ok(())
+}
+
+/// `/dev/full` takes no byte: every write fails as on a full disk.
+#[test]
+fn a_full_disk_is_reported_at_once() -> Outcome {
+    let full = Options { existing: Existing::Overwrite, ..options() };
+    match Recorder::create("/dev/full", &configuration(), full) {
+        Err(error @ RecordingError::Write { .. }) => {
+            insta::assert_snapshot!(error, @"can't write recording `/dev/full`: No space left on device (os error 28); what was flushed before can be read");
+            Ok(())
+        }
+        other => Err(format!("expected a failure to write, got {other:?}").into()),
+    }
+}
+
+/// A file size limit of the process would hit other tests; a pipe nobody reads any more fails as late as a disk that fills up.
+#[test]
+fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("pipe");
+    let made = std::process::Command::new("mkfifo").arg(&path).status()?;
+    assert!(made.success());
+    let reader = {
+        let path = path.clone();
+        std::thread::spawn(move || fs::File::open(path)) // opening either end waits for the other
+    };
+    let piped = Options { existing: Existing::Overwrite, flush: FlushPolicy::Steps(10), ..options() };
+    let recorder = Recorder::create(&path, &configuration(), piped)?;
+    drop(reader.join().map_err(|_| "the reader has died")??);
+    let mut channel = recorder.channel("plant", 16)?;
+    let refused = (0..100_000).find_map(|step| {
+        let records = records_of(step).ok()?;
+        records.into_iter().find_map(|record| channel.push_blocking(record).err())
+    });
+    let expected = "Broken pipe";
+    assert!(refused.is_some_and(|error| error.to_string().contains(expected)));
+    assert!(recorder.failure().is_some_and(|error| error.to_string().contains(expected)));
+    assert!(recorder.channel("late", 16).is_err_and(|error| error.to_string().contains(expected)));
+    assert!(recorder.finish(&[]).is_err_and(|error| error.to_string().contains(expected)));
+    Ok(())
+}
+
+#[test]
+fn refuses_to_overwrite_unless_asked() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path: &Path = &directory.path().join("run.mcap");
+    record(path, options(), &run(3)?)?;
+    let before = fs::read(path)?;
+    assert!(matches!(Recorder::create(path, &configuration(), options()), Err(RecordingError::Exists { .. })));
+    assert!(fs::read(path)? == before, "a refusal has changed the file");
+    record(path, Options { existing: Existing::Overwrite, ..options() }, &run(5)?)?;
+    assert_eq!(Recording::open(path)?.steps()?.count(), 5);
+    Ok(())
+}

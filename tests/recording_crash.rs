@@ -1,0 +1,121 @@
+//! A run killed with SIGKILL: the recording holds everything up to the last flush.
+
+#![cfg(unix)]
+
+use std::env;
+use std::error::Error;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use resonarm::protocol::{Frame, Id};
+use resonarm::recording::{
+    Configuration, Direction, Existing, FlushPolicy, FrameRecord, Integrity, Options, Record, Recorder, Recording,
+    StepRecord, recover,
+};
+
+/// Where the child records; its being set makes the test the child.
+const CHILD: &str = "RESONARM_TEST_CRASH_RECORDING";
+/// The promise of the recorder, ms and steps at 1 kHz.
+const INTERVAL: u64 = 100;
+/// What a busy machine may add until the writer thread gets its turn, ms and steps at 1 kHz.
+const SLACK: u64 = 250;
+
+type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+
+#[allow(clippy::disallowed_methods)] // the test stands for the run loop, which hands in the clock
+fn now() -> Instant {
+    Instant::now()
+}
+
+/// A monotonic clock.
+fn clock() -> Duration {
+    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    START.get_or_init(now).elapsed()
+}
+
+/// Records at 1 kHz, and says every 10th step, until it is killed; for a minute at most.
+fn record(path: &Path) -> Outcome {
+    let flush = FlushPolicy::Interval { interval: Duration::from_millis(INTERVAL), clock };
+    let options = Options { flush, ..Options::real_time(1e-3, "memory", 1_700_000_000_000_000_000, clock) };
+    let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
+    let mut channel = recorder.channel("plant", 4096)?;
+    let start = clock();
+    for step in 0..60_000 {
+        let deadline = start + Duration::from_millis(step);
+        while let Some(rest) = deadline.checked_sub(clock()).filter(|rest| !rest.is_zero()) {
+            thread::park_timeout(rest);
+        }
+        let x = step as f64;
+        let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
+        channel.push(Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n }));
+        let frame = Frame::classic(Id::Standard(0x203), &step.to_le_bytes())?;
+        let (direction, time_ns, bus_timestamp_ns) = (Direction::Sent, clock().as_nanos() as u64, None);
+        channel.push(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }));
+        if step % 10 == 0 {
+            writeln!(std::io::stdout(), "step {step}")?;
+        }
+    }
+    Err("nobody has killed the recording".into())
+}
+
+/// Starts this test again as the process to be killed.
+fn start(path: &Path) -> Outcome<Child> {
+    let name = "a_killed_run_loses_at_most_the_flush_interval";
+    let mut command = Command::new(env::current_exe()?);
+    command.args(["--exact", name, "--nocapture"]).env(CHILD, path).stdout(Stdio::piped());
+    Ok(command.spawn()?)
+}
+
+/// Waits until the child has said step `step` and kills it. Returns the last step it said.
+fn kill_at(step: u64, child: &mut Child) -> Outcome<u64> {
+    let output = child.stdout.take().ok_or("the child has no output")?;
+    let mut lines = BufReader::new(output).lines();
+    let mut said = || -> Outcome<Option<u64>> {
+        let Some(line) = lines.next().transpose()? else { return Ok(None) };
+        // The test harness may print before it on the same line.
+        Ok(Some(line.rsplit("step ").next().and_then(|number| number.parse().ok()).unwrap_or(0)))
+    };
+    while said()?.ok_or("the child has ended by itself")? < step {}
+    child.kill()?;
+    child.wait()?;
+    let mut last = step;
+    while let Some(step) = said()? {
+        last = last.max(step);
+    }
+    Ok(last)
+}
+
+#[test]
+fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
+    if let Some(path) = env::var_os(CHILD) {
+        return record(Path::new(&path));
+    }
+    let directory = tempfile::tempdir()?;
+    for kill_after in [30, 470, 1000] {
+        let path = directory.path().join(format!("killed-{kill_after}.mcap"));
+        let mut child = start(&path)?;
+        let said = kill_at(kill_after, &mut child);
+        child.kill()?; // in case it was not reached
+        let said = said?;
+
+        let recording = Recording::open(&path)?;
+        let Integrity::Truncated { last_step, .. } = recording.integrity() else {
+            return Err(format!("killed after step {said}, but {:?}", recording.integrity()).into());
+        };
+        assert_eq!(recording.configuration().get("seed"), Some("7"));
+        let saved = last_step.map_or(0, |last| last + 1);
+        assert!(saved + INTERVAL + SLACK > said, "{saved} steps saved of {said}");
+        let steps = recording.steps()?.collect::<Result<Vec<_>, _>>()?;
+        assert_eq!(steps.len() as u64, saved);
+        assert!(steps.iter().zip(0_u64..).all(|(step, k)| step.step == k && step.alpha_rad == [k as f64, -(k as f64)]));
+        assert_eq!(recording.frames()?.count() as u64, saved);
+
+        let mended = directory.path().join(format!("mended-{kill_after}.mcap"));
+        recover(&path, &mended, Existing::Refuse)?;
+        assert_eq!(Recording::open(&mended)?.steps()?.count() as u64, saved);
+    }
+    Ok(())
+}

@@ -1,0 +1,48 @@
+//! Recording from a real-time loop: `push` neither allocates nor frees, whatever becomes of the record.
+
+use std::error::Error;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use resonarm::protocol::{Frame, Id};
+use resonarm::recording::{
+    Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError, SampleRecord,
+    StepRecord, TickRecord,
+};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+#[test]
+fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &Configuration::new(), Options::virtual_time(1e-3, "memory"))?;
+    let mut wide = recorder.channel("wide", 65_536)?;
+    let mut narrow = recorder.channel("narrow", 1)?;
+    let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3])?;
+    let pair = [1.0, 2.0];
+    let mut push_all = |step: u64| {
+        let time_ns = step * 1_000_000;
+        let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = (pair, pair, pair, pair);
+        let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
+        let (direction, bus_timestamp_ns) = (Direction::Sent, Some(1));
+        let records = [
+            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n }),
+            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n }),
+            Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }),
+            Record::Tick(TickRecord { step, wakeup_ns: 1, exec_ns: 2, overruns: 0 }),
+            Record::Event(Event { step, time_ns, name: "plant.state.fault", value: 1 }),
+        ];
+        records.into_iter().for_each(|record| assert_eq!(wide.push(record), Pushed::Stored));
+        records.into_iter().filter(|record| narrow.push(*record) == Pushed::Lost).count()
+    };
+    let lost = assert_no_alloc(|| (0..10_000).map(&mut push_all).sum::<usize>());
+    let summary = recorder.finish(&[])?;
+    assert!(lost > 0, "the narrow channel has lost nothing, so losing was not tested");
+    assert_eq!((summary.lost["wide"], summary.lost["narrow"]), (0, lost as u64));
+
+    let late = Record::Tick(TickRecord { step: 10_000, wakeup_ns: 1, exec_ns: 2, overruns: 0 });
+    assert_eq!(assert_no_alloc(|| wide.push(late)), Pushed::Lost);
+    assert!(matches!(wide.push_blocking(late), Err(RecordingError::Finished { .. })));
+    Ok(())
+}
