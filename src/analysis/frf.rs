@@ -120,7 +120,7 @@ impl FrequencyResponse {
         FrequencyResponse {
             mass: arm.mass_matrix(&pose),
             damping: arm.damping_matrix(),
-            stiffness: arm.stiffness_matrix(),
+            stiffness: arm.tangent_stiffness_matrix(&pose),
             elbow: Matrix2::new(-b.y, 0.0, b.x, 0.0),
             tip: arm.tip_jacobian(&pose),
         }

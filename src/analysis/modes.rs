@@ -1,8 +1,8 @@
-//! Natural modes of the arm linearised in its pose, M0 α̈ + K α = 0.
+//! Natural modes of the arm linearised in its pose, M0 α̈ + K α = 0; K with the weight's part, if gravity is on.
 
 use core::f64::consts::TAU;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 use crate::arm::Arm;
@@ -20,21 +20,26 @@ pub struct Mode {
 
 /// The two natural modes of the arm in its pose, the lower frequency first.
 ///
-/// With y = K^½ φ the eigenproblem K φ = ω² M0 φ becomes S y = λ y with S = K^-½ M0 K^-½ and λ = 1/ω². S is symmetric and
-/// one Jacobi rotation by the angle of tangent t makes it diagonal: with s12 t² + (s22 − s11) t − s12 = 0 and |t| ≤ 1,
-/// λ = s11 − t s12 has y = (1, −t)/√(1+t²), λ = s22 + t s12 has y = (t, 1)/√(1+t²) (C. G. J. Jacobi 1846; G. H. Golub,
-/// C. F. Van Loan, "Matrix Computations", section 8.5). From yᵀy = 1 follows φᵀM0φ = λ ω² = 1 for φ = ω K^-½ y.
+/// With the Cholesky factor K = L Lᵀ and y = Lᵀφ the eigenproblem K φ = ω² M0 φ becomes S y = λ y with S = L⁻¹ M0 L⁻ᵀ and
+/// λ = 1/ω². S is symmetric and one Jacobi rotation by the angle of tangent t makes it diagonal: with
+/// s12 t² + (s22 − s11) t − s12 = 0 and |t| ≤ 1, λ = s11 − t s12 has y = (1, −t)/√(1+t²), λ = s22 + t s12 has
+/// y = (t, 1)/√(1+t²) (C. G. J. Jacobi 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", section 8.5). From yᵀy = 1
+/// follows φᵀM0φ = λ ω² = 1 for φ = ω L⁻ᵀy. K is the stiffness at rest, diagonal without gravity.
 ///
 /// [`Arm::angular_frequencies_rad_s`] has the same frequencies in closed form, Eq. (30); both agree to 1e-12.
 pub fn modes(arm: &Arm) -> [Mode; 2] {
-    let m = arm.mass_matrix(&Vector2::zeros());
-    let k = arm.stiffness_matrix();
-    let scale = Vector2::new(1.0 / libm::sqrt(k.m11), 1.0 / libm::sqrt(k.m22));
-    let (s11, s12, s22) = (m.m11 * scale.x * scale.x, m.m12 * scale.x * scale.y, m.m22 * scale.y * scale.y);
-    let tangent = jacobi_tangent(s11, s12, s22);
+    let rest = Vector2::zeros();
+    let (m, k) = (arm.mass_matrix(&rest), arm.tangent_stiffness_matrix(&rest));
+    let l11 = libm::sqrt(k.m11);
+    let l21 = k.m12 / l11;
+    let l22 = libm::sqrt(k.m22 - l21 * l21);
+    // L⁻ᵀ: its columns are the scaled unit vectors, (1/l11, 0) and (−l21/l11, 1)/l22.
+    let scale = Matrix2::new(1.0 / l11, -l21 / (l11 * l22), 0.0, 1.0 / l22);
+    let s = scale.transpose() * m * scale;
+    let tangent = jacobi_tangent(s.m11, s.m12, s.m22);
     let norm = 1.0 / libm::sqrt(1.0 + tangent * tangent);
-    let first = mode(arm, s11 - tangent * s12, Vector2::new(norm, -tangent * norm).component_mul(&scale));
-    let second = mode(arm, s22 + tangent * s12, Vector2::new(tangent * norm, norm).component_mul(&scale));
+    let first = mode(arm, s.m11 - tangent * s.m12, scale * Vector2::new(norm, -tangent * norm));
+    let second = mode(arm, s.m22 + tangent * s.m12, scale * Vector2::new(tangent * norm, norm));
     if first.frequency_hz <= second.frequency_hz { [first, second] } else { [second, first] }
 }
 
@@ -47,7 +52,7 @@ fn jacobi_tangent(s11: f64, s12: f64, s22: f64) -> f64 {
     libm::copysign(1.0 / (libm::fabs(theta) + libm::sqrt(1.0 + theta * theta)), theta)
 }
 
-/// The mode with λ = 1/ω² and y scaled by K^-½.
+/// The mode with λ = 1/ω² and L⁻ᵀy = `scaled`.
 fn mode(arm: &Arm, lambda: f64, scaled: Vector2<f64>) -> Mode {
     let omega = 1.0 / libm::sqrt(lambda);
     let positive = if scaled.x != 0.0 { scaled.x > 0.0 } else { scaled.y > 0.0 };

@@ -7,7 +7,7 @@ use super::{Arm, Load, State};
 pub struct Energy {
     /// E = ½ α̇ᵀ M α̇, Eq. (13) with the missing factor 2 restored, J.
     pub kinetic_j: f64,
-    /// V = ½ αᵀ K α, Eq. (10) less its constant, J.
+    /// V = ½ αᵀ K α, Eq. (10) less its constant, and the weight's part less its value and slope at rest, J.
     pub potential_j: f64,
 }
 
@@ -24,7 +24,7 @@ impl Arm {
         let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
         Energy {
             kinetic_j: 0.5 * v.dot(&(self.mass_matrix(x) * v)),
-            potential_j: 0.5 * x.dot(&(self.stiffness_matrix() * x)),
+            potential_j: 0.5 * x.dot(&(self.stiffness_matrix() * x)) + self.weight_energy_j(x),
         }
     }
 

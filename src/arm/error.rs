@@ -26,6 +26,15 @@ pub enum ArmError {
         /// What was given, degrees.
         got: f64,
     },
+    /// The springs can't hold the arm's weight in this pose.
+    #[error(
+        "the joints can't hold the arm's weight at {gravity_m_s2} m/s²: no stable equilibrium is found from this pose; \
+         raise the stiffnesses or lower the masses"
+    )]
+    Collapse {
+        /// The acceleration of gravity, m/s².
+        gravity_m_s2: f64,
+    },
     /// No preset has this name.
     #[error("there is no preset `{got}`: the presets are {known}")]
     UnknownPreset {

@@ -31,9 +31,8 @@ impl Arm {
 
     /// The links as vectors: l1 (c1, s1) and l2 (c12, s12), m.
     fn links(&self, alpha_rad: &Vector2<f64>) -> (Vector2<f64>, Vector2<f64>) {
-        let angle1 = self.beta1_rad + alpha_rad.x;
-        let (s1, c1) = libm::sincos(angle1);
-        let (s12, c12) = libm::sincos(angle1 + (self.beta2_rad + alpha_rad.y));
+        let (s1, c1) = self.coefficients.link1.sincos_plus(alpha_rad.x);
+        let (s12, c12) = self.coefficients.link2.sincos_plus(alpha_rad.x + alpha_rad.y);
         let p = &self.parameters;
         (Vector2::new(c1, s1) * p.length1_m, Vector2::new(c12, s12) * p.length2_m)
     }

@@ -11,47 +11,52 @@
 //! are those of P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
 //! Compliance", Appl. Sci. 2023, 13, 11941.
 
+mod angle;
 mod dynamics;
 mod energy;
 mod error;
+mod gravity;
+pub(crate) mod kernel;
 mod kinematics;
 mod modes;
 mod parameters;
 mod preset;
+pub(crate) mod real;
 mod types;
 
 pub use dynamics::AccelerationJacobian;
 pub use energy::Energy;
 pub use error::ArmError;
+pub use gravity::Gravity;
 pub use kinematics::{PointMotion, Points};
 pub use parameters::{Parameters, Pose};
 pub use preset::Preset;
 pub use types::{Load, State};
 
-use parameters::Inertia;
+use kernel::Coefficients;
+use nalgebra::Vector2;
 
 /// An arm with valid parameters in a valid pose: everything constant about it, ready for computing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
     parameters: Parameters,
     pose: Pose,
-    beta1_rad: f64,
-    beta2_rad: f64,
-    inertia: Inertia,
+    static_deflection_rad: Vector2<f64>,
+    pub(crate) coefficients: Coefficients<f64>,
 }
 
 impl Arm {
     /// Checks the parameters and the pose and makes an arm of them.
     ///
     /// # Errors
-    /// [`ArmError`] names the first value that no arm can have.
+    /// [`ArmError`] names the first value that no arm can have, or says that the joints can't hold the arm's weight.
     pub fn new(parameters: Parameters, pose: Pose) -> Result<Arm, ArmError> {
         parameters.check()?;
         pose.validate()?;
-        let inertia = Inertia::of(&parameters);
-        let beta1_rad = pose.beta1_deg.to_radians();
-        let beta2_rad = pose.beta2_deg.to_radians();
-        Ok(Arm { parameters, pose, beta1_rad, beta2_rad, inertia })
+        let relaxed_rad = [pose.beta1_deg.to_radians(), pose.beta2_deg.to_radians()];
+        let sag = gravity::static_deflection(&parameters, relaxed_rad)?;
+        let coefficients = Coefficients::new(&parameters, [relaxed_rad[0] + sag.x, relaxed_rad[1] + sag.y]);
+        Ok(Arm { parameters, pose, static_deflection_rad: sag, coefficients })
     }
 
     /// The parameters the arm was made of.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ArmError;
+use super::{ArmError, Gravity};
 
 /// The parameters of the arm; symbols of the paper in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +28,9 @@ pub struct Parameters {
     pub damping1_nm_s_rad: f64,
     /// Viscous damping of joint 2 (d2), N·m·s/rad, not negative.
     pub damping2_nm_s_rad: f64,
+    /// Gravity, which the paper leaves out: `None` unless it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity: Option<Gravity>,
 }
 
 impl Parameters {
@@ -57,7 +60,7 @@ impl Parameters {
                 return Err(ArmError::Parameter { name, got, expected: "zero or a positive number" });
             }
         }
-        Ok(())
+        self.gravity.map_or(Ok(()), |gravity| gravity.check())
     }
 }
 

@@ -6,8 +6,29 @@ pub(crate) fn arm(preset: Preset, beta1_deg: f64, beta2_deg: f64) -> Arm {
     Arm::new(preset.parameters().unwrap(), Pose { beta1_deg, beta2_deg }).unwrap()
 }
 
-fn any_arm() -> impl Strategy<Value = Arm> {
-    (prop::sample::select(&Preset::ALL[..]), -180.0..180.0, -180.0..180.0).prop_map(|(p, b1, b2)| arm(p, b1, b2))
+/// Every preset in every pose, without gravity and with it: from that of the moon to that of Jupiter.
+pub(crate) fn any_arm() -> impl Strategy<Value = Arm> {
+    let gravity = (1.6..25.0, 0.0..60.0, 0.0..0.5).prop_map(|(gravity_m_s2, mass1_kg, centre1_m)| Gravity {
+        gravity_m_s2,
+        mass1_kg,
+        centre1_m,
+    });
+    let pose = (-180.0..180.0, -180.0..180.0).prop_map(|(beta1_deg, beta2_deg)| Pose { beta1_deg, beta2_deg });
+    (prop::sample::select(&Preset::ALL[..]), pose, prop::option::of(gravity)).prop_map(|(preset, pose, gravity)| {
+        Arm::new(Parameters { gravity, ..preset.parameters().unwrap() }, pose).unwrap()
+    })
+}
+
+/// The torques of the weight at joint angles q, N·m, from Gravity's definition.
+fn weight_torque(parameters: &Parameters, q: Vector2<f64>) -> Vector2<f64> {
+    let Some(g) = parameters.gravity else { return Vector2::zeros() };
+    let forearm = g.gravity_m_s2 * parameters.mass2_kg * parameters.centre2_m * libm::cos(q.x + q.y);
+    let upper_arm = g.mass1_kg * g.centre1_m + parameters.mass2_kg * parameters.length1_m;
+    Vector2::new(g.gravity_m_s2 * upper_arm * libm::cos(q.x) + forearm, forearm)
+}
+
+fn relaxed_angles(arm: &Arm) -> Vector2<f64> {
+    Vector2::new(arm.pose().beta1_deg.to_radians(), arm.pose().beta2_deg.to_radians())
 }
 
 fn any_state() -> impl Strategy<Value = State> {
@@ -49,7 +70,8 @@ proptest! {
         let a = arm.acceleration(&state, &load);
         let left = arm.mass_matrix(&state.alpha_rad) * a
             + (arm.coriolis_matrix(&state) + arm.damping_matrix()) * state.alpha_dot_rad_s
-            + arm.stiffness_matrix() * state.alpha_rad;
+            + arm.stiffness_matrix() * (state.alpha_rad + arm.static_deflection_rad())
+            + weight_torque(arm.parameters(), relaxed_angles(&arm) + arm.static_deflection_rad() + state.alpha_rad);
         let right = load.torque_nm + arm.tip_jacobian(&state.alpha_rad).transpose() * load.force_n;
         // The residual is rounding: in proportion to the largest torque, that of the springs.
         prop_assert!((left - right).norm() < 1e-9 * 555_000.0, "{left} {right}");
@@ -105,9 +127,39 @@ proptest! {
         let mirror = |l: &Load| Load { torque_nm: -l.torque_nm, force_n: Vector2::new(l.force_n.x, -l.force_n.y) };
         let mirrored = State { alpha_rad: -state.alpha_rad, alpha_dot_rad_s: -state.alpha_dot_rad_s };
         let a = arm(preset, b1, b2).acceleration(&state, &load);
+        // Without gravity, which knows up from down.
         let b = arm(preset, -b1, -b2).acceleration(&mirrored, &mirror(&load));
         prop_assert!((a + b).norm() <= 1e-12 * a.norm());
     }
+}
+
+proptest! {
+    /// α = 0 is where springs and weight balance, it is at rest there, and its energy is the least.
+    #[test]
+    fn rests_in_the_static_equilibrium(arm in any_arm(), state in any_state()) {
+        let sag = arm.static_deflection_rad();
+        let left_over = arm.stiffness_matrix() * sag + weight_torque(arm.parameters(), relaxed_angles(&arm) + sag);
+        prop_assert!(left_over.norm() < 1e-9, "{left_over}");
+        prop_assert_eq!(arm.acceleration(&State::default(), &Load::default()), Vector2::zeros());
+        prop_assert_eq!(arm.energy(&State::default()).total_j(), 0.0);
+        prop_assert!(arm.energy(&state).potential_j > 0.0, "{state:?}");
+        prop_assert_eq!(sag == Vector2::zeros(), arm.parameters().gravity.is_none());
+    }
+}
+
+/// A hanging arm is a pendulum: without springs worth naming it swings at √(g m lc / I), here for both links as one.
+#[test]
+fn hanging_arm_with_soft_springs_is_a_pendulum() {
+    let preset = Preset::Irb1600Fitted.parameters().unwrap();
+    let gravity = Some(Gravity { gravity_m_s2: 9.806_65, mass1_kg: 20.0, centre1_m: 0.3 });
+    let parameters = Parameters { stiffness1_nm_rad: 1e-9, gravity, ..preset };
+    let arm = Arm::new(parameters, Pose { beta1_deg: -90.0, beta2_deg: 0.0 }).unwrap();
+    let moment = 9.806_65 * (20.0 * 0.3 + 50.58 * (0.63 + 0.1));
+    let inertia = 0.55 + 1.5 + 50.58 * (0.63_f64 + 0.1).powi(2);
+    let expected = (moment / inertia).sqrt();
+    let seen = arm.angular_frequencies_rad_s()[0];
+    // The elbow's spring, 128 kN·m/rad, gives a little.
+    assert!((seen / expected - 1.0).abs() < 1e-3, "{seen} {expected}");
 }
 
 #[test]
@@ -129,5 +181,9 @@ fn says_what_is_wrong_with_an_arm() {
     insta::assert_snapshot!(says(Parameters { mass2_kg: -1.0, ..good }, pose), @"arm parameter `mass2_kg` is -1: it must be a positive number");
     insta::assert_snapshot!(says(Parameters { damping2_nm_s_rad: f64::NAN, ..good }, pose), @"arm parameter `damping2_nm_s_rad` is NaN: it must be zero or a positive number");
     insta::assert_snapshot!(says(good, Pose { beta2_deg: f64::NAN, ..pose }), @"pose angle `beta2_deg` is NaN: it must be a number from -360 to 360 degrees");
+    let gravity = Gravity { gravity_m_s2: 9.81, mass1_kg: -3.0, centre1_m: 0.3 };
+    insta::assert_snapshot!(says(Parameters { gravity: Some(gravity), ..good }, pose), @"arm parameter `mass1_kg` is -3: it must be zero or a positive number");
+    let weak = Parameters { stiffness1_nm_rad: 100.0, gravity: Some(Gravity { mass1_kg: 20.0, ..gravity }), ..good };
+    insta::assert_snapshot!(says(weak, Pose { beta1_deg: 90.0, beta2_deg: 0.0 }), @"the joints can't hold the arm's weight at 9.81 m/s²: no stable equilibrium is found from this pose; raise the stiffnesses or lower the masses");
     insta::assert_snapshot!("irb1600".parse::<Preset>().unwrap_err(), @"there is no preset `irb1600`: the presets are irb1600-table1, irb1600-fitted");
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::Vector2;
 
+use super::kernel::Motion;
+
 /// The vibration of the arm about its pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
@@ -20,6 +22,20 @@ impl State {
     /// Whether all four numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.alpha_rad.iter().chain(&self.alpha_dot_rad_s).all(|value| value.is_finite())
+    }
+}
+
+impl From<&State> for Motion<f64> {
+    #[inline(always)]
+    fn from(state: &State) -> Motion<f64> {
+        Motion { x: state.alpha_rad.into(), v: state.alpha_dot_rad_s.into() }
+    }
+}
+
+impl From<Motion<f64>> for State {
+    #[inline(always)]
+    fn from(motion: Motion<f64>) -> State {
+        State { alpha_rad: motion.x.into(), alpha_dot_rad_s: motion.v.into() }
     }
 }
 

@@ -1,0 +1,123 @@
+//! The equation of motion solved for α̈, for one arm or eight: what every step computes.
+
+use super::angle::Angle;
+use super::parameters::Inertia;
+use super::real::Real;
+use super::{Gravity, Load, Parameters};
+
+/// Constants of the equation of motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Coefficients<T> {
+    /// a1, a2, a3 of Eq. (26), kg·m².
+    pub a1: T,
+    pub a2: T,
+    pub a3: T,
+    /// a1 a3 − a3², kg²·m⁴: det M = this − (a2 cos)².
+    pub a1_a3_less_a3_squared: T,
+    /// Stiffness, N·m/rad, and damping, N·m·s/rad.
+    pub k: [T; 2],
+    pub d: [T; 2],
+    /// l1, l2, m.
+    pub l: [T; 2],
+    /// Angle of link 1, angle of link 2 against link 1, angle of link 2, at rest.
+    pub link1: Angle<T>,
+    pub elbow: Angle<T>,
+    pub link2: Angle<T>,
+    /// Moments of weight g (m1 lc1 + m2 l1) and g m2 lc2, N·m.
+    pub weight: [T; 2],
+}
+
+/// α and α̇.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Motion<T> {
+    pub x: [T; 2],
+    pub v: [T; 2],
+}
+
+/// u and F.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Loads<T> {
+    pub u: [T; 2],
+    pub f: [T; 2],
+}
+
+impl From<&Load> for Loads<f64> {
+    #[inline(always)]
+    fn from(load: &Load) -> Loads<f64> {
+        Loads { u: load.torque_nm.into(), f: load.force_n.into() }
+    }
+}
+
+impl Coefficients<f64> {
+    /// The constants at rest angles of the links, rad.
+    pub fn new(p: &Parameters, beta_rad: [f64; 2]) -> Coefficients<f64> {
+        let Inertia { a1, a2, a3 } = Inertia::of(p);
+        Coefficients {
+            a1,
+            a2,
+            a3,
+            a1_a3_less_a3_squared: (a1 - a3) * a3,
+            k: [p.stiffness1_nm_rad, p.stiffness2_nm_rad],
+            d: [p.damping1_nm_s_rad, p.damping2_nm_s_rad],
+            l: [p.length1_m, p.length2_m],
+            link1: Angle::new(beta_rad[0]),
+            elbow: Angle::new(beta_rad[1]),
+            link2: Angle::new(beta_rad[0] + beta_rad[1]),
+            weight: p.gravity.map_or([0.0; 2], |gravity: Gravity| gravity.moments_nm(p)),
+        }
+    }
+}
+
+impl<T: Real> Coefficients<T> {
+    /// M⁻¹ r by Cramer's rule, with t = a2 cos: M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a1 a3 − a3² − t² > 0.
+    #[inline(always)]
+    pub fn solve_mass(&self, t: T, r: [T; 2]) -> [T; 2] {
+        let inverse = T::splat(1.0) / (self.a1_a3_less_a3_squared - t * t);
+        let (m11, m12) = (self.a1 + (t + t), self.a3 + t);
+        [(self.a3 * r[0] - m12 * r[1]) * inverse, (m11 * r[1] - m12 * r[0]) * inverse]
+    }
+
+    /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces that depend on where the links point. Lanes without a force or
+    /// without weight keep u as it is.
+    #[inline(always)]
+    pub fn external_force(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
+        let [mut r1, mut r2] = load.u;
+        if load.f[0].all_zero() && load.f[1].all_zero() && self.weight[1].all_zero() && self.weight[0].all_zero() {
+            return [r1, r2];
+        }
+        let (s1, c1) = self.link1.sincos_plus(x[0]);
+        let (s12, c12) = self.link2.sincos_plus(x[0] + x[1]);
+        // JᵀF, Eq. (28): F crossed with the arm's vectors from the joints to the tip.
+        let [fx, fy] = load.f;
+        let second = self.l[1] * (fy * c12 - fx * s12);
+        let first = self.l[0] * (fy * c1 - fx * s1) + second;
+        let pulled = |with: T, without: T| T::where_nonzero(fx, with, T::where_nonzero(fy, with, without));
+        r1 = pulled(r1 + first, r1);
+        r2 = pulled(r2 + second, r2);
+        // G = (w1 c1 + w2 c12, w2 c12): the torques by which the weights load the joints.
+        let [w1, w2] = self.weight;
+        let lower = w2 * (c12 - self.link2.cosine);
+        let upper = w1 * (c1 - self.link1.cosine) + lower;
+        let heavy = w1 + w2;
+        [T::where_nonzero(heavy, r1 - upper, r1), T::where_nonzero(heavy, r2 - lower, r2)]
+    }
+
+    /// Cα̇ + Dα̇ + Kα, N·m, with h = a2 sin(β2+α2): Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²).
+    #[inline(always)]
+    pub fn internal_force(&self, motion: &Motion<T>, h: T) -> [T; 2] {
+        let ([x1, x2], [v1, v2]) = (motion.x, motion.v);
+        [
+            (self.d[0] * v1 + self.k[0] * x1) - h * ((v1 + v1 + v2) * v2),
+            (self.d[1] * v2 + self.k[1] * x2) + h * (v1 * v1),
+        ]
+    }
+
+    /// α̈ from Eq. (3), rad/s².
+    #[inline(always)]
+    pub fn acceleration(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+        let (sine, cosine) = self.elbow.sincos_plus(motion.x[1]);
+        let force = self.external_force(motion.x, load);
+        let inner = self.internal_force(motion, self.a2 * sine);
+        self.solve_mass(self.a2 * cosine, [force[0] - inner[0], force[1] - inner[1]])
+    }
+}

@@ -1,0 +1,154 @@
+//! One number or eight at once: what the equation of motion is written in.
+//!
+//! The same source computes a single arm and eight arms side by side, so both give the same bits: each lane sees the
+//! same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
+
+use core::array;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A number of the simulated path: `f64`, or [`Lanes`] of them.
+pub(crate) trait Real:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+{
+    /// The same value in every lane.
+    fn splat(value: f64) -> Self;
+    /// Whether every lane is within ± `limit`; NaN is not.
+    fn all_within(self, limit: f64) -> bool;
+    /// Whether every lane is zero.
+    fn all_zero(self) -> bool;
+    /// Lane by lane: `value` where `key` is not zero, else `other`.
+    fn where_nonzero(key: Self, value: Self, other: Self) -> Self;
+    /// Lane by lane: `near` where |key| ≤ `limit`, else `far(base, key)`.
+    fn where_within(
+        key: Self,
+        limit: f64,
+        base: Self,
+        near: (Self, Self),
+        far: fn(f64, f64) -> (f64, f64),
+    ) -> (Self, Self);
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn splat(value: f64) -> f64 {
+        value
+    }
+
+    #[inline(always)]
+    fn all_within(self, limit: f64) -> bool {
+        libm::fabs(self) <= limit
+    }
+
+    #[inline(always)]
+    fn all_zero(self) -> bool {
+        self == 0.0
+    }
+
+    #[inline(always)]
+    fn where_nonzero(key: f64, value: f64, other: f64) -> f64 {
+        if key != 0.0 { value } else { other }
+    }
+
+    #[inline(always)]
+    fn where_within(key: f64, limit: f64, base: f64, near: (f64, f64), far: fn(f64, f64) -> (f64, f64)) -> (f64, f64) {
+        if key.all_within(limit) { near } else { far(base, key) }
+    }
+}
+
+/// How many arms go side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
+pub(crate) const LANES: usize = 8;
+
+/// Eight numbers that take every operation together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub(crate) struct Lanes(pub [f64; LANES]);
+
+impl Lanes {
+    #[inline(always)]
+    fn zip(self, other: Lanes, f: impl Fn(f64, f64) -> f64) -> Lanes {
+        Lanes(array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+}
+
+impl Add for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn add(self, other: Lanes) -> Lanes {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn sub(self, other: Lanes) -> Lanes {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn mul(self, other: Lanes) -> Lanes {
+        self.zip(other, |a, b| a * b)
+    }
+}
+
+impl Div for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn div(self, other: Lanes) -> Lanes {
+        self.zip(other, |a, b| a / b)
+    }
+}
+
+impl Neg for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn neg(self) -> Lanes {
+        Lanes(self.0.map(|a| -a))
+    }
+}
+
+impl Real for Lanes {
+    #[inline(always)]
+    fn splat(value: f64) -> Lanes {
+        Lanes([value; LANES])
+    }
+
+    #[inline(always)]
+    fn all_within(self, limit: f64) -> bool {
+        // Without a short cut, so that the lanes stay together.
+        self.0.iter().fold(true, |all, value| all & (libm::fabs(*value) <= limit))
+    }
+
+    #[inline(always)]
+    fn all_zero(self) -> bool {
+        self.0.iter().fold(true, |all, value| all & (*value == 0.0))
+    }
+
+    #[inline(always)]
+    fn where_nonzero(key: Lanes, value: Lanes, other: Lanes) -> Lanes {
+        Lanes(array::from_fn(|i| if key.0[i] != 0.0 { value.0[i] } else { other.0[i] }))
+    }
+
+    #[inline(always)]
+    fn where_within(
+        key: Lanes,
+        limit: f64,
+        base: Lanes,
+        near: (Lanes, Lanes),
+        far: fn(f64, f64) -> (f64, f64),
+    ) -> (Lanes, Lanes) {
+        if key.all_within(limit) {
+            return near;
+        }
+        let mut mixed = near;
+        for i in 0..LANES {
+            if !key.0[i].all_within(limit) {
+                (mixed.0.0[i], mixed.1.0[i]) = far(base.0[i], key.0[i]);
+            }
+        }
+        mixed
+    }
+}
