@@ -21,6 +21,8 @@ pub mod realtime;
 #[cfg(feature = "std")]
 pub mod recording;
 #[cfg(feature = "std")]
+pub mod replay;
+#[cfg(feature = "std")]
 pub mod run;
 #[cfg(feature = "std")]
 pub mod scenario;

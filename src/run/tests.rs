@@ -38,7 +38,8 @@ fn sides(timing: Timing) -> (PlantSide, ExciterNode) {
 fn run_free() -> (PlantSide, Vec<ResponsePoint>) {
     let (mut side, mut exciter) = sides(scenario().lockstep_timing().unwrap());
     let mut responses = Vec::new();
-    let report = free(&mut side, &mut exciter, rate(), None, &Signals::default(), |point| responses.push(point)).unwrap();
+    let report =
+        free(&mut side, &mut exciter, rate(), None, &Signals::default(), |point| responses.push(point)).unwrap();
     assert_eq!(report.outcome, Some(Outcome::Finished));
     (side, responses)
 }
@@ -53,7 +54,8 @@ fn lockstep_and_free_give_the_same_states() {
         let mut responses = Vec::new();
         let patience = Duration::from_secs(5);
         let signals = Signals::default();
-        let report = exciter(&mut node, &mut far, &SystemClock, patience, &signals, |point| responses.push(point)).unwrap();
+        let report =
+            exciter(&mut node, &mut far, &SystemClock, patience, &signals, |point| responses.push(point)).unwrap();
         (report, responses)
     });
     let end = End { on_disarm: true, after_samples: None };

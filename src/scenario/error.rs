@@ -64,6 +64,9 @@ pub enum ScenarioError {
     /// An exciter was asked for, and the scenario has nothing to play.
     #[error("the scenario has no [excitation]: add one, as scenarios/demo.toml shows")]
     NoExcitation,
+    /// The recording says nothing of a scenario.
+    #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
+    NotInRecording,
 }
 
 impl ScenarioError {

@@ -1,0 +1,31 @@
+//! A scenario's way into a recording and back.
+
+use super::{Scenario, ScenarioError};
+use crate::protocol::{DBC_HASH, PROTOCOL_VERSION};
+use crate::recording::Configuration;
+
+/// The key of the scenario in a recording's configuration.
+const SCENARIO: &str = "scenario";
+
+impl Scenario {
+    /// What a recording says about the run: the whole scenario, the run loop, the protocol.
+    ///
+    /// # Errors
+    /// As [`Scenario::to_toml`].
+    pub fn configuration(&self, run_loop: &str) -> Result<Configuration, ScenarioError> {
+        Ok(Configuration::new()
+            .with(SCENARIO, self.to_toml()?)
+            .with("run_loop", run_loop)
+            .with("protocol_version", format!("{}.{}", PROTOCOL_VERSION >> 4, PROTOCOL_VERSION & 0xF))
+            .with("protocol_dbc_crc32", format!("{DBC_HASH:08x}")))
+    }
+
+    /// The scenario that a recording was made with.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read it.
+    pub fn from_configuration(configuration: &Configuration) -> Result<Scenario, ScenarioError> {
+        let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
+        Scenario::parse(text, "the recording's scenario")
+    }
+}
