@@ -1,3 +1,7 @@
 //! The `resonarm` program.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    resonarm::cli::main()
+}

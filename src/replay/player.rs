@@ -1,12 +1,12 @@
 //! Recorded frames back on a bus, with their timing.
 
-use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
 use super::ReplayError;
 use crate::bus::{Bus, Sent};
 use crate::realtime::Clock;
 use crate::recording::{Direction, FrameRecord, Recording};
+use crate::run::Signals;
 
 /// How long to wait before a full transmit queue is tried again.
 const RETRY: Duration = Duration::from_micros(200);
@@ -40,7 +40,7 @@ pub fn play<C: Clock>(
     bus: &mut dyn Bus,
     clock: &C,
     playback: Playback,
-    stop: &AtomicBool,
+    signals: &Signals,
 ) -> Result<Played, ReplayError> {
     if !(playback.speed.is_finite() && playback.speed > 0.0) {
         return Err(ReplayError::Speed { got: playback.speed });
@@ -53,7 +53,7 @@ pub fn play<C: Clock>(
         if playback.direction.is_some_and(|direction| direction != record.direction) {
             continue;
         }
-        if stop.load(Ordering::Relaxed) {
+        if signals.is_stopped() {
             break;
         }
         let recorded_ns = record.time_ns.saturating_sub(*first_ns.get_or_insert(record.time_ns));

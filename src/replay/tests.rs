@@ -1,4 +1,3 @@
-use core::sync::atomic::AtomicBool;
 use std::path::Path;
 
 use super::*;
@@ -62,7 +61,7 @@ fn plays_frames_in_order_with_their_timing() {
     let clock = SystemClock;
     let begun_ns = crate::realtime::Clock::now_ns(&clock);
     let all = Playback { speed: 5.0, direction: None };
-    let played = play(&recording, &mut mouth, &clock, all, &AtomicBool::new(false)).unwrap();
+    let played = play(&recording, &mut mouth, &clock, all, &Signals::default()).unwrap();
     let took_s = (crate::realtime::Clock::now_ns(&clock) - begun_ns) as f64 * 1e-9;
     assert_eq!(played.frames, expected.len() as u64);
     assert!(took_s >= played.recorded_s / 5.0 && (played.recorded_s - 0.5).abs() < 1e-9, "{took_s} {played:?}");
@@ -70,7 +69,7 @@ fn plays_frames_in_order_with_their_timing() {
         assert_eq!(ear.receive().unwrap().map(|received| received.frame), Some(record.frame));
     }
     let commands = Playback { speed: 1e3, direction: Some(Direction::Received) };
-    let played = play(&recording, &mut mouth, &clock, commands, &AtomicBool::new(false)).unwrap();
+    let played = play(&recording, &mut mouth, &clock, commands, &Signals::default()).unwrap();
     let received = expected.iter().filter(|record| record.direction == Direction::Received).count();
     assert_eq!(played.frames, received as u64);
     assert!(played.frames > 500);
@@ -82,6 +81,6 @@ fn says_what_cannot_be_replayed() {
     let recording = record(&folder.path().join("bad.mcap"), SCENARIO, SCENARIO);
     let mut mouth = memory::hub(2, 64).pop().unwrap();
     let stopped = Playback { speed: 0.0, direction: None };
-    let error = play(&recording, &mut mouth, &SystemClock, stopped, &AtomicBool::new(false)).unwrap_err();
+    let error = play(&recording, &mut mouth, &SystemClock, stopped, &Signals::default()).unwrap_err();
     insta::assert_snapshot!(error, @"the speed is 0: it must be a positive number; 1 is the recorded speed");
 }

@@ -1,0 +1,126 @@
+//! What ends a command without a result, and its exit code.
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use thiserror::Error;
+
+use crate::arm::ArmError;
+use crate::bus::BusError;
+use crate::integrate::IntegrateError;
+use crate::plant::PlantSpecError;
+use crate::plot::PlotError;
+use crate::realtime::RateError;
+use crate::recording::RecordingError;
+use crate::replay::ReplayError;
+use crate::run::RunError;
+use crate::scenario::ScenarioError;
+
+/// What a command that came to its end says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Positive,
+    Negative,
+}
+
+impl Verdict {
+    pub const fn of(positive: bool) -> Verdict {
+        if positive { Verdict::Positive } else { Verdict::Negative }
+    }
+}
+
+/// What ended a command.
+#[derive(Debug, Error)]
+pub(super) enum Failure {
+    #[error("{0}")]
+    Usage(String),
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    #[error(transparent)]
+    Plant(#[from] PlantSpecError),
+    #[error(transparent)]
+    Integrate(#[from] IntegrateError),
+    #[error(transparent)]
+    Rate(#[from] RateError),
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    #[error(transparent)]
+    Run(#[from] RunError),
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+    #[error("can't write {}: {source}", path.display())]
+    Write { path: PathBuf, source: io::Error },
+    #[error("can't write to standard output: {0}")]
+    Output(io::Error),
+    #[error("the result can't be written as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("can't start the {what}: {source}")]
+    Start { what: &'static str, source: io::Error },
+    #[error("the {0} ended in a panic; the message above says where")]
+    Panic(&'static str),
+    #[error("standard output was closed")]
+    BrokenPipe,
+}
+
+/// The exit codes beyond success.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Exit {
+    Negative = 1,
+    Usage = 2,
+    Environment = 3,
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Failure {
+        if error.kind() == io::ErrorKind::BrokenPipe { Failure::BrokenPipe } else { Failure::Output(error) }
+    }
+}
+
+impl Failure {
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::from(self.exit() as u8)
+    }
+
+    fn exit(&self) -> Exit {
+        match self {
+            Failure::Bus(error) => bus(error),
+            Failure::Recording(error) => recording(error),
+            Failure::Replay(ReplayError::Bus(error)) => bus(error),
+            Failure::Replay(ReplayError::Recording(error)) => recording(error),
+            Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
+            Failure::Run(error) => run(error),
+            Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
+            _ => Exit::Usage,
+        }
+    }
+}
+
+fn bus(error: &BusError) -> Exit {
+    match error {
+        BusError::Address { .. } | BusError::MemoryIsNotShared => Exit::Usage,
+        _ => Exit::Environment,
+    }
+}
+
+fn recording(error: &RecordingError) -> Exit {
+    match error {
+        RecordingError::Write { .. } | RecordingError::WriterDied { .. } => Exit::Environment,
+        _ => Exit::Usage,
+    }
+}
+
+fn run(error: &RunError) -> Exit {
+    match error {
+        RunError::Bus(error) => bus(error),
+        RunError::Recording(error) => recording(error),
+        RunError::NoPlant { .. } | RunError::Histogram(_) => Exit::Environment,
+        RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
+    }
+}

@@ -1,0 +1,104 @@
+//! Flags that several subcommands share.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::failure::Failure;
+use crate::integrate::Scheme;
+use crate::scenario::Scenario;
+
+/// The arm and its pose.
+#[derive(Clone, Debug, Args)]
+pub(super) struct ArmFlags {
+    /// Parameter set: irb1600-fitted (default) or irb1600-table1.
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Angle β1 of link 1 against the x axis, degrees [default: 0].
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    pub beta1_deg: Option<f64>,
+    /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm [default: 60].
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    pub beta2_deg: Option<f64>,
+    /// TOML file with the whole scenario; flags win over it.
+    #[arg(long, value_name = "FILE")]
+    pub scenario: Option<PathBuf>,
+}
+
+/// What the plant and the exciter of a run must agree on.
+#[derive(Clone, Debug, Args)]
+pub(super) struct SessionFlags {
+    #[command(flatten)]
+    pub arm: ArmFlags,
+    /// Samples a second, whole Hz [default: 1000].
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
+    pub rate_hz: Option<f64>,
+    /// Seed of the sensor noise [default: 0].
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Integration scheme: rk4, gl4, gl6 [default: gl6].
+    #[arg(long, value_name = "NAME")]
+    pub scheme: Option<String>,
+    /// Length of the run, s [default: until it is stopped].
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub duration_s: Option<f64>,
+}
+
+impl ArmFlags {
+    /// The scenario of the file, or `default`, with the flags in it.
+    pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
+        let mut scenario = match &self.scenario {
+            Some(path) => Scenario::read(path)?,
+            None => default()?,
+        };
+        let arm = &mut scenario.arm;
+        if let Some(preset) = &self.preset {
+            arm.preset.clone_from(preset);
+        }
+        arm.beta1_deg = self.beta1_deg.unwrap_or(arm.beta1_deg);
+        arm.beta2_deg = self.beta2_deg.unwrap_or(arm.beta2_deg);
+        Ok(scenario)
+    }
+}
+
+impl SessionFlags {
+    /// The scenario of the file, or `default`, with the flags in it.
+    pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
+        let mut scenario = self.arm.scenario(default)?;
+        let simulation = &mut scenario.simulation;
+        simulation.rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz);
+        simulation.seed = self.seed.unwrap_or(simulation.seed);
+        simulation.duration_s = self.duration_s.or(simulation.duration_s);
+        if let Some(scheme) = &self.scheme {
+            simulation.scheme = parse_scheme(scheme)?;
+        }
+        Ok(scenario)
+    }
+}
+
+/// The scheme of this name.
+pub(super) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
+    name.parse().map_err(|error: crate::integrate::UnknownScheme| Failure::Usage(error.to_string()))
+}
+
+/// Which run loop drives the nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Mode {
+    /// Samples at deadlines of the clock.
+    #[default]
+    RealTime,
+    /// Virtual time: the plant waits for the command that answers each sample.
+    Lockstep,
+    /// Virtual time without a bus: plant and exciter of the scenario in one loop.
+    Free,
+}
+
+impl Mode {
+    pub const fn name(self) -> &'static str {
+        match self {
+            Mode::RealTime => "real-time",
+            Mode::Lockstep => "lockstep",
+            Mode::Free => "free",
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! `resonarm inspect`: what is in a recording.
+
+use core::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::failure::{Failure, Verdict};
+use super::output;
+use crate::recording::{Integrity, Recording, RecordingSummary};
+
+/// What is in a recording: its run, its contents, and whether it is whole (else exit code 1).
+#[derive(Debug, Args)]
+pub(super) struct Inspect {
+    /// The recording, an MCAP file.
+    file: PathBuf,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Inspect {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let summary = Recording::open(&self.file)?.summary();
+        if self.json {
+            output::print_json(&summary)?;
+        } else {
+            output::print(&text(&summary))?;
+        }
+        Ok(Verdict::of(summary.integrity == Integrity::Complete))
+    }
+}
+
+/// What to say of a recording that is not whole.
+pub(super) fn integrity_note(integrity: &Integrity) -> Option<String> {
+    let last = |step: &Option<u64>| step.map_or(String::from("no step"), |step| format!("steps up to {step}"));
+    match integrity {
+        Integrity::Complete => None,
+        Integrity::Unfinished => Some(String::from("the recording was recovered: the end of the run is not in it")),
+        Integrity::Truncated { readable_bytes, file_bytes, last_step } => Some(format!(
+            "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
+            last(last_step)
+        )),
+        Integrity::Damaged { readable_bytes, file_bytes, last_step, cause } => Some(format!(
+            "the recording is damaged ({cause}): {readable_bytes} of {file_bytes} bytes can be read, {}",
+            last(last_step)
+        )),
+    }
+}
+
+fn text(summary: &RecordingSummary) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        let _infallible = writeln!(text, "{name:12} {value}");
+    };
+    line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
+    line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
+    if let Some((first, last)) = summary.steps {
+        line("steps", format!("{first} to {last}, {:.3} s at {} s a step", summary.duration_s, summary.origin.dt_s));
+    }
+    line("bus", summary.origin.interface.clone());
+    line("build", format!("{} {}, {}", summary.origin.build.version, summary.origin.build.commit, summary.origin.build.target));
+    for (topic, contents) in &summary.topics {
+        line(topic, format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes));
+    }
+    for (channel, lost) in summary.lost.iter().filter(|(_, lost)| **lost > 0) {
+        line("lost", format!("{lost} records of channel {channel}"));
+    }
+    for (key, value) in &summary.statistics {
+        line(key, value.clone());
+    }
+    for (key, value) in &summary.configuration {
+        let _infallible = write!(text, "\n[{key}]\n{}\n", value.trim_end());
+    }
+    text
+}

@@ -1,0 +1,94 @@
+//! The command line: one file a subcommand.
+//!
+//! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input,
+//! 3 the environment lacks something.
+
+mod demo;
+mod demo_report;
+mod doctor;
+mod exciter;
+mod failure;
+mod flags;
+mod inspect;
+mod modes;
+mod output;
+mod replay;
+mod resim;
+mod run;
+mod session;
+mod simulate;
+mod supervise;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
+
+use failure::{Failure, Verdict};
+
+/// Real-time vibration simulator of a compliant-joint robot arm, with an exciter bridge over CAN.
+#[derive(Debug, Parser)]
+#[command(name = "resonarm", version, max_term_width = 120)]
+#[command(after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
+                        RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`.")]
+struct Cli {
+    /// Log more: -v for what happens, -vv for every detail.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Run(run::Run),
+    Exciter(exciter::Exciter),
+    Simulate(simulate::Simulate),
+    Modes(modes::Modes),
+    Replay(replay::Replay),
+    Resim(resim::Resim),
+    Inspect(inspect::Inspect),
+    Doctor(doctor::Doctor),
+}
+
+/// Runs the program on the process's arguments.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log_to_stderr(cli.verbose);
+    let result = match cli.command {
+        Command::Demo(command) => command.execute(),
+        Command::Run(command) => command.execute(),
+        Command::Exciter(command) => command.execute(),
+        Command::Simulate(command) => command.execute(),
+        Command::Modes(command) => command.execute(),
+        Command::Replay(command) => command.execute(),
+        Command::Resim(command) => command.execute(),
+        Command::Inspect(command) => command.execute(),
+        Command::Doctor(command) => command.execute(),
+    };
+    match result {
+        Ok(Verdict::Positive) => ExitCode::SUCCESS,
+        Ok(Verdict::Negative) => ExitCode::from(1),
+        // Whoever reads the output has had enough of it.
+        Err(Failure::BrokenPipe) => ExitCode::SUCCESS,
+        Err(failure) => {
+            output::complain(&failure);
+            failure.exit_code()
+        }
+    }
+}
+
+/// Logs to standard error: warnings, more with `-v`, and whatever `RESONARM_LOG` asks for.
+fn log_to_stderr(verbose: u8) {
+    let level = match verbose {
+        0 => LevelFilter::WARN,
+        1 => LevelFilter::INFO,
+        2 => LevelFilter::DEBUG,
+        _ => LevelFilter::TRACE,
+    };
+    let filter =
+        EnvFilter::builder().with_default_directive(level.into()).with_env_var("RESONARM_LOG").from_env_lossy();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+}

@@ -1,0 +1,82 @@
+//! A long run under supervision: a thread of its own for the work, tokio for everything else.
+
+use std::future::Future;
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::oneshot;
+
+use super::failure::Failure;
+use crate::run::Signals;
+
+/// How often the progress bar moves.
+const PROGRESS: Duration = Duration::from_millis(100);
+
+/// Does `work` on a thread of its own, called `name`. Ctrl-C and SIGTERM ask it to stop, and it ends in order; a second
+/// Ctrl-C ends the process. `samples` is how many the run will have, if it is known.
+pub(super) fn supervise<T: Send + 'static>(
+    name: &'static str,
+    signals: &Arc<Signals>,
+    samples: Option<u64>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Failure> {
+    let start = |source| Failure::Start { what: name, source };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
+    let (done, finished) = oneshot::channel();
+    let worker = thread::Builder::new()
+        .name(name.to_string())
+        .spawn(move || {
+            let result = work();
+            let _nobody_waits = done.send(());
+            result
+        })
+        .map_err(start)?;
+    runtime.block_on(watch(signals, samples, finished)).map_err(start)?;
+    worker.join().map_err(|_panic| Failure::Panic(name))
+}
+
+/// Waits for the end of the work, passing on what the user asks.
+async fn watch(
+    signals: &Signals,
+    samples: Option<u64>,
+    finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
+) -> std::io::Result<()> {
+    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    let bar = bar(samples);
+    let mut beat = tokio::time::interval(PROGRESS);
+    tokio::pin!(finished);
+    loop {
+        tokio::select! {
+            // An error means that the worker ended without a word: its panic shows when it is joined.
+            _ended = &mut finished => break,
+            _ = interrupt.recv() => ask_to_stop(signals),
+            _ = terminate.recv() => ask_to_stop(signals),
+            _ = beat.tick() => bar.set_position(signals.step()),
+        }
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn ask_to_stop(signals: &Signals) {
+    if signals.is_stopped() {
+        // 128 + SIGINT, as shells have it. The recording stays readable up to its last flush.
+        std::process::exit(130);
+    }
+    signals.stop();
+}
+
+/// A progress bar if the run is long enough and somebody can see it.
+fn bar(samples: Option<u64>) -> ProgressBar {
+    let Some(samples) = samples.filter(|_| std::io::stderr().is_terminal()) else { return ProgressBar::hidden() };
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} samples, {elapsed} of {duration}");
+    let bar = ProgressBar::new(samples);
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_bad_template) => bar,
+    }
+}
