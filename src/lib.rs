@@ -16,6 +16,8 @@ pub mod rig;
 
 #[cfg(feature = "std")]
 pub mod bus;
+#[cfg(feature = "cli")]
+pub mod plot;
 #[cfg(feature = "std")]
 pub mod realtime;
 #[cfg(feature = "std")]

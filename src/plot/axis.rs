@@ -1,0 +1,125 @@
+//! Ranges of axes, and where values lie on the page.
+
+use super::{Axis, Panel, PlotError, Scale, Style};
+
+/// Part of the axis left free beyond the data at either end.
+const MARGIN: f64 = 0.04;
+
+/// An axis on the page: value `low` at `from` px, `high` at `to` px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct AxisMap {
+    pub scale: Scale,
+    pub low: f64,
+    pub high: f64,
+    pub from: f64,
+    pub to: f64,
+}
+
+impl AxisMap {
+    /// Where `value` lies, px. With g the identity or log10: from + (to − from) · (g(v) − g(low)) / (g(high) − g(low)).
+    pub fn px(&self, value: f64) -> f64 {
+        let part = (along(self.scale, value) - along(self.scale, self.low))
+            / (along(self.scale, self.high) - along(self.scale, self.low));
+        self.from + (self.to - self.from) * part
+    }
+}
+
+/// The value as it lies along the axis.
+fn along(scale: Scale, value: f64) -> f64 {
+    match scale {
+        Scale::Linear | Scale::Degrees => value,
+        Scale::Log => libm::log10(value),
+    }
+}
+
+/// Which of a point's coordinates.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Coordinate {
+    X,
+    Y,
+}
+
+impl Coordinate {
+    fn of(self, point: (f64, f64)) -> f64 {
+        match self {
+            Self::X => point.0,
+            Self::Y => point.1,
+        }
+    }
+
+    pub fn axis(self, panel: &Panel) -> &Axis {
+        match self {
+            Self::X => &panel.x,
+            Self::Y => &panel.y,
+        }
+    }
+}
+
+/// Refuses points that can't be drawn in `panel`, number `index` of the figure `title`.
+pub(super) fn check(title: &str, index: usize, panel: &Panel) -> Result<(), PlotError> {
+    let mut drawn = 0;
+    for (series_index, series) in panel.series.iter().enumerate() {
+        for (point_index, &(x, y)) in series.points.iter().enumerate() {
+            if x.is_nan() || y.is_nan() {
+                continue;
+            }
+            if x.is_infinite() || y.is_infinite() {
+                return Err(PlotError::NotFinite { panel: index, series: series_index, point: point_index, x, y });
+            }
+            for (axis, value) in [(&panel.x, x), (&panel.y, y)] {
+                if axis.scale == Scale::Log && value <= 0.0 {
+                    let axis = axis.label.clone();
+                    return Err(PlotError::NotPositive {
+                        panel: index,
+                        series: series_index,
+                        point: point_index,
+                        axis,
+                        value,
+                    });
+                }
+            }
+            drawn += 1;
+        }
+    }
+    if drawn == 0 { Err(PlotError::NoPoints { title: title.to_owned(), panel: index }) } else { Ok(()) }
+}
+
+/// The range of an axis: the one it names, else that of the data in `panels`, which share it, with a margin.
+///
+/// Lines may touch the ends of the x axis; everything else keeps off by [`MARGIN`]. Data that all have one value get a range
+/// about it.
+pub(super) fn range(coordinate: Coordinate, panels: &[&Panel]) -> Result<(f64, f64), PlotError> {
+    let Some(axis) = panels.first().map(|panel| coordinate.axis(panel)) else {
+        return Ok((0.0, 1.0)); // no panel, so nobody looks
+    };
+    let (low, high) = axis.range.unwrap_or_else(|| data_range(coordinate, axis.scale, panels));
+    let ordered = low.is_finite() && high.is_finite() && low < high && (high - low).is_finite();
+    if !ordered || (axis.scale == Scale::Log && low <= 0.0) {
+        return Err(PlotError::Range { axis: axis.label.clone(), low, high });
+    }
+    Ok((low, high))
+}
+
+fn data_range(coordinate: Coordinate, scale: Scale, panels: &[&Panel]) -> (f64, f64) {
+    let series = || panels.iter().flat_map(|panel| &panel.series);
+    let points = series().flat_map(|series| &series.points).filter(|(x, y)| !x.is_nan() && !y.is_nan());
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for value in points.map(|point| coordinate.of(*point)) {
+        low = low.min(value);
+        high = high.max(value);
+    }
+    let only_lines = series().all(|series| matches!(series.style, Style::Line { .. }));
+    let margin = if coordinate == Coordinate::X && only_lines { 0.0 } else { MARGIN };
+    match scale {
+        Scale::Log if low == high => (low / 2.0, high * 2.0),
+        Scale::Log => {
+            let factor = libm::pow(high / low, margin);
+            (low / factor, high * factor)
+        }
+        Scale::Linear | Scale::Degrees if low == high => {
+            let half = if low == 0.0 { 1.0 } else { low.abs() / 10.0 };
+            (low - half, high + half)
+        }
+        Scale::Linear | Scale::Degrees => (low - margin * (high - low), high + margin * (high - low)),
+    }
+}

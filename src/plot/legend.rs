@@ -1,0 +1,138 @@
+//! The legend of a panel: its entries, and a place where it covers no data.
+
+use super::axis::AxisMap;
+use super::clip;
+use super::font::{CAP_HEIGHT, Fonts};
+use super::panel::{GRID, TICK_SIZE, markers, on_page};
+use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, WHITE, Weight};
+use super::{Panel, Series, Style};
+
+const LINE: f64 = 19.0;
+const PADDING: f64 = 7.0;
+const SAMPLE: f64 = 28.0;
+const GAP: f64 = 8.0;
+/// How far a legend inside a plot stays from its frame, and from the data.
+const INSET: f64 = 6.0;
+const CLEARANCE: f64 = 3.0;
+
+/// The entries of a legend.
+pub(super) struct Entries<'a> {
+    entries: Vec<(&'a str, Style)>,
+    width: f64,
+}
+
+impl<'a> Entries<'a> {
+    /// Those of `panel`: its series that have a label and at least one point, each label and style once.
+    pub fn new(panel: &'a Panel, fonts: &Fonts) -> Self {
+        let mut entries: Vec<(&str, Style)> = Vec::new();
+        let named = |series: &'a Series| series.label.as_deref().map(|label| (label, series.style));
+        for entry in panel.series.iter().filter(|series| !series.points.is_empty()).filter_map(named) {
+            if !entries.contains(&entry) {
+                entries.push(entry);
+            }
+        }
+        let widths = entries.iter().map(|(label, _)| fonts.width(label, TICK_SIZE, Weight::Regular));
+        Self { width: 2.0 * PADDING + SAMPLE + GAP + widths.fold(0.0, f64::max), entries }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
+    fn height(&self) -> f64 {
+        2.0 * PADDING + LINE * self.entries.len() as f64
+    }
+
+    /// Draws the legend with its upper left corner at `corner`.
+    pub fn draw(&self, shapes: &mut Vec<Shape>, corner: Point) {
+        let [left, top] = corner;
+        let area = self.area(corner);
+        let (upper, lower) =
+            ([[area.left, area.top], [area.right, area.top]], [[area.right, area.bottom], [area.left, area.bottom]]);
+        let outline = [upper[0], upper[1], lower[0], lower[1], upper[0]].to_vec();
+        shapes.push(Shape::Rect { area, fill: WHITE });
+        shapes.push(Shape::Lines { runs: vec![outline], stroke: GRID });
+        for (index, (label, style)) in self.entries.iter().enumerate() {
+            let y = top + PADDING + LINE * (index as f64 + 0.5);
+            shapes.push(sample(*style, left + PADDING, y));
+            shapes.push(Shape::Text(Text {
+                at: [left + PADDING + SAMPLE + GAP, y + TICK_SIZE * CAP_HEIGHT / 2.0],
+                text: (*label).to_owned(),
+                size: TICK_SIZE,
+                weight: Weight::Regular,
+                anchor: Anchor::Start,
+                direction: Direction::Rightwards,
+                color: BLACK,
+            }));
+        }
+    }
+
+    fn area(&self, [left, top]: Point) -> Rect {
+        Rect { left, top, right: left + self.width, bottom: top + self.height() }
+    }
+}
+
+/// A piece of the line, or one marker.
+fn sample(style: Style, left: f64, y: f64) -> Shape {
+    match (style, markers(style, vec![[left + SAMPLE / 2.0, y]])) {
+        (Style::Line { color, width, dash }, _) => {
+            let stroke = Stroke { color: color.rgb(), width, dash };
+            Shape::Lines { runs: vec![vec![[left, y], [left + SAMPLE, y]]], stroke }
+        }
+        (Style::Markers { .. }, marker) => {
+            marker.unwrap_or(Shape::Lines { runs: Vec::new(), stroke: Stroke::solid(BLACK, 1.0) })
+        }
+    }
+}
+
+/// A place in `plot` where the legend covers no data: a corner, else the middle of a side.
+pub(super) fn free_corner(
+    panel: &Panel,
+    entries: &Entries<'_>,
+    plot: &Rect,
+    x: &AxisMap,
+    y: &AxisMap,
+) -> Option<Point> {
+    let (left, top) = (plot.left + INSET, plot.top + INSET);
+    let (right, bottom) = (plot.right - INSET - entries.width(), plot.bottom - INSET - entries.height());
+    if right < left || bottom < top {
+        return None;
+    }
+    let (middle_x, middle_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
+    let corners = [[right, top], [left, top], [right, bottom], [left, bottom]];
+    let sides = [[middle_x, top], [right, middle_y], [left, middle_y], [middle_x, bottom]];
+    let drawn: Vec<Drawn> = panel.series.iter().map(|series| Drawn::of(series, plot, x, y)).collect();
+    corners.into_iter().chain(sides).find(|corner| {
+        let area = entries.area(*corner).grown(CLEARANCE);
+        !drawn.iter().any(|drawn| drawn.meets(&area))
+    })
+}
+
+/// What can be seen of a series.
+enum Drawn {
+    Runs(Vec<Vec<Point>>),
+    Markers { at: Vec<Point>, size: f64 },
+}
+
+impl Drawn {
+    fn of(series: &Series, plot: &Rect, x: &AxisMap, y: &AxisMap) -> Self {
+        match series.style {
+            Style::Line { .. } => Self::Runs(clip::runs(on_page(series, x, y), plot)),
+            Style::Markers { size, .. } => {
+                Self::Markers { at: on_page(series, x, y).filter(|point| plot.contains(*point)).collect(), size }
+            }
+        }
+    }
+
+    fn meets(&self, area: &Rect) -> bool {
+        let crosses = |run: &Vec<Point>| run.windows(2).any(|pair| clip::segment(pair[0], pair[1], area).is_some());
+        match self {
+            Self::Runs(runs) => runs.iter().any(crosses),
+            Self::Markers { at, size } => at.iter().any(|point| area.grown(size / 2.0).contains(*point)),
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! One panel, drawn into the area that the layout gave its plot.
+
+use super::axis::AxisMap;
+use super::clip;
+use super::font::{CAP_HEIGHT, Fonts};
+use super::legend::Entries;
+use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Shape, Stroke, Text, WHITE, Weight};
+use super::ticks::{self, Ticks};
+use super::{Panel, Series, Style};
+
+pub(super) const TICK_SIZE: f64 = 13.0;
+pub(super) const LABEL_SIZE: f64 = 14.0;
+pub(super) const TICK_LENGTH: f64 = 5.0;
+const MINOR_TICK_LENGTH: f64 = 3.0;
+/// Lines that stay behind the data.
+pub(super) const GRID: Stroke = Stroke { color: [0xDD, 0xDD, 0xDD], width: 0.6, dash: super::Dash::Solid };
+const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };
+const MARKER_OUTLINE: f64 = 1.3;
+
+/// A panel and where its parts stand.
+pub(super) struct Cell<'a> {
+    pub panel: &'a Panel,
+    pub plot: Rect,
+    pub x: AxisMap,
+    pub y: AxisMap,
+    pub y_ticks: Ticks,
+    /// Width of its widest label.
+    pub y_tick_width: f64,
+    /// The label of the y axis, in lines.
+    pub y_label: Vec<String>,
+    /// Whether the x axis is written below this panel.
+    pub writes_x: bool,
+    pub entries: Entries<'a>,
+    /// Upper left corner of the legend.
+    pub legend_at: Option<Point>,
+}
+
+/// Draws the panel.
+pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
+    let room = |label: &str| (fonts.width(label, TICK_SIZE, Weight::Regular) + 1.5 * TICK_SIZE).max(4.0 * TICK_SIZE);
+    let x_ticks = ticks::ticks(&cell.x, &room);
+    grid(shapes, &cell, &x_ticks);
+    for series in &cell.panel.series {
+        shapes.extend(series_shape(series, &cell.plot, &cell.x, &cell.y));
+    }
+    frame(shapes, &cell, &x_ticks);
+    if cell.writes_x {
+        x_texts(shapes, &cell, &x_ticks);
+    }
+    y_texts(shapes, &cell);
+    if let Some(corner) = cell.legend_at {
+        cell.entries.draw(shapes, corner);
+    }
+}
+
+/// Where the points of `series` lie on the page; NaN stays NaN.
+pub(super) fn on_page<'a>(series: &'a Series, x: &'a AxisMap, y: &'a AxisMap) -> impl Iterator<Item = Point> + 'a {
+    series.points.iter().map(|point| [x.px(point.0), y.px(point.1)])
+}
+
+fn series_shape(series: &Series, plot: &Rect, x: &AxisMap, y: &AxisMap) -> Option<Shape> {
+    let shape = match series.style {
+        Style::Line { color, width, dash } => {
+            let stroke = Stroke { color: color.rgb(), width, dash };
+            Shape::Lines { runs: clip::runs(on_page(series, x, y), plot), stroke }
+        }
+        Style::Markers { .. } => {
+            markers(series.style, on_page(series, x, y).filter(|point| plot.contains(*point)).collect())?
+        }
+    };
+    let empty = matches!(&shape, Shape::Lines { runs, .. } if runs.is_empty());
+    (!empty).then_some(shape)
+}
+
+/// Markers of this style; `None` for a line, or without points.
+pub(super) fn markers(style: Style, at: Vec<Point>) -> Option<Shape> {
+    let Style::Markers { color, shape, size, filled } = style else { return None };
+    let fill = if filled { color.rgb() } else { WHITE };
+    let stroke = Stroke::solid(color.rgb(), MARKER_OUTLINE);
+    (!at.is_empty()).then_some(Shape::Markers { at, shape, size, fill, stroke })
+}
+
+fn grid(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {
+    let plot = cell.plot;
+    let vertical =
+        x_ticks.labelled.iter().map(|(value, _)| cell.x.px(*value)).map(|x| vec![[x, plot.top], [x, plot.bottom]]);
+    let horizontal = cell.y_ticks.labelled.iter().map(|(value, _)| cell.y.px(*value));
+    let horizontal = horizontal.map(|y| vec![[plot.left, y], [plot.right, y]]);
+    shapes.push(Shape::Lines { runs: vertical.chain(horizontal).collect(), stroke: GRID });
+}
+
+fn frame(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {
+    let Rect { left, top, right, bottom } = cell.plot;
+    let mut runs = vec![vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]];
+    let sized = |ticks: &Ticks| -> Vec<(f64, f64)> {
+        let labelled = ticks.labelled.iter().map(|(value, _)| (*value, TICK_LENGTH));
+        labelled.chain(ticks.minor.iter().map(|value| (*value, MINOR_TICK_LENGTH))).collect()
+    };
+    for (value, length) in sized(x_ticks) {
+        let x = cell.x.px(value);
+        runs.push(vec![[x, bottom], [x, bottom + length]]);
+    }
+    for (value, length) in sized(&cell.y_ticks) {
+        let y = cell.y.px(value);
+        runs.push(vec![[left - length, y], [left, y]]);
+    }
+    shapes.push(Shape::Lines { runs, stroke: FRAME });
+}
+
+fn text(at: Point, text: &str, size: f64, anchor: Anchor) -> Text {
+    let (weight, direction, color): (_, _, Rgb) = (Weight::Regular, Direction::Rightwards, BLACK);
+    Text { at, text: text.to_owned(), size, weight, anchor, direction, color }
+}
+
+fn x_texts(shapes: &mut Vec<Shape>, cell: &Cell<'_>, ticks: &Ticks) {
+    let baseline = cell.plot.bottom + TICK_LENGTH + 3.0 + TICK_SIZE;
+    for (value, label) in &ticks.labelled {
+        shapes.push(Shape::Text(text([cell.x.px(*value), baseline], label, TICK_SIZE, Anchor::Middle)));
+    }
+    let below = baseline + LABEL_SIZE * 1.6;
+    let middle = (cell.plot.left + cell.plot.right) / 2.0;
+    shapes.push(Shape::Text(text([middle, below], &cell.panel.x.label, LABEL_SIZE, Anchor::Middle)));
+    if let Some(factor) = &ticks.factor {
+        shapes.push(Shape::Text(text([cell.plot.right, below], factor, TICK_SIZE, Anchor::End)));
+    }
+}
+
+fn y_texts(shapes: &mut Vec<Shape>, cell: &Cell<'_>) {
+    let plot = cell.plot;
+    let right = plot.left - TICK_LENGTH - 4.0;
+    for (value, label) in &cell.y_ticks.labelled {
+        let baseline = cell.y.px(*value) + TICK_SIZE * CAP_HEIGHT / 2.0;
+        shapes.push(Shape::Text(text([right, baseline], label, TICK_SIZE, Anchor::End)));
+    }
+    let mut x = right - cell.y_tick_width - 8.0;
+    for line in cell.y_label.iter().rev() {
+        let label = text([x, (plot.top + plot.bottom) / 2.0], line, LABEL_SIZE, Anchor::Middle);
+        shapes.push(Shape::Text(Text { direction: Direction::Upwards, ..label }));
+        x -= LABEL_SIZE * 1.3;
+    }
+    let mut above = plot.top - 7.0;
+    if let Some(factor) = &cell.y_ticks.factor {
+        shapes.push(Shape::Text(text([plot.left, above], factor, TICK_SIZE, Anchor::Start)));
+        above -= TICK_SIZE * 1.4;
+    }
+    if let Some(title) = &cell.panel.title {
+        let title = text([(plot.left + plot.right) / 2.0, above], title, LABEL_SIZE, Anchor::Middle);
+        shapes.push(Shape::Text(Text { weight: Weight::Bold, ..title }));
+    }
+}

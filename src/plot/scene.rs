@@ -1,0 +1,103 @@
+//! What a laid-out figure consists of. Coordinates and lengths are in px of 1/96 inch, y downwards.
+
+use super::style::{Dash, Marker};
+
+/// A position: x to the right, y down.
+pub(super) type Point = [f64; 2];
+/// Red, green, blue.
+pub(super) type Rgb = [u8; 3];
+
+pub(super) const BLACK: Rgb = [0, 0, 0];
+pub(super) const WHITE: Rgb = [255, 255, 255];
+
+/// A whole figure.
+pub(super) struct Scene {
+    pub width: f64,
+    pub height: f64,
+    /// For readers that can't see it.
+    pub title: String,
+    /// In the order of drawing.
+    pub shapes: Vec<Shape>,
+}
+
+/// One thing to draw.
+pub(super) enum Shape {
+    Rect { area: Rect, fill: Rgb },
+    Lines { runs: Vec<Vec<Point>>, stroke: Stroke },
+    Markers { at: Vec<Point>, shape: Marker, size: f64, fill: Rgb, stroke: Stroke },
+    Text(Text),
+}
+
+/// The pen of a line.
+#[derive(Clone, Copy)]
+pub(super) struct Stroke {
+    pub color: Rgb,
+    pub width: f64,
+    pub dash: Dash,
+}
+
+impl Stroke {
+    pub fn solid(color: Rgb, width: f64) -> Self {
+        Self { color, width, dash: Dash::Solid }
+    }
+}
+
+/// A line of text.
+pub(super) struct Text {
+    /// The point on the baseline that `anchor` names.
+    pub at: Point,
+    pub text: String,
+    /// Height of the em square.
+    pub size: f64,
+    pub weight: Weight,
+    pub anchor: Anchor,
+    pub direction: Direction,
+    pub color: Rgb,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Weight {
+    Regular,
+    Bold,
+}
+
+/// Which point of the baseline stands at [`Text::at`].
+#[derive(Clone, Copy)]
+pub(super) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum Direction {
+    Rightwards,
+    Upwards,
+}
+
+/// An upright rectangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rect {
+    pub left: f64,
+    pub top: f64,
+    pub right: f64,
+    pub bottom: f64,
+}
+
+impl Rect {
+    pub fn contains(&self, [x, y]: Point) -> bool {
+        (self.left..=self.right).contains(&x) && (self.top..=self.bottom).contains(&y)
+    }
+
+    pub fn grown(&self, by: f64) -> Self {
+        Self { left: self.left - by, top: self.top - by, right: self.right + by, bottom: self.bottom + by }
+    }
+
+    pub fn width(&self) -> f64 {
+        self.right - self.left
+    }
+
+    pub fn height(&self) -> f64 {
+        self.bottom - self.top
+    }
+}

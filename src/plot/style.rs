@@ -1,0 +1,132 @@
+//! Colours, lines and markers.
+
+/// Colours that people with any colour vision tell apart: the eight of Okabe and Ito (2008), grey, and two of Tol's vibrant
+/// scheme (2021) for stable and unstable branches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Color {
+    /// Stable branches: blue.
+    Stable,
+    /// Unstable branches: red.
+    Unstable,
+    /// Black.
+    Black,
+    /// Grey, for what stays behind the data.
+    Grey,
+    /// Blue.
+    Blue,
+    /// Orange.
+    Orange,
+    /// Bluish green.
+    Green,
+    /// Vermillion.
+    Vermillion,
+    /// Sky blue.
+    SkyBlue,
+    /// Reddish purple.
+    Purple,
+    /// Yellow; faint on white, for areas rather than lines.
+    Yellow,
+}
+
+impl Color {
+    /// The order in which series without a meaning of their own take their colours.
+    pub const CYCLE: [Self; 7] =
+        [Self::Blue, Self::Vermillion, Self::Green, Self::Orange, Self::Purple, Self::SkyBlue, Self::Black];
+
+    /// Red, green and blue, sRGB.
+    pub fn rgb(self) -> [u8; 3] {
+        match self {
+            Self::Stable => [0x00, 0x77, 0xBB],
+            Self::Unstable => [0xCC, 0x33, 0x11],
+            Self::Black => [0x00, 0x00, 0x00],
+            Self::Grey => [0x80, 0x80, 0x80],
+            Self::Blue => [0x00, 0x72, 0xB2],
+            Self::Orange => [0xE6, 0x9F, 0x00],
+            Self::Green => [0x00, 0x9E, 0x73],
+            Self::Vermillion => [0xD5, 0x5E, 0x00],
+            Self::SkyBlue => [0x56, 0xB4, 0xE9],
+            Self::Purple => [0xCC, 0x79, 0xA7],
+            Self::Yellow => [0xF0, 0xE4, 0x42],
+        }
+    }
+}
+
+/// How the points of a series are drawn. Lengths are in px of 1/96 inch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Style {
+    /// Joined by a line.
+    Line {
+        /// Its colour.
+        color: Color,
+        /// Its width, px.
+        width: f64,
+        /// Its dashes.
+        dash: Dash,
+    },
+    /// Each marked.
+    Markers {
+        /// Their colour.
+        color: Color,
+        /// Their shape.
+        shape: Marker,
+        /// Their width, px.
+        size: f64,
+        /// Filled with their colour, or with white inside an outline.
+        filled: bool,
+    },
+}
+
+/// The dashes of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dash {
+    /// None.
+    Solid,
+    /// Long dashes.
+    Dashed,
+    /// Dots.
+    Dotted,
+    /// A dash, a dot.
+    DashDot,
+}
+
+impl Dash {
+    /// Lengths of dash, gap, dash, gap …, in widths of the line; empty for a solid one.
+    pub(super) fn pattern(self) -> &'static [f64] {
+        match self {
+            Self::Solid => &[],
+            Self::Dashed => &[4.0, 2.5],
+            Self::Dotted => &[1.0, 2.0],
+            Self::DashDot => &[5.0, 2.0, 1.0, 2.0],
+        }
+    }
+}
+
+/// The shape of a marker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Marker {
+    /// A circle.
+    Circle,
+    /// A square.
+    Square,
+    /// A triangle, point up.
+    Triangle,
+    /// A square on its corner.
+    Diamond,
+    /// Two strokes, as in the letter x; never filled.
+    Cross,
+}
+
+impl Marker {
+    /// Corners on the unit circle about the marker's centre, y downwards; empty for a circle, two strokes for a cross.
+    pub(super) fn corners(self) -> &'static [[f64; 2]] {
+        const H: f64 = core::f64::consts::FRAC_1_SQRT_2;
+        const C30: f64 = 0.866_025_403_784_438_6;
+        match self {
+            Self::Circle => &[],
+            Self::Square => &[[-H, -H], [H, -H], [H, H], [-H, H]],
+            Self::Triangle => &[[0.0, -1.0], [C30, 0.5], [-C30, 0.5]],
+            Self::Diamond => &[[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]],
+            Self::Cross => &[[-H, -H], [H, H], [H, -H], [-H, H]],
+        }
+    }
+}
