@@ -17,15 +17,15 @@ use std::time::Duration;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, TRANSMIT_QUEUE};
-use resonarm::bus::{Bus, BusError, Sent};
+use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, RECEIVE_QUEUE, TRANSMIT_QUEUE};
+use resonarm::bus::{self, Bus, BusAddress, BusError, Sent};
 use resonarm::protocol::{Frame, FrameFormat, Id};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The keyword arguments that [`the_environment_decides`] opens when it runs as a child of another test.
+/// The keyword arguments that [`the_environment_decides`] opens when another test runs it in a process of its own.
 const CHILD: &str = "RESONARM_TEST_PYTHON_CAN";
 
 /// Opens `interface=…,channel=…`.
@@ -93,7 +93,8 @@ fn virtual_keeps_the_contract() {
     let pairs = Cell::new(0);
     let make = || {
         let channel = format!("contract {}", pairs.replace(pairs.get() + 1));
-        let end = || Box::new(virtual_end(&channel)) as Box<dyn Bus>;
+        let address: BusAddress = format!("python-can:interface=virtual,channel={channel}").parse().unwrap();
+        let end = || bus::open(&address).unwrap();
         (end(), end())
     };
     contract::contract(make, contract::Formats::All);
@@ -174,6 +175,22 @@ fn leaves_error_frames_out_and_counts_them() {
     assert_eq!((bus.discarded(), bus.statistics().received, bus.statistics().dropped), (1, 1, 0));
 }
 
+#[test]
+fn keeps_the_oldest_frames_and_counts_the_rest() {
+    const EXCESS: usize = 10;
+    let (mut near, mut far) = (virtual_end("overflow"), virtual_end("overflow"));
+    for number in 0..(RECEIVE_QUEUE + EXCESS) as u32 {
+        while near.send(&frame(number)).unwrap() == Sent::QueueFull {
+            near.wait(Duration::from_millis(1)).unwrap();
+        }
+    }
+    let attempts = (0..5000).take_while(|_| far.statistics().dropped < EXCESS as u64);
+    attempts.for_each(|_| _ = near.wait(Duration::from_millis(1)).unwrap());
+    let kept: Vec<Frame> = std::iter::from_fn(|| far.receive().unwrap()).map(|received| received.frame).collect();
+    assert_eq!(kept, (0..RECEIVE_QUEUE as u32).map(frame).collect::<Vec<_>>());
+    assert_eq!(far.statistics().dropped, EXCESS as u64);
+}
+
 /// The driver takes a few frames and then blocks in `send`, as it does on a serial port whose other end stopped reading.
 #[test]
 fn a_blocked_driver_blocks_nobody_here() {
@@ -224,7 +241,7 @@ fn refuses_what_python_can_does_not_know() {
     assert!(rate.starts_with(expected), "{rate}");
 }
 
-/// What became of the child that [`child`] starts.
+/// What became of [`the_environment_decides`] in a process of its own.
 fn outcome(directory: &Path, environment: &[(&str, &Path)]) -> String {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args(["--exact", "the_environment_decides", "--nocapture"]).current_dir(directory);
