@@ -10,6 +10,7 @@ mod contract;
 use std::cell::{Cell, RefCell};
 use std::fs;
 use std::io::{BufRead, BufReader};
+use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -279,19 +280,27 @@ fn empty_environment(path: &Path, version: &str) {
 }
 
 #[test]
-fn finds_the_environment_beside_the_working_directory() {
+fn finds_the_environment_beside_the_working_directory_and_an_active_one() {
     let directory = tempfile::tempdir().unwrap();
     let environment = directory.path().join(".venv");
-    let (version, _) = embedded();
+    open("interface=virtual,channel=packages").unwrap().close().unwrap();
+    let (version, prefix) = embedded();
     empty_environment(&environment, &version);
     let packages = environment.join(format!("lib/python{version}/site-packages"));
-    // The packages that this process uses, by way of a .pth file.
+    // The packages that this process uses.
     let can: String = Python::attach(|py| py.import("can").unwrap().getattr("__file__").unwrap().extract().unwrap());
-    let own = Path::new(&can).ancestors().nth(2).unwrap();
-    fs::write(packages.join("own.pth"), own.to_str().unwrap()).unwrap();
+    for package in fs::read_dir(Path::new(&can).ancestors().nth(2).unwrap()).unwrap().map(Result::unwrap) {
+        symlink(package.path(), packages.join(package.file_name())).unwrap();
+    }
     let below = directory.path().join("below");
     fs::create_dir(&below).unwrap();
     assert_eq!(outcome(&below, &[]), "open");
+    // Python finds its environment by itself when the first `python3` on PATH is a link in one.
+    let programs = environment.join("bin");
+    fs::create_dir(&programs).unwrap();
+    symlink(format!("{prefix}/bin/python{version}"), programs.join("python3")).unwrap();
+    fs::write(environment.join("pyvenv.cfg"), format!("home = {prefix}/bin\nversion = {version}.0\n")).unwrap();
+    assert_eq!(outcome(&below, &[("PATH", &programs), ("VIRTUAL_ENV", &environment)]), "open");
 }
 
 #[test]
