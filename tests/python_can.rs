@@ -10,6 +10,7 @@ mod contract;
 use std::cell::{Cell, RefCell};
 use std::fs;
 use std::io::{BufRead, BufReader};
+use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -17,15 +18,15 @@ use std::time::Duration;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, TRANSMIT_QUEUE};
-use resonarm::bus::{Bus, BusError, Sent};
+use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, RECEIVE_QUEUE, TRANSMIT_QUEUE};
+use resonarm::bus::{self, Bus, BusAddress, BusError, Sent};
 use resonarm::protocol::{Frame, FrameFormat, Id};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The keyword arguments that [`the_environment_decides`] opens when it runs as a child of another test.
+/// The keyword arguments that [`the_environment_decides`] opens when another test runs it in a process of its own.
 const CHILD: &str = "RESONARM_TEST_PYTHON_CAN";
 
 /// Opens `interface=…,channel=…`.
@@ -93,7 +94,8 @@ fn virtual_keeps_the_contract() {
     let pairs = Cell::new(0);
     let make = || {
         let channel = format!("contract {}", pairs.replace(pairs.get() + 1));
-        let end = || Box::new(virtual_end(&channel)) as Box<dyn Bus>;
+        let address: BusAddress = format!("python-can:interface=virtual,channel={channel}").parse().unwrap();
+        let end = || bus::open(&address).unwrap();
         (end(), end())
     };
     contract::contract(make, contract::Formats::All);
@@ -174,6 +176,22 @@ fn leaves_error_frames_out_and_counts_them() {
     assert_eq!((bus.discarded(), bus.statistics().received, bus.statistics().dropped), (1, 1, 0));
 }
 
+#[test]
+fn keeps_the_oldest_frames_and_counts_the_rest() {
+    const EXCESS: usize = 10;
+    let (mut near, mut far) = (virtual_end("overflow"), virtual_end("overflow"));
+    for number in 0..(RECEIVE_QUEUE + EXCESS) as u32 {
+        while near.send(&frame(number)).unwrap() == Sent::QueueFull {
+            near.wait(Duration::from_millis(1)).unwrap();
+        }
+    }
+    let attempts = (0..5000).take_while(|_| far.statistics().dropped < EXCESS as u64);
+    attempts.for_each(|_| _ = near.wait(Duration::from_millis(1)).unwrap());
+    let kept: Vec<Frame> = std::iter::from_fn(|| far.receive().unwrap()).map(|received| received.frame).collect();
+    assert_eq!(kept, (0..RECEIVE_QUEUE as u32).map(frame).collect::<Vec<_>>());
+    assert_eq!(far.statistics().dropped, EXCESS as u64);
+}
+
 /// The driver takes a few frames and then blocks in `send`, as it does on a serial port whose other end stopped reading.
 #[test]
 fn a_blocked_driver_blocks_nobody_here() {
@@ -224,7 +242,7 @@ fn refuses_what_python_can_does_not_know() {
     assert!(rate.starts_with(expected), "{rate}");
 }
 
-/// What became of the child that [`child`] starts.
+/// What became of [`the_environment_decides`] in a process of its own.
 fn outcome(directory: &Path, environment: &[(&str, &Path)]) -> String {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args(["--exact", "the_environment_decides", "--nocapture"]).current_dir(directory);
@@ -262,19 +280,27 @@ fn empty_environment(path: &Path, version: &str) {
 }
 
 #[test]
-fn finds_the_environment_beside_the_working_directory() {
+fn finds_the_environment_beside_the_working_directory_and_an_active_one() {
     let directory = tempfile::tempdir().unwrap();
     let environment = directory.path().join(".venv");
-    let (version, _) = embedded();
+    open("interface=virtual,channel=packages").unwrap().close().unwrap();
+    let (version, prefix) = embedded();
     empty_environment(&environment, &version);
     let packages = environment.join(format!("lib/python{version}/site-packages"));
-    // The packages that this process uses, by way of a .pth file.
+    // The packages that this process uses.
     let can: String = Python::attach(|py| py.import("can").unwrap().getattr("__file__").unwrap().extract().unwrap());
-    let own = Path::new(&can).ancestors().nth(2).unwrap();
-    fs::write(packages.join("own.pth"), own.to_str().unwrap()).unwrap();
+    for package in fs::read_dir(Path::new(&can).ancestors().nth(2).unwrap()).unwrap().map(Result::unwrap) {
+        symlink(package.path(), packages.join(package.file_name())).unwrap();
+    }
     let below = directory.path().join("below");
     fs::create_dir(&below).unwrap();
     assert_eq!(outcome(&below, &[]), "open");
+    // Python finds its environment by itself when the first `python3` on PATH is a link in one.
+    let programs = environment.join("bin");
+    fs::create_dir(&programs).unwrap();
+    symlink(format!("{prefix}/bin/python{version}"), programs.join("python3")).unwrap();
+    fs::write(environment.join("pyvenv.cfg"), format!("home = {prefix}/bin\nversion = {version}.0\n")).unwrap();
+    assert_eq!(outcome(&below, &[("PATH", &programs), ("VIRTUAL_ENV", &environment)]), "open");
 }
 
 #[test]

@@ -15,13 +15,12 @@ use std::sync::{Condvar, Mutex, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
 
 use pyo3::prelude::*;
-use pyo3::{Bound, Py, PyAny, Python};
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer};
 
-use super::super::{Filter, Received};
 use super::error::Operation;
 use super::{PythonCanError, exception, message};
+use crate::bus::{Filter, Received};
 
 /// How long `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
 const RECEIVE_TIMEOUT_S: f64 = 0.05;

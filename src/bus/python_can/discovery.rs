@@ -99,7 +99,7 @@ fn activate(py: Python<'_>, environment: &VirtualEnvironment) -> PyResult<()> {
     let source = CString::new(include_str!("activate.py"))?;
     let module = PyModule::from_code(py, &source, c"activate.py", c"resonarm_activate")?;
     let directory = environment.path.join(format!("lib/python{}/site-packages", environment.version));
-    module.getattr("activate")?.call1((directory, environment.isolated))?;
+    module.getattr("activate")?.call1((directory.as_os_str(), environment.isolated))?;
     Ok(())
 }
 

@@ -1,12 +1,14 @@
 //! Frames here, `can.Message` there.
 
+use alloc::vec::Vec;
+
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
-use pyo3::types::{PyBytes, PyDict};
-use pyo3::{Bound, PyAny, PyResult, Python, intern};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use super::super::Received;
+use crate::bus::{Filter, Received};
 
 /// Timestamps before this (September 2001), in seconds of the UNIX epoch, are taken for an adapter's own clock.
 const EARLIEST_EPOCH_S: f64 = 1e9;
@@ -72,8 +74,8 @@ fn epoch_ns(timestamp_s: f64) -> Option<u64> {
     known.then(|| whole_s as u64 * 1_000_000_000 + libm::rint((timestamp_s - whole_s) * 1e9) as u64)
 }
 
-/// `bus.set_filters(…)` takes a list of dictionaries.
-pub(super) fn filter_list<'py>(py: Python<'py>, filters: &[super::super::Filter]) -> PyResult<Bound<'py, PyAny>> {
+/// The list of dictionaries that `bus.set_filters` takes.
+pub(super) fn filter_list<'py>(py: Python<'py>, filters: &[Filter]) -> PyResult<Bound<'py, PyAny>> {
     let dictionaries = filters.iter().map(|filter| {
         let dictionary = PyDict::new(py);
         dictionary.set_item(intern!(py, "can_id"), filter.id.raw())?;
@@ -81,8 +83,8 @@ pub(super) fn filter_list<'py>(py: Python<'py>, filters: &[super::super::Filter]
         dictionary.set_item(intern!(py, "extended"), matches!(filter.id, Id::Extended(_)))?;
         Ok(dictionary)
     });
-    let dictionaries = dictionaries.collect::<PyResult<alloc::vec::Vec<_>>>()?;
-    Ok(pyo3::types::PyList::new(py, dictionaries)?.into_any())
+    let dictionaries = dictionaries.collect::<PyResult<Vec<_>>>()?;
+    Ok(PyList::new(py, dictionaries)?.into_any())
 }
 
 #[cfg(test)]

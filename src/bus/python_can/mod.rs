@@ -60,7 +60,8 @@ pub struct PythonCan {
 impl PythonCan {
     /// Opens `can.Bus(interface=…, channel=…, …)`. `options` are its keyword arguments: `interface` is required, `channel`
     /// stays text, every other value is read as in python-can's configuration files (integer, float, `true`, `false`, else
-    /// text). Blocks until the driver has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
+    /// text). python-can fills in what its own configuration files and environment variables say. Blocks until the driver
+    /// has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
     ///
     /// Python is looked for in VIRTUAL_ENV, else in a `.venv` in the working directory or above it, else in the interpreter
     /// this program was built with. Ctrl-C stays with this program: no signal handler of Python is installed.
