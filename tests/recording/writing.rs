@@ -49,6 +49,8 @@ fn a_full_channel_loses_records_and_says_so() -> Outcome {
             Pushed::Lost => lost += 1,
         }
     }
+    channel.push_blocking(records_of(20_000)?[0])?; // so that what was lost lies between two steps
+    stored += 1;
     let summary = recorder.finish(&[])?;
     assert!(lost > 0, "a channel of 2 records kept up with 20000");
     assert_eq!((summary.steps, summary.lost["plant"], channel.lost()), (stored, lost, lost));
@@ -123,7 +125,7 @@ fn a_full_disk_is_reported_at_once() -> Outcome {
     }
 }
 
-/// A file size limit of the process would hit other tests; a pipe nobody reads any more fails as late as a disk that fills up.
+/// A pipe takes the head of the file and refuses what comes once nobody reads it: as a disk that fills up during the run.
 #[test]
 fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
     let directory = tempfile::tempdir()?;
