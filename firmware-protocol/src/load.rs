@@ -25,7 +25,7 @@ pub const fn frame_bits(len: usize, stuffing: Stuffing) -> u64 {
 }
 
 /// The bit times per second that a running network takes: at each sample a command of one kind and the three sensor
-/// messages, and the heartbeats and hellos of both nodes. The hellos of the plant count twice, for it also answers.
+/// messages, and the heartbeats and hellos of both nodes.
 ///
 /// Divided by the bit rate of the bus this is its load; above 0.7 single frames wait noticeably.
 pub const fn bits_per_second(rate_hz: u16, stuffing: Stuffing) -> u64 {
@@ -37,7 +37,6 @@ pub const fn bits_per_second(rate_hz: u16, stuffing: Stuffing) -> u64 {
         let per_second = match (kind, kind.cycle()) {
             (MessageKind::Torque, _) | (_, Cycle::Event) => 0,
             (_, Cycle::Sample) => rate_hz as u64,
-            (MessageKind::PlantHello, Cycle::Period { period_ns }) => 2 * SECOND_NS / period_ns,
             (_, Cycle::Period { period_ns }) => SECOND_NS / period_ns,
         };
         bits += per_second * frame_bits(kind.len(), stuffing);
@@ -60,6 +59,6 @@ mod tests {
     fn a_sample_takes_four_frames() {
         let bits = |rate_hz| bits_per_second(rate_hz, Stuffing::None);
         assert_eq!(bits(2000) - bits(1000), 1000 * 4 * 111);
-        assert_eq!(bits(1000), 1000 * 4 * 111 + 3 * 111 + 20 * 55);
+        assert_eq!(bits(1000), 1000 * 4 * 111 + 2 * 111 + 20 * 55);
     }
 }

@@ -55,9 +55,8 @@ impl Receiver {
     }
 
     /// Starts the supervision of everything that `node` sends anew: the next frame of each message is taken with any
-    /// counter. [`Receiver::accept`] does so itself at a boot-up heartbeat; a node does so when the heartbeat of its
-    /// partner was lost, for the boot-up heartbeat may have been lost as well.
-    pub fn restart(&mut self, node: Node) {
+    /// counter.
+    fn restart(&mut self, node: Node) {
         for kind in MessageKind::ALL {
             if kind.sender() == node {
                 self.supervisions[kind as usize] = Supervision::new();

@@ -7,8 +7,8 @@ use proptest::prelude::*;
 use resonarm_protocol::e2e::{COUNTER_MAX, CounterFault};
 use resonarm_protocol::scaling::{ACCELERATION, Count, FORCE, Scale, TORQUE};
 use resonarm_protocol::{
-    Acceleration, DecodeError, EncodeError, ForceCommand, Frame, FrameFormat, Id, ImpedanceHead, Message, MessageKind,
-    Network, Node, Receiver, TorqueCommand, Transmitter,
+    Acceleration, DecodeError, EncodeError, ForceCommand, Frame, FrameFormat, Heartbeat, Id, ImpedanceHead, Message,
+    MessageKind, Network, Node, NodeState, Receiver, TorqueCommand, Transmitter,
 };
 
 /// Values dense at the places where something changes: counts, ties between them, zero, the ends of the range.
@@ -134,11 +134,12 @@ proptest! {
     ) {
         let (mut transmitter, mut receiver) = (Transmitter::new(Network::default()), Receiver::new(Network::default()));
         let force = Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample: 0 });
+        let boot_up = Message::Heartbeat(Heartbeat { node: Node::Exciter, state: NodeState::BootUp });
         // The model: frames sent since the last that arrived, if one has arrived since the start.
         let (mut gap, mut lost): (Option<u64>, u64) = (None, 0);
         for fate in fates {
             if fate == "boot" {
-                receiver.restart(Node::Exciter);
+                prop_assert_eq!(receiver.accept(&common::first_frame(&boot_up)), Ok(Some(boot_up)));
                 gap = None;
                 continue;
             }

@@ -12,15 +12,15 @@ use crate::network::Node;
 pub enum FaultCode {
     /// Plant: no valid command in time. Detail: commands refused since the last that was taken, at most 65535.
     CommandTimeout = 1,
-    /// Exciter: no sensor data in time. Detail: the last sample received.
+    /// Exciter: no whole sample in time. Detail: the last sample answered.
     SensorTimeout = 2,
-    /// The partner's heartbeat was lost. Detail: the partner's node id.
+    /// The partner gave no sign of life in time. Detail: the partner's node id.
     HeartbeatLost = 3,
-    /// The partner told a fault of its own. Detail: the partner's node id.
+    /// The partner's heartbeat says that it has faulted or booted. Detail: the partner's node id.
     PartnerFault = 4,
     /// The partner's hello is missing or doesn't fit. Detail: the [`Mismatch`](super::Mismatch).
     Incompatible = 5,
-    /// Exciter: its control loop asked for a command that can't be sent. Detail: 1 or 2, the axis or joint.
+    /// Exciter: its control loop asked for a command that can't be sent. Detail: 0.
     CommandOutOfRange = 6,
     /// Plant: the simulated arm or its integrator failed; the state is no longer meaningful. Detail: 0.
     SimulationFailed = 7,
@@ -55,8 +55,8 @@ impl fmt::Display for FaultCode {
         f.write_str(match self {
             FaultCode::CommandTimeout => "no valid command in time",
             FaultCode::SensorTimeout => "no sensor data in time",
-            FaultCode::HeartbeatLost => "the partner's heartbeat was lost",
-            FaultCode::PartnerFault => "the partner has faulted",
+            FaultCode::HeartbeatLost => "the partner gave no sign of life in time",
+            FaultCode::PartnerFault => "the partner has faulted or started again",
             FaultCode::Incompatible => "the partner does not fit",
             FaultCode::CommandOutOfRange => "a command beyond the range of its signal",
             FaultCode::SimulationFailed => "the simulation failed",
