@@ -29,4 +29,7 @@ pub mod run;
 #[cfg(feature = "std")]
 pub mod scenario;
 
+#[cfg(feature = "cli")]
+pub mod cli;
+
 pub use resonarm_protocol as protocol;

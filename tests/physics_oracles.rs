@@ -1,7 +1,8 @@
 //! The physics against numbers computed independently; see `tests/oracles/README.md`.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 use resonarm::analysis::modes;
-use resonarm::arm::{Arm, Parameters, Pose, Preset};
+use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, State};
+use resonarm::integrate::{Integrator, Scheme, Sine};
 use serde_json::Value;
 
 fn oracles(kind: &str) -> Vec<Value> {
@@ -32,6 +33,44 @@ fn modes_agree() {
             near("frequency_hz", mode.frequency_hz);
             near("damping_ratio", mode.damping_ratio);
             near("alpha2_over_alpha1", mode.shape[1] / mode.shape[0]);
+        }
+    }
+}
+
+/// The largest difference of α (rad) and α̇ (rad/s) from the case's states, at `rate_hz`.
+fn trajectory_error(case: &Value, scheme: Scheme, rate_hz: f64) -> f64 {
+    let number = |name: &str| case[name].as_f64().unwrap();
+    let pair = |name: &str, i: usize| [0, 1].map(|n| case[name][i][n].as_f64().unwrap());
+    let arm = arm(case);
+    let amplitude = Load {
+        torque_nm: [number("torque1_nm"), 0.0].into(),
+        force_n: [number("force_x_n"), number("force_y_n")].into(),
+    };
+    let sine = Sine { amplitude, frequency_hz: number("excitation_hz") };
+    let integrator = Integrator::new(scheme, rate_hz, &arm).unwrap();
+    let mut state = State::new(pair("alpha_rad", 0), pair("alpha_dot_rad_s", 0));
+    let (mut steps, mut worst) = (0_u32, 0.0_f64);
+    for (i, t_s) in case["t_s"].as_array().unwrap().iter().enumerate() {
+        while f64::from(steps) < t_s.as_f64().unwrap() * rate_hz {
+            state = integrator.step(&arm, f64::from(steps) / rate_hz, &state, &sine).unwrap();
+            steps += 1;
+        }
+        let expected = State::new(pair("alpha_rad", i), pair("alpha_dot_rad_s", i));
+        worst = worst.max((state.alpha_rad - expected.alpha_rad).amax());
+        worst = worst.max((state.alpha_dot_rad_s - expected.alpha_dot_rad_s).amax());
+    }
+    worst
+}
+
+/// Every scheme of order above four meets every trajectory to 1e-10 at the rate named here.
+#[test]
+fn trajectories_agree() {
+    let cases = oracles("trajectories");
+    assert_eq!(cases.len(), 4);
+    for (scheme, rate_hz) in [(Scheme::Dop853, 16_000.0), (Scheme::Exponential, 32_000.0), (Scheme::Gl6, 32_000.0)] {
+        for case in &cases {
+            let error = trajectory_error(case, scheme, rate_hz);
+            assert!(error < 1e-10, "{scheme} at {rate_hz} Hz: {error:e} in {case}");
         }
     }
 }

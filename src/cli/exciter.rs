@@ -92,7 +92,9 @@ impl Exciter {
         let timing = match self.mode {
             Mode::RealTime => scenario.real_time_timing()?,
             Mode::Lockstep => scenario.lockstep_timing()?,
-            Mode::Free => return Err(Failure::Usage(String::from("--mode free has no bus: it is a mode of `resonarm run`"))),
+            Mode::Free => {
+                return Err(Failure::Usage(String::from("--mode free has no bus: it is a mode of `resonarm run`")));
+            }
         };
         let patience = Duration::try_from_secs_f64(self.patience_s)
             .map_err(|error| Failure::Usage(format!("--patience-s is {}: {error}", self.patience_s)))?;
@@ -158,7 +160,13 @@ impl Exciter {
                 magnitude(&point.acceleration_b_m_s2),
                 magnitude(&point.acceleration_c_m_s2),
                 point.drift,
-                if point.clipped { "clipped" } else if point.is_settled() { "" } else { "not settled" }
+                if point.clipped {
+                    "clipped"
+                } else if point.is_settled() {
+                    ""
+                } else {
+                    "not settled"
+                }
             );
         }
         output::print(&text)
@@ -178,7 +186,11 @@ pub(super) fn fault_text(emergency: &Emergency) -> String {
     };
     let mismatch = Mismatch::from_detail(emergency.detail).filter(|_| emergency.code == FaultCode::Incompatible);
     match mismatch {
-        Some(mismatch) => format!("{node} faulted: {}: {mismatch}; start both ends with the same scenario", emergency.code),
-        None => format!("{node} faulted: {} (detail {}, sample {})", emergency.code, emergency.detail, emergency.sample),
+        Some(mismatch) => {
+            format!("{node} faulted: {}: {mismatch}; start both ends with the same scenario", emergency.code)
+        }
+        None => {
+            format!("{node} faulted: {} (detail {}, sample {})", emergency.code, emergency.detail, emergency.sample)
+        }
     }
 }

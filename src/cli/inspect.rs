@@ -59,7 +59,10 @@ fn text(summary: &RecordingSummary) -> String {
         line("steps", format!("{first} to {last}, {:.3} s at {} s a step", summary.duration_s, summary.origin.dt_s));
     }
     line("bus", summary.origin.interface.clone());
-    line("build", format!("{} {}, {}", summary.origin.build.version, summary.origin.build.commit, summary.origin.build.target));
+    line(
+        "build",
+        format!("{} {}, {}", summary.origin.build.version, summary.origin.build.commit, summary.origin.build.target),
+    );
     for (topic, contents) in &summary.topics {
         line(topic, format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes));
     }

@@ -30,8 +30,10 @@ use failure::{Failure, Verdict};
 /// Real-time vibration simulator of a compliant-joint robot arm, with an exciter bridge over CAN.
 #[derive(Debug, Parser)]
 #[command(name = "resonarm", version, max_term_width = 120)]
-#[command(after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
-                        RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`.")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
+                        RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`."
+)]
 struct Cli {
     /// Log more: -v for what happens, -vv for every detail.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]

@@ -93,7 +93,9 @@ impl Run {
 
     fn run_free(&self, session: &Session) -> Result<Verdict> {
         if self.bus.is_some() {
-            return Err(Failure::Usage(String::from("--mode free has no bus: leave --bus out, or take --mode lockstep")));
+            return Err(Failure::Usage(String::from(
+                "--mode free has no bus: leave --bus out, or take --mode lockstep",
+            )));
         }
         let profile = session.scenario.profile()?;
         let (network, rate_hz) = (session.scenario.network()?, session.scenario.wire_rate_hz()?);

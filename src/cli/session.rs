@@ -73,7 +73,8 @@ impl Session {
 
     /// A tape of the session's kind into `recorder`.
     pub fn tape(&self, recorder: Option<&Recorder>) -> Result<Tape, Failure> {
-        let channel = |recorder: &Recorder| -> Result<Channel, Failure> { Ok(recorder.channel("plant", TAPE_CAPACITY)?) };
+        let channel =
+            |recorder: &Recorder| -> Result<Channel, Failure> { Ok(recorder.channel("plant", TAPE_CAPACITY)?) };
         Ok(match (recorder, self.mode) {
             (None, _) => Tape::Off,
             (Some(recorder), Mode::RealTime) => Tape::Lossy(channel(recorder)?),

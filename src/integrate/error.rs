@@ -37,6 +37,17 @@ pub enum IntegrateError {
         /// The last relative correction of the stage accelerations.
         correction: f64,
     },
+    /// A step makes or loses energy that neither load nor dampers account for.
+    #[error(
+        "the step at t = {t_s} s changes the energy by {defect:.1e} of itself beyond the work done, even in the smallest parts: \
+         raise the rate, or look for a load beyond what the arm can bear"
+    )]
+    Unbalanced {
+        /// Start of the part of the step, s.
+        t_s: f64,
+        /// The unaccounted energy over the energy.
+        defect: f64,
+    },
     /// The new state is infinite or not a number.
     #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the arm can bear")]
     NotFinite {

@@ -3,14 +3,24 @@
 //! A step from tₙ to tₙ + h sees the load through [`Excitation`], at the times its stages ask for: a held command is the
 //! same at all of them (zero-order hold), a sine is exact inside the step.
 
+mod collocation;
+mod dop853;
+mod double_double;
 mod error;
+mod explicit;
+mod exponential;
 mod gauss_legendre;
-mod runge_kutta;
+mod linear_solve;
 mod scheme;
 
 pub use error::IntegrateError;
 pub use scheme::{Scheme, UnknownScheme};
 
+use alloc::boxed::Box;
+
+use collocation::Collocation;
+
+use crate::arm::kernel::{Loads, Motion};
 use crate::arm::{Arm, Load, State};
 
 /// The load as a function of time.
@@ -42,14 +52,39 @@ impl Excitation for Sine {
 }
 
 /// A scheme with a step that it can carry for a given arm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Integrator {
     scheme: Scheme,
     step_s: f64,
+    method: Method,
+}
+
+/// What a scheme computes once.
+#[derive(Clone, Debug, PartialEq)]
+enum Method {
+    Rk4,
+    Dop853,
+    TwoStages(Box<Collocation<2>>),
+    ThreeStages(Box<Collocation<3>>),
+}
+
+impl Method {
+    fn new(scheme: Scheme, arm: &Arm, step_s: f64) -> Method {
+        match scheme {
+            Scheme::Rk4 => Method::Rk4,
+            Scheme::Dop853 => Method::Dop853,
+            Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(step_s))),
+            Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(step_s))),
+            Scheme::Exponential => Method::ThreeStages(Box::new(exponential::collocation(arm, step_s))),
+        }
+    }
 }
 
 impl Integrator {
-    /// Checks that the scheme is stable for `arm` at `rate_hz` steps a second.
+    /// Checks that the scheme is stable for `arm` at `rate_hz` steps a second, and computes what is constant.
+    ///
+    /// The `exponential` scheme linearises `arm` at rest; steps of another arm stay right to its order, but not exact in the
+    /// linear part.
     ///
     /// # Errors
     /// [`IntegrateError::Rate`] if the rate is not a positive number, [`IntegrateError::RateTooLow`] with the rate that
@@ -63,7 +98,8 @@ impl Integrator {
         if rate_hz < needed_hz {
             return Err(IntegrateError::RateTooLow { scheme, got_hz: rate_hz, needed_hz });
         }
-        Ok(Integrator { scheme, step_s: 1.0 / rate_hz })
+        let step_s = 1.0 / rate_hz;
+        Ok(Integrator { scheme, step_s, method: Method::new(scheme, arm, step_s) })
     }
 
     /// The scheme.
@@ -79,8 +115,8 @@ impl Integrator {
     /// The state one step after `state`, which is at the time `t_s`.
     ///
     /// # Errors
-    /// [`IntegrateError::NoConvergence`] if the stages of an implicit scheme could not be solved,
-    /// [`IntegrateError::NotFinite`] if the result is not a number. The state given stays what it was.
+    /// [`IntegrateError::NoConvergence`] or [`IntegrateError::Unbalanced`] if an implicit scheme can't make the step well even in
+    /// 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The state given stays what it was.
     pub fn step(
         &self,
         arm: &Arm,
@@ -88,13 +124,29 @@ impl Integrator {
         state: &State,
         excitation: &impl Excitation,
     ) -> Result<State, IntegrateError> {
-        let next = match self.scheme {
-            Scheme::Rk4 => runge_kutta::step(arm, t_s, self.step_s, state, excitation),
-            Scheme::Gl4 => gauss_legendre::step(&gauss_legendre::GL4, arm, t_s, self.step_s, state, excitation)?,
-            Scheme::Gl6 => gauss_legendre::step(&gauss_legendre::GL6, arm, t_s, self.step_s, state, excitation)?,
+        let h_s = self.step_s;
+        let next = match &self.method {
+            Method::Rk4 => explicit::rk4(&arm.coefficients, h_s, &state.into(), loads_at(excitation, t_s, h_s)),
+            Method::Dop853 => {
+                explicit::step(&dop853::DOP853, &arm.coefficients, h_s, &state.into(), loads_at(excitation, t_s, h_s))
+            }
+            Method::TwoStages(method) => return method.step(arm, t_s, state, excitation),
+            Method::ThreeStages(method) => return method.step(arm, t_s, state, excitation),
         };
-        if next.is_finite() { Ok(next) } else { Err(IntegrateError::NotFinite { t_s: t_s + self.step_s }) }
+        finite(next, t_s + h_s)
     }
+}
+
+/// The load at a part, 0 to 1, of the step.
+#[inline(always)]
+fn loads_at(excitation: &impl Excitation, t_s: f64, h_s: f64) -> impl Fn(f64) -> Loads<f64> {
+    move |part| Loads::from(&excitation.load(t_s + part * h_s))
+}
+
+/// The state of a motion, if it is finite.
+fn finite(motion: Motion<f64>, t_s: f64) -> Result<State, IntegrateError> {
+    let state = State::from(motion);
+    if state.is_finite() { Ok(state) } else { Err(IntegrateError::NotFinite { t_s }) }
 }
 
 #[cfg(test)]

@@ -18,25 +18,30 @@ fn error_falls_with_the_order_of_the_scheme() {
     let start = State::new([0.05, -0.08], [0.5, -1.0]);
     let sine =
         Sine { amplitude: Load { torque_nm: [60.0, 0.0].into(), force_n: [30.0, 25.0].into() }, frequency_hz: 24.0 };
-    let truth = run(&arm, Scheme::Gl6, 16_000.0, 1600, start, &sine);
+    let truth = run(&arm, Scheme::Exponential, 16_000.0, 1600, start, &sine);
     for scheme in Scheme::ALL {
-        let rate = if scheme.order() == 6 { 500.0 } else { 2000.0 };
+        // High enough for the leading term of the error, low enough for rounding.
+        let rate = match scheme.order() {
+            4 => 2000.0,
+            6 => 1000.0,
+            _ => 500.0,
+        };
         let error = |factor: u32| {
             let steps = (rate * 0.1) as u32 * factor;
             distance(&truth, &run(&arm, scheme, rate * f64::from(factor), steps, start, &sine))
         };
         let order = libm::log2(error(1) / error(2));
-        assert!((order - f64::from(scheme.order())).abs() < 0.25, "{scheme}: observed order {order}");
+        assert!((order - f64::from(scheme.order())).abs() < 0.3, "{scheme}: observed order {order}");
     }
 }
 
 #[test]
-fn gauss_legendre_retraces_its_steps() {
+fn symmetric_schemes_retrace_their_steps() {
     let preset = Preset::Irb1600Fitted.parameters().unwrap();
     let undamped = crate::arm::Parameters { damping1_nm_s_rad: 0.0, damping2_nm_s_rad: 0.0, ..preset };
     let arm = Arm::new(undamped, crate::arm::Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
     let start = State::new([0.1, -0.08], [0.5, -1.0]);
-    for scheme in [Scheme::Gl4, Scheme::Gl6] {
+    for scheme in Scheme::ALL.into_iter().filter(|scheme| scheme.is_symmetric()) {
         let there = run(&arm, scheme, 1000.0, 1000, start, &Load::default());
         let turned = State { alpha_dot_rad_s: -there.alpha_dot_rad_s, ..there };
         let back = run(&arm, scheme, 1000.0, 1000, turned, &Load::default());
@@ -47,22 +52,67 @@ fn gauss_legendre_retraces_its_steps() {
     }
 }
 
-/// Where fixed-point iteration diverges, too: the straight arm of Table 1, 569 Hz, at 1 kHz (ωh = 3.6). The amplitude is
-/// that of the first fold of a strongly driven arm; the dampers may only take energy.
+/// Where fixed-point iteration diverges, too: the straight arm of Table 1, 569 Hz, at 1 kHz (ωh = 3.6). The amplitudes go up
+/// to those of the last fold of a strongly driven arm. The dampers take what they take of an accurate solution, within 5 %.
 #[test]
-fn newton_converges_at_every_pose() {
-    for preset in Preset::ALL {
-        for beta2_deg in (-180..=180).step_by(5) {
+fn implicit_schemes_hold_at_every_pose() {
+    for (preset, amplitude_rad) in [0.1, 0.3].into_iter().flat_map(|a| Preset::ALL.map(|preset| (preset, a))) {
+        for beta2_deg in (-180..=180).step_by(15) {
             let arm = arm(preset, 10.0, f64::from(beta2_deg));
-            let lowest_hz = arm.angular_frequencies_rad_s()[1] / Scheme::Gl6.phase_limit_rad();
-            for (scheme, rate_hz) in [(Scheme::Gl4, 1000.0), (Scheme::Gl6, 1000.0), (Scheme::Gl6, lowest_hz.ceil())] {
-                let start = State::new([0.1, -0.1], [5.0, 5.0]);
-                let end = run(&arm, scheme, rate_hz, rate_hz as u32, start, &Load::default());
-                let (first, last) = (arm.energy(&start).total_j(), arm.energy(&end).total_j());
-                assert!(last < first, "{scheme} {preset} {beta2_deg}° {rate_hz} Hz: {first} J, then {last} J");
+            let start = State::new([amplitude_rad, -amplitude_rad], [5.0, 5.0]);
+            let truth = run(&arm, Scheme::Dop853, 32_000.0, 8_000, start, &Load::default());
+            let lowest_hz = (arm.angular_frequencies_rad_s()[1] / Scheme::Gl6.phase_limit_rad()).ceil();
+            for scheme in [Scheme::Gl4, Scheme::Gl6, Scheme::Exponential] {
+                for rate_hz in [1000.0, lowest_hz] {
+                    let end = run(&arm, scheme, rate_hz, (rate_hz / 4.0).round() as u32, start, &Load::default());
+                    let [first, last, true_last] = [start, end, truth].map(|state| arm.energy(&state).total_j());
+                    let case = format_args!("{scheme} {preset} {beta2_deg}° {rate_hz} Hz {amplitude_rad} rad");
+                    assert!(
+                        last < first && (last / true_last - 1.0).abs() < 0.05,
+                        "{case}: {first} J, {last} J, {true_last} J"
+                    );
+                }
             }
         }
     }
+}
+
+/// The exponential scheme takes the linear arm in one step as exactly as in ten thousand: free vibration at ωh = 3.6, dampers
+/// included, small enough that no nonlinearity shows, against the closed solution in modes.
+#[test]
+fn exponential_scheme_is_exact_for_the_linear_arm() {
+    let preset = Preset::Irb1600Table1.parameters().unwrap();
+    // Damping in proportion to the stiffness, so that the modes stay uncoupled.
+    let parameters = crate::arm::Parameters {
+        damping1_nm_s_rad: 1e-6 * preset.stiffness1_nm_rad,
+        damping2_nm_s_rad: 1e-6 * preset.stiffness2_nm_rad,
+        ..preset
+    };
+    let arm = Arm::new(parameters, crate::arm::Pose::default()).unwrap();
+    for mode in crate::analysis::modes(&arm) {
+        let amplitude = 1e-9;
+        let start = State::new(mode.shape.map(|phi| amplitude * phi), [0.0; 2]);
+        let end = run(&arm, Scheme::Exponential, 1000.0, 1000, start, &Load::default());
+        let omega = core::f64::consts::TAU * mode.frequency_hz;
+        let (zeta, damped) = (mode.damping_ratio, omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio));
+        let decay = libm::exp(-zeta * omega);
+        let part = decay * (libm::cos(damped) + zeta * omega / damped * libm::sin(damped));
+        for i in 0..2 {
+            let expected = amplitude * mode.shape[i] * part;
+            let error = (end.alpha_rad[i] - expected) / (amplitude * decay * mode.shape[i]);
+            assert!(error.abs() < 1e-10, "{mode:?}: {error}");
+        }
+    }
+}
+
+/// A held load, too: one step of a millisecond is as right as a thousand of a microsecond by another scheme.
+#[test]
+fn exponential_scheme_is_exact_under_a_held_load() {
+    let arm = arm(Preset::Irb1600Table1, 0.0, 0.0);
+    let load = Load { torque_nm: [1e-3, 0.0].into(), force_n: [0.0, 1e-3].into() };
+    let one = run(&arm, Scheme::Exponential, 1000.0, 1, State::default(), &load);
+    let many = run(&arm, Scheme::Gl6, 1e6, 1000, State::default(), &load);
+    assert!(distance(&one, &many) < 1e-9 * one.alpha_dot_rad_s.norm(), "{one:?} {many:?}");
 }
 
 #[test]
@@ -72,7 +122,7 @@ fn says_which_rate_would_do() {
     insta::assert_snapshot!(says(Scheme::Rk4, 0.0), @"integration rate 0 Hz: it must be a positive number");
     insta::assert_snapshot!(says(Scheme::Rk4, 1000.0), @"scheme rk4 can't carry this arm at 1000 Hz: its second mode needs at least 1265 Hz");
     insta::assert_snapshot!(says(Scheme::Gl6, 500.0), @"scheme gl6 can't carry this arm at 500 Hz: its second mode needs at least 570 Hz");
-    insta::assert_snapshot!("euler".parse::<Scheme>().unwrap_err(), @"there is no integration scheme `euler`: the schemes are rk4, gl4, gl6");
+    insta::assert_snapshot!("euler".parse::<Scheme>().unwrap_err(), @"there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential");
 }
 
 /// A load that no arm can bear ends in an error, never in a bad number.
@@ -88,7 +138,11 @@ fn refuses_to_go_on_without_a_number() {
                 state = next;
                 false
             }
-            Err(IntegrateError::NoConvergence { .. } | IntegrateError::NotFinite { .. }) => true,
+            Err(
+                IntegrateError::NoConvergence { .. }
+                | IntegrateError::NotFinite { .. }
+                | IntegrateError::Unbalanced { .. },
+            ) => true,
             Err(other) => panic!("{other}"),
         });
         assert!(failed && state.is_finite());

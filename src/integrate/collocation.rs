@@ -1,0 +1,234 @@
+//! Implicit methods whose stages are affine in their slopes, solved by Newton's method: Gauss–Legendre and exponential
+//! collocation.
+//!
+//! With y = (x, v) = (α, α̇) and a constant 2×4 matrix Λ let N(t, y) = α̈(t, y) − Λ y: Λ = 0 for Gauss–Legendre, the linear
+//! arm for the exponential method. The unknowns are the slopes Nᵢ at the stages,
+//!
+//! ```text
+//! Yᵢ = Sᵢ y + Σⱼ Aᵢⱼ Nⱼ        Gᵢ = Nᵢ − N(tᵢ, Yᵢ) = 0        y⁺ = y + (E − I) y + Σⱼ Wⱼ Nⱼ
+//! ```
+//!
+//! with 4×4 matrices Sᵢ, E and 4×2 matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Newton's matrix has the blocks
+//! δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It takes the stiff part exactly, so it converges where fixed-point iteration, which needs
+//! ωh < 1, does not.
+
+use alloc::vec::Vec;
+
+use super::linear_solve::solve;
+use super::{Excitation, IntegrateError};
+use crate::arm::{Arm, Load, State};
+
+/// Newton's limit: where it converges it needs two to five iterations.
+const MAX_ITERATIONS: usize = 8;
+/// A correction below this part of the largest acceleration is the last one: the next would be its square, below rounding.
+const CORRECTION_LIMIT: f64 = 1e-9;
+/// A step is divided into 1, 2, 4 … 2^(LEVELS − 1) = 256 parts.
+pub(super) const LEVELS: usize = 9;
+/// The most energy, as part of the energy, that a part of a step may make or lose beyond what load and dampers account for.
+const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
+
+/// A method of S stages at one step length.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Step<const S: usize> {
+    /// h, s.
+    pub h_s: f64,
+    /// Nodes and weights of the quadrature under the method.
+    pub c: [f64; S],
+    pub b: [f64; S],
+    /// Sᵢ, Aᵢⱼ.
+    pub start: [[[f64; 4]; 4]; S],
+    pub stage: [[[[f64; 2]; 4]; S]; S],
+    /// E − I, and what its rounding to `f64` lost.
+    pub end: [[f64; 4]; 4],
+    pub end_low: [[f64; 4]; 4],
+    /// Wⱼ.
+    pub weights: [[[f64; 2]; 4]; S],
+}
+
+/// A method of S stages for the step and its parts.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Collocation<const S: usize> {
+    /// Λ.
+    pub linear: [[f64; 4]; 2],
+    /// The step lengths h, h/2, h/4 …
+    pub levels: Vec<Step<S>>,
+    /// The largest ωh of a part, rad, with ω at the deflection where the step starts.
+    pub phase_per_part_rad: f64,
+}
+
+impl<const S: usize> Collocation<S> {
+    /// One step, in equal parts as few as do: far from the pose the arm can be several times as stiff as in it, and a part
+    /// that turns the phase too far finds no stages, or wrong ones. The number of parts is doubled until Newton's method
+    /// converges in every part and every part keeps its energy balance; the work is bounded, and a step that can't be made
+    /// well is an error.
+    pub fn step(
+        &self,
+        arm: &Arm,
+        t_s: f64,
+        state: &State,
+        excitation: &impl Excitation,
+    ) -> Result<State, IntegrateError> {
+        let mut failure = IntegrateError::NotFinite { t_s };
+        for (level, step) in self.levels.iter().enumerate().skip(self.first_level(arm, state)) {
+            let result = (0..1_u32 << level).try_fold(*state, |state, k| {
+                step.advance(&self.linear, arm, t_s + f64::from(k) * step.h_s, &state, excitation)
+            });
+            match result {
+                Ok(next) => return Ok(next),
+                Err(error) => failure = error,
+            }
+        }
+        Err(failure)
+    }
+
+    /// The first level whose parts keep the phase limit, or else the last.
+    fn first_level(&self, arm: &Arm, state: &State) -> usize {
+        if self.phase_per_part_rad == f64::INFINITY {
+            return 0;
+        }
+        let frequency_rad_s = arm.angular_frequency_bound_rad_s(&state.alpha_rad);
+        let within = |step: &Step<S>| frequency_rad_s * step.h_s <= self.phase_per_part_rad;
+        self.levels.iter().position(within).unwrap_or(LEVELS - 1)
+    }
+}
+
+type Slopes<const S: usize> = [[f64; 2]; S];
+
+impl<const S: usize> Step<S> {
+    fn advance(
+        &self,
+        linear: &[[f64; 4]; 2],
+        arm: &Arm,
+        t_s: f64,
+        state: &State,
+        excitation: &impl Excitation,
+    ) -> Result<State, IntegrateError> {
+        let loads: [Load; S] = core::array::from_fn(|i| excitation.load(t_s + self.c[i] * self.h_s));
+        let y = vector(state);
+        let first = arm.acceleration(state, &loads[0]);
+        let [low1, low2] = times(linear, &y);
+        let mut slopes = [[first.x - low1, first.y - low2]; S];
+        let from_start: [[f64; 4]; S] = core::array::from_fn(|i| times(&self.start[i], &y));
+        let mut correction = f64::INFINITY;
+        for _ in 0..MAX_ITERATIONS {
+            let Some((size, work_j)) = self.newton(linear, arm, &loads, &from_start, &mut slopes) else { break };
+            correction = size;
+            if correction < CORRECTION_LIMIT {
+                return self.finish(arm, t_s, state, &y, &slopes, work_j);
+            }
+        }
+        Err(IntegrateError::NoConvergence { t_s, iterations: MAX_ITERATIONS, correction })
+    }
+
+    /// The state of stage i.
+    fn stage_state(&self, i: usize, from_start: &[f64; 4], slopes: &Slopes<S>) -> State {
+        let mut stage = *from_start;
+        for (matrix, slope) in self.stage[i].iter().zip(slopes) {
+            add_times(&mut stage, matrix, slope);
+        }
+        state_of(&stage)
+    }
+
+    /// One iteration of Newton's method. Returns the correction relative to the largest acceleration and the work of load and
+    /// dampers over the step, J; `None` if the matrix is singular.
+    fn newton(
+        &self,
+        linear: &[[f64; 4]; 2],
+        arm: &Arm,
+        loads: &[Load; S],
+        from_start: &[[f64; 4]; S],
+        slopes: &mut Slopes<S>,
+    ) -> Option<(f64, f64)> {
+        let mut matrix = [[[[0.0; 2]; S]; 2]; S];
+        let mut residual = [[0.0; 2]; S];
+        let (mut largest, mut work_j) = (f64::MIN_POSITIVE, 0.0);
+        for i in 0..S {
+            let stage = self.stage_state(i, &from_start[i], slopes);
+            let jacobian = arm.acceleration_jacobian(&stage, &loads[i]);
+            work_j += self.h_s * self.b[i] * arm.power_w(&stage, &loads[i]);
+            let acceleration = jacobian.acceleration_rad_s2;
+            let own = times(linear, &vector(&stage));
+            let (p, q) = (&jacobian.by_alpha, &jacobian.by_alpha_dot);
+            for row in 0..2 {
+                largest = largest.max(libm::fabs(acceleration[row]));
+                residual[i][row] = slopes[i][row] - (acceleration[row] - own[row]);
+                let lambda = &linear[row];
+                let by_y = [
+                    p[(row, 0)] - lambda[0],
+                    p[(row, 1)] - lambda[1],
+                    q[(row, 0)] - lambda[2],
+                    q[(row, 1)] - lambda[3],
+                ];
+                for (j, block) in self.stage[i].iter().enumerate() {
+                    for column in 0..2 {
+                        let slope: f64 = (0..4).map(|n| by_y[n] * block[n][column]).sum();
+                        let unit = if i == j && row == column { 1.0 } else { 0.0 };
+                        matrix[i][row][j][column] = unit - slope;
+                    }
+                }
+            }
+        }
+        solve(matrix.as_flattened_mut().as_flattened_mut().as_flattened_mut(), residual.as_flattened_mut())?;
+        let mut size = 0.0_f64;
+        for (slope, step) in slopes.as_flattened_mut().iter_mut().zip(residual.as_flattened()) {
+            *slope -= step;
+            // NaN counts as infinite.
+            size = if libm::fabs(*step) <= size { size } else { libm::fabs(*step) };
+        }
+        Some((size / largest, work_j))
+    }
+
+    /// The state at the end of the step from the solved slopes, if the energy it gained is the work done.
+    fn finish(
+        &self,
+        arm: &Arm,
+        t_s: f64,
+        state: &State,
+        y: &[f64; 4],
+        slopes: &Slopes<S>,
+        work_j: f64,
+    ) -> Result<State, IntegrateError> {
+        // The small parts first: rounding then stays that of one sum.
+        let mut change = times(&self.end_low, y);
+        for (matrix, slope) in self.weights.iter().zip(slopes) {
+            add_times(&mut change, matrix, slope);
+        }
+        let moved = times(&self.end, y);
+        let next = state_of(&core::array::from_fn(|n| y[n] + (moved[n] + change[n])));
+        let (before, after) = (arm.energy(state).total_j(), arm.energy(&next).total_j());
+        let defect_j = libm::fabs(after - before - work_j);
+        if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after) {
+            Ok(next)
+        } else if defect_j.is_finite() {
+            Err(IntegrateError::Unbalanced { t_s, defect: defect_j / before.max(after) })
+        } else {
+            Err(IntegrateError::NotFinite { t_s: t_s + self.h_s })
+        }
+    }
+}
+
+fn vector(state: &State) -> [f64; 4] {
+    let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+    [x.x, x.y, v.x, v.y]
+}
+
+fn state_of(y: &[f64; 4]) -> State {
+    State::new([y[0], y[1]], [y[2], y[3]])
+}
+
+/// Matrix times vector.
+#[inline(always)]
+fn times<const R: usize>(matrix: &[[f64; 4]; R], y: &[f64; 4]) -> [f64; R] {
+    core::array::from_fn(|row| {
+        let m = &matrix[row];
+        (m[0] * y[0] + m[1] * y[1]) + (m[2] * y[2] + m[3] * y[3])
+    })
+}
+
+/// y += matrix · slope.
+#[inline(always)]
+fn add_times(y: &mut [f64; 4], matrix: &[[f64; 2]; 4], slope: &[f64; 2]) {
+    for (value, row) in y.iter_mut().zip(matrix) {
+        *value += row[0] * slope[0] + row[1] * slope[1];
+    }
+}

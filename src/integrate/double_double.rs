@@ -1,0 +1,75 @@
+//! Numbers of twice the precision, as the unevaluated sum of two `f64` (T. J. Dekker, "A Floating-Point Technique for Extending
+//! the Available Precision", Numer. Math. 18 (1971)): relative error about 2⁻¹⁰⁰. For constants, not for the step.
+
+use core::ops::{Add, Mul};
+
+/// high + low, where |low| is at most half a unit in the last place of high.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct DoubleDouble {
+    pub high: f64,
+    pub low: f64,
+}
+
+impl DoubleDouble {
+    pub const fn new(high: f64) -> DoubleDouble {
+        DoubleDouble { high, low: 0.0 }
+    }
+
+    /// a/b: the rounded quotient, and what it leaves over b.
+    pub fn ratio(a: f64, b: f64) -> DoubleDouble {
+        let high = a / b;
+        let back = two_product(high, b);
+        DoubleDouble { high, low: ((a - back.high) - back.low) / b }
+    }
+}
+
+/// a + b as its rounded value and the rounding error (D. E. Knuth).
+fn two_sum(a: f64, b: f64) -> DoubleDouble {
+    let high = a + b;
+    let part = high - a;
+    DoubleDouble { high, low: (a - (high - part)) + (b - part) }
+}
+
+/// a b as its rounded value and the rounding error (Dekker, with the halves of G. W. Veltkamp).
+fn two_product(a: f64, b: f64) -> DoubleDouble {
+    let halves = |x: f64| {
+        let scaled = x * 134_217_729.0;
+        let high = scaled - (scaled - x);
+        (high, x - high)
+    };
+    let high = a * b;
+    let ((a_high, a_low), (b_high, b_low)) = (halves(a), halves(b));
+    DoubleDouble { high, low: a_low * b_low - (((high - a_high * b_high) - a_low * b_high) - a_high * b_low) }
+}
+
+impl Add for DoubleDouble {
+    type Output = DoubleDouble;
+    fn add(self, other: DoubleDouble) -> DoubleDouble {
+        let (highs, lows) = (two_sum(self.high, other.high), two_sum(self.low, other.low));
+        let first = two_sum(highs.high, highs.low + lows.high);
+        two_sum(first.high, first.low + lows.low)
+    }
+}
+
+impl Mul for DoubleDouble {
+    type Output = DoubleDouble;
+    fn mul(self, other: DoubleDouble) -> DoubleDouble {
+        let highs = two_product(self.high, other.high);
+        two_sum(highs.high, highs.low + (self.high * other.low + self.low * other.high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_third_three_times_is_one_to_32_digits() {
+        let third = DoubleDouble::ratio(1.0, 3.0);
+        let one = third + third + third;
+        assert!(one.high == 1.0 && one.low.abs() < 1e-31, "{one:?}");
+        let ninth = third * third;
+        let left = ninth * DoubleDouble::new(9.0) + DoubleDouble::new(-1.0);
+        assert!(left.high.abs() < 1e-31, "{left:?}");
+    }
+}

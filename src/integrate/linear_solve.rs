@@ -1,0 +1,64 @@
+//! Small systems of linear equations.
+
+/// Solves matrix · x = `right` in place; the matrix has n = `right.len()` rows of n numbers, one after the other. Gauss's
+/// elimination with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix Computations", section 3.4). `None` if the matrix is
+/// singular or not finite.
+#[inline(always)]
+pub(super) fn solve(flat: &mut [f64], right: &mut [f64]) -> Option<()> {
+    let n = right.len();
+    for column in 0..n {
+        let size = |row: usize| libm::fabs(flat[row * n + column]);
+        let pivot = (column + 1..n).fold(column, |best, row| if size(row) > size(best) { row } else { best });
+        let inverse = 1.0 / flat[pivot * n + column];
+        if !inverse.is_finite() {
+            return None;
+        }
+        if pivot != column {
+            for k in column..n {
+                flat.swap(pivot * n + k, column * n + k);
+            }
+            right.swap(pivot, column);
+        }
+        for row in column + 1..n {
+            let factor = flat[row * n + column] * inverse;
+            for k in column + 1..n {
+                flat[row * n + k] -= factor * flat[column * n + k];
+            }
+            right[row] -= factor * right[column];
+        }
+    }
+    for row in (0..n).rev() {
+        let known: f64 = (row + 1..n).map(|k| flat[row * n + k] * right[k]).sum();
+        right[row] = (right[row] - known) / flat[row * n + row];
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn solution_solves(matrix in prop::array::uniform16(-1.0..1.0), right in prop::array::uniform4(-1.0..1.0)) {
+            let (mut flat, mut x): ([f64; 16], [f64; 4]) = (matrix, right);
+            if solve(&mut flat, &mut x).is_some() {
+                let size = x.iter().fold(1.0_f64, |size, value| size.max(value.abs()));
+                for row in 0..4 {
+                    let sum: f64 = (0..4).map(|k| matrix[4 * row + k] * x[k]).sum();
+                    prop_assert!((sum - right[row]).abs() < 1e-13 * size, "{sum} {}", right[row]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn needs_a_pivot_or_refuses() {
+        let mut x = [2.0, 3.0];
+        assert_eq!(solve(&mut [0.0, 1.0, 1.0, 0.0], &mut x), Some(()));
+        assert_eq!(x, [3.0, 2.0]);
+        assert_eq!(solve(&mut [0.0, 1.0, 0.0, 1.0], &mut x), None);
+        assert_eq!(solve(&mut [f64::NAN, 1.0, 0.0, 1.0], &mut x), None);
+    }
+}
