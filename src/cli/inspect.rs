@@ -61,7 +61,10 @@ fn text(summary: &RecordingSummary) -> String {
     line("bus", summary.origin.interface.clone());
     line(
         "build",
-        format!("{} {}, {}", summary.origin.build.version, summary.origin.build.commit, summary.origin.build.target),
+        format!(
+            "{} {}, {}",
+            summary.origin.build.version, summary.origin.build.git_commit, summary.origin.build.target
+        ),
     );
     for (topic, contents) in &summary.topics {
         line(topic, format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes));

@@ -30,7 +30,7 @@ impl Resim {
             tracing::warn!(
                 "recorded by another build ({} {} for {}), so differences are possible",
                 then.version,
-                then.commit,
+                then.git_commit,
                 then.target
             );
         }
