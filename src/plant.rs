@@ -2,10 +2,15 @@
 //!
 //! One sample is: [`Plant::measure`], a command from outside, [`Plant::advance`] with the command held (zero-order) up to the
 //! next sample. The same specification and the same commands give the same states and readings, bit for bit.
+//!
+//! A held load jumps at every sample, and the accelerations with it, so the instruments sample half a period before: in the
+//! middle of the hold, as converters do that are triggered away from the edges of the output. Force and accelerations of a
+//! sample then belong together in phase; read at the edge, the part of the acceleration that follows the force at once would
+//! lag the rest by half a period, an error of a frequency response that reaches per cents.
 
 use thiserror::Error;
 
-use crate::arm::{Arm, ArmError, Load, Parameters, Pose, State};
+use crate::arm::{Arm, ArmError, Load, Parameters, PointMotion, Pose, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
 use crate::rig::{ExciterSpec, Measurement, Rig, RigError, RigSpec};
 
@@ -22,7 +27,7 @@ pub struct PlantSpec {
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
     pub sample_rate_hz: f64,
-    /// Integration steps a sample, positive.
+    /// Integration steps a sample: even and positive, since the instruments sample in the middle.
     pub steps_per_sample: u32,
     /// The instruments.
     pub rig: RigSpec,
@@ -60,9 +65,12 @@ pub enum PlantSpecError {
     /// The initial state is not finite.
     #[error("the initial state {0:?} is not finite: give four numbers, rad and rad/s")]
     Initial([f64; 4]),
-    /// No integration step a sample.
-    #[error("`steps_per_sample` is 0: it must be at least 1")]
-    NoSteps,
+    /// The middle of a sample period is no integration step.
+    #[error("`steps_per_sample` is {got}: it must be even and at least 2, since the instruments sample in the middle")]
+    StepsPerSample {
+        /// What was given.
+        got: u32,
+    },
 }
 
 /// A plant at a sample.
@@ -75,7 +83,21 @@ pub struct Plant {
     steps_per_sample: u32,
     step: u64,
     state: State,
+    /// What the instruments sample: the truth in the middle of the last sample period; before the first, at its start.
+    sensed: Sensed,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sensed {
+    motion: PointMotion,
     load: Load,
+}
+
+impl Sensed {
+    fn new(arm: &Arm, state: &State, load: &Load) -> Sensed {
+        let motion = arm.point_accelerations(state, &arm.acceleration(state, load));
+        Sensed { motion, load: *load }
+    }
 }
 
 impl Plant {
@@ -89,19 +111,19 @@ impl Plant {
             let (x, v) = (&spec.initial.alpha_rad, &spec.initial.alpha_dot_rad_s);
             return Err(PlantSpecError::Initial([x.x, x.y, v.x, v.y]));
         }
-        if spec.steps_per_sample == 0 {
-            return Err(PlantSpecError::NoSteps);
+        if spec.steps_per_sample == 0 || spec.steps_per_sample % 2 != 0 {
+            return Err(PlantSpecError::StepsPerSample { got: spec.steps_per_sample });
         }
         let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);
         Ok(Plant {
             integrator: Integrator::new(spec.scheme, rate_hz, &arm)?,
+            sensed: Sensed::new(&arm, &spec.initial, &Load::default()),
             arm,
             rig: Rig::new(&spec.rig, spec.seed)?,
             sample_rate_hz: spec.sample_rate_hz,
             steps_per_sample: spec.steps_per_sample,
             step: 0,
             state: spec.initial,
-            load: Load::default(),
         })
     }
 
@@ -130,13 +152,10 @@ impl Plant {
         &self.state
     }
 
-    /// What the instruments say at the sample. Call it once a sample: every call draws new noise.
-    ///
-    /// A held load jumps at the sample, and the accelerations with it; the instruments see the values just before the jump.
+    /// What the instruments say at the sample: the truth half a sample period before, with noise, resolution and range. Call
+    /// it once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
-        let acceleration = self.arm.acceleration(&self.state, &self.load);
-        let motion = self.arm.point_accelerations(&self.state, &acceleration);
-        self.rig.measure(self.step, &motion, &self.load)
+        self.rig.measure(self.step, &self.sensed.motion, &self.sensed.load)
     }
 
     /// Advances to the next sample with `load` held.
@@ -145,16 +164,19 @@ impl Plant {
     /// [`PlantError::Integrate`] if the step could not be made; the plant then stays as it was.
     pub fn advance(&mut self, load: &Load) -> Result<(), PlantError> {
         let start_s = self.time_s();
-        let mut state = self.state;
+        let (mut state, mut sensed) = (self.state, self.sensed);
         for part in 0..self.steps_per_sample {
             let t_s = start_s + f64::from(part) * self.integrator.step_s();
             state = self
                 .integrator
                 .step(&self.arm, t_s, &state, load)
                 .map_err(|source| PlantError::Integrate { step: self.step, source })?;
+            if 2 * (part + 1) == self.steps_per_sample {
+                sensed = Sensed::new(&self.arm, &state, load);
+            }
         }
         self.state = state;
-        self.load = *load;
+        self.sensed = sensed;
         self.step += 1;
         Ok(())
     }
@@ -213,7 +235,7 @@ mod tests {
     #[test]
     fn says_what_is_wrong_with_a_plant() {
         let says = |spec: PlantSpec| Plant::new(&spec).unwrap_err().to_string();
-        insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 0, ..spec() }), @"`steps_per_sample` is 0: it must be at least 1");
+        insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 0, ..spec() }), @"`steps_per_sample` is 0: it must be even and at least 2, since the instruments sample in the middle");
         let initial = State::new([0.0, f64::NAN], [0.0, 1.0]);
         insta::assert_snapshot!(says(PlantSpec { initial, ..spec() }), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give four numbers, rad and rad/s");
         insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");

@@ -17,9 +17,10 @@ const CURVE_POINTS: usize = 1200;
 pub(super) fn introduction(scenario: &Scenario, profile: &Profile) -> Result<String, Failure> {
     let [first, second] = modes(&scenario.build_arm()?);
     let settling_s = 1.0 / (core::f64::consts::TAU * first.frequency_hz * first.damping_ratio);
+    let own = own_parameters(scenario);
     Ok(format!(
-        "arm          {} at β1 = {}°, β2 = {}°\n\
-         modes        {:.2} Hz (damping ratio {:.1e}, time constant {settling_s:.0} s), {:.2} Hz\n\
+        "arm          {} at β1 = {}°, β2 = {}°{own}\n\
+         modes        {:.2} Hz (damping ratio {:.1e}, time constant {settling_s:.2} s), {:.2} Hz\n\
          bus          in memory, {} samples a second, in real time for {:.1} s\n\n",
         scenario.arm.preset,
         scenario.arm.beta1_deg,
@@ -30,6 +31,11 @@ pub(super) fn introduction(scenario: &Scenario, profile: &Profile) -> Result<Str
         scenario.simulation.rate_hz,
         profile.duration_s()
     ))
+}
+
+/// The parameters in which the scenario's arm differs from its preset.
+fn own_parameters(scenario: &Scenario) -> String {
+    scenario.arm.parameters.iter().map(|(name, value)| format!(", {name} = {value}")).collect()
 }
 
 /// The accelerance of one point: measured, and by the linear theory.
@@ -117,8 +123,11 @@ pub(super) fn figure(scenario: &Scenario, responses: &[ResponsePoint]) -> Result
         .collect::<Result<_, Failure>>()?;
 
     let mut figure = Figure::new("Stepped sine through the first resonance").subtitle(format!(
-        "{}, β1 = {}°, β2 = {}°",
-        scenario.arm.preset, scenario.arm.beta1_deg, scenario.arm.beta2_deg
+        "{}, β1 = {}°, β2 = {}°{}",
+        scenario.arm.preset,
+        scenario.arm.beta1_deg,
+        scenario.arm.beta2_deg,
+        own_parameters(scenario)
     ));
     for (index, name) in ["B", "C"].into_iter().enumerate() {
         let marks = |settled: bool| {

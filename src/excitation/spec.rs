@@ -116,7 +116,7 @@ pub enum ExcitationError {
     Amplitude(&'static str),
     /// A step ends before its response can be read.
     #[error(
-        "excitation: a step of {dwell_s} s leaves no time to read its response after settling ({settle_s} s) and the \
+        "excitation: a step of {dwell_s:.3} s leaves no time to read its response after settling ({settle_s} s) and the \
          ramps ({ramp_s} s): make the step longer or the others shorter"
     )]
     NoWindow {

@@ -67,7 +67,7 @@ fn says_what_cannot_be_played() {
     let says = |spec: ExcitationSpec, rate_hz| Profile::new(&spec, rate_hz).unwrap_err().to_string();
     insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: 25 Hz can't be told at 40 samples a second: it must be below half of that");
     let short = Waveform::Dwell { frequency_hz: 20.0, duration_s: 1.0, settle_s: 0.8 };
-    insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1 s leaves no time to read its response after settling (0.8 s) and the ramps (0.5 s): make the step longer or the others shorter");
+    insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1.000 s leaves no time to read its response after settling (0.8 s) and the ramps (0.5 s): make the step longer or the others shorter");
     let negative = Waveform::Dwell { frequency_hz: -20.0, duration_s: 1.0, settle_s: 0.0 };
     insta::assert_snapshot!(says(force(negative), 1000.0), @"excitation: `frequency_hz` is -20: it must be a positive number");
     let both = Amplitude { force_x_n: 1.0, torque1_nm: 1.0, ..Amplitude::default() };

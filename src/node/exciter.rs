@@ -160,6 +160,9 @@ impl ExciterNode {
 
     fn watch(&mut self, now_ns: u64, state: NodeState) {
         self.plant_state = Some(state);
+        if state == NodeState::BootUp {
+            self.plant_hello = None;
+        }
         match (self.phase, state) {
             (Phase::Arming, NodeState::Operational) if self.plant_hello.is_some() => {
                 self.phase = Phase::Playing;

@@ -26,7 +26,7 @@ pub struct RigSpec {
     pub impedance_head: ForceSensorSpec,
 }
 
-/// What the instruments say at one sample; x and y of the base frame.
+/// What the instruments say at one sample, of the truth half a sample period before; x and y of the base frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Index of the sample.

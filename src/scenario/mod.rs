@@ -73,7 +73,7 @@ impl Default for ArmSection {
 pub struct SimulationSection {
     /// Samples a second, whole Hz from 1 to 65535: the wire states it so.
     pub rate_hz: f64,
-    /// Integration steps a sample, at least 1.
+    /// Integration steps a sample, even and at least 2.
     pub steps_per_sample: u32,
     /// Integration scheme.
     pub scheme: Scheme,
