@@ -111,7 +111,7 @@ impl Plant {
             let (x, v) = (&spec.initial.alpha_rad, &spec.initial.alpha_dot_rad_s);
             return Err(PlantSpecError::Initial([x.x, x.y, v.x, v.y]));
         }
-        if spec.steps_per_sample == 0 || spec.steps_per_sample % 2 != 0 {
+        if spec.steps_per_sample == 0 || !spec.steps_per_sample.is_multiple_of(2) {
             return Err(PlantSpecError::StepsPerSample { got: spec.steps_per_sample });
         }
         let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);

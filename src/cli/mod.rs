@@ -9,6 +9,7 @@ mod doctor;
 mod exciter;
 mod failure;
 mod flags;
+mod frf;
 mod inspect;
 mod modes;
 mod output;
@@ -49,6 +50,7 @@ enum Command {
     Exciter(exciter::Exciter),
     Simulate(simulate::Simulate),
     Modes(modes::Modes),
+    Frf(frf::Frf),
     Replay(replay::Replay),
     Resim(resim::Resim),
     Inspect(inspect::Inspect),
@@ -65,6 +67,7 @@ pub fn main() -> ExitCode {
         Command::Exciter(command) => command.execute(),
         Command::Simulate(command) => command.execute(),
         Command::Modes(command) => command.execute(),
+        Command::Frf(command) => command.execute(),
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
         Command::Inspect(command) => command.execute(),

@@ -1,0 +1,238 @@
+//! `resonarm frf`: frequency responses of the linearised arm.
+
+use core::fmt::Write;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use super::failure::{Failure, Verdict};
+use super::flags::ArmFlags;
+use super::output;
+use crate::analysis::{Drive, FrequencyResponse, Quantity, Response};
+use crate::plot::{Axis, Color, Figure, Panel, Series};
+use crate::scenario::Scenario;
+
+/// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C.
+#[derive(Debug, Args)]
+pub(super) struct Frf {
+    #[command(flatten)]
+    arm: ArmFlags,
+    /// What drives the arm.
+    #[arg(long, value_enum, default_value_t = DriveFlag::Torque1)]
+    drive: DriveFlag,
+    /// Displacement, velocity or acceleration over the drive.
+    #[arg(long, value_enum, default_value_t = QuantityFlag::Receptance)]
+    quantity: QuantityFlag,
+    /// Where the response is taken; several with commas [default: all].
+    #[arg(long, value_enum, value_delimiter = ',')]
+    response: Vec<ResponseFlag>,
+    /// First frequency, Hz.
+    #[arg(long, value_name = "F", default_value_t = 1.0, allow_hyphen_values = true)]
+    from_hz: f64,
+    /// Last frequency, Hz.
+    #[arg(long, value_name = "F", default_value_t = 80.0, allow_hyphen_values = true)]
+    to_hz: f64,
+    /// Number of frequencies, evenly spaced.
+    #[arg(long, value_name = "N", default_value_t = 801)]
+    points: u32,
+    /// Plot to STEM.svg and STEM.png.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum DriveFlag {
+    Torque1,
+    Torque2,
+    ForceX,
+    ForceY,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QuantityFlag {
+    Receptance,
+    Mobility,
+    Accelerance,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ResponseFlag {
+    Alpha1,
+    Alpha2,
+    BX,
+    BY,
+    CX,
+    CY,
+}
+
+impl From<DriveFlag> for Drive {
+    fn from(flag: DriveFlag) -> Drive {
+        match flag {
+            DriveFlag::Torque1 => Drive::Torque1,
+            DriveFlag::Torque2 => Drive::Torque2,
+            DriveFlag::ForceX => Drive::ForceX,
+            DriveFlag::ForceY => Drive::ForceY,
+        }
+    }
+}
+
+impl DriveFlag {
+    const fn label(self) -> &'static str {
+        match self {
+            DriveFlag::Torque1 => "torque at joint 1",
+            DriveFlag::Torque2 => "torque at joint 2",
+            DriveFlag::ForceX => "force at C along x",
+            DriveFlag::ForceY => "force at C along y",
+        }
+    }
+}
+
+impl From<QuantityFlag> for Quantity {
+    fn from(flag: QuantityFlag) -> Quantity {
+        match flag {
+            QuantityFlag::Receptance => Quantity::Receptance,
+            QuantityFlag::Mobility => Quantity::Mobility,
+            QuantityFlag::Accelerance => Quantity::Accelerance,
+        }
+    }
+}
+
+impl ResponseFlag {
+    const ALL: [ResponseFlag; 6] = [
+        ResponseFlag::Alpha1,
+        ResponseFlag::Alpha2,
+        ResponseFlag::BX,
+        ResponseFlag::BY,
+        ResponseFlag::CX,
+        ResponseFlag::CY,
+    ];
+
+    const fn response(self) -> Response {
+        match self {
+            ResponseFlag::Alpha1 => Response::Alpha1,
+            ResponseFlag::Alpha2 => Response::Alpha2,
+            ResponseFlag::BX => Response::BX,
+            ResponseFlag::BY => Response::BY,
+            ResponseFlag::CX => Response::CX,
+            ResponseFlag::CY => Response::CY,
+        }
+    }
+
+    const fn label(self) -> &'static str {
+        match self {
+            ResponseFlag::Alpha1 => "α1",
+            ResponseFlag::Alpha2 => "α2",
+            ResponseFlag::BX => "B x",
+            ResponseFlag::BY => "B y",
+            ResponseFlag::CX => "C x",
+            ResponseFlag::CY => "C y",
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Document {
+    drive: Drive,
+    quantity: Quantity,
+    frequency_hz: Vec<f64>,
+    responses: Vec<Curve>,
+}
+
+/// One response over all frequencies, complex as [real, imaginary].
+#[derive(Serialize)]
+struct Curve {
+    response: Response,
+    value: Vec<[f64; 2]>,
+}
+
+impl Frf {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        let document = self.compute(&scenario)?;
+        if let Some(stem) = &self.plot {
+            self.figure(&scenario, &document).write(stem)?;
+        }
+        if self.json {
+            output::print_json(&document)?;
+        } else {
+            output::print(&self.table(&document))?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    fn wanted(&self) -> Vec<ResponseFlag> {
+        if self.response.is_empty() { ResponseFlag::ALL.to_vec() } else { self.response.clone() }
+    }
+
+    fn compute(&self, scenario: &Scenario) -> Result<Document, Failure> {
+        let (from, to) = (self.from_hz, self.to_hz);
+        if !(from >= 0.0 && to > from && to.is_finite()) || self.points < 2 {
+            return Err(Failure::Usage(format!(
+                "--from-hz {from} --to-hz {to} --points {}: the frequencies must rise from 0 or above, at least 2 of them",
+                self.points
+            )));
+        }
+        let linear = FrequencyResponse::new(&scenario.build_arm()?);
+        let (drive, quantity) = (self.drive.into(), self.quantity.into());
+        let last = f64::from(self.points - 1);
+        let frequency_hz: Vec<f64> = (0..self.points).map(|k| from + (to - from) * (f64::from(k) / last)).collect();
+        let curve = |flag: ResponseFlag| -> Result<Curve, Failure> {
+            let response = flag.response();
+            let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
+            let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
+            Ok(Curve { response, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
+        };
+        let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
+        Ok(Document { drive, quantity, frequency_hz, responses })
+    }
+
+    /// CSV: frequency, then modulus and phase of each response.
+    fn table(&self, document: &Document) -> String {
+        let mut text = String::from("frequency_hz");
+        for flag in self.wanted() {
+            let name = flag.label().replace(' ', "_");
+            let _infallible = write!(text, ",{name}_modulus,{name}_phase_deg");
+        }
+        text.push('\n');
+        for (k, hz) in document.frequency_hz.iter().enumerate() {
+            let _infallible = write!(text, "{hz}");
+            for curve in &document.responses {
+                let [re, im] = curve.value[k];
+                let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    fn figure(&self, scenario: &Scenario, document: &Document) -> Figure {
+        let x = || Axis::linear("frequency (Hz)");
+        let name = match self.quantity {
+            QuantityFlag::Receptance => "receptance",
+            QuantityFlag::Mobility => "mobility",
+            QuantityFlag::Accelerance => "accelerance",
+        };
+        let mut modulus = Panel::new(x(), Axis::log(format!("{name}, modulus (SI)")));
+        let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
+        let labels = self.wanted();
+        for ((curve, flag), color) in document.responses.iter().zip(labels).zip(Color::CYCLE.into_iter().cycle()) {
+            let points = |value: &dyn Fn(f64, f64) -> f64| {
+                document.frequency_hz.iter().zip(&curve.value).map(|(hz, [re, im])| (*hz, value(*re, *im))).collect()
+            };
+            // A zero has no logarithm: it is left out.
+            let size = |re: f64, im: f64| Some(libm::hypot(re, im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
+            modulus = modulus.with(Series::line(flag.label(), color, points(&size)));
+            let angle = |re: f64, im: f64| libm::atan2(im, re).to_degrees();
+            phase = phase.with(Series::line(flag.label(), color, points(&angle)));
+        }
+        let arm = &scenario.arm;
+        Figure::new(format!("Frequency response to {}", self.drive.label()))
+            .subtitle(format!("{}, β1 = {}°, β2 = {}°", arm.preset, arm.beta1_deg, arm.beta2_deg))
+            .with(modulus)
+            .with(phase.legend(crate::plot::Legend::None))
+    }
+}
