@@ -209,14 +209,30 @@ impl Frf {
         text
     }
 
+    /// The quantity with its unit.
+    fn label(&self) -> String {
+        let wanted = self.wanted();
+        let angles = wanted.iter().filter(|flag| matches!(flag, ResponseFlag::Alpha1 | ResponseFlag::Alpha2)).count();
+        let motion = match angles {
+            0 => "m",
+            all if all == wanted.len() => "rad",
+            _ => "rad or m",
+        };
+        let (name, rate) = match self.quantity {
+            QuantityFlag::Receptance => ("receptance", ""),
+            QuantityFlag::Mobility => ("mobility", "/s"),
+            QuantityFlag::Accelerance => ("accelerance", "/s²"),
+        };
+        let drive = match self.drive {
+            DriveFlag::Torque1 | DriveFlag::Torque2 => "N·m",
+            DriveFlag::ForceX | DriveFlag::ForceY => "N",
+        };
+        format!("{name} ({motion}{rate} per {drive})")
+    }
+
     fn figure(&self, scenario: &Scenario, document: &Document) -> Figure {
         let x = || Axis::linear("frequency (Hz)");
-        let name = match self.quantity {
-            QuantityFlag::Receptance => "receptance",
-            QuantityFlag::Mobility => "mobility",
-            QuantityFlag::Accelerance => "accelerance",
-        };
-        let mut modulus = Panel::new(x(), Axis::log(format!("{name}, modulus (SI)")));
+        let mut modulus = Panel::new(x(), Axis::log(self.label()));
         let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
         let labels = self.wanted();
         for ((curve, flag), color) in document.responses.iter().zip(labels).zip(Color::CYCLE.into_iter().cycle()) {
@@ -226,8 +242,9 @@ impl Frf {
             // A zero has no logarithm: it is left out.
             let size = |re: f64, im: f64| Some(libm::hypot(re, im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
             modulus = modulus.with(Series::line(flag.label(), color, points(&size)));
-            let angle = |re: f64, im: f64| libm::atan2(im, re).to_degrees();
-            phase = phase.with(Series::line(flag.label(), color, points(&angle)));
+            let angle =
+                |re: f64, im: f64| if size(re, im).is_nan() { f64::NAN } else { libm::atan2(im, re).to_degrees() };
+            phase = phase.with(Series::line(flag.label(), color, broken_at_wraps(points(&angle))));
         }
         let arm = &scenario.arm;
         Figure::new(format!("Frequency response to {}", self.drive.label()))
@@ -235,4 +252,16 @@ impl Frf {
             .with(modulus)
             .with(phase.legend(crate::plot::Legend::None))
     }
+}
+
+/// Phases in degrees with a gap wherever they jump from one end of the circle to the other.
+fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let mut broken = Vec::with_capacity(points.len());
+    for point in points {
+        if broken.last().is_some_and(|before: &(f64, f64)| (point.1 - before.1).abs() > 270.0) {
+            broken.push((point.0, f64::NAN));
+        }
+        broken.push(point);
+    }
+    broken
 }
