@@ -8,6 +8,7 @@ extern crate alloc;
 
 pub mod analysis;
 pub mod arm;
+pub mod ensemble;
 pub mod excitation;
 pub mod integrate;
 pub mod node;

@@ -19,16 +19,14 @@ impl Arm {
     /// M(α,β), Eq. (19), kg·m². Symmetric positive definite at every angle.
     pub fn mass_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         let c = &self.coefficients;
-        let (_, cosine) = c.elbow.sincos_plus(alpha_rad.y);
-        let coupling = c.a3 + c.a2 * cosine;
-        Matrix2::new(c.a1 + 2.0 * c.a2 * cosine, coupling, coupling, c.a3)
+        let (_, t) = c.coupling(alpha_rad.y);
+        Matrix2::new(c.a1 + 2.0 * t, c.a3 + t, c.a3 + t, c.a3)
     }
 
     /// C(α,α̇,β), Eq. (20), N·m·s/rad, in the form for which Ṁ − 2C is skew-symmetric.
     pub fn coriolis_matrix(&self, state: &State) -> Matrix2<f64> {
-        let c = &self.coefficients;
-        let (sine, _) = c.elbow.sincos_plus(state.alpha_rad.y);
-        let (v, h) = (&state.alpha_dot_rad_s, c.a2 * sine);
+        let v = &state.alpha_dot_rad_s;
+        let (h, _) = self.coefficients.coupling(state.alpha_rad.y);
         Matrix2::new(-h * v.y, -h * (v.x + v.y), h * v.x, 0.0)
     }
 
@@ -65,12 +63,11 @@ impl Arm {
     /// ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
     pub fn acceleration_jacobian(&self, state: &State, load: &Load) -> AccelerationJacobian {
         let c = &self.coefficients;
-        let (sine, cosine) = c.elbow.sincos_plus(state.alpha_rad.y);
-        let (h, t) = (c.a2 * sine, c.a2 * cosine);
+        let (h, t) = c.coupling(state.alpha_rad.y);
         let (p, v) = (&self.parameters, &state.alpha_dot_rad_s);
-        let outer = c.external_force(state.alpha_rad.into(), &load.into());
-        let inner = c.internal_force(&state.into(), h);
-        let acceleration: Vector2<f64> = c.solve_mass(t, [outer[0] - inner[0], outer[1] - inner[1]]).into();
+        let force = c.external_force(state.alpha_rad.into(), &load.into());
+        let solve = |r: [f64; 2]| c.solve_mass(t, r);
+        let acceleration = Vector2::from(solve(c.torques(&state.into(), h, force)));
 
         let mut by_alpha =
             self.tip_force_gradient(&state.alpha_rad, load) - self.tangent_stiffness_matrix(&state.alpha_rad);
@@ -83,7 +80,7 @@ impl Arm {
             -p.damping2_nm_s_rad,
         );
         let solved = |m: &Matrix2<f64>| {
-            let [left, right] = [[m.m11, m.m21], [m.m12, m.m22]].map(|column| c.solve_mass(t, column));
+            let [left, right] = [[m.m11, m.m21], [m.m12, m.m22]].map(solve);
             Matrix2::new(left[0], right[0], left[1], right[1])
         };
         AccelerationJacobian {

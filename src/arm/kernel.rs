@@ -1,5 +1,7 @@
 //! The equation of motion solved for α̈, for one arm or eight: what every step computes.
 
+use core::array;
+
 use super::angle::Angle;
 use super::parameters::Inertia;
 use super::real::Real;
@@ -12,14 +14,14 @@ pub(crate) struct Coefficients<T> {
     pub a1: T,
     pub a2: T,
     pub a3: T,
-    /// a1 a3 − a3², kg²·m⁴: det M = this − (a2 cos)².
-    pub a1_a3_less_a3_squared: T,
+    /// a3 (a1 − a3), kg²·m⁴.
+    pub a3_a1_less_a3: T,
     /// Stiffness, N·m/rad, and damping, N·m·s/rad.
     pub k: [T; 2],
     pub d: [T; 2],
     /// l1, l2, m.
     pub l: [T; 2],
-    /// Angle of link 1, angle of link 2 against link 1, angle of link 2, at rest.
+    /// Angle of link 1, angle of link 2 against link 1 with the length a2, angle of link 2, at rest.
     pub link1: Angle<T>,
     pub elbow: Angle<T>,
     pub link2: Angle<T>,
@@ -56,23 +58,70 @@ impl Coefficients<f64> {
             a1,
             a2,
             a3,
-            a1_a3_less_a3_squared: (a1 - a3) * a3,
+            a3_a1_less_a3: a3 * (a1 - a3),
             k: [p.stiffness1_nm_rad, p.stiffness2_nm_rad],
             d: [p.damping1_nm_s_rad, p.damping2_nm_s_rad],
             l: [p.length1_m, p.length2_m],
             link1: Angle::new(beta_rad[0]),
-            elbow: Angle::new(beta_rad[1]),
+            elbow: Angle::new(beta_rad[1]).times(a2),
             link2: Angle::new(beta_rad[0] + beta_rad[1]),
             weight: p.gravity.map_or([0.0; 2], |gravity: Gravity| gravity.moments_nm(p)),
         }
     }
 }
 
+impl<T: Real> Motion<T> {
+    /// The motions of `T::WIDTH` arms side by side.
+    #[inline(always)]
+    pub fn gather(of: impl Fn(usize) -> Motion<f64>) -> Motion<T> {
+        Motion { x: array::from_fn(|n| T::gather(|i| of(i).x[n])), v: array::from_fn(|n| T::gather(|i| of(i).v[n])) }
+    }
+
+    /// The motion of the ith of them.
+    #[inline(always)]
+    pub fn lane(&self, i: usize) -> Motion<f64> {
+        Motion { x: self.x.map(|x| x.lane(i)), v: self.v.map(|v| v.lane(i)) }
+    }
+}
+
+impl<T: Real> Loads<T> {
+    /// The loads of `T::WIDTH` arms side by side.
+    #[inline(always)]
+    pub fn gather(of: impl Fn(usize) -> Loads<f64>) -> Loads<T> {
+        Loads { u: array::from_fn(|n| T::gather(|i| of(i).u[n])), f: array::from_fn(|n| T::gather(|i| of(i).f[n])) }
+    }
+}
+
 impl<T: Real> Coefficients<T> {
-    /// M⁻¹ r by Cramer's rule, with t = a2 cos: M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a1 a3 − a3² − t² > 0.
+    /// The constants of `T::WIDTH` arms side by side.
+    pub fn gather<'a>(of: impl Fn(usize) -> &'a Coefficients<f64>) -> Coefficients<T> {
+        let number = |pick: fn(&Coefficients<f64>) -> f64| T::gather(|i| pick(of(i)));
+        let pair = |pick: fn(&Coefficients<f64>) -> [f64; 2]| array::from_fn(|n| T::gather(|i| pick(of(i))[n]));
+        let angle = |pick: fn(&Coefficients<f64>) -> Angle<f64>| Angle {
+            base_rad: T::gather(|i| pick(of(i)).base_rad),
+            length: T::gather(|i| pick(of(i)).length),
+            sine: T::gather(|i| pick(of(i)).sine),
+            cosine: T::gather(|i| pick(of(i)).cosine),
+        };
+        Coefficients {
+            a1: number(|c| c.a1),
+            a2: number(|c| c.a2),
+            a3: number(|c| c.a3),
+            a3_a1_less_a3: number(|c| c.a3_a1_less_a3),
+            k: pair(|c| c.k),
+            d: pair(|c| c.d),
+            l: pair(|c| c.l),
+            link1: angle(|c| c.link1),
+            elbow: angle(|c| c.elbow),
+            link2: angle(|c| c.link2),
+            weight: pair(|c| c.weight),
+        }
+    }
+
+    /// M⁻¹ r by Cramer's rule, with t = a2 cos(β2+α2): M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a3 (a1 − a3) − t² > 0.
     #[inline(always)]
     pub fn solve_mass(&self, t: T, r: [T; 2]) -> [T; 2] {
-        let inverse = T::splat(1.0) / (self.a1_a3_less_a3_squared - t * t);
+        let inverse = T::splat(1.0) / (self.a3_a1_less_a3 - t * t);
         let (m11, m12) = (self.a1 + (t + t), self.a3 + t);
         [(self.a3 * r[0] - m12 * r[1]) * inverse, (m11 * r[1] - m12 * r[0]) * inverse]
     }
@@ -102,22 +151,27 @@ impl<T: Real> Coefficients<T> {
         [T::where_nonzero(heavy, r1 - upper, r1), T::where_nonzero(heavy, r2 - lower, r2)]
     }
 
-    /// Cα̇ + Dα̇ + Kα, N·m, with h = a2 sin(β2+α2): Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²).
+    /// force − Kα − Dα̇ − Cα̇, N·m, with h = a2 sin(β2+α2): Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²).
     #[inline(always)]
-    pub fn internal_force(&self, motion: &Motion<T>, h: T) -> [T; 2] {
+    pub fn torques(&self, motion: &Motion<T>, h: T, force: [T; 2]) -> [T; 2] {
         let ([x1, x2], [v1, v2]) = (motion.x, motion.v);
         [
-            (self.d[0] * v1 + self.k[0] * x1) - h * ((v1 + v1 + v2) * v2),
-            (self.d[1] * v2 + self.k[1] * x2) + h * (v1 * v1),
+            ((force[0] - self.k[0] * x1) - self.d[0] * v1) + (h * v2) * (v1 + v1 + v2),
+            ((force[1] - self.k[1] * x2) - self.d[1] * v2) - (h * v1) * v1,
         ]
+    }
+
+    /// a2 sin(β2+α2) and a2 cos(β2+α2), kg·m².
+    #[inline(always)]
+    pub fn coupling(&self, alpha2_rad: T) -> (T, T) {
+        self.elbow.sincos_plus(alpha2_rad)
     }
 
     /// α̈ from Eq. (3), rad/s².
     #[inline(always)]
     pub fn acceleration(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
-        let (sine, cosine) = self.elbow.sincos_plus(motion.x[1]);
-        let force = self.external_force(motion.x, load);
-        let inner = self.internal_force(motion, self.a2 * sine);
-        self.solve_mass(self.a2 * cosine, [force[0] - inner[0], force[1] - inner[1]])
+        let (h, t) = self.coupling(motion.x[1]);
+        let r = self.torques(motion, h, self.external_force(motion.x, load));
+        self.solve_mass(t, r)
     }
 }

@@ -1,4 +1,4 @@
-//! One number or eight at once: what the equation of motion is written in.
+//! One number, eight or sixteen at once: what the equation of motion is written in.
 //!
 //! The same source computes a single arm and eight arms side by side, so both give the same bits: each lane sees the
 //! same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
@@ -10,6 +10,12 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 pub(crate) trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
+    /// How many numbers these are.
+    const WIDTH: usize;
+    /// The numbers `of(0)`, `of(1)` … one a lane.
+    fn gather(of: impl Fn(usize) -> f64) -> Self;
+    /// The number in lane `i`, below [`Real::WIDTH`].
+    fn lane(self, i: usize) -> f64;
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
     /// Whether every lane is within ± `limit`; NaN is not.
@@ -18,17 +24,29 @@ pub(crate) trait Real:
     fn all_zero(self) -> bool;
     /// Lane by lane: `value` where `key` is not zero, else `other`.
     fn where_nonzero(key: Self, value: Self, other: Self) -> Self;
-    /// Lane by lane: `near` where |key| ≤ `limit`, else `far(base, key)`.
+    /// Lane by lane: `near` where |key| ≤ `limit`, else `far(constants, key)`.
     fn where_within(
         key: Self,
         limit: f64,
-        base: Self,
         near: (Self, Self),
-        far: fn(f64, f64) -> (f64, f64),
+        constants: [Self; 2],
+        far: fn([f64; 2], f64) -> (f64, f64),
     ) -> (Self, Self);
 }
 
 impl Real for f64 {
+    const WIDTH: usize = 1;
+
+    #[inline(always)]
+    fn gather(of: impl Fn(usize) -> f64) -> f64 {
+        of(0)
+    }
+
+    #[inline(always)]
+    fn lane(self, _i: usize) -> f64 {
+        self
+    }
+
     #[inline(always)]
     fn splat(value: f64) -> f64 {
         value
@@ -50,8 +68,14 @@ impl Real for f64 {
     }
 
     #[inline(always)]
-    fn where_within(key: f64, limit: f64, base: f64, near: (f64, f64), far: fn(f64, f64) -> (f64, f64)) -> (f64, f64) {
-        if key.all_within(limit) { near } else { far(base, key) }
+    fn where_within(
+        key: f64,
+        limit: f64,
+        near: (f64, f64),
+        constants: [f64; 2],
+        far: fn([f64; 2], f64) -> (f64, f64),
+    ) -> (f64, f64) {
+        if key.all_within(limit) { near } else { far(constants, key) }
     }
 }
 
@@ -111,6 +135,18 @@ impl Neg for Lanes {
 }
 
 impl Real for Lanes {
+    const WIDTH: usize = LANES;
+
+    #[inline(always)]
+    fn gather(of: impl Fn(usize) -> f64) -> Lanes {
+        Lanes(array::from_fn(of))
+    }
+
+    #[inline(always)]
+    fn lane(self, i: usize) -> f64 {
+        self.0[i]
+    }
+
     #[inline(always)]
     fn splat(value: f64) -> Lanes {
         Lanes([value; LANES])
@@ -136,9 +172,9 @@ impl Real for Lanes {
     fn where_within(
         key: Lanes,
         limit: f64,
-        base: Lanes,
         near: (Lanes, Lanes),
-        far: fn(f64, f64) -> (f64, f64),
+        constants: [Lanes; 2],
+        far: fn([f64; 2], f64) -> (f64, f64),
     ) -> (Lanes, Lanes) {
         if key.all_within(limit) {
             return near;
@@ -146,9 +182,100 @@ impl Real for Lanes {
         let mut mixed = near;
         for i in 0..LANES {
             if !key.0[i].all_within(limit) {
-                (mixed.0.0[i], mixed.1.0[i]) = far(base.0[i], key.0[i]);
+                (mixed.0.0[i], mixed.1.0[i]) = far(constants.map(|lanes| lanes.0[i]), key.0[i]);
             }
         }
         mixed
+    }
+}
+
+/// Twice as many numbers, in two registers: while one waits for a result the other goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Two<T>(pub T, pub T);
+
+impl<T: Real> Add for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn add(self, other: Two<T>) -> Two<T> {
+        Two(self.0 + other.0, self.1 + other.1)
+    }
+}
+
+impl<T: Real> Sub for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn sub(self, other: Two<T>) -> Two<T> {
+        Two(self.0 - other.0, self.1 - other.1)
+    }
+}
+
+impl<T: Real> Mul for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn mul(self, other: Two<T>) -> Two<T> {
+        Two(self.0 * other.0, self.1 * other.1)
+    }
+}
+
+impl<T: Real> Div for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn div(self, other: Two<T>) -> Two<T> {
+        Two(self.0 / other.0, self.1 / other.1)
+    }
+}
+
+impl<T: Real> Neg for Two<T> {
+    type Output = Two<T>;
+    #[inline(always)]
+    fn neg(self) -> Two<T> {
+        Two(-self.0, -self.1)
+    }
+}
+
+impl<T: Real> Real for Two<T> {
+    const WIDTH: usize = 2 * T::WIDTH;
+
+    #[inline(always)]
+    fn gather(of: impl Fn(usize) -> f64) -> Two<T> {
+        Two(T::gather(&of), T::gather(|i| of(i + T::WIDTH)))
+    }
+
+    #[inline(always)]
+    fn lane(self, i: usize) -> f64 {
+        if i < T::WIDTH { self.0.lane(i) } else { self.1.lane(i - T::WIDTH) }
+    }
+
+    #[inline(always)]
+    fn splat(value: f64) -> Two<T> {
+        Two(T::splat(value), T::splat(value))
+    }
+
+    #[inline(always)]
+    fn all_within(self, limit: f64) -> bool {
+        self.0.all_within(limit) & self.1.all_within(limit)
+    }
+
+    #[inline(always)]
+    fn all_zero(self) -> bool {
+        self.0.all_zero() & self.1.all_zero()
+    }
+
+    #[inline(always)]
+    fn where_nonzero(key: Two<T>, value: Two<T>, other: Two<T>) -> Two<T> {
+        Two(T::where_nonzero(key.0, value.0, other.0), T::where_nonzero(key.1, value.1, other.1))
+    }
+
+    #[inline(always)]
+    fn where_within(
+        key: Two<T>,
+        limit: f64,
+        near: (Two<T>, Two<T>),
+        constants: [Two<T>; 2],
+        far: fn([f64; 2], f64) -> (f64, f64),
+    ) -> (Two<T>, Two<T>) {
+        let first = T::where_within(key.0, limit, (near.0.0, near.1.0), constants.map(|two| two.0), far);
+        let second = T::where_within(key.1, limit, (near.0.1, near.1.1), constants.map(|two| two.1), far);
+        (Two(first.0, second.0), Two(first.1, second.1))
     }
 }

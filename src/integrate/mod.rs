@@ -4,10 +4,10 @@
 //! same at all of them (zero-order hold), a sine is exact inside the step.
 
 mod collocation;
-mod dop853;
+pub(crate) mod dop853;
 mod double_double;
 mod error;
-mod explicit;
+pub(crate) mod explicit;
 mod exponential;
 mod gauss_legendre;
 mod linear_solve;
