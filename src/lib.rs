@@ -6,6 +6,7 @@
 
 extern crate alloc;
 
+pub mod analysis;
 pub mod arm;
 pub mod integrate;
 

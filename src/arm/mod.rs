@@ -14,6 +14,7 @@
 mod dynamics;
 mod energy;
 mod error;
+mod inverse_dynamics;
 mod kinematics;
 mod modes;
 mod parameters;
@@ -23,6 +24,7 @@ mod types;
 pub use dynamics::AccelerationJacobian;
 pub use energy::Energy;
 pub use error::ArmError;
+pub use inverse_dynamics::InverseDynamics;
 pub use kinematics::{PointMotion, Points};
 pub use parameters::{Parameters, Pose};
 pub use preset::Preset;
