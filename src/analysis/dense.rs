@@ -77,12 +77,24 @@ impl Lu {
         }
     }
 
-    /// The sign of the determinant, 1 or −1.
-    pub fn determinant_sign(&self) -> f64 {
+    /// The determinant.
+    pub fn determinant(&self) -> Determinant {
         let exchanges = self.pivots.iter().enumerate().filter(|&(k, &pivot)| k != pivot).count();
-        let negative = self.a.iter().step_by(self.n + 1).filter(|diagonal| **diagonal < 0.0).count();
-        if (exchanges + negative).is_multiple_of(2) { 1.0 } else { -1.0 }
+        let start = Determinant { sign: if exchanges.is_multiple_of(2) { 1.0 } else { -1.0 }, log_magnitude: 0.0 };
+        self.a.iter().step_by(self.n + 1).fold(start, |d, diagonal| Determinant {
+            sign: if *diagonal < 0.0 { -d.sign } else { d.sign },
+            log_magnitude: d.log_magnitude + libm::log(diagonal.abs()),
+        })
     }
+}
+
+/// A determinant that may be too large or too small for a number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Determinant {
+    /// Its sign, 1 or −1.
+    pub sign: f64,
+    /// ln |det|.
+    pub log_magnitude: f64,
 }
 
 /// The index of the element of largest magnitude; the first, if none is a number.
@@ -147,7 +159,8 @@ mod tests {
         lu.solve_transposed(&mut b);
         close(&b);
         let truth = nalgebra::SMatrix::<f64, 7, 7>::from_fn(element).determinant();
-        assert_eq!(lu.determinant_sign(), truth.signum());
+        let determinant = lu.determinant();
+        assert!((determinant.sign * libm::exp(determinant.log_magnitude) / truth - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use super::continuation::Refusal;
+
 /// Why an analysis has no result.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -11,5 +13,64 @@ pub enum AnalysisError {
     Singular {
         /// Rows of the matrix.
         size: usize,
+    },
+    /// There is no solution where one was looked for.
+    #[error("no solution at {lambda}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
+    NoSolution {
+        /// λ.
+        lambda: f64,
+        /// Why.
+        refusal: Refusal,
+    },
+    /// A branch could not be followed further.
+    #[error(
+        "the branch could not be followed beyond {lambda} (arclength {arclength:.3}, step {step:.1e}): {refusal}; \
+         try smaller steps, more harmonics, or to start from the other end"
+    )]
+    Stuck {
+        /// λ at the last point.
+        lambda: f64,
+        /// The arclength there.
+        arclength: f64,
+        /// The last step tried.
+        step: f64,
+        /// Why it was refused.
+        refusal: Refusal,
+    },
+    /// A bifurcation that shows between two points could not be located.
+    #[error("a bifurcation between {lambda} and {to} could not be located; try smaller steps or more harmonics")]
+    NotLocated {
+        /// λ before it.
+        lambda: f64,
+        /// λ after it.
+        to: f64,
+    },
+    /// The series of a motion does not end.
+    #[error(
+        "at {lambda} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation"
+    )]
+    TooManyHarmonics {
+        /// λ.
+        lambda: f64,
+        /// The most that was allowed.
+        harmonics: usize,
+    },
+    /// A branch has more points than were allowed.
+    #[error("the branch has more than {points} points and has come to {lambda}; try to allow more points or larger steps")]
+    TooManyPoints {
+        /// The most that was allowed.
+        points: usize,
+        /// λ at the last point.
+        lambda: f64,
+    },
+    /// The interval is none.
+    #[error("the interval from {from} to {to} can't be walked: both ends must be numbers, different, and inside {domain}")]
+    Interval {
+        /// Where the walk was to start.
+        from: f64,
+        /// Where it was to end.
+        to: f64,
+        /// What would do.
+        domain: &'static str,
     },
 }

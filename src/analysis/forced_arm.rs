@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::{Instant, Linearisation, Oscillator};
+use super::{Instant, LinearMode, Linearisation, Oscillator};
 use crate::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 
 /// What of a forced arm can be varied.
@@ -179,8 +179,17 @@ impl Oscillator for ForcedArm {
         p.stiffness1_nm_rad.max(p.stiffness2_nm_rad)
     }
 
-    fn natural_frequencies_rad_s(&self) -> [f64; 2] {
-        self.arm.angular_frequencies_rad_s()
+    /// (K − ω²M) φ = 0 gives φ by the row that is further from zero; ζ = φᵀDφ / (2ω φᵀMφ).
+    fn modes(&self) -> [LinearMode; 2] {
+        let (m, k) = (self.arm.mass_matrix(&Vector2::zeros()), self.arm.stiffness_matrix());
+        self.arm.angular_frequencies_rad_s().map(|frequency_rad_s| {
+            let z = k - m * (frequency_rad_s * frequency_rad_s);
+            let [first, second] = [Vector2::new(-z.m12, z.m11), Vector2::new(z.m22, -z.m21)];
+            let shape = if first.norm() > second.norm() { first } else { second }.normalize();
+            let damping = shape.dot(&(self.arm.damping_matrix() * shape));
+            let damping_ratio = damping / (2.0 * frequency_rad_s * shape.dot(&(m * shape)));
+            LinearMode { frequency_rad_s, damping_ratio, shape }
+        })
     }
 
     fn load_direction(&self) -> Vector2<f64> {

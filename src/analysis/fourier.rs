@@ -63,17 +63,25 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// The basis on the points given, rad.
-    pub fn new(harmonics: Harmonics, phases_rad: impl ExactSizeIterator<Item = f64> + Clone) -> Basis {
-        let samples = phases_rad.len();
-        let table = harmonics.count() * samples;
-        let mut basis =
-            Basis { harmonics, samples, cosines: Vec::with_capacity(table), sines: Vec::with_capacity(table) };
+    /// The basis on the points given, rad; frequency by frequency by rotation, cos (k+1)τ + i sin (k+1)τ = (cos kτ +
+    /// i sin kτ)(cos τ + i sin τ).
+    pub fn new(harmonics: Harmonics, phases_rad: impl Iterator<Item = f64>) -> Basis {
+        let lowest = harmonics.order(0);
+        let starts: Vec<_> = phases_rad.map(|phase| (libm::sincos(lowest * phase), libm::sincos(phase))).collect();
+        let samples = starts.len();
+        let size = harmonics.count() * samples;
+        let mut basis = Basis { harmonics, samples, cosines: Vec::with_capacity(size), sines: Vec::with_capacity(size) };
         for i in 0..harmonics.count() {
-            for phase in phases_rad.clone() {
-                let (sine, cosine) = libm::sincos(harmonics.order(i) * phase);
-                basis.cosines.push(cosine);
-                basis.sines.push(sine);
+            for (j, &((sine, cosine), (s, c))) in starts.iter().enumerate() {
+                let (next_cosine, next_sine) = if i == 0 {
+                    (cosine, sine)
+                } else {
+                    let before = (i - 1) * samples + j;
+                    let (x, y) = (basis.cosines[before], basis.sines[before]);
+                    (x * c - y * s, y * c + x * s)
+                };
+                basis.cosines.push(next_cosine);
+                basis.sines.push(next_sine);
             }
         }
         basis

@@ -30,6 +30,17 @@ pub struct Linearisation {
     pub by_acceleration: Matrix2<f64>,
 }
 
+/// A natural frequency and its damping.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinearMode {
+    /// ω, rad/s.
+    pub frequency_rad_s: f64,
+    /// ζ.
+    pub damping_ratio: f64,
+    /// The mode shape φ, of unit length.
+    pub shape: Vector2<f64>,
+}
+
 /// A system of two degrees of freedom under a harmonic excitation: r(x, ẋ, ẍ, Ωt; p) = 0.
 ///
 /// Nothing more is known of it. A system of one degree of freedom carries a second, uncoupled one.
@@ -56,9 +67,9 @@ pub trait Oscillator {
     /// A typical stiffness (force per unit of x), positive: residuals are measured in it.
     fn stiffness_scale(&self) -> f64;
 
-    /// Natural angular frequencies of the linear part, rad/s.
-    fn natural_frequencies_rad_s(&self) -> [f64; 2];
+    /// The modes of the linear part, the slower first.
+    fn modes(&self) -> [LinearMode; 2];
 
-    /// Largest amplitude of the excitation's generalised force, that of [`Oscillator::unbalance`].
+    /// The generalised force of the excitation about rest, up to a positive factor: the crest of the sine.
     fn load_direction(&self) -> Vector2<f64>;
 }

@@ -1,0 +1,177 @@
+//! Folds and period doublings by their own extended system (Govaerts, "Numerical Methods for Bifurcations of Dynamical
+//! Equilibria", SIAM 2000, Ch. 3: minimally augmented systems).
+//!
+//! With the matrix A(X, λ), which is R_x for a fold and Hill's matrix of half-odd frequencies for a period doubling, the scalar
+//! g of the bordered systems
+//!
+//! ```text
+//! ⎡ A   b ⎤ ⎡v⎤   ⎡0⎤        ⎡ Aᵀ  c ⎤ ⎡w⎤   ⎡0⎤
+//! ⎢       ⎥ ⎢ ⎥ = ⎢ ⎥        ⎢       ⎥ ⎢ ⎥ = ⎢ ⎥
+//! ⎣ cᵀ  0 ⎦ ⎣g⎦   ⎣1⎦        ⎣ bᵀ  0 ⎦ ⎣g⎦   ⎣1⎦
+//! ```
+//!
+//! is zero if and only if A is singular, and dg = −wᵀ dA v. The unknowns are X and λ, the equations R = 0 and g = 0: the
+//! point is regular in them, so Newton's method converges quadratically, and a second coordinate μ makes a curve of them.
+//! b and c are the latest w and v, which keeps the bordered matrix well conditioned; the zeros of g don't depend on them.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::continuation::System;
+use super::dense::{Lu, norm};
+use super::fourier::Harmonics;
+use super::harmonic_balance::Forms;
+use super::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
+
+/// What is singular.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Singularity {
+    /// R_x: a multiplier 1, where the branch turns back in λ.
+    Fold,
+    /// Hill's matrix of half-odd frequencies: a multiplier −1.
+    PeriodDoubling,
+}
+
+/// The equations of a singular motion: unknowns X and λ (divided by a scale), and a second coordinate μ to continue in.
+#[derive(Clone, Debug)]
+pub struct SingularResponse<O: Oscillator> {
+    balance: HarmonicBalance<O>,
+    kind: Singularity,
+    lambda: Coordinate<O::Parameter>,
+    lambda_scale: f64,
+    mu: Option<Coordinate<O::Parameter>>,
+    forms: Forms,
+    bordered: Lu,
+}
+
+/// Inverse iterations for the first null vectors.
+const INVERSE_ITERATIONS: usize = 3;
+
+impl<O: Oscillator> SingularResponse<O> {
+    /// The equations near the motion `x` of the balance, whose matrix is nearly singular. λ is measured in `lambda_scale`.
+    /// Without a coordinate μ they have one solution, at any value of μ.
+    ///
+    /// # Errors
+    /// [`AnalysisError::Singular`] if the matrix has no inverse at all there: start a little beside the point.
+    pub fn near(
+        mut balance: HarmonicBalance<O>,
+        kind: Singularity,
+        lambda: Coordinate<O::Parameter>,
+        mu: Option<Coordinate<O::Parameter>>,
+        lambda_scale: f64,
+        x: &[f64],
+    ) -> Result<SingularResponse<O>, AnalysisError> {
+        let harmonics = match kind {
+            Singularity::Fold => Harmonics::Integer(balance.harmonics()),
+            Singularity::PeriodDoubling => Harmonics::HalfOdd(balance.harmonics() + 1),
+        };
+        let size = 2 * harmonics.rows();
+        balance.linearise(x);
+        let mut lu = Lu::default();
+        balance.jacobian(harmonics, lu.zeroed(size), size);
+        lu.factor()?;
+        let start: Vec<f64> = (0..size).map(|i| 1.0 / (1 + i) as f64).collect();
+        let iterate = |solve: &dyn Fn(&mut [f64])| {
+            let mut vector = start.clone();
+            for _ in 0..INVERSE_ITERATIONS {
+                solve(&mut vector);
+                normalise(&mut vector);
+            }
+            vector
+        };
+        let forms = Forms { harmonics, v: iterate(&|b| lu.solve(b)), w: iterate(&|b| lu.solve_transposed(b)) };
+        Ok(SingularResponse { balance, kind, lambda, lambda_scale, mu, forms, bordered: lu })
+    }
+
+    /// What is singular.
+    pub fn kind(&self) -> Singularity {
+        self.kind
+    }
+
+    /// The balance.
+    pub fn balance(&self) -> &HarmonicBalance<O> {
+        &self.balance
+    }
+
+    /// X, and λ in its unit, of a solution of these equations.
+    pub fn split<'a>(&self, z: &'a [f64]) -> (&'a [f64], f64) {
+        let n = z.len() - 1;
+        (&z[..n], z[n] * self.lambda_scale)
+    }
+
+    /// The solution of these equations that X and λ are.
+    pub fn join(&self, x: &[f64], lambda: f64) -> Vec<f64> {
+        let mut z = x.to_vec();
+        z.push(lambda / self.lambda_scale);
+        z
+    }
+
+    /// The null vector v: the direction of the fold, or the first motion of doubled period, as a series of frequencies ½, 1½ ….
+    pub fn null_vector(&self) -> &[f64] {
+        &self.forms.v
+    }
+
+    /// g, with v and w of this motion in `forms`; NaN if the bordered matrix has no inverse.
+    fn border(&mut self) -> f64 {
+        let m = self.forms.v.len();
+        let matrix = self.bordered.zeroed(m + 1);
+        self.balance.jacobian(self.forms.harmonics, matrix, m + 1);
+        matrix[m * (m + 1)..m * (m + 1) + m].copy_from_slice(&self.forms.w);
+        for (column, c) in matrix.chunks_exact_mut(m + 1).zip(&self.forms.v) {
+            column[m] = *c;
+        }
+        if self.bordered.factor().is_err() {
+            return f64::NAN;
+        }
+        let solve = |solve: &dyn Fn(&mut [f64]), vector: &mut Vec<f64>| {
+            vector.fill(0.0);
+            vector.push(1.0);
+            solve(vector);
+            vector.pop().unwrap_or(f64::NAN)
+        };
+        let g = solve(&|b| self.bordered.solve(b), &mut self.forms.v);
+        solve(&|b| self.bordered.solve_transposed(b), &mut self.forms.w);
+        g
+    }
+}
+
+/// Divides a vector by its length.
+fn normalise(vector: &mut [f64]) {
+    let length = norm(vector);
+    vector.iter_mut().for_each(|value| *value /= length);
+}
+
+impl<O: Oscillator> System for SingularResponse<O> {
+    fn dimension(&self) -> usize {
+        self.balance.dimension() + 1
+    }
+
+    fn evaluate(&mut self, z: &[f64], mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+        let (n, stride) = (self.balance.dimension(), self.balance.dimension() + 2);
+        let (x, lambda) = (&z[..n], z[n] * self.lambda_scale);
+        let valid = self.mu.is_none_or(|coordinate| self.balance.set_coordinate(coordinate, mu));
+        if !(valid && self.balance.set_coordinate(self.lambda, lambda)) {
+            return false;
+        }
+        self.balance.linearise(x);
+        self.balance.residual(residual);
+        self.balance.jacobian(Harmonics::Integer(self.balance.harmonics()), matrix, stride);
+        self.balance.by_coordinate(self.lambda, &mut matrix[n * stride..n * stride + n]);
+        residual[n] = self.border();
+        let mut gradient = vec![0.0; n + 2];
+        let coordinates = [self.lambda, self.mu.unwrap_or(self.lambda)];
+        let by = self.balance.form_gradient(x, &self.forms, coordinates, &mut gradient[..n]);
+        gradient[n..].copy_from_slice(&by);
+        for (column, value) in gradient.iter().enumerate() {
+            matrix[column * stride + n] = -value;
+        }
+        matrix[n * stride..n * stride + n + 1].iter_mut().for_each(|value| *value *= self.lambda_scale);
+        match self.mu {
+            Some(mu) => self.balance.by_coordinate(mu, &mut matrix[(n + 1) * stride..(n + 1) * stride + n]),
+            None => matrix[(n + 1) * stride + n] = 0.0,
+        }
+        normalise(&mut self.forms.v);
+        normalise(&mut self.forms.w);
+        residual[n].is_finite()
+    }
+}
