@@ -1,128 +1,16 @@
-//! A branch of periodic motions: walked from one value of a coordinate to another, with stability and bifurcations.
+//! Branches of periodic motions: walked from one value of a coordinate to another, with stability and bifurcations.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
-use nalgebra::Complex;
-
-use super::continuation::{Cut, Point, Settings, System, Walk, Work, between};
+use super::adapt::{Spectral, adapt};
+use super::continuation::{Point, Walk, Work, at_parameter};
 use super::extended::Singularity;
 use super::floquet::Stability;
 use super::fourier::zeros;
-use super::locate::{polish, search};
+use super::locate::{COARSE, FINE, branch_point, doubled, polish, rejoin, search};
+use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 use super::{AnalysisError, Coordinate, Floquet, ForcedResponse, HarmonicBalance, Oscillator};
-
-/// How far a branch is walked, and how well.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BranchOptions {
-    /// The coordinate at the start.
-    pub from: f64,
-    /// The coordinate at the end.
-    pub to: f64,
-    /// The most harmonics of the excitation.
-    pub most_harmonics: usize,
-    /// What the truncation to H harmonics may leave out, relative to the size of the motion.
-    pub truncation: f64,
-    /// The most points.
-    pub most_points: usize,
-    /// Steps and scales.
-    pub walk: Settings,
-}
-
-impl BranchOptions {
-    /// From one value to another with the usual settings.
-    pub fn new(from: f64, to: f64) -> BranchOptions {
-        let floor = 0.05 * (to - from).abs();
-        let walk = Settings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..Settings::default() };
-        BranchOptions { from, to, most_harmonics: 64, truncation: 1e-9, most_points: 20_000, walk }
-    }
-}
-
-/// A periodic motion on a branch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Orbit {
-    /// The coordinate.
-    pub value: f64,
-    /// Ω/2π, Hz.
-    pub frequency_hz: f64,
-    /// The largest |α1| and |α2| over the period, rad.
-    pub amplitude_rad: [f64; 2],
-    /// √(a² + b²) of the component at Ω of α1 and α2, rad.
-    pub harmonic1_rad: [f64; 2],
-    /// Floquet multipliers, the largest first.
-    pub stability: Stability,
-    /// Fourier coefficients, rad: c₀ of α1 and α2, then aₖ of both, bₖ of both, k = 1 … H, of cos kΩt/ν and sin kΩt/ν.
-    pub coefficients: Vec<f64>,
-    /// The arclength from the start, in units of the local size of the motion.
-    pub arclength: f64,
-}
-
-impl Orbit {
-    /// Whether small disturbances die out.
-    pub fn is_stable(&self) -> bool {
-        self.stability.is_stable()
-    }
-
-    /// The Floquet multipliers.
-    pub fn multipliers(&self) -> &[Complex<f64>; 4] {
-        &self.stability.multipliers
-    }
-
-    /// H.
-    pub fn harmonics(&self) -> usize {
-        self.coefficients.len() / 4
-    }
-}
-
-/// Kinds of bifurcation of periodic motions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BifurcationKind {
-    /// `fold`: a multiplier passes 1 and the branch turns back (saddle-node, limit point).
-    Fold,
-    /// `period-doubling`: a multiplier passes −1 (flip).
-    PeriodDoubling,
-    /// `neimark-sacker`: a complex pair passes the unit circle (torus).
-    NeimarkSacker,
-    /// `branch-point`: two branches cross.
-    BranchPoint,
-}
-
-impl BifurcationKind {
-    /// The name in results.
-    pub const fn name(self) -> &'static str {
-        match self {
-            BifurcationKind::Fold => "fold",
-            BifurcationKind::PeriodDoubling => "period-doubling",
-            BifurcationKind::NeimarkSacker => "neimark-sacker",
-            BifurcationKind::BranchPoint => "branch-point",
-        }
-    }
-}
-
-/// A bifurcation on a branch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bifurcation {
-    /// Its kind.
-    pub kind: BifurcationKind,
-    /// The motion there.
-    pub orbit: Orbit,
-    /// How many points of the branch come before it.
-    pub index: usize,
-    /// The direction of the new motion: for a period doubling the series of frequencies ½, 1½, … that has the multiplier −1,
-    /// for a fold the null vector; empty otherwise.
-    pub null_vector: Vec<f64>,
-}
-
-/// A branch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Branch {
-    /// Its motions in order.
-    pub orbits: Vec<Orbit>,
-    /// Its bifurcations in order.
-    pub bifurcations: Vec<Bifurcation>,
-    /// What the walk has cost, without the location of bifurcations.
-    pub work: Work,
-}
 
 /// A point with what is tested on it.
 #[derive(Clone, Debug)]
@@ -131,14 +19,8 @@ struct Marked {
     orbit: Orbit,
 }
 
-/// Harmonics of the base frequency to start with.
-const FIRST_HARMONICS: usize = 3;
-/// Below this fraction of the truncation allowed, the last harmonic is dropped.
-const DROP_SHARE: f64 = 1e-3;
-/// Steps of the search along the branch end at this fraction of a segment; it starts the extended systems.
-const COARSE: f64 = 1e-2;
-/// And at this where there is no extended system.
-const FINE: f64 = 1e-12;
+/// Two branches meet in a segment if they do within this distance of its end, in units of Λ.
+const REACH: f64 = 0.1;
 
 /// Walks a branch of motions with the period of the excitation from `options.from` to `options.to`.
 ///
@@ -150,14 +32,49 @@ pub fn trace<O: Oscillator + Clone>(
     coordinate: Coordinate<O::Parameter>,
     options: &BranchOptions,
 ) -> Result<Branch, AnalysisError> {
-    let mut balance = HarmonicBalance::new(oscillator, frequency_hz, 1, FIRST_HARMONICS);
+    let mut balance = HarmonicBalance::new(oscillator, frequency_hz, 1, options.least_harmonics);
     check(&mut balance, coordinate, options)?;
     let mut response = ForcedResponse::new(balance, coordinate);
-    let start = zeros(FIRST_HARMONICS);
+    let start = zeros(options.least_harmonics);
     let direction = options.to - options.from;
     let walk = Walk::start(&mut response, options.walk, &start, options.from, direction)?;
     Tracer::new(response, options).run(walk)
 }
+
+/// Walks the branch of motions of twice the excitation's period that leaves a period doubling of a branch in `coordinate`.
+///
+/// The first step goes along the null vector v: X on the even harmonics of the halved base frequency, v on the odd ones. The
+/// branch ends where it leaves the interval of the options, or at a branch point, where it meets motions of the single period
+/// again: beyond lie the same motions, shifted by one period.
+///
+/// # Errors
+/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; else as [`trace`].
+pub fn trace_doubled<O: Oscillator + Clone>(
+    oscillator: O,
+    bifurcation: &Bifurcation,
+    coordinate: Coordinate<O::Parameter>,
+    options: &BranchOptions,
+) -> Result<Branch, AnalysisError> {
+    if bifurcation.kind != BifurcationKind::PeriodDoubling {
+        return Err(AnalysisError::NotSingular { kind: bifurcation.kind.name() });
+    }
+    let (orbit, v) = (&bifurcation.orbit, &bifurcation.null_vector);
+    let harmonics = 2 * orbit.harmonics() + 1;
+    let mut balance = HarmonicBalance::new(oscillator, orbit.frequency_hz, 2, harmonics);
+    check(&mut balance, coordinate, options)?;
+    let mut response = ForcedResponse::new(balance, coordinate);
+    let (mut x, mut direction) = (doubled(&orbit.coefficients), zeros(harmonics));
+    x.resize(direction.len(), 0.0);
+    for (k, pair) in v.chunks_exact(4).enumerate() {
+        direction[8 * k + 2..8 * k + 6].copy_from_slice(pair);
+    }
+    direction.push(0.0);
+    let walk = Walk::start_along(&mut response, options.walk, &x, orbit.value, &direction, FIRST_DOUBLED_STEP)?;
+    Tracer::new(response, options).run(walk)
+}
+
+/// The first step along a doubled branch, relative to the size of the motion.
+const FIRST_DOUBLED_STEP: f64 = 1e-2;
 
 /// Both ends must be numbers at which the system exists.
 fn check<O: Oscillator>(
@@ -193,7 +110,7 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
     }
 
     fn run(mut self, mut walk: Walk) -> Result<Branch, AnalysisError> {
-        self.adapt(&mut walk)?;
+        adapt(&mut self.response, &mut walk, self.options)?;
         let mut before = self.mark(walk.point());
         self.branch.orbits.push(before.orbit.clone());
         loop {
@@ -202,12 +119,12 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
                 return Err(AnalysisError::TooManyPoints { points, lambda: before.point.lambda });
             }
             walk.advance(&mut self.response)?;
-            self.adapt(&mut walk)?;
+            adapt(&mut self.response, &mut walk, self.options)?;
             let end = self.end(&before.point, walk.point())?;
             let after = self.mark(end.as_ref().unwrap_or(walk.point()));
             self.detect(&before, &after)?;
             self.branch.orbits.push(after.orbit.clone());
-            if end.is_some() {
+            if end.is_some() || self.rejoined() {
                 self.branch.work = walk.work();
                 return Ok(self.branch);
             }
@@ -215,48 +132,19 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         }
     }
 
-    /// If the branch has left the interval, the point where it did.
-    fn end(&mut self, a: &Point, b: &Point) -> Result<Option<Point>, AnalysisError> {
-        let (low, high) = (self.options.from.min(self.options.to), self.options.from.max(self.options.to));
-        let limit = if b.lambda < low {
-            low
-        } else if b.lambda > high {
-            high
-        } else {
-            return Ok(None);
-        };
-        let fraction = (limit - a.lambda) / (b.lambda - a.lambda);
-        let mut point = between(&mut self.response, &self.options.walk, [a, b], fraction, Cut::Parameter)?;
-        point.lambda = limit;
-        Ok(Some(point))
+    /// Whether a branch of doubled period has met the single one.
+    fn rejoined(&self) -> bool {
+        let Some(last) = self.branch.bifurcations.last() else { return false };
+        let fresh = last.kind == BifurcationKind::BranchPoint && last.index + 1 == self.branch.orbits.len();
+        let mut harmonics = last.orbit.coefficients[2..].chunks_exact(4).step_by(2);
+        fresh && self.response.balance().subharmonic() == 2 && harmonics.all(|odd| odd.iter().all(|value| *value == 0.0))
     }
 
-    /// More harmonics until the truncation error is small enough; fewer where the last says nothing.
-    fn adapt(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
-        loop {
-            let point = walk.point();
-            let (lambda, size) = (point.lambda, self.options.walk.size(&point.x));
-            let balance = self.response.balance_mut();
-            balance.linearise(&point.x);
-            let harmonics = balance.harmonics();
-            let allowed = self.options.truncation * size;
-            let error = balance.truncation_error_rad();
-            if error > allowed {
-                if harmonics >= self.options.most_harmonics * balance.subharmonic() {
-                    return Err(AnalysisError::TooManyHarmonics { lambda, harmonics });
-                }
-                balance.set_harmonics(harmonics + 1 + harmonics / 8);
-                walk.resize(&mut self.response)?;
-                continue;
-            }
-            let last = point.x[point.x.len() - 4..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-            let least = FIRST_HARMONICS * balance.subharmonic();
-            if harmonics > least && error.max(last) < DROP_SHARE * allowed {
-                balance.set_harmonics(harmonics - 1);
-                walk.resize(&mut self.response)?;
-            }
-            return Ok(());
-        }
+    /// If the branch has left the interval, the point where it did.
+    fn end(&mut self, a: &Point, b: &Point) -> Result<Option<Point>, AnalysisError> {
+        let Some(limit) = self.options.left_at(b.lambda) else { return Ok(None) };
+        let point = at_parameter(&mut self.response, &self.options.walk, [a, b], limit)?;
+        Ok(Some(point))
     }
 
     /// Everything about the motion at a point.
@@ -270,20 +158,14 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         let balance = self.response.balance_mut();
         // The coordinate was valid when the point was solved for.
         let _ = balance.set_coordinate(coordinate, value);
-        let row = 4 * balance.subharmonic() - 2;
-        let harmonic1_rad = [0, 1].map(|dof| {
-            let (a, b) = (x[row + dof], x[row + 2 + dof]);
-            libm::sqrt(a * a + b * b)
-        });
-        Orbit {
-            value,
-            frequency_hz: balance.coordinate(Coordinate::FrequencyHz),
-            amplitude_rad: balance.largest_rad(x),
-            harmonic1_rad,
-            stability: self.floquet.stability(balance, x),
-            coefficients: x.to_vec(),
-            arclength,
+        let (walked, needed) = (balance.harmonics(), x.len() / 4);
+        if walked == needed {
+            return Orbit::of(balance, &mut self.floquet, x, value, arclength);
         }
+        balance.set_harmonics(needed);
+        let orbit = Orbit::of(balance, &mut self.floquet, x, value, arclength);
+        balance.set_harmonics(walked);
+        orbit
     }
 
     /// Locates what has changed sign between two neighbouring points.
@@ -291,14 +173,17 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         use BifurcationKind::*;
         let direction = |marked: &Marked| marked.point.tangent.last().copied().unwrap_or(0.0);
         let tests = [
-            (Fold, [direction(a), direction(b)]),
             (BranchPoint, [a, b].map(|marked| marked.point.determinant.sign)),
+            (Fold, [direction(a), direction(b)]),
             (PeriodDoubling, [a, b].map(|marked| marked.orbit.stability.period_doubling_test())),
             (NeimarkSacker, [a, b].map(|marked| marked.orbit.stability.neimark_sacker_test())),
         ];
         let first = self.branch.bifurcations.len();
+        let crosses = |values: [f64; 2]| values[0] * values[1] < 0.0;
         for (kind, values) in tests {
-            if values[0] * values[1] < 0.0 {
+            // A branch that ends in the side of another turns back there: a branch point, and no fold of its own.
+            let turned = kind == Fold && crosses(tests[0].1);
+            if crosses(values) && !turned {
                 self.locate(kind, [&a.point, &b.point], values)?;
             }
         }
@@ -324,12 +209,14 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
                 Some((point, vec![]))
             }
             BifurcationKind::BranchPoint => {
-                let reference = ends[0].determinant.log_magnitude;
-                let scaled = |point: &Point| {
-                    point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference)
+                let doubled = self.response.balance().subharmonic() > 1;
+                let joint = if doubled { rejoin(&self.response, settings, ends[1]).ok() } else { None };
+                let near = |point: &Point| (point.lambda - ends[1].lambda).abs() <= REACH * settings.lambda_scale(point.lambda);
+                let point = match joint.filter(near) {
+                    Some(point) => point,
+                    None => branch_point(&self.response, settings, ends)?,
                 };
-                let values = ends.map(scaled);
-                Some((search(&mut self.response, settings, ends, values, FINE, |_, point| scaled(point))?, vec![]))
+                Some((point, vec![]))
             }
         };
         let Some((point, null_vector)) = located else { return Ok(()) };
@@ -373,5 +260,5 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
 /// Whether a pair of multipliers is on the unit circle, and not at ±1: the test function also vanishes where the product of two
 /// real multipliers is 1.
 fn has_pair_on_the_circle(stability: &Stability) -> bool {
-    stability.multipliers.iter().any(|mu| mu.im.abs() > 1e-6 && (mu.norm() - 1.0).abs() < 1e-6)
+    stability.multipliers.iter().any(|mu| mu.im.abs() > 1e-6 && (mu.norm_sqr() - 1.0).abs() < 2e-6)
 }

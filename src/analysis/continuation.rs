@@ -61,8 +61,13 @@ pub struct Settings {
 
 /// The most Newton iterations in a step.
 const NEWTON_LIMIT: usize = 6;
-/// A correction below this, relative to X, is the last: the next would be in proportion to its square.
-const NEWTON_LAST: f64 = 1e-6;
+/// The most where the matrix may be nearly singular, as it is by a branch point: Newton's method then only halves the error.
+const PATIENT_LIMIT: usize = 40;
+/// The error, relative to X, at which Newton's method ends. The corrections go as δₖ₊₁ = C δₖ², so after two of them the next is
+/// known as δₖ³/δₖ₋₁² and need not be made if it is below this; a first one must be below it itself.
+const NEWTON_ERROR: f64 = 1e-11;
+/// Only corrections below this are taken to be in the range of quadratic convergence.
+const NEWTON_RANGE: f64 = 1e-3;
 /// The largest correction, as a fraction of the step.
 const CORRECTION_SHARE: f64 = 0.3;
 
@@ -168,11 +173,22 @@ impl Solver {
     /// Newton's method from `plane.through` to the branch; the result is left in `self.z`, and the factors of the bordered
     /// matrix near it in `self.lu`. Returns the first correction, relative to `size`.
     fn correct(&mut self, system: &mut impl System, plane: &Plane, size: f64) -> Result<f64, Refusal> {
+        self.correct_within(NEWTON_LIMIT, system, plane, size)
+    }
+
+    /// The same with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow for once.
+    fn correct_within(
+        &mut self,
+        limit: usize,
+        system: &mut impl System,
+        plane: &Plane,
+        size: f64,
+    ) -> Result<f64, Refusal> {
         let n = system.dimension();
         self.z.clear();
         self.z.extend_from_slice(plane.through);
         let (mut first, mut before) = (0.0, f64::INFINITY);
-        for iteration in 0..NEWTON_LIMIT {
+        for iteration in 0..limit {
             self.linearise(system, plane)?;
             self.right[n] =
                 dot(plane.normal, &self.z) - dot(plane.normal, plane.through);
@@ -185,10 +201,11 @@ impl Solver {
             if iteration == 0 {
                 first = correction;
             }
-            if correction < NEWTON_LAST {
+            let next = if before.is_finite() { correction * correction * correction / (before * before) } else { correction };
+            if correction < NEWTON_ERROR || (correction < NEWTON_RANGE && next < NEWTON_ERROR) {
                 return Ok(first);
             }
-            if correction > before {
+            if correction > before && limit == NEWTON_LIMIT {
                 break;
             }
             before = correction;
@@ -439,53 +456,94 @@ impl Walk {
 /// Where a branch is cut between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cut {
-    /// By the plane that is perpendicular to their chord.
+    /// By planes that are perpendicular to their chord.
     Chord,
-    /// At a value of λ.
+    /// At values of λ.
     Parameter,
 }
 
-/// The point of the branch between `a` and `b` in the plane that divides their chord at `fraction`.
+/// Planes between two points of a branch, to solve for points in between.
+#[derive(Clone, Debug)]
+pub(super) struct Slices {
+    sigma: f64,
+    size: f64,
+    normal: Vec<f64>,
+    n: usize,
+    solver: Solver,
+}
+
+impl Slices {
+    /// Planes between `a` and `b` for a system of n unknowns.
+    pub fn new(n: usize, settings: &Settings, [a, b]: [&Point; 2], cut: Cut) -> Slices {
+        let size = settings.size(&a.x).max(settings.size(&b.x));
+        let sigma = size / settings.lambda_scale(a.lambda);
+        let mut slices = Slices { sigma, size, normal: vec![], n, solver: Solver::default() };
+        slices.normal = slices.z(a).iter().zip(&slices.z(b)).map(|(a, b)| b - a).collect();
+        if cut == Cut::Parameter {
+            slices.normal[..n].fill(0.0);
+        }
+        let length = norm(&slices.normal);
+        slices.normal.iter_mut().for_each(|value| *value /= length);
+        slices
+    }
+
+    fn z(&self, point: &Point) -> Vec<f64> {
+        let mut z = point.x.clone();
+        z.resize(self.n, 0.0);
+        z.push(self.sigma * point.lambda);
+        z
+    }
+
+    /// The point a + fraction · (b − a), with the tangent of a.
+    pub fn mix(&self, [a, b]: [&Point; 2], fraction: f64) -> Point {
+        let between = |a: f64, b: f64| a + fraction * (b - a);
+        Point {
+            x: self.z(a)[..self.n].iter().zip(&self.z(b)).map(|(a, b)| between(*a, *b)).collect(),
+            lambda: between(a.lambda, b.lambda),
+            arclength: between(a.arclength, b.arclength),
+            ..a.clone()
+        }
+    }
+
+    /// The point of the branch in the plane through a + fraction · (b − a), starting from there.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method does not find it.
+    pub fn solve(
+        &mut self,
+        system: &mut impl System,
+        [a, b]: [&Point; 2],
+        fraction: f64,
+    ) -> Result<Point, AnalysisError> {
+        let (n, sigma) = (self.n, self.sigma);
+        let through: Vec<f64> = self.z(a).iter().zip(&self.z(b)).map(|(a, b)| a + fraction * (b - a)).collect();
+        let plane = Plane { normal: &self.normal, through: &through, sigma };
+        let mut tangent = Vec::new();
+        self.solver
+            .correct_within(PATIENT_LIMIT, system, &plane, self.size)
+            .and_then(|_| self.solver.tangent(&mut tangent, n))
+            .map_err(|refusal| AnalysisError::NoSolution { lambda: through[n] / sigma, refusal })?;
+        Ok(Point {
+            x: self.solver.z[..n].to_vec(),
+            lambda: self.solver.z[n] / sigma,
+            arclength: a.arclength + fraction * (b.arclength - a.arclength),
+            tangent,
+            determinant: self.solver.lu.determinant(),
+        })
+    }
+}
+
+/// The point of the branch between `a` and `b` at a value of λ.
 ///
 /// # Errors
 /// [`AnalysisError::NoSolution`] if Newton's method does not find it.
-pub(super) fn between(
+pub(super) fn at_parameter(
     system: &mut impl System,
     settings: &Settings,
-    [a, b]: [&Point; 2],
-    fraction: f64,
-    cut: Cut,
+    ends: [&Point; 2],
+    lambda: f64,
 ) -> Result<Point, AnalysisError> {
-    let n = system.dimension();
-    let size = settings.size(&a.x).max(settings.size(&b.x));
-    let sigma = size / settings.lambda_scale(a.lambda);
-    let z = |point: &Point| -> Vec<f64> {
-        let mut z = point.x.clone();
-        z.resize(n, 0.0);
-        z.push(sigma * point.lambda);
-        z
-    };
-    let (za, zb) = (z(a), z(b));
-    let mut normal: Vec<f64> = za.iter().zip(&zb).map(|(a, b)| b - a).collect();
-    let through: Vec<f64> = za.iter().zip(&normal).map(|(a, d)| a + fraction * d).collect();
-    if cut == Cut::Parameter {
-        normal[..n].fill(0.0);
-    }
-    let length = norm(&normal);
-    normal.iter_mut().for_each(|value| *value /= length);
-    let mut solver = Solver::default();
-    let mut tangent = Vec::new();
-    let lambda = through[n] / sigma;
-    let plane = Plane { normal: &normal, through: &through, sigma };
-    solver
-        .correct(system, &plane, size)
-        .and_then(|_| solver.tangent(&mut tangent, n))
-        .map_err(|refusal| AnalysisError::NoSolution { lambda, refusal })?;
-    Ok(Point {
-        x: solver.z[..n].to_vec(),
-        lambda: if cut == Cut::Parameter { lambda } else { solver.z[n] / sigma },
-        arclength: a.arclength + fraction * (b.arclength - a.arclength),
-        tangent,
-        determinant: solver.lu.determinant(),
-    })
+    let fraction = (lambda - ends[0].lambda) / (ends[1].lambda - ends[0].lambda);
+    let mut slices = Slices::new(system.dimension(), settings, ends, Cut::Parameter);
+    Ok(Point { lambda, ..slices.solve(system, ends, fraction)? })
 }

@@ -15,7 +15,7 @@ pub enum AnalysisError {
         size: usize,
     },
     /// There is no solution where one was looked for.
-    #[error("no solution at {lambda}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
+    #[error("no solution at {lambda:.6}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
     NoSolution {
         /// λ.
         lambda: f64,
@@ -24,7 +24,7 @@ pub enum AnalysisError {
     },
     /// A branch could not be followed further.
     #[error(
-        "the branch could not be followed beyond {lambda} (arclength {arclength:.3}, step {step:.1e}): {refusal}; \
+        "the branch could not be followed beyond {lambda:.6} (arclength {arclength:.3}, step {step:.1e}): {refusal}; \
          try smaller steps, more harmonics, or to start from the other end"
     )]
     Stuck {
@@ -38,7 +38,7 @@ pub enum AnalysisError {
         refusal: Refusal,
     },
     /// A bifurcation that shows between two points could not be located.
-    #[error("a bifurcation between {lambda} and {to} could not be located; try smaller steps or more harmonics")]
+    #[error("a bifurcation between {lambda:.6} and {to:.6} could not be located; try smaller steps or more harmonics")]
     NotLocated {
         /// λ before it.
         lambda: f64,
@@ -47,7 +47,7 @@ pub enum AnalysisError {
     },
     /// The series of a motion does not end.
     #[error(
-        "at {lambda} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation"
+        "at {lambda:.6} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation"
     )]
     TooManyHarmonics {
         /// λ.
@@ -56,7 +56,7 @@ pub enum AnalysisError {
         harmonics: usize,
     },
     /// A branch has more points than were allowed.
-    #[error("the branch has more than {points} points and has come to {lambda}; try to allow more points or larger steps")]
+    #[error("the branch has more than {points} points and has come to {lambda:.6}; try to allow more points or larger steps")]
     TooManyPoints {
         /// The most that was allowed.
         points: usize,
@@ -72,5 +72,11 @@ pub enum AnalysisError {
         to: f64,
         /// What would do.
         domain: &'static str,
+    },
+    /// Only folds and period doublings have curves, and only period doublings doubled branches.
+    #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
+    NotSingular {
+        /// What was given.
+        kind: &'static str,
     },
 }

@@ -17,6 +17,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::adapt::Spectral;
 use super::continuation::System;
 use super::dense::{Lu, norm};
 use super::fourier::Harmonics;
@@ -32,12 +33,25 @@ pub enum Singularity {
     PeriodDoubling,
 }
 
-/// The equations of a singular motion: unknowns X and λ (divided by a scale), and a second coordinate μ to continue in.
+impl Singularity {
+    /// The frequencies of the null vector where the motion has H harmonics.
+    fn harmonics(self, harmonics: usize) -> Harmonics {
+        match self {
+            Singularity::Fold => Harmonics::Integer(harmonics),
+            Singularity::PeriodDoubling => Harmonics::HalfOdd(harmonics + 1),
+        }
+    }
+}
+
+/// The equations of a singular motion: unknowns z = (λ, X), λ from an origin and in a scale of its own, and a second
+/// coordinate μ to continue in.
 #[derive(Clone, Debug)]
 pub struct SingularResponse<O: Oscillator> {
     balance: HarmonicBalance<O>,
     kind: Singularity,
     lambda: Coordinate<O::Parameter>,
+    /// λ = origin + scale · z₀.
+    lambda_origin: f64,
     lambda_scale: f64,
     mu: Option<Coordinate<O::Parameter>>,
     forms: Forms,
@@ -61,10 +75,7 @@ impl<O: Oscillator> SingularResponse<O> {
         lambda_scale: f64,
         x: &[f64],
     ) -> Result<SingularResponse<O>, AnalysisError> {
-        let harmonics = match kind {
-            Singularity::Fold => Harmonics::Integer(balance.harmonics()),
-            Singularity::PeriodDoubling => Harmonics::HalfOdd(balance.harmonics() + 1),
-        };
+        let harmonics = kind.harmonics(balance.harmonics());
         let size = 2 * harmonics.rows();
         balance.linearise(x);
         let mut lu = Lu::default();
@@ -80,7 +91,8 @@ impl<O: Oscillator> SingularResponse<O> {
             vector
         };
         let forms = Forms { harmonics, v: iterate(&|b| lu.solve(b)), w: iterate(&|b| lu.solve_transposed(b)) };
-        Ok(SingularResponse { balance, kind, lambda, lambda_scale, mu, forms, bordered: lu })
+        let lambda_origin = balance.coordinate(lambda);
+        Ok(SingularResponse { balance, kind, lambda, lambda_origin, lambda_scale, mu, forms, bordered: lu })
     }
 
     /// What is singular.
@@ -93,17 +105,22 @@ impl<O: Oscillator> SingularResponse<O> {
         &self.balance
     }
 
-    /// X, and λ in its unit, of a solution of these equations.
-    pub fn split<'a>(&self, z: &'a [f64]) -> (&'a [f64], f64) {
-        let n = z.len() - 1;
-        (&z[..n], z[n] * self.lambda_scale)
+    /// λ in its unit, and X, of a solution z.
+    pub fn split<'a>(&self, z: &'a [f64]) -> (f64, &'a [f64]) {
+        (self.lambda_origin + z[0] * self.lambda_scale, &z[1..])
     }
 
-    /// The solution of these equations that X and λ are.
-    pub fn join(&self, x: &[f64], lambda: f64) -> Vec<f64> {
-        let mut z = x.to_vec();
-        z.push(lambda / self.lambda_scale);
+    /// The z of λ and X.
+    pub fn join(&self, lambda: f64, x: &[f64]) -> Vec<f64> {
+        let mut z = vec![(lambda - self.lambda_origin) / self.lambda_scale];
+        z.extend_from_slice(x);
         z
+    }
+
+    /// How far the null vector is from being one with all the frequencies that were left out, relative to its size. The error
+    /// of λ is of the order of its square.
+    pub fn null_vector_error(&self) -> f64 {
+        self.balance.variation_error(&self.forms)
     }
 
     /// The null vector v: the direction of the fold, or the first motion of doubled period, as a series of frequencies ½, 1½ ….
@@ -148,30 +165,51 @@ impl<O: Oscillator> System for SingularResponse<O> {
 
     fn evaluate(&mut self, z: &[f64], mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
         let (n, stride) = (self.balance.dimension(), self.balance.dimension() + 2);
-        let (x, lambda) = (&z[..n], z[n] * self.lambda_scale);
+        let (lambda, x) = self.split(z);
         let valid = self.mu.is_none_or(|coordinate| self.balance.set_coordinate(coordinate, mu));
         if !(valid && self.balance.set_coordinate(self.lambda, lambda)) {
             return false;
         }
         self.balance.linearise(x);
         self.balance.residual(residual);
-        self.balance.jacobian(Harmonics::Integer(self.balance.harmonics()), matrix, stride);
-        self.balance.by_coordinate(self.lambda, &mut matrix[n * stride..n * stride + n]);
+        self.balance.by_coordinate(self.lambda, matrix);
+        self.balance.jacobian(Harmonics::Integer(self.balance.harmonics()), &mut matrix[stride..], stride);
+        let last = &mut matrix[(n + 1) * stride..];
+        match self.mu {
+            Some(mu) => self.balance.by_coordinate(mu, last),
+            None => last.fill(0.0),
+        }
         residual[n] = self.border();
-        let mut gradient = vec![0.0; n + 2];
+        let mut by_x = vec![0.0; n];
         let coordinates = [self.lambda, self.mu.unwrap_or(self.lambda)];
-        let by = self.balance.form_gradient(x, &self.forms, coordinates, &mut gradient[..n]);
-        gradient[n..].copy_from_slice(&by);
-        for (column, value) in gradient.iter().enumerate() {
+        let [by_lambda, by_mu] = self.balance.form_gradient(x, &self.forms, coordinates, &mut by_x);
+        for (column, value) in core::iter::once(&by_lambda).chain(&by_x).enumerate() {
             matrix[column * stride + n] = -value;
         }
-        matrix[n * stride..n * stride + n + 1].iter_mut().for_each(|value| *value *= self.lambda_scale);
-        match self.mu {
-            Some(mu) => self.balance.by_coordinate(mu, &mut matrix[(n + 1) * stride..(n + 1) * stride + n]),
-            None => matrix[(n + 1) * stride + n] = 0.0,
-        }
+        matrix[(n + 1) * stride + n] = if self.mu.is_some() { -by_mu } else { 0.0 };
+        matrix[..n + 1].iter_mut().for_each(|value| *value *= self.lambda_scale);
         normalise(&mut self.forms.v);
         normalise(&mut self.forms.w);
         residual[n].is_finite()
+    }
+}
+
+impl<O: Oscillator> Spectral for SingularResponse<O> {
+    type Oscillator = O;
+
+    fn balance_mut(&mut self) -> &mut HarmonicBalance<O> {
+        &mut self.balance
+    }
+
+    fn others(&self) -> usize {
+        1
+    }
+
+    fn set_harmonics(&mut self, harmonics: usize) {
+        self.balance.set_harmonics(harmonics);
+        self.forms.harmonics = self.kind.harmonics(harmonics);
+        let size = 2 * self.forms.harmonics.rows();
+        self.forms.v.resize(size, 0.0);
+        self.forms.w.resize(size, 0.0);
     }
 }

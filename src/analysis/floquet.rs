@@ -19,6 +19,8 @@ use nalgebra::{Complex, Matrix2, Matrix4};
 use super::fourier::{Basis, Harmonics, Motion};
 use super::{HarmonicBalance, Instant, Oscillator};
 
+/// What rounding leaves of a product of multipliers that is 1.
+const ROUNDING: f64 = 1e-12;
 /// Stages.
 const S: usize = 4;
 
@@ -72,7 +74,7 @@ pub struct Stability {
 impl Stability {
     /// Whether variations die out: all |μ| < 1.
     pub fn is_stable(&self) -> bool {
-        self.multipliers[0].norm() < 1.0
+        self.multipliers[0].norm_sqr() < 1.0
     }
 
     /// Π (μᵢ + 1): changes sign where one multiplier passes −1, a period doubling.
@@ -82,10 +84,12 @@ impl Stability {
 
     /// Π (μᵢμⱼ − 1) over i < j, the determinant of the bialternate product less the identity (Kuznetsov, Ch. 10): changes
     /// sign where a complex pair passes the unit circle, a Neimark–Sacker point, or where two real ones have the product 1.
+    /// Zero where a factor is no more than rounding, as it always is without damping.
     pub fn neimark_sacker_test(&self) -> f64 {
         let mu = &self.multipliers;
         let pairs = (0..4).flat_map(|i| (i + 1..4).map(move |j| mu[i] * mu[j] - 1.0));
-        pairs.product::<Complex<f64>>().re
+        let factors = pairs.map(|factor| if factor.norm_sqr() < ROUNDING * ROUNDING { Complex::new(0.0, 0.0) } else { factor });
+        factors.product::<Complex<f64>>().re
     }
 }
 

@@ -14,6 +14,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix2, Vector2};
 
+use super::dense::norm;
 use super::fourier::{Basis, Harmonics, Motion, largest, mean};
 use super::spectrum::Spectrum;
 use super::{Instant, Linearisation, Oscillator};
@@ -213,18 +214,46 @@ impl<O: Oscillator> HarmonicBalance<O> {
     /// and a harmonic Z(kω)⁻¹ r̂ₖ would mend that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The largest of
     /// k = H + 1 … 2H + 1.
     pub fn truncation_error_rad(&self) -> f64 {
+        let orders = self.harmonics + 1..=2 * self.harmonics + 1;
+        self.missing(&self.basis, orders.map(|k| k - 1), &self.unbalance)
+    }
+
+    /// The same for a variation, the null vector of a matrix of [`HarmonicBalance::jacobian`], relative to its size: how far
+    /// S v + G v̇ + M v̈ is from zero in the frequencies beyond those of v.
+    pub(super) fn variation_error(&self, forms: &Forms) -> f64 {
+        let count = forms.harmonics.count();
+        let wide = match forms.harmonics {
+            Harmonics::Integer(_) => Harmonics::Integer(2 * count),
+            Harmonics::HalfOdd(_) => Harmonics::HalfOdd(2 * count),
+        };
+        let basis = Basis::uniform(wide, self.basis.samples());
+        let mut motion = Motion::default();
+        basis.synthesise(&forms.v, self.base_rad_s(), &mut motion);
+        let mut signal = [Vec::new(), Vec::new()];
+        for (j, linear) in self.linear.iter().enumerate() {
+            let value = linear.by_position * motion.at(0, j)
+                + linear.by_velocity * motion.at(1, j)
+                + linear.by_acceleration * motion.at(2, j);
+            signal[0].push(value.x);
+            signal[1].push(value.y);
+        }
+        self.missing(&basis, count..2 * count, &signal) / norm(&forms.v)
+    }
+
+    /// The largest |Z(kω)⁻¹ r̂ₖ| over the frequencies of the basis with these indices.
+    fn missing(&self, basis: &Basis, indices: impl Iterator<Item = usize>, signal: &[Vec<f64>; 2]) -> f64 {
         let [s, g, m] = self.spectrum.means();
         let mut error: f64 = 0.0;
-        for k in self.harmonics + 1..=2 * self.harmonics + 1 {
-            let rate = k as f64 * self.base_rad_s();
+        for i in indices {
+            let rate = basis.harmonics().order(i) * self.base_rad_s();
             let z = Matrix2::from_fn(|i, j| Complex::new(s[(i, j)] - rate * rate * m[(i, j)], rate * g[(i, j)]));
             let component = |dof: usize| {
-                let (c, s) = self.basis.project(k - 1, &self.unbalance[dof]);
+                let (c, s) = basis.project(i, &signal[dof]);
                 Complex::new(c, -s)
             };
-            let missing = z
-                .try_inverse()
-                .map_or(f64::INFINITY, |inverse| (inverse * Vector2::new(component(0), component(1))).norm());
+            let missing = z.try_inverse().map_or(f64::INFINITY, |inverse| {
+                (inverse * Vector2::new(component(0), component(1))).norm()
+            });
             error = error.max(missing);
         }
         error

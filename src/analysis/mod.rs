@@ -1,7 +1,10 @@
 //! Nonlinear dynamics of the arm: periodic motions, their branches, stability and bifurcations.
 
+mod adapt;
+mod backbone;
 mod branch;
 pub mod continuation;
+mod curve;
 mod dense;
 mod extended;
 mod error;
@@ -10,11 +13,16 @@ mod forced_arm;
 mod fourier;
 mod harmonic_balance;
 mod locate;
+mod orbit;
 mod oscillator;
 mod response;
 mod spectrum;
 
-pub use branch::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit, trace};
+pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
+pub use branch::{trace, trace_doubled};
+pub use curve::{SingularPoint, trace_singular};
+pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
+pub use extended::{SingularResponse, Singularity};
 pub use error::AnalysisError;
 pub use forced_arm::{ArmParameter, ForcedArm};
 pub use harmonic_balance::{Coordinate, HarmonicBalance};

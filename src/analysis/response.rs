@@ -2,6 +2,7 @@
 
 use core::f64::consts::TAU;
 
+use super::adapt::Spectral;
 use super::continuation::System;
 use super::fourier::Harmonics;
 use super::{Coordinate, HarmonicBalance, Oscillator};
@@ -28,11 +29,6 @@ impl<O: Oscillator> ForcedResponse<O> {
     /// The balance.
     pub fn balance(&self) -> &HarmonicBalance<O> {
         &self.balance
-    }
-
-    /// The balance, to change it.
-    pub fn balance_mut(&mut self) -> &mut HarmonicBalance<O> {
-        &mut self.balance
     }
 
     /// λ.
@@ -71,5 +67,21 @@ impl<O: Oscillator> System for ForcedResponse<O> {
             })
         });
         limits.fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl<O: Oscillator> Spectral for ForcedResponse<O> {
+    type Oscillator = O;
+
+    fn balance_mut(&mut self) -> &mut HarmonicBalance<O> {
+        &mut self.balance
+    }
+
+    fn others(&self) -> usize {
+        0
+    }
+
+    fn set_harmonics(&mut self, harmonics: usize) {
+        self.balance.set_harmonics(harmonics);
     }
 }
