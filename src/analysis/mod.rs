@@ -1,7 +1,41 @@
-//! Analysis of the arm without stepping through time: what a bench measurement is held against.
+//! Analysis of the arm without waiting for it: what a bench measurement is held against.
+//!
+//! The linearised arm: natural [`modes`](mod@modes), frequency responses ([`frf`]). The nonlinear arm: periodic motions by
+//! harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones.
 
+mod adapt;
+mod backbone;
+mod branch;
+pub mod continuation;
+mod curve;
+mod dense;
+mod error;
+mod extended;
+mod floquet;
+mod forced_arm;
+mod fourier;
 pub mod frf;
+mod harmonic_balance;
+mod locate;
 pub mod modes;
+mod orbit;
+mod oscillator;
+mod response;
+mod spectrum;
 
+pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
+pub use branch::{trace, trace_doubled};
+pub use curve::{SingularPoint, trace_singular};
+pub use error::AnalysisError;
+pub use extended::{SingularResponse, Singularity};
+pub use floquet::{Floquet, Stability};
+pub use forced_arm::{ArmParameter, ForcedArm};
 pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response};
+pub use harmonic_balance::{Coordinate, HarmonicBalance};
 pub use modes::{Mode, modes};
+pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
+pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
+pub use response::ForcedResponse;
+
+#[cfg(test)]
+mod tests;

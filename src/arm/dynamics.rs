@@ -18,8 +18,13 @@ pub struct AccelerationJacobian {
 impl Arm {
     /// M(α,β), Eq. (19), kg·m². Symmetric positive definite at every angle.
     pub fn mass_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
+        let (_, t) = self.coefficients.coupling(alpha_rad.y);
+        self.mass_matrix_at(t)
+    }
+
+    /// M for t = a2 cos(β2+α2), kg·m².
+    pub(super) fn mass_matrix_at(&self, t: f64) -> Matrix2<f64> {
         let c = &self.coefficients;
-        let (_, t) = c.coupling(alpha_rad.y);
         Matrix2::new(c.a1 + 2.0 * t, c.a3 + t, c.a3 + t, c.a3)
     }
 
@@ -91,7 +96,7 @@ impl Arm {
     }
 
     /// ∂(JᵀF)/∂α, N·m/rad, as [`Arm::acceleration_jacobian`] states it: Q = F·(l1 c1, l1 s1), P = F·(l2 c12, l2 s12).
-    fn tip_force_gradient(&self, alpha_rad: &Vector2<f64>, load: &Load) -> Matrix2<f64> {
+    pub(super) fn tip_force_gradient(&self, alpha_rad: &Vector2<f64>, load: &Load) -> Matrix2<f64> {
         if load.force_n == Vector2::zeros() {
             return Matrix2::zeros();
         }

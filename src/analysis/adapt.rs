@@ -1,0 +1,55 @@
+//! As many harmonics as a motion needs, along a walk.
+
+use super::continuation::{System, Walk};
+use super::orbit::BranchOptions;
+use super::{AnalysisError, HarmonicBalance, Oscillator};
+
+/// Below this fraction of the truncation allowed, the last harmonic is dropped.
+const DROP_SHARE: f64 = 1e-3;
+
+/// Equations whose unknowns end in the Fourier series of a motion.
+pub(super) trait Spectral: System {
+    /// What the balance is of.
+    type Oscillator: Oscillator;
+
+    /// The balance, set to the point last evaluated.
+    fn balance_mut(&mut self) -> &mut HarmonicBalance<Self::Oscillator>;
+
+    /// Unknowns before the series.
+    fn others(&self) -> usize;
+
+    /// Changes the number of harmonics.
+    fn set_harmonics(&mut self, harmonics: usize);
+}
+
+/// More harmonics until the truncation error is small enough; one fewer where the last says nothing.
+pub(super) fn adapt<S: Spectral>(
+    system: &mut S,
+    walk: &mut Walk,
+    options: &BranchOptions,
+) -> Result<(), AnalysisError> {
+    loop {
+        let point = walk.point();
+        let series = &point.x[system.others()..];
+        let size = options.walk.size(series);
+        let last = series[series.len() - 4..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let balance = system.balance_mut();
+        balance.linearise(series);
+        let (harmonics, subharmonic) = (balance.harmonics(), balance.subharmonic());
+        let allowed = options.truncation * size;
+        let error = balance.truncation_error_rad();
+        if error > allowed {
+            if harmonics >= options.most_harmonics * subharmonic {
+                return Err(AnalysisError::TooManyHarmonics { lambda: point.lambda, harmonics });
+            }
+            system.set_harmonics(harmonics + 1 + harmonics / 8);
+            walk.resize(system)?;
+            continue;
+        }
+        if harmonics > options.least_harmonics * subharmonic && error.max(last) < DROP_SHARE * allowed {
+            system.set_harmonics(harmonics - 1);
+            walk.resize(system)?;
+        }
+        return Ok(());
+    }
+}

@@ -1,0 +1,198 @@
+//! Backbone curves by phase quadrature, and nonlinear normal modes (Krack & Gross 2019, Ch. 4; Peeters, Kerschen & Golinval
+//! 2011 for the quadrature).
+//!
+//! At resonance the work of the excitation's first harmonic meets that of the dampers: the displacement lags the force by 90°.
+//! With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is p·b₁ = 0. The unknowns are the amplitude A of
+//! the excitation and X, the equations R(X, Ω, A) = 0 and p·b₁ = 0, and Ω is the parameter of the walk. Without dampers A comes
+//! out as zero, and the curve is a family of free motions: a nonlinear normal mode. A then only makes the system square.
+
+use core::f64::consts::TAU;
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use nalgebra::Vector2;
+
+use super::adapt::{Spectral, adapt};
+use super::continuation::{System, Walk};
+use super::fourier::Harmonics;
+use super::orbit::BranchOptions;
+use super::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
+
+/// The equations of phase quadrature: unknowns z = (A/stiffness scale, X), parameter Ω/2π in Hz.
+#[derive(Clone, Debug)]
+struct Quadrature<O: Oscillator> {
+    balance: HarmonicBalance<O>,
+    drive: Coordinate<O::Parameter>,
+    direction: Vector2<f64>,
+}
+
+impl<O: Oscillator> System for Quadrature<O> {
+    fn dimension(&self) -> usize {
+        self.balance.dimension() + 1
+    }
+
+    fn evaluate(&mut self, z: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+        let (n, stride) = (self.balance.dimension(), self.balance.dimension() + 2);
+        let scale = self.balance.oscillator().stiffness_scale();
+        let exists = self.balance.set_coordinate(self.drive, z[0] * scale);
+        if !(exists && self.balance.set_coordinate(Coordinate::FrequencyHz, lambda)) {
+            return false;
+        }
+        self.balance.linearise(&z[1..]);
+        self.balance.residual(residual);
+        self.balance.by_coordinate(self.drive, matrix);
+        matrix[..n].iter_mut().for_each(|value| *value *= scale);
+        self.balance.jacobian(Harmonics::Integer(self.balance.harmonics()), &mut matrix[stride..], stride);
+        self.balance.by_coordinate(Coordinate::FrequencyHz, &mut matrix[(n + 1) * stride..]);
+        // b₁ is z[5], z[6]: after A, two constants and two cosines.
+        residual[n] = self.direction.x * z[5] + self.direction.y * z[6];
+        matrix[5 * stride + n] = self.direction.x;
+        matrix[6 * stride + n] = self.direction.y;
+        true
+    }
+}
+
+impl<O: Oscillator> Spectral for Quadrature<O> {
+    type Oscillator = O;
+
+    fn balance_mut(&mut self) -> &mut HarmonicBalance<O> {
+        &mut self.balance
+    }
+
+    fn others(&self) -> usize {
+        1
+    }
+
+    fn set_harmonics(&mut self, harmonics: usize) {
+        self.balance.set_harmonics(harmonics);
+    }
+}
+
+/// A motion on a backbone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackbonePoint {
+    /// Ω/2π, Hz.
+    pub frequency_hz: f64,
+    /// The excitation's amplitude that keeps the motion up, in the unit of the drive; zero without dampers.
+    pub drive: f64,
+    /// The largest |α1| and |α2| over the period, rad.
+    pub amplitude_rad: [f64; 2],
+    /// √(a² + b²) of the component at Ω of α1 and α2, rad.
+    pub harmonic1_rad: [f64; 2],
+    /// Fourier coefficients, rad.
+    pub coefficients: Vec<f64>,
+}
+
+/// How the frequency goes with the amplitude.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bending {
+    /// It rises: the curves of response lean to higher frequencies (stiff).
+    Hardening,
+    /// It falls (soft).
+    Softening,
+    /// It first rises, then falls.
+    HardeningThenSoftening,
+    /// It first falls, then rises.
+    SofteningThenHardening,
+    /// It turns more than once.
+    Mixed,
+}
+
+/// A backbone curve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Backbone {
+    /// Its motions, from small to large.
+    pub points: Vec<BackbonePoint>,
+}
+
+/// How far a backbone is walked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BackboneOptions {
+    /// The amplitude of the first point, rad: small against the nonlinearity.
+    pub smallest_rad: f64,
+    /// The walk ends when |α1| or |α2| passes this, rad.
+    pub largest_rad: f64,
+    /// Or when the drive passes this, in its unit.
+    pub largest_drive: f64,
+    /// Harmonics, points and steps; `from` and `to` bound the frequency, Hz.
+    pub branch: BranchOptions,
+}
+
+/// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter that
+/// multiplies the excitation. For the nonlinear normal mode give a system without dampers.
+///
+/// # Errors
+/// [`AnalysisError::NoSolution`] if the mode can't be driven by this excitation; else as [`super::trace`].
+pub fn backbone<O: Oscillator>(
+    mut oscillator: O,
+    mode: usize,
+    drive: O::Parameter,
+    options: &BackboneOptions,
+) -> Result<Backbone, AnalysisError> {
+    let linear = oscillator.modes()[mode.min(1)];
+    let direction = oscillator.load_direction().normalize();
+    let frequency_hz = linear.frequency_rad_s / TAU;
+    if !oscillator.set_parameter(drive, 0.0) {
+        return Err(AnalysisError::Interval { from: 0.0, to: options.largest_drive, domain: "the range of the drive" });
+    }
+    let balance = HarmonicBalance::new(oscillator, frequency_hz, 1, options.branch.least_harmonics);
+    let mut system = Quadrature { balance, drive: Coordinate::Parameter(drive), direction };
+    let n = system.dimension();
+    let mut tangent = vec![0.0; n + 1];
+    // −cos Ωt lags the force by 90°.
+    (tangent[3], tangent[4]) = (-linear.shape.x, -linear.shape.y);
+    let walk = super::continuation::Settings { state_floor: options.smallest_rad, ..options.branch.walk };
+    let branch = BranchOptions { walk, ..options.branch };
+    let mut walk = Walk::start_along(&mut system, walk, &vec![0.0; n], frequency_hz, &tangent, 1.0)?;
+    let mut points = Vec::new();
+    loop {
+        adapt(&mut system, &mut walk, &branch)?;
+        let point = walk.point();
+        points.push(measure(&mut system.balance, &point.x, point.lambda));
+        let last = &points[points.len() - 1];
+        let large = last.amplitude_rad.iter().any(|value| *value > options.largest_rad);
+        let outside = last.frequency_hz < branch.from.min(branch.to) || last.frequency_hz > branch.from.max(branch.to);
+        if large || outside || last.drive.abs() > options.largest_drive {
+            return Ok(Backbone { points });
+        }
+        if points.len() >= branch.most_points {
+            return Err(AnalysisError::TooManyPoints { points: points.len(), lambda: last.frequency_hz });
+        }
+        walk.advance(&mut system)?;
+    }
+}
+
+fn measure<O: Oscillator>(balance: &mut HarmonicBalance<O>, z: &[f64], frequency_hz: f64) -> BackbonePoint {
+    let x = &z[1..];
+    BackbonePoint {
+        frequency_hz,
+        drive: z[0] * balance.oscillator().stiffness_scale(),
+        amplitude_rad: balance.largest_rad(x),
+        harmonic1_rad: [0, 1].map(|dof| libm::sqrt(x[2 + dof] * x[2 + dof] + x[4 + dof] * x[4 + dof])),
+        coefficients: x.to_vec(),
+    }
+}
+
+/// Relative changes of frequency below this are none.
+const STILL: f64 = 1e-9;
+
+impl Backbone {
+    /// Which way the curve bends, read off the frequencies of its points; none if the frequency doesn't change.
+    pub fn bending(&self) -> Option<Bending> {
+        let rises = self.points.windows(2).filter_map(|pair| {
+            let change = pair[1].frequency_hz / pair[0].frequency_hz - 1.0;
+            (change.abs() > STILL).then_some(change > 0.0)
+        });
+        let mut signs: Vec<bool> = rises.collect();
+        signs.dedup();
+        Some(match signs.as_slice() {
+            [] => return None,
+            [true] => Bending::Hardening,
+            [false] => Bending::Softening,
+            [true, false] => Bending::HardeningThenSoftening,
+            [false, true] => Bending::SofteningThenHardening,
+            _ => Bending::Mixed,
+        })
+    }
+}

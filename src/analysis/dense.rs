@@ -1,0 +1,174 @@
+//! Dense linear systems in storage that is kept: no allocation once the largest size has been seen.
+
+use alloc::vec::Vec;
+
+use super::AnalysisError;
+
+/// A square matrix, column by column, and its LU factors with partial pivoting (Golub & Van Loan 2013, Alg. 3.4.1).
+///
+/// Row exchanges are not applied to the columns of L already done, so solving exchanges as it goes along.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lu {
+    n: usize,
+    a: Vec<f64>,
+    pivots: Vec<usize>,
+}
+
+impl Lu {
+    /// An n × n matrix of zeros to be filled: element (i, j) is at i + n·j.
+    pub fn zeroed(&mut self, n: usize) -> &mut [f64] {
+        self.n = n;
+        self.a.clear();
+        self.a.resize(n * n, 0.0);
+        &mut self.a
+    }
+
+    /// Replaces the matrix by its factors, PA = LU.
+    ///
+    /// # Errors
+    /// [`AnalysisError::Singular`] if a column has no pivot, or the matrix holds something that is not a number.
+    pub fn factor(&mut self) -> Result<(), AnalysisError> {
+        let n = self.n;
+        self.pivots.clear();
+        for k in 0..n {
+            let (left, right) = self.a.split_at_mut((k + 1) * n);
+            let column = &mut left[k * n..];
+            let pivot = largest(&column[k..]) + k;
+            column.swap(k, pivot);
+            self.pivots.push(pivot);
+            if !(column[k].is_finite() && column[k] != 0.0) {
+                return Err(AnalysisError::Singular { size: n });
+            }
+            let inverse = 1.0 / column[k];
+            column[k + 1..].iter_mut().for_each(|value| *value *= inverse);
+            for other in right.chunks_exact_mut(n) {
+                other.swap(k, pivot);
+                let (head, tail) = other.split_at_mut(k + 1);
+                subtract(tail, &column[k + 1..], head[k]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Overwrites b by A⁻¹ b.
+    pub fn solve(&self, b: &mut [f64]) {
+        let n = self.n;
+        for (k, column) in self.a.chunks_exact(n).enumerate() {
+            b.swap(k, self.pivots[k]);
+            let (head, tail) = b.split_at_mut(k + 1);
+            subtract(tail, &column[k + 1..], head[k]);
+        }
+        for (k, column) in self.a.chunks_exact(n).enumerate().rev() {
+            let (head, tail) = b.split_at_mut(k);
+            tail[0] /= column[k];
+            subtract(head, &column[..k], tail[0]);
+        }
+    }
+
+    /// Overwrites b by A⁻ᵀ b.
+    pub fn solve_transposed(&self, b: &mut [f64]) {
+        let n = self.n;
+        for (k, column) in self.a.chunks_exact(n).enumerate() {
+            b[k] = (b[k] - dot(&column[..k], &b[..k])) / column[k];
+        }
+        for (k, column) in self.a.chunks_exact(n).enumerate().rev() {
+            b[k] -= dot(&column[k + 1..], &b[k + 1..n]);
+            b.swap(k, self.pivots[k]);
+        }
+    }
+
+    /// The determinant.
+    pub fn determinant(&self) -> Determinant {
+        let exchanges = self.pivots.iter().enumerate().filter(|&(k, &pivot)| k != pivot).count();
+        let start = Determinant { sign: if exchanges.is_multiple_of(2) { 1.0 } else { -1.0 }, log_magnitude: 0.0 };
+        self.a.iter().step_by(self.n + 1).fold(start, |d, diagonal| Determinant {
+            sign: if *diagonal < 0.0 { -d.sign } else { d.sign },
+            log_magnitude: d.log_magnitude + libm::log(diagonal.abs()),
+        })
+    }
+}
+
+/// A determinant that may be too large or too small for a number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Determinant {
+    /// Its sign, 1 or −1.
+    pub sign: f64,
+    /// ln |det|.
+    pub log_magnitude: f64,
+}
+
+/// The index of the element of largest magnitude; the first, if none is a number.
+fn largest(values: &[f64]) -> usize {
+    let mut best = 0;
+    for (i, value) in values.iter().enumerate() {
+        if value.abs() > values[best].abs() {
+            best = i;
+        }
+    }
+    best
+}
+
+/// target −= factor · source.
+fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
+    for (t, s) in target.iter_mut().zip(source) {
+        *t -= factor * s;
+    }
+}
+
+/// Σ aᵢ bᵢ, in four running sums.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (heads, others) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = heads.remainder().iter().zip(others.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in heads.zip(others) {
+        for lane in 0..4 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+/// √Σ aᵢ².
+pub(super) fn norm(a: &[f64]) -> f64 {
+    libm::sqrt(dot(a, a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solves_what_needs_pivoting_both_ways() {
+        let n = 7;
+        let element = |i: usize, j: usize| {
+            if i == j { 0.0 } else { libm::sin((3 * i + 5 * j * j + 1) as f64) }
+        };
+        let mut lu = Lu::default();
+        let a = lu.zeroed(n);
+        (0..n * n).for_each(|at| a[at] = element(at % n, at / n));
+        lu.factor().unwrap();
+        let x: Vec<f64> = (0..n).map(|i| i as f64 - 2.5).collect();
+        let product = |e: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            (0..n).map(|i| (0..n).map(|j| e(i, j) * x[j]).sum()).collect()
+        };
+        let close = |b: &[f64]| assert!(b.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-12), "{b:?}");
+        let mut b = product(&|i, j| element(i, j));
+        lu.solve(&mut b);
+        close(&b);
+        let mut b = product(&|i, j| element(j, i));
+        lu.solve_transposed(&mut b);
+        close(&b);
+        let truth = nalgebra::SMatrix::<f64, 7, 7>::from_fn(element).determinant();
+        let determinant = lu.determinant();
+        assert!((determinant.sign * libm::exp(determinant.log_magnitude) / truth - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_matrix_without_an_inverse_is_an_error() {
+        let mut lu = Lu::default();
+        lu.zeroed(3);
+        assert_eq!(lu.factor(), Err(AnalysisError::Singular { size: 3 }));
+        lu.zeroed(2).fill(f64::NAN);
+        assert_eq!(lu.factor(), Err(AnalysisError::Singular { size: 2 }));
+    }
+}

@@ -1,0 +1,234 @@
+//! The arm under load · sin Ωt (Eqs. 31 and 32), as the analysis sees it.
+
+use nalgebra::Vector2;
+
+use super::{Instant, LinearMode, Linearisation, Oscillator};
+use crate::arm::{Arm, ArmError, Load, Parameters, Pose, State};
+
+/// What of a forced arm can be varied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ArmParameter {
+    /// The factor on the load: with a load of one unit, the amplitude in N·m or N.
+    Amplitude,
+    /// β1, degrees.
+    Beta1Deg,
+    /// β2, degrees.
+    Beta2Deg,
+    /// I_A1, kg·m².
+    Inertia1,
+    /// I_S2, kg·m².
+    Inertia2,
+    /// m2, kg.
+    Mass2,
+    /// l1, m.
+    Length1,
+    /// l2, m.
+    Length2,
+    /// lc2, m.
+    Centre2,
+    /// k1, N·m/rad.
+    Stiffness1,
+    /// k2, N·m/rad.
+    Stiffness2,
+    /// d1, N·m·s/rad.
+    Damping1,
+    /// d2, N·m·s/rad.
+    Damping2,
+}
+
+/// An arm and the load that shakes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForcedArm {
+    arm: Arm,
+    direction: Load,
+    amplitude: f64,
+}
+
+impl ForcedArm {
+    /// The arm under `amplitude` · `direction` · sin Ωt: torques at the joints, a force of any direction at the tip, or both.
+    pub fn new(arm: Arm, direction: Load, amplitude: f64) -> ForcedArm {
+        ForcedArm { arm, direction, amplitude }
+    }
+
+    /// The arm.
+    pub fn arm(&self) -> &Arm {
+        &self.arm
+    }
+
+    /// The load at the crest of the sine.
+    pub fn load(&self) -> Load {
+        self.direction.scaled(self.amplitude)
+    }
+
+    /// The same without dampers: its free periodic motions are the nonlinear normal modes.
+    ///
+    /// # Errors
+    /// As [`Arm::new`]; none for an arm that exists.
+    pub fn undamped(&self) -> Result<ForcedArm, ArmError> {
+        let parameters = Parameters { damping1_nm_s_rad: 0.0, damping2_nm_s_rad: 0.0, ..*self.arm.parameters() };
+        Ok(ForcedArm { arm: Arm::new(parameters, self.arm.pose())?, ..*self })
+    }
+
+    fn split(&self, at: &Instant) -> (State, Load) {
+        (
+            State { alpha_rad: at.position, alpha_dot_rad_s: at.velocity },
+            self.direction.scaled(self.amplitude * at.sine),
+        )
+    }
+
+    /// The arm with one parameter at another value.
+    fn arm_with(&self, which: ArmParameter, value: f64) -> Result<Arm, ArmError> {
+        let (mut parameters, mut pose) = (*self.arm.parameters(), self.arm.pose());
+        match which {
+            ArmParameter::Beta1Deg => pose.beta1_deg = value,
+            ArmParameter::Beta2Deg => pose.beta2_deg = value,
+            _ => {
+                if let Some(field) = physical(&mut parameters, which) {
+                    *field = value;
+                }
+            }
+        }
+        Arm::new(parameters, pose)
+    }
+
+    /// ∂r/∂p of a physical parameter: r is at most quadratic in each, so that the difference quotient
+    /// (−3 r(p) + 4 r(p+h) − r(p+2h)) / 2h is exact at any h. It looks to larger p, where the arm exists.
+    fn by_physical(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
+        let value = self.parameter(which);
+        let h = if value == 0.0 { 1.0 } else { 0.25 * value };
+        let (state, load) = self.split(at);
+        let unbalance = |arm: &Arm| arm.unbalance_nm(&state, &at.acceleration, &load);
+        match (self.arm_with(which, value + h), self.arm_with(which, value + 2.0 * h)) {
+            (Ok(near), Ok(far)) => (unbalance(&near) * 4.0 - unbalance(&self.arm) * 3.0 - unbalance(&far)) / (2.0 * h),
+            _ => Vector2::from_element(f64::NAN),
+        }
+    }
+}
+
+/// The field of a physical parameter, none for the load's and the pose's.
+fn physical(parameters: &mut Parameters, which: ArmParameter) -> Option<&mut f64> {
+    Some(match which {
+        ArmParameter::Amplitude | ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => return None,
+        ArmParameter::Inertia1 => &mut parameters.inertia1_kg_m2,
+        ArmParameter::Inertia2 => &mut parameters.inertia2_kg_m2,
+        ArmParameter::Mass2 => &mut parameters.mass2_kg,
+        ArmParameter::Length1 => &mut parameters.length1_m,
+        ArmParameter::Length2 => &mut parameters.length2_m,
+        ArmParameter::Centre2 => &mut parameters.centre2_m,
+        ArmParameter::Stiffness1 => &mut parameters.stiffness1_nm_rad,
+        ArmParameter::Stiffness2 => &mut parameters.stiffness2_nm_rad,
+        ArmParameter::Damping1 => &mut parameters.damping1_nm_s_rad,
+        ArmParameter::Damping2 => &mut parameters.damping2_nm_s_rad,
+    })
+}
+
+impl Oscillator for ForcedArm {
+    type Parameter = ArmParameter;
+
+    fn parameter(&self, which: ArmParameter) -> f64 {
+        let Pose { beta1_deg, beta2_deg } = self.arm.pose();
+        match which {
+            ArmParameter::Amplitude => self.amplitude,
+            ArmParameter::Beta1Deg => beta1_deg,
+            ArmParameter::Beta2Deg => beta2_deg,
+            _ => physical(&mut self.arm.parameters().clone(), which).map_or(f64::NAN, |field| *field),
+        }
+    }
+
+    fn set_parameter(&mut self, which: ArmParameter, value: f64) -> bool {
+        if which == ArmParameter::Amplitude {
+            self.amplitude = value;
+            return value.is_finite();
+        }
+        self.arm_with(which, value).map(|arm| self.arm = arm).is_ok()
+    }
+
+    fn unbalance(&self, at: &Instant) -> Vector2<f64> {
+        let (state, load) = self.split(at);
+        self.arm.unbalance_nm(&state, &at.acceleration, &load)
+    }
+
+    fn linearise(&self, at: &Instant) -> Linearisation {
+        let (state, load) = self.split(at);
+        let exact = self.arm.inverse_dynamics(&state, &at.acceleration, &load);
+        Linearisation {
+            unbalance: exact.unbalance_nm,
+            by_position: exact.by_alpha,
+            by_velocity: exact.by_alpha_dot,
+            by_acceleration: exact.by_alpha_ddot,
+        }
+    }
+
+    /// β enters as β + α does, except in Kα: ∂r/∂βᵢ = (∂r/∂α − K) eᵢ.
+    fn by_parameter(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
+        let pose = |column: usize| {
+            let by_angle = self.linearise(at).by_position - self.arm.stiffness_matrix();
+            by_angle.column(column) * 1.0_f64.to_radians()
+        };
+        match which {
+            ArmParameter::Amplitude => -self.arm.generalised_force(&at.position, &self.direction) * at.sine,
+            ArmParameter::Beta1Deg => pose(0),
+            ArmParameter::Beta2Deg => pose(1),
+            _ => self.by_physical(which, at),
+        }
+    }
+
+    fn stiffness_scale(&self) -> f64 {
+        let p = self.arm.parameters();
+        p.stiffness1_nm_rad.max(p.stiffness2_nm_rad)
+    }
+
+    /// (K − ω²M) φ = 0 gives φ by the row that is further from zero; ζ = φᵀDφ / (2ω φᵀMφ).
+    fn modes(&self) -> [LinearMode; 2] {
+        let (m, k) = (self.arm.mass_matrix(&Vector2::zeros()), self.arm.stiffness_matrix());
+        self.arm.angular_frequencies_rad_s().map(|frequency_rad_s| {
+            let z = k - m * (frequency_rad_s * frequency_rad_s);
+            let [first, second] = [Vector2::new(-z.m12, z.m11), Vector2::new(z.m22, -z.m21)];
+            let shape = if first.norm() > second.norm() { first } else { second }.normalize();
+            let damping = shape.dot(&(self.arm.damping_matrix() * shape));
+            let damping_ratio = damping / (2.0 * frequency_rad_s * shape.dot(&(m * shape)));
+            LinearMode { frequency_rad_s, damping_ratio, shape }
+        })
+    }
+
+    fn load_direction(&self) -> Vector2<f64> {
+        self.arm.generalised_force(&Vector2::zeros(), &self.direction)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::Preset;
+    use crate::arm::tests::arm;
+
+    #[test]
+    fn derivatives_by_every_parameter_are_exact() {
+        let load = Load { torque_nm: [2.0, -1.0].into(), force_n: [0.5, 0.7].into() };
+        let mut forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 25.0, 70.0), load, 30.0);
+        let at = Instant {
+            position: [0.2, -0.3].into(),
+            velocity: [20.0, -10.0].into(),
+            acceleration: [900.0, 1500.0].into(),
+            sine: 0.8,
+            cosine: 0.6,
+        };
+        use ArmParameter::*;
+        for which in [
+            Amplitude, Beta1Deg, Beta2Deg, Inertia1, Inertia2, Mass2, Length1, Length2, Centre2, Stiffness1,
+            Stiffness2, Damping1, Damping2,
+        ] {
+            let (value, exact) = (forced.parameter(which), forced.by_parameter(which, &at));
+            let h = 1e-4 * value;
+            assert!(forced.set_parameter(which, value + h));
+            let above = forced.unbalance(&at);
+            assert!(forced.set_parameter(which, value - h));
+            let below = forced.unbalance(&at);
+            assert!(forced.set_parameter(which, value));
+            let seen = (above - below) / (2.0 * h);
+            assert!((seen - exact).norm() < 1e-6 * (1.0 + exact.norm()), "{which:?}: {seen} {exact}");
+        }
+        assert!(!forced.set_parameter(Mass2, -1.0) && forced.parameter(Mass2) == 50.58);
+    }
+}

@@ -1,0 +1,255 @@
+//! Truncated Fourier series of two functions on a uniform grid of one period.
+//!
+//! A series is a slice of coefficients, two (for α1 and α2) a row: `[c₀, a₁, b₁, a₂, b₂, …]` for
+//! x(τ) = c₀ + Σ aₖ cos kτ + bₖ sin kτ. More harmonics are more rows at the end.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Vector2;
+
+use super::dense::dot;
+
+/// Which frequencies a series has, in units of the base frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Harmonics {
+    /// A constant and 1, 2, … H: functions of the period of the grid.
+    Integer(usize),
+    /// ½, 1½, … H − ½: functions that change sign after one period of the grid.
+    HalfOdd(usize),
+}
+
+impl Harmonics {
+    /// Number of rows: of pairs of coefficients.
+    pub fn rows(self) -> usize {
+        match self {
+            Harmonics::Integer(h) => 2 * h + 1,
+            Harmonics::HalfOdd(h) => 2 * h,
+        }
+    }
+
+    /// Rows of constants: 1 or 0.
+    pub fn constants(self) -> usize {
+        self.rows() % 2
+    }
+
+    /// Number of frequencies other than zero.
+    pub fn count(self) -> usize {
+        self.rows() / 2
+    }
+
+    /// Twice the i-th frequency, i from 0.
+    pub fn twice_order(self, i: usize) -> usize {
+        match self {
+            Harmonics::Integer(_) => 2 * (i + 1),
+            Harmonics::HalfOdd(_) => 2 * i + 1,
+        }
+    }
+
+    /// The i-th frequency, i from 0.
+    pub fn order(self, i: usize) -> f64 {
+        0.5 * self.twice_order(i) as f64
+    }
+}
+
+/// Tables of cos kτⱼ and sin kτⱼ, frequency by frequency, on N points τⱼ.
+#[derive(Clone, Debug)]
+pub(super) struct Basis {
+    harmonics: Harmonics,
+    samples: usize,
+    cosines: Vec<f64>,
+    sines: Vec<f64>,
+}
+
+impl Basis {
+    /// The basis on the points given, rad; frequency by frequency by rotation, cos (k+1)τ + i sin (k+1)τ = (cos kτ +
+    /// i sin kτ)(cos τ + i sin τ).
+    pub fn new(harmonics: Harmonics, phases_rad: impl Iterator<Item = f64>) -> Basis {
+        let lowest = harmonics.order(0);
+        let starts: Vec<_> = phases_rad.map(|phase| (libm::sincos(lowest * phase), libm::sincos(phase))).collect();
+        let samples = starts.len();
+        let size = harmonics.count() * samples;
+        let mut basis =
+            Basis { harmonics, samples, cosines: Vec::with_capacity(size), sines: Vec::with_capacity(size) };
+        for i in 0..harmonics.count() {
+            for (j, &((sine, cosine), (s, c))) in starts.iter().enumerate() {
+                let (next_cosine, next_sine) = if i == 0 {
+                    (cosine, sine)
+                } else {
+                    let before = (i - 1) * samples + j;
+                    let (x, y) = (basis.cosines[before], basis.sines[before]);
+                    (x * c - y * s, y * c + x * s)
+                };
+                basis.cosines.push(next_cosine);
+                basis.sines.push(next_sine);
+            }
+        }
+        basis
+    }
+
+    /// The basis on τⱼ = 2πj/N, j = 0 … N − 1.
+    pub fn uniform(harmonics: Harmonics, samples: usize) -> Basis {
+        Basis::new(harmonics, (0..samples).map(move |j| TAU * j as f64 / samples as f64))
+    }
+
+    /// Which frequencies.
+    pub fn harmonics(&self) -> Harmonics {
+        self.harmonics
+    }
+
+    /// N.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// cos kτⱼ and sin kτⱼ of the i-th frequency for all j.
+    pub fn tables(&self, i: usize) -> (&[f64], &[f64]) {
+        let range = i * self.samples..(i + 1) * self.samples;
+        (&self.cosines[range.clone()], &self.sines[range])
+    }
+
+    /// The functions and their first two derivatives by time at the points; τ runs at `omega_rad_s`. The series may have
+    /// fewer harmonics than the basis.
+    pub fn synthesise(&self, coefficients: &[f64], omega_rad_s: f64, motion: &mut Motion) {
+        motion.reset(self.samples);
+        let constants = self.harmonics.constants();
+        for dof in 0..2 {
+            let [position, velocity, acceleration] = &mut motion.0[dof];
+            if constants == 1 {
+                position.fill(coefficients[dof]);
+            }
+            for (i, pair) in coefficients[2 * constants..].chunks_exact(4).enumerate() {
+                let (a, b) = (pair[dof], pair[2 + dof]);
+                let rate = self.harmonics.order(i) * omega_rad_s;
+                let (va, vb, square) = (rate * a, rate * b, rate * rate);
+                let (cosines, sines) = self.tables(i);
+                let motion = position.iter_mut().zip(velocity.iter_mut()).zip(acceleration.iter_mut());
+                for (((x, v), a2), (c, s)) in motion.zip(cosines.iter().zip(sines)) {
+                    let value = a * c + b * s;
+                    *x += value;
+                    *v += vb * c - va * s;
+                    *a2 -= square * value;
+                }
+            }
+        }
+    }
+
+    /// 2/N Σⱼ f(τⱼ) cos kτⱼ and the same with sin kτⱼ, for the i-th frequency k.
+    pub fn project(&self, i: usize, values: &[f64]) -> (f64, f64) {
+        let (cosines, sines) = self.tables(i);
+        let scale = 2.0 / self.samples as f64;
+        (scale * dot(values, cosines), scale * dot(values, sines))
+    }
+}
+
+/// α, α̇ and α̈ of both joints at the points of a grid: `[dof][derivative][point]`.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Motion([[Vec<f64>; 3]; 2]);
+
+impl Motion {
+    fn reset(&mut self, samples: usize) {
+        for signal in self.0.iter_mut().flatten() {
+            signal.clear();
+            signal.resize(samples, 0.0);
+        }
+    }
+
+    /// The `derivative`-th derivative (0, 1, 2) at the point j.
+    pub fn at(&self, derivative: usize, j: usize) -> Vector2<f64> {
+        Vector2::new(self.0[0][derivative][j], self.0[1][derivative][j])
+    }
+}
+
+/// Mean of samples.
+pub(super) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// An empty series with H harmonics.
+pub(super) fn zeros(harmonics: usize) -> Vec<f64> {
+    vec![0.0; 2 * Harmonics::Integer(harmonics).rows()]
+}
+
+/// The largest |x(τ)| of each of the two functions of a series with integer frequencies.
+///
+/// The best of the grid's points is polished by Newton's method on x′ = 0; on a grid of 4H points or more it is in the
+/// basin of the extremum.
+pub(super) fn largest(basis: &Basis, coefficients: &[f64], motion: &mut Motion) -> [f64; 2] {
+    basis.synthesise(coefficients, 1.0, motion);
+    core::array::from_fn(|dof| {
+        let [position, velocity, acceleration] = &motion.0[dof];
+        let best =
+            (0..basis.samples).fold(0, |best, j| if position[j].abs() > position[best].abs() { j } else { best });
+        let step = if acceleration[best] == 0.0 { 0.0 } else { -velocity[best] / acceleration[best] };
+        let mut phase = TAU * best as f64 / basis.samples as f64;
+        let spacing = TAU / basis.samples as f64;
+        let mut value = position[best];
+        let mut step = step.clamp(-spacing, spacing);
+        for _ in 0..4 {
+            phase += step;
+            let [x, v, a] = evaluate(coefficients, dof, phase);
+            if x.abs() < value.abs() || a == 0.0 {
+                break;
+            }
+            value = x;
+            step = (-v / a).clamp(-spacing, spacing);
+        }
+        value.abs()
+    })
+}
+
+/// x, x′, x″ of one of the functions at a phase; multiples of the angle by rotation.
+fn evaluate(coefficients: &[f64], dof: usize, phase_rad: f64) -> [f64; 3] {
+    let (sine, cosine) = libm::sincos(phase_rad);
+    let (mut c, mut s) = (1.0, 0.0);
+    let mut sum = [coefficients[dof], 0.0, 0.0];
+    for (i, pair) in coefficients[2..].chunks_exact(4).enumerate() {
+        (c, s) = (c * cosine - s * sine, s * cosine + c * sine);
+        let (k, a, b) = ((i + 1) as f64, pair[dof], pair[2 + dof]);
+        sum[0] += a * c + b * s;
+        sum[1] += k * (b * c - a * s);
+        sum[2] -= k * k * (a * c + b * s);
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projection_undoes_synthesis() {
+        for harmonics in [Harmonics::Integer(5), Harmonics::HalfOdd(5)] {
+            let basis = Basis::uniform(harmonics, 24);
+            let coefficients: Vec<f64> = (0..2 * harmonics.rows()).map(|i| libm::sin(1.0 + i as f64)).collect();
+            let mut motion = Motion::default();
+            basis.synthesise(&coefficients, 3.0, &mut motion);
+            for dof in 0..2 {
+                for i in 0..harmonics.count() {
+                    let at = 2 * (harmonics.constants() + 2 * i) + dof;
+                    let (c, s) = basis.project(i, &motion.0[dof][0]);
+                    assert!((c - coefficients[at]).abs() < 1e-14 && (s - coefficients[at + 2]).abs() < 1e-14);
+                    let rate = 3.0 * harmonics.order(i);
+                    let (c, s) = basis.project(i, &motion.0[dof][1]);
+                    assert!(
+                        (c / rate - coefficients[at + 2]).abs() < 1e-13 && (s / rate + coefficients[at]).abs() < 1e-13
+                    );
+                }
+            }
+        }
+    }
+
+    /// sin τ + ⅓ sin 3τ has its crests where cos τ + cos 3τ = 2 cos 2τ cos τ = 0: at 45°, with the height √½ + ⅓ √½.
+    #[test]
+    fn finds_the_crest_between_the_samples() {
+        let mut coefficients = zeros(3);
+        coefficients[4] = 1.0;
+        coefficients[12] = 1.0 / 3.0;
+        coefficients[5] = -2.0;
+        let basis = Basis::uniform(Harmonics::Integer(3), 14);
+        let [first, second] = largest(&basis, &coefficients, &mut Motion::default());
+        assert!((first - libm::sqrt(0.5) * 4.0 / 3.0).abs() < 1e-12, "{first}");
+        assert!((second - 2.0).abs() < 1e-12, "{second}");
+    }
+}

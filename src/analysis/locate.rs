@@ -1,0 +1,165 @@
+//! From two neighbouring points with a change of sign between them to the bifurcation itself.
+
+use alloc::vec::Vec;
+
+use super::adapt::Spectral;
+use super::continuation::{Cut, Point, Settings, Slices, System, Walk};
+use super::extended::{SingularResponse, Singularity};
+use super::fourier::zeros;
+use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
+
+/// A search along the branch that starts an extended system ends at this fraction of a segment.
+pub(super) const COARSE: f64 = 1e-2;
+/// One that has the last word ends at this.
+pub(super) const FINE: f64 = 1e-12;
+/// Next to a crossing of branches rounding keeps Newton's method from its end. In a bracket below this fraction of the segment the
+/// point is then interpolated: its error is of the order of the square.
+const NARROW: f64 = 1e-5;
+/// The most steps of the search along the branch.
+const SEARCH_LIMIT: usize = 60;
+
+/// The point between `ends` where `test` is zero, by regula falsi with the Illinois modification (Dowell & Jarratt 1971): the
+/// bracket always holds the zero, and the value at an end that stays is halved. Each test is at a point of the branch, found from
+/// the chord of the bracket, so that the search comes as near to a crossing of branches as it likes.
+///
+/// Stops when the bracket or the last step, as a fraction of the segment's arclength, is below `tolerance`, or the test vanishes.
+pub(super) fn search<S: System>(
+    system: &mut S,
+    settings: &Settings,
+    ends: [&Point; 2],
+    values: [f64; 2],
+    tolerance: f64,
+    mut test: impl FnMut(&mut S, &Point) -> f64,
+) -> Result<Point, AnalysisError> {
+    let mut slices = Slices::new(system.dimension(), settings, ends, Cut::Chord);
+    let ([mut a, mut b], [mut fa, mut fb]) = (ends.map(Clone::clone), values);
+    let whole = b.arclength - a.arclength;
+    let tolerance = tolerance * whole;
+    let (mut side, mut before) = (0, f64::INFINITY);
+    for _ in 0..SEARCH_LIMIT {
+        let fraction = fa / (fa - fb);
+        let point = match slices.solve(system, [&a, &b], fraction) {
+            Err(_) if b.arclength - a.arclength < NARROW * whole => return Ok(slices.mix([&a, &b], fraction)),
+            other => other?,
+        };
+        let value = test(system, &point);
+        let moved = (point.arclength - before).abs();
+        before = point.arclength;
+        if value == 0.0 || moved <= tolerance || b.arclength - a.arclength <= tolerance {
+            return Ok(point);
+        }
+        if (value < 0.0) == (fb < 0.0) {
+            (b, fb) = (point, value);
+            fa *= if side == 1 { 0.5 } else { 1.0 };
+            side = 1;
+        } else {
+            (a, fa) = (point, value);
+            fb *= if side == -1 { 0.5 } else { 1.0 };
+            side = -1;
+        }
+    }
+    Err(AnalysisError::NotLocated { lambda: ends[0].lambda, to: ends[1].lambda })
+}
+
+/// The solution of the extended system near a point of the branch.
+pub(super) struct Located<O: Oscillator> {
+    /// X.
+    pub x: Vec<f64>,
+    /// λ.
+    pub lambda: f64,
+    /// The equations, with the null vector.
+    pub singular: SingularResponse<O>,
+}
+
+/// The largest error of a null vector; see [`SingularResponse::null_vector_error`].
+const NULL_VECTOR_ERROR: f64 = 1e-7;
+/// Harmonics added until a null vector is good enough: how many at once, and how often.
+const MORE_HARMONICS: (usize, usize) = (2, 16);
+
+/// Newton's method on the extended system of a fold or a period doubling from `guess`, with as many harmonics as its null vector
+/// needs.
+pub(super) fn polish<O: Oscillator + Clone>(
+    response: &ForcedResponse<O>,
+    settings: &Settings,
+    kind: Singularity,
+    guess: &Point,
+) -> Result<Located<O>, AnalysisError> {
+    let lost = AnalysisError::NotLocated { lambda: guess.lambda, to: guess.lambda };
+    let mut balance = response.balance().clone();
+    let coordinate = response.coordinate();
+    if !balance.set_coordinate(coordinate, guess.lambda) {
+        return Err(lost);
+    }
+    let scale = settings.lambda_scale(guess.lambda) / settings.size(&guess.x);
+    let mut singular = SingularResponse::near(balance, kind, coordinate, None, scale, &guess.x)?;
+    let start = singular.join(guess.lambda, &guess.x);
+    let mut walk = Walk::start(&mut singular, *settings, &start, 0.0, 1.0).map_err(|_| lost.clone())?;
+    for _ in 0..MORE_HARMONICS.1 {
+        let (lambda, x) = singular.split(&walk.point().x);
+        if singular.null_vector_error() < NULL_VECTOR_ERROR {
+            return Ok(Located { x: x.to_vec(), lambda, singular });
+        }
+        let harmonics = singular.balance().harmonics() + MORE_HARMONICS.0;
+        singular.set_harmonics(harmonics);
+        walk.resize(&mut singular).map_err(|_| lost.clone())?;
+    }
+    Err(lost)
+}
+
+/// Where a branch of doubled period meets the single one: at a period doubling of that, which is located on it, from the part of
+/// `guess` that has the single period. The solution is given as a motion of doubled period.
+pub(super) fn rejoin<O: Oscillator + Clone>(
+    response: &ForcedResponse<O>,
+    settings: &Settings,
+    guess: &Point,
+) -> Result<Point, AnalysisError> {
+    let balance = response.balance();
+    let harmonics = balance.harmonics() / 2;
+    let frequency_hz = balance.coordinate(Coordinate::FrequencyHz);
+    let single = HarmonicBalance::new(balance.oscillator().clone(), frequency_hz, 1, harmonics);
+    let mut x = guess.x[..2].to_vec();
+    for k in 0..harmonics {
+        x.extend_from_slice(&guess.x[8 * k + 6..8 * k + 10]);
+    }
+    let guess = Point { x, ..guess.clone() };
+    let single = ForcedResponse::new(single, response.coordinate());
+    let located = polish(&single, settings, Singularity::PeriodDoubling, &guess)?;
+    Ok(Point { x: doubled(&located.x), lambda: located.lambda, ..guess })
+}
+
+/// A motion of the excitation's period on the even harmonics of half its frequency.
+pub(super) fn doubled(x: &[f64]) -> Vec<f64> {
+    let mut series = zeros(2 * (x.len() / 4));
+    series[..2].copy_from_slice(&x[..2]);
+    for (k, pair) in x[2..].chunks_exact(4).enumerate() {
+        series[8 * k + 6..8 * k + 10].copy_from_slice(pair);
+    }
+    series
+}
+
+/// The branch point between `ends`, where the bordered determinant is zero, with as many harmonics as the direction of the other
+/// branch needs.
+pub(super) fn branch_point<O: Oscillator + Clone>(
+    response: &ForcedResponse<O>,
+    settings: &Settings,
+    ends: [&Point; 2],
+) -> Result<Point, AnalysisError> {
+    let mut response = response.clone();
+    for _ in 0..MORE_HARMONICS.1 {
+        let mut slices = Slices::new(response.dimension(), settings, ends, Cut::Chord);
+        let ends = [slices.solve(&mut response, ends, 0.0)?, slices.solve(&mut response, ends, 1.0)?];
+        let reference = ends[0].determinant.log_magnitude;
+        let scaled = |point: &Point| point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference);
+        let values = [scaled(&ends[0]), scaled(&ends[1])];
+        let point = search(&mut response, settings, [&ends[0], &ends[1]], values, FINE, |_, point| scaled(point))?;
+        let balance = response.balance().clone();
+        let scale = settings.lambda_scale(point.lambda) / settings.size(&point.x);
+        let nearby = SingularResponse::near(balance, Singularity::Fold, response.coordinate(), None, scale, &point.x);
+        if nearby.is_ok_and(|singular| singular.null_vector_error() < NULL_VECTOR_ERROR) {
+            return Ok(point);
+        }
+        let harmonics = response.balance().harmonics() + MORE_HARMONICS.0;
+        response.set_harmonics(harmonics);
+    }
+    Err(AnalysisError::NotLocated { lambda: ends[0].lambda, to: ends[1].lambda })
+}

@@ -1,0 +1,164 @@
+//! Periodic motions, branches of them, and what happens on the way.
+
+use alloc::vec::Vec;
+
+use nalgebra::Complex;
+
+use super::HarmonicBalance;
+use super::continuation::{Settings, Work};
+use super::floquet::{Floquet, Stability};
+use super::{Coordinate, Oscillator};
+
+/// How far a branch is walked, and how well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BranchOptions {
+    /// The coordinate at the start.
+    pub from: f64,
+    /// The coordinate at the end.
+    pub to: f64,
+    /// The least harmonics of the excitation, 1 or more.
+    pub least_harmonics: usize,
+    /// The most harmonics of the excitation.
+    pub most_harmonics: usize,
+    /// What the truncation to H harmonics may leave out, relative to the size of the motion.
+    pub truncation: f64,
+    /// The most points.
+    pub most_points: usize,
+    /// Steps and scales.
+    pub walk: Settings,
+}
+
+impl BranchOptions {
+    /// From one value to another with the usual settings.
+    pub fn new(from: f64, to: f64) -> BranchOptions {
+        let floor = 0.05 * (to - from).abs();
+        let walk = Settings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..Settings::default() };
+        BranchOptions { from, to, least_harmonics: 3, most_harmonics: 64, truncation: 1e-9, most_points: 20_000, walk }
+    }
+}
+
+impl BranchOptions {
+    /// The end of the interval beyond which a value lies, if it lies beyond one.
+    pub(super) fn left_at(&self, value: f64) -> Option<f64> {
+        let (low, high) = (self.from.min(self.to), self.from.max(self.to));
+        if value < low {
+            Some(low)
+        } else if value > high {
+            Some(high)
+        } else {
+            None
+        }
+    }
+}
+
+/// A periodic motion on a branch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Orbit {
+    /// The coordinate.
+    pub value: f64,
+    /// Ω/2π, Hz.
+    pub frequency_hz: f64,
+    /// The largest |α1| and |α2| over the period, rad.
+    pub amplitude_rad: [f64; 2],
+    /// √(a² + b²) of the component at Ω of α1 and α2, rad.
+    pub harmonic1_rad: [f64; 2],
+    /// Floquet multipliers, the largest first.
+    pub stability: Stability,
+    /// Fourier coefficients, rad: c₀ of α1 and α2, then aₖ of both, bₖ of both, k = 1 … H, of cos kΩt/ν and sin kΩt/ν.
+    pub coefficients: Vec<f64>,
+    /// The arclength from the start, in units of the local size of the motion.
+    pub arclength: f64,
+}
+
+impl Orbit {
+    /// Whether small disturbances die out.
+    pub fn is_stable(&self) -> bool {
+        self.stability.is_stable()
+    }
+
+    /// The Floquet multipliers.
+    pub fn multipliers(&self) -> &[Complex<f64>; 4] {
+        &self.stability.multipliers
+    }
+
+    /// H.
+    pub fn harmonics(&self) -> usize {
+        self.coefficients.len() / 4
+    }
+}
+
+/// Kinds of bifurcation of periodic motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BifurcationKind {
+    /// `fold`: a multiplier passes 1 and the branch turns back (saddle-node, limit point).
+    Fold,
+    /// `period-doubling`: a multiplier passes −1 (flip).
+    PeriodDoubling,
+    /// `neimark-sacker`: a complex pair passes the unit circle (torus).
+    NeimarkSacker,
+    /// `branch-point`: two branches cross.
+    BranchPoint,
+}
+
+impl BifurcationKind {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BifurcationKind::Fold => "fold",
+            BifurcationKind::PeriodDoubling => "period-doubling",
+            BifurcationKind::NeimarkSacker => "neimark-sacker",
+            BifurcationKind::BranchPoint => "branch-point",
+        }
+    }
+}
+
+/// A bifurcation on a branch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bifurcation {
+    /// Its kind.
+    pub kind: BifurcationKind,
+    /// The motion there.
+    pub orbit: Orbit,
+    /// How many points of the branch come before it.
+    pub index: usize,
+    /// The direction of the new motion: for a period doubling the series of frequencies ½, 1½, … that has the multiplier −1,
+    /// for a fold the null vector; empty otherwise.
+    pub null_vector: Vec<f64>,
+}
+
+/// A branch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Branch {
+    /// Its motions in order.
+    pub orbits: Vec<Orbit>,
+    /// Its bifurcations in order.
+    pub bifurcations: Vec<Bifurcation>,
+    /// What the walk has cost, without the location of bifurcations.
+    pub work: Work,
+}
+
+impl Orbit {
+    /// Everything about the motion X of a balance, at the value of a coordinate at which the balance is.
+    pub(super) fn of<O: Oscillator>(
+        balance: &mut HarmonicBalance<O>,
+        floquet: &mut Floquet,
+        x: &[f64],
+        value: f64,
+        arclength: f64,
+    ) -> Orbit {
+        let row = 4 * balance.subharmonic() - 2;
+        let harmonic1_rad = [0, 1].map(|dof| {
+            let (a, b) = (x[row + dof], x[row + 2 + dof]);
+            libm::sqrt(a * a + b * b)
+        });
+        Orbit {
+            value,
+            frequency_hz: balance.coordinate(Coordinate::FrequencyHz),
+            amplitude_rad: balance.largest_rad(x),
+            harmonic1_rad,
+            stability: floquet.stability(balance, x),
+            coefficients: x.to_vec(),
+            arclength,
+        }
+    }
+}

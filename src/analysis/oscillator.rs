@@ -1,0 +1,75 @@
+//! What harmonic balance and Floquet theory need to know about a system.
+
+use nalgebra::{Matrix2, Vector2};
+
+/// Position, velocity and acceleration of both degrees of freedom at one instant, and the phase of the excitation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// x, for the arm α, rad.
+    pub position: Vector2<f64>,
+    /// ẋ, rad/s.
+    pub velocity: Vector2<f64>,
+    /// ẍ, rad/s².
+    pub acceleration: Vector2<f64>,
+    /// sin Ωt.
+    pub sine: f64,
+    /// cos Ωt.
+    pub cosine: f64,
+}
+
+/// The unbalanced force at an instant and its derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Linearisation {
+    /// r, zero along a motion of the system.
+    pub unbalance: Vector2<f64>,
+    /// S = ∂r/∂x.
+    pub by_position: Matrix2<f64>,
+    /// G = ∂r/∂ẋ.
+    pub by_velocity: Matrix2<f64>,
+    /// M = ∂r/∂ẍ, invertible.
+    pub by_acceleration: Matrix2<f64>,
+}
+
+/// A natural frequency and its damping.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinearMode {
+    /// ω, rad/s.
+    pub frequency_rad_s: f64,
+    /// ζ.
+    pub damping_ratio: f64,
+    /// The mode shape φ, of unit length.
+    pub shape: Vector2<f64>,
+}
+
+/// A system of two degrees of freedom under a harmonic excitation: r(x, ẋ, ẍ, Ωt; p) = 0.
+///
+/// Nothing more is known of it. A system of one degree of freedom carries a second, uncoupled one.
+pub trait Oscillator {
+    /// Names a parameter p that can be varied.
+    type Parameter: Copy + core::fmt::Debug + PartialEq;
+
+    /// The value of a parameter.
+    fn parameter(&self, which: Self::Parameter) -> f64;
+
+    /// Sets a parameter, and says whether such a system exists; if not it stays as it was.
+    #[must_use]
+    fn set_parameter(&mut self, which: Self::Parameter, value: f64) -> bool;
+
+    /// r.
+    fn unbalance(&self, at: &Instant) -> Vector2<f64>;
+
+    /// r and its derivatives by the motion.
+    fn linearise(&self, at: &Instant) -> Linearisation;
+
+    /// ∂r/∂p.
+    fn by_parameter(&self, which: Self::Parameter, at: &Instant) -> Vector2<f64>;
+
+    /// A typical stiffness (force per unit of x), positive: residuals are measured in it.
+    fn stiffness_scale(&self) -> f64;
+
+    /// The modes of the linear part, the slower first.
+    fn modes(&self) -> [LinearMode; 2];
+
+    /// The generalised force of the excitation about rest, up to a positive factor: the crest of the sine.
+    fn load_direction(&self) -> Vector2<f64>;
+}
