@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use thiserror::Error;
 
+use crate::analysis::AnalysisError;
 use crate::arm::ArmError;
 use crate::bus::BusError;
 use crate::integrate::IntegrateError;
@@ -55,6 +56,8 @@ pub(super) enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Plot(#[from] PlotError),
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
     #[error("can't write to standard output: {0}")]
@@ -96,6 +99,8 @@ impl Failure {
             Failure::Replay(ReplayError::Recording(error)) => recording(error),
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Run(error) => run(error),
+            Failure::Analysis(AnalysisError::Interval { .. }) => Exit::Usage,
+            Failure::Analysis(_) => Exit::Negative,
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
             _ => Exit::Usage,
         }

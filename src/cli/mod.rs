@@ -3,6 +3,8 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input,
 //! 3 the environment lacks something.
 
+mod branch_plot;
+mod continuation;
 mod demo;
 mod demo_report;
 mod doctor;
@@ -51,6 +53,7 @@ enum Command {
     Simulate(simulate::Simulate),
     Modes(modes::Modes),
     Frf(frf::Frf),
+    Continue(continuation::Continue),
     Replay(replay::Replay),
     Resim(resim::Resim),
     Inspect(inspect::Inspect),
@@ -68,6 +71,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(command) => command.execute(),
         Command::Modes(command) => command.execute(),
         Command::Frf(command) => command.execute(),
+        Command::Continue(command) => command.execute(),
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
         Command::Inspect(command) => command.execute(),

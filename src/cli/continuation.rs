@@ -1,0 +1,335 @@
+//! `resonarm continue`: branches of periodic motions, their stability and bifurcations.
+
+use core::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::branch_plot;
+use super::failure::{Failure, Verdict};
+use super::flags::ArmFlags;
+use super::output;
+use crate::analysis::{
+    ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace,
+    trace_doubled,
+};
+use crate::arm::{Arm, Load};
+use crate::realtime::{Clock, SystemClock};
+use crate::scenario::Scenario;
+
+/// Follows periodic motions of the forced arm in a parameter, with stability and bifurcations, around folds.
+#[derive(Debug, Args)]
+pub(super) struct Continue {
+    #[command(flatten)]
+    arm: ArmFlags,
+    #[command(flatten)]
+    drive: DriveFlags,
+    /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it.
+    #[arg(long, value_name = "NAME", default_value = "frequency")]
+    parameter: String,
+    #[command(flatten)]
+    range: RangeFlags,
+    /// Excitation frequency where it does not vary, Hz.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    frequency_hz: Option<f64>,
+    /// Follow the doubled branches that leave at period doublings, too.
+    #[arg(long)]
+    doubled: bool,
+    /// Plot to STEM.svg and STEM.png.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The excitation A·sin(2πft): torque at joint 1, or a force at the tip.
+#[derive(Clone, Debug, Args)]
+pub(super) struct DriveFlags {
+    /// Torque at joint 1, N·m.
+    #[arg(long, value_name = "A", allow_hyphen_values = true, conflicts_with_all = ["force_x_n", "force_y_n"])]
+    pub torque1_nm: Option<f64>,
+    /// Force at point C along x, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    pub force_x_n: Option<f64>,
+    /// Force at point C along y, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    pub force_y_n: Option<f64>,
+}
+
+/// The interval of what varies, in its unit.
+#[derive(Clone, Debug, Args)]
+struct RangeFlags {
+    /// First frequency, Hz.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    from_hz: Option<f64>,
+    /// Last frequency, Hz; below the first for a walk down.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    to_hz: Option<f64>,
+    /// First torque amplitude, N·m.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    from_nm: Option<f64>,
+    /// Last torque amplitude, N·m.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    to_nm: Option<f64>,
+    /// First force amplitude, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    from_n: Option<f64>,
+    /// Last force amplitude, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    to_n: Option<f64>,
+    /// First angle, degrees.
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    from_deg: Option<f64>,
+    /// Last angle, degrees.
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    to_deg: Option<f64>,
+    /// First value of a parameter of the arm, in its own SI unit.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Last value of a parameter of the arm.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    to: Option<f64>,
+}
+
+/// The parameters of the arm by their names in a scenario.
+const ARM_PARAMETERS: [(&str, ArmParameter); 10] = [
+    ("inertia1_kg_m2", ArmParameter::Inertia1),
+    ("inertia2_kg_m2", ArmParameter::Inertia2),
+    ("mass2_kg", ArmParameter::Mass2),
+    ("length1_m", ArmParameter::Length1),
+    ("length2_m", ArmParameter::Length2),
+    ("centre2_m", ArmParameter::Centre2),
+    ("stiffness1_nm_rad", ArmParameter::Stiffness1),
+    ("stiffness2_nm_rad", ArmParameter::Stiffness2),
+    ("damping1_nm_s_rad", ArmParameter::Damping1),
+    ("damping2_nm_s_rad", ArmParameter::Damping2),
+];
+
+/// What varies, with its name in results.
+struct Varied {
+    name: &'static str,
+    coordinate: Coordinate<ArmParameter>,
+    from: f64,
+    to: f64,
+}
+
+#[derive(Serialize)]
+struct Document {
+    points: Vec<Value>,
+    bifurcations: Vec<Value>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    doubled: Vec<DoubledBranch>,
+    wall_s: f64,
+}
+
+#[derive(Serialize)]
+struct DoubledBranch {
+    points: Vec<Value>,
+    bifurcations: Vec<Value>,
+}
+
+impl DriveFlags {
+    /// The direction of the load, with a largest component of 1, and its amplitude.
+    pub fn direction(&self) -> Result<(Load, f64), Failure> {
+        let load = match (self.torque1_nm, self.force_x_n, self.force_y_n) {
+            (Some(torque), None, None) => Load::torque_nm(torque, 0.0),
+            (None, x, y) if x.is_some() || y.is_some() => Load::force_n(x.unwrap_or(0.0), y.unwrap_or(0.0)),
+            _ => {
+                return Err(Failure::Usage(String::from(
+                    "give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A",
+                )));
+            }
+        };
+        let amplitude = if self.torque1_nm.is_some() { load.torque_nm.x.abs() } else { load.force_n.norm() };
+        if !amplitude.is_finite() || amplitude == 0.0 {
+            return Err(Failure::Usage(format!(
+                "the excitation's amplitude is {amplitude}: it must be a number other than 0"
+            )));
+        }
+        Ok((load.scaled(1.0 / amplitude), amplitude))
+    }
+
+    fn is_torque(&self) -> bool {
+        self.torque1_nm.is_some()
+    }
+}
+
+impl Continue {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        let arm = scenario.build_arm()?;
+        let clock = SystemClock;
+        let start_ns = clock.now_ns();
+        let varied = self.varied()?;
+        let (forced, frequency_hz) = self.forced_arm(arm, &varied)?;
+        let options = BranchOptions::new(varied.from, varied.to);
+        let branch = trace(forced.clone(), frequency_hz, varied.coordinate, &options)?;
+        let mut doubled = Vec::new();
+        if self.doubled {
+            for bifurcation in branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::PeriodDoubling) {
+                doubled.push(trace_doubled(forced.clone(), bifurcation, varied.coordinate, &options)?);
+            }
+        }
+        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        if let Some(stem) = &self.plot {
+            let branches: Vec<&Branch> = core::iter::once(&branch).chain(&doubled).collect();
+            branch_plot::figure(&scenario, &self.axis_label(&varied), &branches).write(stem)?;
+        }
+        if self.json {
+            let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(&varied, orbit)).collect();
+            let events =
+                |branch: &Branch| branch.bifurcations.iter().map(|event| bifurcation(&varied, event)).collect();
+            output::print_json(&Document {
+                points: points(&branch),
+                bifurcations: events(&branch),
+                doubled: doubled
+                    .iter()
+                    .map(|branch| DoubledBranch { points: points(branch), bifurcations: events(branch) })
+                    .collect(),
+                wall_s,
+            })?;
+        } else {
+            output::print(&text(&varied, &branch, &doubled, wall_s))?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    /// The forced arm at the start, and its excitation frequency.
+    fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
+        let drive = match (&self.drive, varied.coordinate) {
+            // An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
+            (drive, Coordinate::Parameter(ArmParameter::Amplitude))
+                if drive.force_x_n.is_none() && drive.force_y_n.is_none() =>
+            {
+                DriveFlags { torque1_nm: Some(1.0), ..drive.clone() }
+            }
+            (drive, _) => drive.clone(),
+        };
+        let (direction, amplitude) = drive.direction()?;
+        let frequency_hz = match (varied.coordinate, self.frequency_hz) {
+            (Coordinate::FrequencyHz, None) => varied.from,
+            (Coordinate::FrequencyHz, Some(_)) => {
+                return Err(Failure::Usage(String::from(
+                    "--frequency-hz is for runs in another parameter: leave it out",
+                )));
+            }
+            (_, Some(hz)) if hz.is_finite() && hz > 0.0 => hz,
+            (_, got) => {
+                let got = got.map_or(String::from("missing"), |hz| hz.to_string());
+                return Err(Failure::Usage(format!("--frequency-hz is {got}: it must be a positive number")));
+            }
+        };
+        Ok((ForcedArm::new(arm, direction, amplitude), frequency_hz))
+    }
+
+    fn varied(&self) -> Result<Varied, Failure> {
+        let range = &self.range;
+        let varied = |name, coordinate, flags: &str, ends: (Option<f64>, Option<f64>)| match ends {
+            (Some(from), Some(to)) => Ok(Varied { name, coordinate, from, to }),
+            _ => Err(Failure::Usage(format!("--parameter {} needs its interval: {flags}", self.parameter))),
+        };
+        let parameter = Coordinate::Parameter;
+        match self.parameter.as_str() {
+            "frequency" => {
+                varied("frequency_hz", Coordinate::FrequencyHz, "--from-hz a --to-hz b", (range.from_hz, range.to_hz))
+            }
+            "amplitude"
+                if self.drive.is_torque() || (self.drive.force_x_n.is_none() && self.drive.force_y_n.is_none()) =>
+            {
+                let ends = (range.from_nm, range.to_nm);
+                varied("torque1_nm", parameter(ArmParameter::Amplitude), "--from-nm a --to-nm b", ends)
+            }
+            "amplitude" => {
+                varied("force_n", parameter(ArmParameter::Amplitude), "--from-n a --to-n b", (range.from_n, range.to_n))
+            }
+            "beta1_deg" => {
+                let ends = (range.from_deg, range.to_deg);
+                varied("beta1_deg", parameter(ArmParameter::Beta1Deg), "--from-deg a --to-deg b", ends)
+            }
+            "beta2_deg" => {
+                let ends = (range.from_deg, range.to_deg);
+                varied("beta2_deg", parameter(ArmParameter::Beta2Deg), "--from-deg a --to-deg b", ends)
+            }
+            other => match ARM_PARAMETERS.into_iter().find(|(name, _)| *name == other) {
+                Some((name, which)) => varied(name, parameter(which), "--from a --to b", (range.from, range.to)),
+                None => Err(unknown_parameter(other)),
+            },
+        }
+    }
+
+    fn axis_label(&self, varied: &Varied) -> String {
+        match varied.name {
+            "frequency_hz" => String::from("excitation frequency (Hz)"),
+            "torque1_nm" => String::from("torque at joint 1 (N·m)"),
+            "force_n" => String::from("force at C (N)"),
+            "beta1_deg" => String::from("β1 (°)"),
+            "beta2_deg" => String::from("β2 (°)"),
+            other => String::from(other),
+        }
+    }
+}
+
+fn unknown_parameter(got: &str) -> Failure {
+    let known = ["frequency", "amplitude", "beta1_deg", "beta2_deg"].into_iter();
+    let known: Vec<&str> = known.chain(ARM_PARAMETERS.iter().map(|(name, _)| *name)).collect();
+    Failure::Usage(format!("--parameter is `{got}`: it must be one of {}", known.join(", ")))
+}
+
+/// A motion as JSON; what varies stands beside the frequency.
+fn point(varied: &Varied, orbit: &Orbit) -> Value {
+    let mut map = place(varied, orbit);
+    let multipliers: Vec<[f64; 2]> = orbit.multipliers().iter().map(|z| [z.re, z.im]).collect();
+    map.insert(String::from("amplitude_rad"), json!(orbit.amplitude_rad));
+    map.insert(String::from("harmonic1_rad"), json!(orbit.harmonic1_rad));
+    map.insert(String::from("stable"), json!(orbit.is_stable()));
+    map.insert(String::from("multipliers"), json!(multipliers));
+    Value::Object(map)
+}
+
+fn bifurcation(varied: &Varied, bifurcation: &Bifurcation) -> Value {
+    let mut map = place(varied, &bifurcation.orbit);
+    map.insert(String::from("kind"), json!(bifurcation.kind.name()));
+    map.insert(String::from("harmonic1_rad"), json!(bifurcation.orbit.harmonic1_rad));
+    map.insert(String::from("amplitude_rad"), json!(bifurcation.orbit.amplitude_rad));
+    Value::Object(map)
+}
+
+fn place(varied: &Varied, orbit: &Orbit) -> Map<String, Value> {
+    let mut map = Map::new();
+    map.insert(String::from("frequency_hz"), json!(orbit.frequency_hz));
+    map.insert(String::from(varied.name), json!(orbit.value));
+    map
+}
+
+fn text(varied: &Varied, branch: &Branch, doubled: &[Branch], wall_s: f64) -> String {
+    let mut text = String::new();
+    for (k, branch) in core::iter::once(branch).chain(doubled).enumerate() {
+        let unstable = branch.orbits.iter().filter(|orbit| !orbit.is_stable()).count();
+        let which = if k == 0 { String::from("branch") } else { format!("doubled branch {k}") };
+        let largest = branch.orbits.iter().fold([0.0_f64; 2], |largest, orbit| {
+            [largest[0].max(orbit.amplitude_rad[0]), largest[1].max(orbit.amplitude_rad[1])]
+        });
+        let _infallible = writeln!(
+            text,
+            "{which}: {} motions, {unstable} of them unstable; largest |α1| {:.6} rad, |α2| {:.6} rad",
+            branch.orbits.len(),
+            largest[0],
+            largest[1]
+        );
+        for event in &branch.bifurcations {
+            let [h1, h2] = event.orbit.harmonic1_rad;
+            let _infallible = writeln!(
+                text,
+                "  {:16} {} = {:.9}   first harmonic α1 {h1:.9} rad, α2 {h2:.9} rad",
+                event.kind.name(),
+                varied.name,
+                event.orbit.value
+            );
+        }
+    }
+    let _infallible = writeln!(text, "in {wall_s:.3} s");
+    text
+}
