@@ -27,8 +27,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for beta2_deg in [0.0, 30.0, 60.0, 90.0, 120.0, 150.0] {
         let start = Instant::now();
         let result = branch(beta2_deg, 0.5, 80.0);
-        let result = match result { Ok(r) => r, Err(e) => { println!("{beta2_deg}: {e}"); continue } };
-        println!("{beta2_deg}: {} points in {:.1} ms {:?}", result.orbits.len(), start.elapsed().as_secs_f64() * 1e3, result.work);
+        let result = match result {
+            Ok(r) => r,
+            Err(e) => {
+                println!("{beta2_deg}: {e}");
+                continue;
+            }
+        };
+        println!(
+            "{beta2_deg}: {} points in {:.1} ms {:?}",
+            result.orbits.len(),
+            start.elapsed().as_secs_f64() * 1e3,
+            result.work
+        );
         for b in &result.bifurcations {
             println!("  {:?} {:.7} Hz {:.4}", b.kind, b.orbit.frequency_hz, b.orbit.harmonic1_rad[0]);
         }

@@ -15,7 +15,9 @@ pub enum AnalysisError {
         size: usize,
     },
     /// There is no solution where one was looked for.
-    #[error("no solution at {lambda:.6}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
+    #[error(
+        "no solution at {lambda:.6}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation"
+    )]
     NoSolution {
         /// λ.
         lambda: f64,
@@ -46,9 +48,7 @@ pub enum AnalysisError {
         to: f64,
     },
     /// The series of a motion does not end.
-    #[error(
-        "at {lambda:.6} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation"
-    )]
+    #[error("at {lambda:.6} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation")]
     TooManyHarmonics {
         /// λ.
         lambda: f64,
@@ -56,7 +56,9 @@ pub enum AnalysisError {
         harmonics: usize,
     },
     /// A branch has more points than were allowed.
-    #[error("the branch has more than {points} points and has come to {lambda:.6}; try to allow more points or larger steps")]
+    #[error(
+        "the branch has more than {points} points and has come to {lambda:.6}; try to allow more points or larger steps"
+    )]
     TooManyPoints {
         /// The most that was allowed.
         points: usize,
@@ -64,7 +66,9 @@ pub enum AnalysisError {
         lambda: f64,
     },
     /// The interval is none.
-    #[error("the interval from {from} to {to} can't be walked: both ends must be numbers, different, and inside {domain}")]
+    #[error(
+        "the interval from {from} to {to} can't be walked: both ends must be numbers, different, and inside {domain}"
+    )]
     Interval {
         /// Where the walk was to start.
         from: f64,

@@ -88,7 +88,8 @@ impl Stability {
     pub fn neimark_sacker_test(&self) -> f64 {
         let mu = &self.multipliers;
         let pairs = (0..4).flat_map(|i| (i + 1..4).map(move |j| mu[i] * mu[j] - 1.0));
-        let factors = pairs.map(|factor| if factor.norm_sqr() < ROUNDING * ROUNDING { Complex::new(0.0, 0.0) } else { factor });
+        let factors =
+            pairs.map(|factor| if factor.norm_sqr() < ROUNDING * ROUNDING { Complex::new(0.0, 0.0) } else { factor });
         factors.product::<Complex<f64>>().re
     }
 }
@@ -236,9 +237,7 @@ fn eliminate<const N: usize, const W: usize>(rows: &mut [[f64; W]; N]) {
     }
     for k in (0..N).rev() {
         let inverse = 1.0 / rows[k][k];
-        for at in N..W {
-            rows[k][at] *= inverse;
-        }
+        rows[k][N..].iter_mut().for_each(|value| *value *= inverse);
         let solved = rows[k];
         for row in rows.iter_mut().take(k) {
             let factor = row[k];

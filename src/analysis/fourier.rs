@@ -70,7 +70,8 @@ impl Basis {
         let starts: Vec<_> = phases_rad.map(|phase| (libm::sincos(lowest * phase), libm::sincos(phase))).collect();
         let samples = starts.len();
         let size = harmonics.count() * samples;
-        let mut basis = Basis { harmonics, samples, cosines: Vec::with_capacity(size), sines: Vec::with_capacity(size) };
+        let mut basis =
+            Basis { harmonics, samples, cosines: Vec::with_capacity(size), sines: Vec::with_capacity(size) };
         for i in 0..harmonics.count() {
             for (j, &((sine, cosine), (s, c))) in starts.iter().enumerate() {
                 let (next_cosine, next_sine) = if i == 0 {

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use super::adapt::Spectral;
 use super::continuation::{Cut, Point, Settings, Slices, System, Walk};
-use super::extended::{Singularity, SingularResponse};
+use super::extended::{SingularResponse, Singularity};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
 

@@ -6,8 +6,9 @@ mod branch;
 pub mod continuation;
 mod curve;
 mod dense;
-mod extended;
+mod detect;
 mod error;
+mod extended;
 mod floquet;
 mod forced_arm;
 mod fourier;
@@ -17,17 +18,18 @@ mod orbit;
 mod oscillator;
 mod response;
 mod spectrum;
+mod start;
 
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
 pub use branch::{trace, trace_doubled};
 pub use curve::{SingularPoint, trace_singular};
-pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
-pub use extended::{SingularResponse, Singularity};
 pub use error::AnalysisError;
+pub use extended::{SingularResponse, Singularity};
+pub use floquet::{Floquet, Stability};
 pub use forced_arm::{ArmParameter, ForcedArm};
 pub use harmonic_balance::{Coordinate, HarmonicBalance};
+pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
-pub use floquet::{Floquet, Stability};
 pub use response::ForcedResponse;
 
 #[cfg(test)]
