@@ -237,9 +237,7 @@ fn eliminate<const N: usize, const W: usize>(rows: &mut [[f64; W]; N]) {
     }
     for k in (0..N).rev() {
         let inverse = 1.0 / rows[k][k];
-        for at in N..W {
-            rows[k][at] *= inverse;
-        }
+        rows[k][N..].iter_mut().for_each(|value| *value *= inverse);
         let solved = rows[k];
         for row in rows.iter_mut().take(k) {
             let factor = row[k];

@@ -199,8 +199,8 @@ impl<O: Oscillator> HarmonicBalance<O> {
     /// ∂R/∂λ.
     pub fn by_coordinate(&mut self, which: Coordinate<O::Parameter>, out: &mut [f64]) {
         let mut signal = core::mem::take(&mut self.unbalance);
-        for j in 0..self.basis.samples() {
-            let value = self.by_coordinate_at(which, &self.instant(j), &self.linear[j]);
+        for (j, linear) in self.linear.iter().enumerate() {
+            let value = self.by_coordinate_at(which, &self.instant(j), linear);
             (signal[0][j], signal[1][j]) = (value.x, value.y);
         }
         self.project(&signal, out);

@@ -9,6 +9,7 @@ mod branch;
 pub mod continuation;
 mod curve;
 mod dense;
+mod detect;
 mod error;
 mod extended;
 mod floquet;
@@ -22,6 +23,7 @@ mod orbit;
 mod oscillator;
 mod response;
 mod spectrum;
+mod start;
 
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
 pub use branch::{trace, trace_doubled};

@@ -1,0 +1,104 @@
+//! Points of a branch between two that are known.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::newton::{PATIENT_LIMIT, Plane, Solver};
+use super::{Point, Settings, System};
+use crate::analysis::AnalysisError;
+use crate::analysis::dense::norm;
+
+/// Where a branch is cut between two of its points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::analysis) enum Cut {
+    /// By planes that are perpendicular to their chord.
+    Chord,
+    /// At values of λ.
+    Parameter,
+}
+
+/// Planes between two points of a branch, to solve for points in between.
+#[derive(Clone, Debug)]
+pub(in crate::analysis) struct Slices {
+    sigma: f64,
+    size: f64,
+    normal: Vec<f64>,
+    n: usize,
+    solver: Solver,
+}
+
+impl Slices {
+    /// Planes between `a` and `b` for a system of n unknowns.
+    pub fn new(n: usize, settings: &Settings, [a, b]: [&Point; 2], cut: Cut) -> Slices {
+        let size = settings.size(&a.x).max(settings.size(&b.x));
+        let sigma = size / settings.lambda_scale(a.lambda);
+        let mut slices = Slices { sigma, size, normal: vec![], n, solver: Solver::default() };
+        slices.normal = slices.z(a).iter().zip(&slices.z(b)).map(|(a, b)| b - a).collect();
+        if cut == Cut::Parameter {
+            slices.normal[..n].fill(0.0);
+        }
+        let length = norm(&slices.normal);
+        slices.normal.iter_mut().for_each(|value| *value /= length);
+        slices
+    }
+
+    fn z(&self, point: &Point) -> Vec<f64> {
+        let mut z = point.x.clone();
+        z.resize(self.n, 0.0);
+        z.push(self.sigma * point.lambda);
+        z
+    }
+
+    /// The point a + fraction · (b − a), with the tangent of a.
+    pub fn mix(&self, [a, b]: [&Point; 2], fraction: f64) -> Point {
+        let between = |a: f64, b: f64| a + fraction * (b - a);
+        Point {
+            x: self.z(a)[..self.n].iter().zip(&self.z(b)).map(|(a, b)| between(*a, *b)).collect(),
+            lambda: between(a.lambda, b.lambda),
+            arclength: between(a.arclength, b.arclength),
+            ..a.clone()
+        }
+    }
+
+    /// The point of the branch in the plane through a + fraction · (b − a), starting from there.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method does not find it.
+    pub fn solve(
+        &mut self,
+        system: &mut impl System,
+        [a, b]: [&Point; 2],
+        fraction: f64,
+    ) -> Result<Point, AnalysisError> {
+        let (n, sigma) = (self.n, self.sigma);
+        let through: Vec<f64> = self.z(a).iter().zip(&self.z(b)).map(|(a, b)| a + fraction * (b - a)).collect();
+        let plane = Plane { normal: &self.normal, through: &through, sigma };
+        let mut tangent = Vec::new();
+        self.solver
+            .correct_within(PATIENT_LIMIT, system, &plane, self.size)
+            .and_then(|_| self.solver.tangent(&mut tangent, n))
+            .map_err(|refusal| AnalysisError::NoSolution { lambda: through[n] / sigma, refusal })?;
+        Ok(Point {
+            x: self.solver.z[..n].to_vec(),
+            lambda: self.solver.z[n] / sigma,
+            arclength: a.arclength + fraction * (b.arclength - a.arclength),
+            tangent,
+            determinant: self.solver.determinant(),
+        })
+    }
+}
+
+/// The point of the branch between `a` and `b` at a value of λ.
+///
+/// # Errors
+/// [`AnalysisError::NoSolution`] if Newton's method does not find it.
+pub(in crate::analysis) fn at_parameter(
+    system: &mut impl System,
+    settings: &Settings,
+    ends: [&Point; 2],
+    lambda: f64,
+) -> Result<Point, AnalysisError> {
+    let fraction = (lambda - ends[0].lambda) / (ends[1].lambda - ends[0].lambda);
+    let mut slices = Slices::new(system.dimension(), settings, ends, Cut::Parameter);
+    Ok(Point { lambda, ..slices.solve(system, ends, fraction)? })
+}

@@ -1,0 +1,190 @@
+//! What happens between the points of a branch.
+//!
+//! Each kind of bifurcation has a test function that changes sign at it. Where it has changed between two points, the
+//! bifurcation is located there. Two of a kind between two points leave the sign as it was; but then the function has come near
+//! zero and gone away again, so a smallest magnitude at the middle one of three points is followed down.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::adapt::Spectral;
+use super::branch::{Marked, Tracer};
+use super::continuation::{Cut, Point, Slices, System};
+use super::extended::Singularity;
+use super::floquet::Stability;
+use super::locate::{COARSE, FINE, branch_point, polish, rejoin, search};
+use super::orbit::{Bifurcation, BifurcationKind};
+use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
+
+use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
+
+/// Two branches meet in a segment if they do within this distance of its end, in units of Λ.
+const REACH: f64 = 0.1;
+/// The most steps down to a smallest magnitude.
+const DESCENT_LIMIT: usize = 8;
+/// The descent ends when a parabola promises less than this fraction of the value.
+const PROMISE: f64 = 0.2;
+
+/// dλ along the branch: zero at a fold.
+fn direction(point: &Point) -> f64 {
+    point.tangent.last().copied().unwrap_or(0.0)
+}
+
+/// The test function of a kind at a point.
+fn value(kind: BifurcationKind, point: &Point, stability: &Stability) -> f64 {
+    match kind {
+        BranchPoint => point.determinant.sign,
+        Fold => direction(point),
+        PeriodDoubling => stability.period_doubling_test(),
+        NeimarkSacker => stability.neimark_sacker_test(),
+    }
+}
+
+/// The same at a point whose stability is not known.
+fn test<O: Oscillator>(
+    kind: BifurcationKind,
+    response: &mut ForcedResponse<O>,
+    floquet: &mut Floquet,
+    point: &Point,
+) -> f64 {
+    if kind == Fold {
+        return direction(point);
+    }
+    let coordinate = response.coordinate();
+    let balance = response.balance_mut();
+    if !balance.set_coordinate(coordinate, point.lambda) {
+        return f64::NAN;
+    }
+    value(kind, point, &floquet.stability(balance, &point.x))
+}
+
+fn crosses(values: [f64; 2]) -> bool {
+    values[0] * values[1] < 0.0
+}
+
+impl<O: Oscillator + Clone> Tracer<'_, O> {
+    /// Locates what has happened between two neighbouring points, and what may have happened twice by the first of them.
+    pub fn detect(&mut self, older: Option<&Marked>, a: &Marked, b: &Marked) -> Result<(), AnalysisError> {
+        let turned = crosses([a, b].map(|marked| marked.point.determinant.sign));
+        for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
+            let at = |marked: &Marked| value(kind, &marked.point, &marked.orbit.stability);
+            let values = [at(a), at(b)];
+            if crosses(values) {
+                // A branch that ends in the side of another turns back there: a branch point, and no fold of its own.
+                if !(kind == Fold && turned) {
+                    self.locate(kind, [&a.point, &b.point], values)?;
+                }
+            } else if let Some(older) = older.filter(|_| kind != BranchPoint) {
+                let values = [at(older), values[0], values[1]];
+                if !crosses([values[0], values[1]]) {
+                    self.descend(kind, [&older.point, &a.point, &b.point], values)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// If the magnitude is smallest at the middle one of three points, follows it down by parabolas; if the sign changes on the
+    /// way, locates the bifurcations on both sides.
+    fn descend(&mut self, kind: BifurcationKind, points: [&Point; 3], values: [f64; 3]) -> Result<(), AnalysisError> {
+        let sign = values[1].signum();
+        let mut f = values.map(|value| value * sign);
+        let mut points = points.map(Clone::clone);
+        for _ in 0..DESCENT_LIMIT {
+            let s = [0, 1, 2].map(|i| points[i].arclength);
+            let Some((lowest, promised)) = vertex(s, f) else { return Ok(()) };
+            if promised > (1.0 - PROMISE) * f[1] {
+                return Ok(());
+            }
+            let half = usize::from(lowest > s[1]);
+            let ends = [&points[half], &points[half + 1]];
+            let mut slices = Slices::new(self.response.dimension(), &self.options.walk, ends, Cut::Chord);
+            let fraction = (lowest - s[half]) / (s[half + 1] - s[half]);
+            let point = slices.solve(&mut self.response, ends, fraction)?;
+            let new = sign * test(kind, &mut self.response, &mut self.floquet, &point);
+            if new < 0.0 {
+                self.locate(kind, [&points[half], &point], [sign * f[half], sign * new])?;
+                return self.locate(kind, [&point, &points[half + 1]], [sign * new, sign * f[half + 1]]);
+            }
+            // Three points again, the lowest in the middle: the new one goes there, or takes the place of an outer one.
+            let outer = if new < f[1] { 2 * (1 - half) } else { 2 * half };
+            if new < f[1] {
+                points.swap(outer, 1);
+                f.swap(outer, 1);
+                (points[1], f[1]) = (point, new);
+            } else {
+                (points[outer], f[outer]) = (point, new);
+            }
+        }
+        Ok(())
+    }
+
+    /// Locates a bifurcation between two points of the branch.
+    fn locate(&mut self, kind: BifurcationKind, ends: [&Point; 2], values: [f64; 2]) -> Result<(), AnalysisError> {
+        let settings = &self.options.walk;
+        let tolerance = if kind == NeimarkSacker { FINE } else { COARSE };
+        let (point, null_vector) = if kind == BranchPoint {
+            (self.crossing(ends)?, vec![])
+        } else {
+            let floquet = &mut self.floquet;
+            let function = |response: &mut ForcedResponse<O>, point: &Point| test(kind, response, floquet, point);
+            let guess = search(&mut self.response, settings, ends, values, tolerance, function)?;
+            match kind {
+                Fold => self.polished(Singularity::Fold, &guess)?,
+                PeriodDoubling => self.polished(Singularity::PeriodDoubling, &guess)?,
+                _ => (guess, vec![]),
+            }
+        };
+        let orbit = self.orbit(&point.x, point.lambda, point.arclength);
+        if kind != NeimarkSacker || has_pair_on_the_circle(&orbit.stability) {
+            self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0, null_vector });
+        }
+        Ok(())
+    }
+
+    /// The solution of the extended system near `guess`, with its null vector.
+    fn polished(&self, kind: Singularity, guess: &Point) -> Result<(Point, Vec<f64>), AnalysisError> {
+        let located = polish(&self.response, &self.options.walk, kind, guess)?;
+        let null_vector = located.singular.null_vector().to_vec();
+        Ok((Point { x: located.x, lambda: located.lambda, ..guess.clone() }, null_vector))
+    }
+
+    /// A branch point: for a branch of doubled period first where it meets the single one.
+    fn crossing(&mut self, ends: [&Point; 2]) -> Result<Point, AnalysisError> {
+        let settings = &self.options.walk;
+        if self.response.balance().subharmonic() == 2 {
+            let end = ends[1];
+            let reach = REACH * settings.lambda_scale(end.lambda);
+            let joint = rejoin(&self.response, settings, end).ok();
+            if let Some(point) = joint.filter(|point| (point.lambda - end.lambda).abs() <= reach) {
+                self.rejoined = true;
+                return Ok(point);
+            }
+        }
+        branch_point(&self.response, settings, ends)
+    }
+}
+
+/// Where the parabola through three points is lowest, between the outer two, and how low; none if it is not lowest there, or as
+/// good as at the middle point.
+fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<(f64, f64)> {
+    if f[1] > f[0] || f[1] > f[2] || f[1] <= 0.0 {
+        return None;
+    }
+    let slopes = [(f[1] - f[0]) / (s[1] - s[0]), (f[2] - f[1]) / (s[2] - s[1])];
+    let curvature = (slopes[1] - slopes[0]) / (s[2] - s[0]);
+    if curvature.is_nan() || curvature <= 0.0 {
+        return None;
+    }
+    let at_middle = slopes[0] + curvature * (s[1] - s[0]);
+    let lowest = s[1] - 0.5 * at_middle / curvature;
+    let margin = 1e-3 * (s[2] - s[0]);
+    let inside = lowest > s[0] + margin && lowest < s[2] - margin && (lowest - s[1]).abs() > margin;
+    inside.then(|| (lowest, f[1] - 0.25 * at_middle * at_middle / curvature))
+}
+
+/// Whether a pair of multipliers is on the unit circle, and not at ±1: the test function also vanishes where the product of two
+/// real multipliers is 1.
+fn has_pair_on_the_circle(stability: &Stability) -> bool {
+    stability.multipliers.iter().any(|mu| mu.im.abs() > 1e-6 && (mu.norm_sqr() - 1.0).abs() < 2e-6)
+}

@@ -1,0 +1,65 @@
+//! The first motion of a branch.
+
+use super::adapt::{Spectral, adapt};
+use super::continuation::{Walk, at_parameter};
+use super::fourier::zeros;
+use super::orbit::BranchOptions;
+use super::{AnalysisError, Coordinate, ForcedResponse, Oscillator};
+
+/// Where motions are looked for if Newton's method does not find one from rest: at these multiples of the frequency, away from
+/// the resonance that is in the way.
+const DETOURS: [f64; 2] = [0.7, 1.4];
+
+/// Starts a walk at `options.from`: from rest, or, if that is too far, from where a walk in frequency arrives first that starts
+/// away from the resonance, on the side that the walk comes from.
+pub(super) fn enter<O: Oscillator + Clone>(
+    response: &mut ForcedResponse<O>,
+    options: &BranchOptions,
+) -> Result<Walk, AnalysisError> {
+    let direction = options.to - options.from;
+    let rest = zeros(response.balance().harmonics());
+    let first = match Walk::start(response, options.walk, &rest, options.from, direction) {
+        Ok(walk) => return Ok(walk),
+        Err(error) => error,
+    };
+    let mut detours = DETOURS;
+    if response.coordinate() == Coordinate::FrequencyHz && direction < 0.0 {
+        detours.reverse();
+    }
+    for detour in detours {
+        if let Ok(walk) = approach(response, options, detour) {
+            return Ok(walk);
+        }
+    }
+    Err(first)
+}
+
+/// Walks in frequency from `detour` times the frequency wanted to it, and starts there.
+fn approach<O: Oscillator + Clone>(
+    response: &mut ForcedResponse<O>,
+    options: &BranchOptions,
+    detour: f64,
+) -> Result<Walk, AnalysisError> {
+    let coordinate = response.coordinate();
+    let mut balance = response.balance().clone();
+    balance.set_harmonics(options.least_harmonics);
+    let domain = "what the system allows";
+    if !balance.set_coordinate(coordinate, options.from) {
+        return Err(AnalysisError::Interval { from: options.from, to: options.to, domain });
+    }
+    let wanted_hz = balance.coordinate(Coordinate::FrequencyHz);
+    let mut swept = ForcedResponse::new(balance, Coordinate::FrequencyHz);
+    let there = BranchOptions { from: detour * wanted_hz, to: wanted_hz, ..*options };
+    let mut walk = Walk::start(&mut swept, options.walk, &zeros(options.least_harmonics), there.from, 1.0 - detour)?;
+    for _ in 0..options.most_points {
+        adapt(&mut swept, &mut walk, &there)?;
+        let before = walk.point().clone();
+        let after = walk.advance(&mut swept)?;
+        if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
+            let point = at_parameter(&mut swept, &options.walk, [&before, after], wanted_hz)?;
+            response.set_harmonics(swept.balance().harmonics());
+            return Walk::start(response, options.walk, &point.x, options.from, options.to - options.from);
+        }
+    }
+    Err(AnalysisError::TooManyPoints { points: options.most_points, lambda: walk.point().lambda })
+}
