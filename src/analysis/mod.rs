@@ -2,6 +2,7 @@
 
 pub mod frf;
 pub mod modes;
+pub mod time_domain;
 
 pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response};
 pub use modes::{Mode, modes};
