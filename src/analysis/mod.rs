@@ -24,6 +24,7 @@ mod oscillator;
 mod response;
 mod spectrum;
 mod start;
+pub mod time_domain;
 
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
 pub use branch::{trace, trace_doubled};
