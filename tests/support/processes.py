@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import tempfile
 import time
 from pathlib import Path
 
@@ -16,7 +17,7 @@ class Program:
 
     def __init__(self, folder, name, arguments):
         self.name = name
-        self.paths = [Path(folder) / f"{name}.{stream}" for stream in ("stdout", "stderr")]
+        self.paths = [folder / f"{name}.{stream}" for stream in ("stdout", "stderr")]
         with self.paths[0].open("wb") as out, self.paths[1].open("wb") as err:
             words = [str(argument) for argument in arguments]
             self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
@@ -71,20 +72,23 @@ class Program:
 
 
 class Programs:
-    """Starts programs in a folder; at the end of a `with` block none of them is left."""
+    """Starts programs; at the end of a `with` block none of them is left."""
 
-    def __init__(self, folder):
-        self.folder, self.started = Path(folder), []
+    def __init__(self):
+        self.started = []
 
     def __enter__(self):
+        # In memory: candump writes every frame by itself.
+        self.folder = tempfile.TemporaryDirectory(dir="/dev/shm")
         return self
 
     def __exit__(self, *_):
         for program in self.started:
             program.end()
+        self.folder.cleanup()
 
     def start(self, name, *arguments):
-        program = Program(self.folder, f"{len(self.started)}-{name}", arguments)
+        program = Program(Path(self.folder.name), f"{len(self.started)}-{name}", arguments)
         self.started.append(program)
         return program
 

@@ -5,8 +5,9 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
+from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -17,16 +18,41 @@ RECEIVED, SENT = 1, 2
 
 
 class Recording:
-    """A whole recording, every checksum checked and every message decoded by the schema in the file."""
+    """A recording, every checksum checked and every message decoded by the schema in the file."""
 
-    def __init__(self, path):
+    def __init__(self):
         self.topics = defaultdict(list)
+        self.metadata, self.messages = {}, None
+
+    @classmethod
+    def whole(cls, path):
+        self = cls()
         with Path(path).open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
             for _, channel, _, message in reader.iter_decoded_messages():
                 self.topics[channel.topic].append(message)
             self.messages = reader.get_summary().statistics.message_count
             self.metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        return self
+
+    @classmethod
+    def cut_off(cls, path):
+        """What can be read of a recording up to where it ends in the middle of something."""
+        self, factory, schemas, channels = cls(), DecoderFactory(), {}, {}
+        with Path(path).open("rb") as stream:
+            try:
+                for record in StreamReader(stream, validate_crcs=True).records:
+                    if isinstance(record, Schema):
+                        schemas[record.id] = record
+                    elif isinstance(record, Channel):
+                        channels[record.id] = record
+                    elif isinstance(record, Message):
+                        channel = channels[record.channel_id]
+                        decode = factory.decoder_for(channel.message_encoding, schemas[channel.schema_id])
+                        self.topics[channel.topic].append(decode(record.data))
+            except EndOfFile:
+                return self
+        raise AssertionError(f"{path} is whole")
 
     def column(self, topic, names):
         """Quantities at full rate, a row a step; the steps must follow each other from 0 without a gap."""
@@ -52,33 +78,11 @@ class Recording:
     def frames_of(self, direction, identifier):
         return [frame for frame in self.frames if (frame.direction, frame.id) == (direction, identifier)]
 
-    @property
-    def events(self):
-        return [event.name for event in self.topics["/events"]]
+    def event(self, name, after=-1):
+        """The first event of this name after a step."""
+        return next(event for event in self.topics["/events"] if event.name == name and event.step > after)
 
 
 def bits(values):
     """Floating-point numbers as the whole numbers that their bits are."""
     return np.ascontiguousarray(values).view(np.uint64)
-
-
-def last_step_in_chunks(path):
-    """The last step in the whole chunks of a recording that ends in the middle of something."""
-    factory, last = DecoderFactory(), None
-    schemas, channels = {}, {}
-    with Path(path).open("rb") as stream:
-        records = StreamReader(stream, validate_crcs=True).records
-        try:
-            for record in records:
-                match type(record).__name__:
-                    case "Schema":
-                        schemas[record.id] = record
-                    case "Channel":
-                        channels[record.id] = record
-                    case "Message" if channels[record.channel_id].topic == "/plant/steps":
-                        schema = schemas[channels[record.channel_id].schema_id]
-                        batch = factory.decoder_for("protobuf", schema)(record.data)
-                        last = batch.first_step + len(batch.alpha1_rad) - 1
-        except McapError:
-            pass  # where the kill cut it off
-    return last

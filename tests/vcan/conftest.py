@@ -16,8 +16,8 @@ if os.environ.get("RESONARM_TEST_VCAN") is None:
 
 
 @pytest.fixture
-def programs(tmp_path):
-    with Programs(tmp_path) as programs:
+def programs():
+    with Programs() as programs:
         yield programs
 
 
@@ -26,23 +26,23 @@ def session(folder, plant_bus, exciter_bus, scenario, *, candump=None, program=N
     recording = folder / "run.mcap"
     common = ["--mode", "lockstep", "--scenario", scenario, "--json"]
     options = {"program": program} if program else {}
-    with Programs(folder) as programs:
+    with Programs() as programs:
         dump = programs.candump(candump) if candump else None
         plant = programs.resonarm("run", "--bus", plant_bus, *common, "--stop-on-disarm", "--record", recording, **options)
         exciter = programs.resonarm("exciter", "--bus", exciter_bus, *common, **options)
         result = SimpleNamespace(path=recording, exciter=exciter.result(240), plant=plant.result(30))
         if dump:
             result.frames = wire.log(dump)
-    result.recording = Recording(recording)
+    result.recording = Recording.whole(recording)
     return result
 
 
 def free(folder, scenario):
     """The same scenario as one process without a bus."""
     path = folder / "free.mcap"
-    with Programs(folder) as programs:
+    with Programs() as programs:
         run_free = programs.resonarm("run", "--mode", "free", "--scenario", scenario, "--record", path, "--json")
-        return SimpleNamespace(path=path, plant=run_free.result(120), recording=Recording(path))
+        return SimpleNamespace(path=path, plant=run_free.result(120), recording=Recording.whole(path))
 
 
 @pytest.fixture(scope="session")

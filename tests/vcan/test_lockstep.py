@@ -17,14 +17,15 @@ RAMP_S = 1.0
 DWELL_S = 6.0
 COUNT_M_S2 = 0.05
 ARM = LinearArm(beta1_deg=30, beta2_deg=60)
+SENT_BY_PLANT = {message.frame_id for message in wire.DBC.messages if message.senders == ["Plant"]}
 
 
 def test_candump_sees_every_frame_of_both_ends(lockstep):
     plant, exciter = lockstep.plant["bus"], lockstep.exciter["bus"]
     assert len(lockstep.frames) == plant["sent"] + exciter["sent"]
-    assert plant["received"] == exciter["sent"]
-    # The exciter leaves when the plant says that it is disarmed; what the plant sends after that is for nobody.
+    # The last words of each, after the profile, may be for nobody: either may leave first.
     assert plant["sent"] - 10 <= exciter["received"] <= plant["sent"]
+    assert exciter["sent"] - 2 <= plant["received"] <= exciter["sent"]
     for end in (plant, exciter):
         assert (end["dropped"], end["e2e_errors"]) == (0, 0)
 
@@ -86,14 +87,12 @@ def test_the_recording_is_whole_and_says_what_the_bus_saw(lockstep):
         "/plant/steps", "/plant/samples", "/plant/state", "/plant/command", "/plant/sensors", "/can/frames", "/events",
     }  # fmt: skip
     assert len(recording.steps) == lockstep.plant["steps"] + 1
-    for direction, senders in ((SENT, lambda frame: frame.id in SENT_BY_PLANT), (RECEIVED, lambda f: f.id not in SENT_BY_PLANT)):
+    for direction, by_plant, count in ((SENT, True, "sent"), (RECEIVED, False, "received")):
         recorded = [(frame.id, frame.data) for frame in recording.frames if frame.direction == direction]
-        assert recorded == [frame.content for frame in lockstep.frames if senders(frame)]
+        seen = [frame.content for frame in lockstep.frames if (frame.id in SENT_BY_PLANT) == by_plant]
+        assert len(recorded) == lockstep.plant["bus"][count] and recorded == seen[: len(recorded)]
     assert recording.metadata["resonarm.lost"] == {"plant": "0"}
     assert "seed = 2" in recording.metadata["resonarm.configuration"]["scenario"]
-
-
-SENT_BY_PLANT = {message.frame_id for message in wire.DBC.messages if message.senders == ["Plant"]}
 
 
 def test_states_are_those_of_a_free_run_bit_for_bit(lockstep, free_run):
