@@ -74,6 +74,15 @@ fn socketcan_keeps_the_contract() {
     contract::contract(|| (end(), end()), contract::Formats::All);
 }
 
+/// Two ends that python-can opens on the same interface.
+#[cfg(feature = "python-can")]
+#[test]
+fn socketcan_of_python_can_keeps_the_contract() {
+    let address = format!("python-can:interface=socketcan,channel={},fd=true", vcan()).parse().unwrap();
+    let end = || resonarm::bus::open(&address).unwrap();
+    contract::contract(|| (end(), end()), contract::Formats::All);
+}
+
 #[test]
 fn sends_and_receives_without_allocating() {
     let interface = Interface::new("rtalloc");

@@ -22,6 +22,7 @@ mod session;
 mod simulate;
 mod supervise;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -99,5 +100,8 @@ fn log_to_stderr(verbose: u8) {
     };
     let filter =
         EnvFilter::builder().with_default_directive(level.into()).with_env_var("RESONARM_LOG").from_env_lossy();
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    // Colours are for people: none in a file or a pipe, and none where NO_COLOR (no-color.org) asks for none.
+    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    log.with_ansi(colours).with_target(false).init();
 }

@@ -1,0 +1,125 @@
+"""Programs started, waited for and, whatever happens, ended."""
+
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+RESONARM = os.environ.get("RESONARM_BIN", "target/release/resonarm")
+WITH_PYTHON_CAN = os.environ.get("RESONARM_PYTHON_CAN_BIN", RESONARM)
+
+
+class Program:
+    """A running program. Its output goes to files, so that no pipe can fill up."""
+
+    def __init__(self, folder, name, arguments):
+        self.name = name
+        self.paths = [folder / f"{name}.{stream}" for stream in ("stdout", "stderr")]
+        with self.paths[0].open("wb") as out, self.paths[1].open("wb") as err:
+            words = [str(argument) for argument in arguments]
+            self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
+
+    @property
+    def stdout(self):
+        return self.paths[0].read_text()
+
+    @property
+    def stderr(self):
+        return self.paths[1].read_text()
+
+    def running(self):
+        return self.process.poll() is None
+
+    def wait(self, timeout_s=60):
+        """The exit code."""
+        try:
+            return self.process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self.end()
+            raise AssertionError(f"{self.name} did not end within {timeout_s} s: {self.stderr}") from None
+
+    def result(self, timeout_s=60, code=0):
+        """Its one JSON document, after it has ended with `code`."""
+        ended = self.wait(timeout_s)
+        assert ended == code, f"{self.name} ended with {ended}: {self.stdout}{self.stderr}"
+        return json.loads(self.stdout)
+
+    def settle(self):
+        """Waits until its output has not grown for half a second."""
+        size, since = -1, time.monotonic()
+        while time.monotonic() - since < 0.5:
+            if (now := self.paths[0].stat().st_size) != size:
+                size, since = now, time.monotonic()
+            time.sleep(0.05)
+
+    def kill(self):
+        """SIGKILL: it can't do anything about it."""
+        self.process.kill()
+        assert self.process.wait(10) == -signal.SIGKILL
+
+    def stop(self, timeout_s=10):
+        """SIGTERM; the exit code."""
+        self.process.terminate()
+        return self.wait(timeout_s)
+
+    def end(self):
+        if self.running():
+            self.process.kill()
+            self.process.wait(10)
+
+
+class Programs:
+    """Starts programs; at the end of a `with` block none of them is left."""
+
+    def __init__(self):
+        self.started = []
+
+    def __enter__(self):
+        # In memory: candump writes every frame by itself.
+        self.folder = tempfile.TemporaryDirectory(dir="/dev/shm")
+        return self
+
+    def __exit__(self, *_):
+        for program in self.started:
+            program.end()
+        self.folder.cleanup()
+
+    def start(self, name, *arguments):
+        program = Program(Path(self.folder.name), f"{len(self.started)}-{name}", arguments)
+        self.started.append(program)
+        return program
+
+    def resonarm(self, command, *arguments, program=RESONARM):
+        return self.start(command, program, command, *arguments)
+
+    def candump(self, interface="vcan0"):
+        """Logs every frame from now on; see `wire.log`."""
+        dump = self.start("candump", "candump", "-L", "-d", "-r", 32 << 20, interface)
+        wait_until(lambda: interface in receivers(), "candump to listen")
+        return dump
+
+
+def receivers():
+    """The interfaces on which somebody receives every frame, as the kernel tells."""
+    lists = Path("/proc/net/can/rcvlist_all").read_text()
+    return {line.split()[0] for line in lists.splitlines() if line[:3] == "   " and "device" not in line}
+
+
+def wait_until(holds, what, timeout_s=20):
+    """Polls until `holds()` is true, and returns what it returned."""
+    end = time.monotonic() + timeout_s
+    while not (value := holds()):
+        assert time.monotonic() < end, f"waited {timeout_s} s for {what}"
+        time.sleep(0.02)
+    return value
+
+
+def run(*arguments, timeout_s=60):
+    """A command that must succeed; its standard output."""
+    words = [str(argument) for argument in arguments]
+    done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)
+    assert done.returncode == 0, f"{words} ended with {done.returncode}: {done.stderr}"
+    return done.stdout

@@ -1,0 +1,88 @@
+"""Recordings, read by the packages `mcap` and `mcap-protobuf-support` alone."""
+
+from collections import defaultdict
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap_protobuf.decoder import DecoderFactory
+
+STATE = ("alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s")
+LOAD = ("torque1_nm", "torque2_nm", "force_x_n", "force_y_n")
+SENSORS = tuple(f"acceleration_{point}_{axis}_m_s2" for point in "bc" for axis in "xy") + ("head_force_x_n", "head_force_y_n")
+RECEIVED, SENT = 1, 2
+
+
+class Recording:
+    """A recording, every checksum checked and every message decoded by the schema in the file."""
+
+    def __init__(self):
+        self.topics = defaultdict(list)
+        self.metadata, self.messages = {}, None
+
+    @classmethod
+    def whole(cls, path):
+        self = cls()
+        with Path(path).open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            for _, channel, _, message in reader.iter_decoded_messages():
+                self.topics[channel.topic].append(message)
+            self.messages = reader.get_summary().statistics.message_count
+            self.metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        return self
+
+    @classmethod
+    def cut_off(cls, path):
+        """What can be read of a recording up to where it ends in the middle of something."""
+        self, factory, schemas, channels = cls(), DecoderFactory(), {}, {}
+        with Path(path).open("rb") as stream:
+            try:
+                for record in StreamReader(stream, validate_crcs=True).records:
+                    if isinstance(record, Schema):
+                        schemas[record.id] = record
+                    elif isinstance(record, Channel):
+                        channels[record.id] = record
+                    elif isinstance(record, Message):
+                        channel = channels[record.channel_id]
+                        decode = factory.decoder_for(channel.message_encoding, schemas[channel.schema_id])
+                        self.topics[channel.topic].append(decode(record.data))
+            except EndOfFile:
+                return self
+        raise AssertionError(f"{path} is whole")
+
+    def column(self, topic, names):
+        """Quantities at full rate, a row a step; the steps must follow each other from 0 without a gap."""
+        rows = []
+        for batch in self.topics[topic]:
+            assert batch.first_step == sum(len(row) for row in rows)
+            rows.append(np.stack([np.array(getattr(batch, name)) for name in names], axis=1))
+        return np.concatenate(rows)
+
+    @cached_property
+    def steps(self):
+        """States and loads."""
+        return self.column("/plant/steps", STATE + LOAD)
+
+    @cached_property
+    def samples(self):
+        return self.column("/plant/samples", SENSORS)
+
+    @property
+    def frames(self):
+        return self.topics["/can/frames"]
+
+    def frames_of(self, direction, identifier):
+        return [frame for frame in self.frames if (frame.direction, frame.id) == (direction, identifier)]
+
+    def event(self, name, after=-1):
+        """The first event of this name after a step."""
+        return next(event for event in self.topics["/events"] if event.name == name and event.step > after)
+
+
+def bits(values):
+    """Floating-point numbers as the whole numbers that their bits are."""
+    return np.ascontiguousarray(values).view(np.uint64)

@@ -1,0 +1,70 @@
+"""What the tests on vcan share. Run them by `tests/vcan/with-vcan`, one after another: they use the same interface."""
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import wire
+from processes import Programs, run
+from recordings import Recording
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+if os.environ.get("RESONARM_TEST_VCAN") is None:
+    raise pytest.UsageError("these tests need two CAN interfaces: run them by tests/vcan/with-vcan")
+
+
+@pytest.fixture
+def programs():
+    with Programs() as programs:
+        yield programs
+
+
+def session(folder, plant_bus, exciter_bus, scenario, *, candump=None, program=None):
+    """A whole run in lockstep, plant and exciter as processes of their own; what the two and candump said."""
+    recording = folder / "run.mcap"
+    common = ["--mode", "lockstep", "--scenario", scenario, "--json"]
+    options = {"program": program} if program else {}
+    with Programs() as programs:
+        dump = programs.candump(candump) if candump else None
+        plant = programs.resonarm("run", "--bus", plant_bus, *common, "--stop-on-disarm", "--record", recording, **options)
+        exciter = programs.resonarm("exciter", "--bus", exciter_bus, *common, **options)
+        result = SimpleNamespace(path=recording, exciter=exciter.result(240), plant=plant.result(30))
+        if dump:
+            result.frames = wire.log(dump)
+    result.recording = Recording.whole(recording)
+    return result
+
+
+def free(folder, scenario):
+    """The same scenario as one process without a bus."""
+    path = folder / "free.mcap"
+    with Programs() as programs:
+        run_free = programs.resonarm("run", "--mode", "free", "--scenario", scenario, "--record", path, "--json")
+        return SimpleNamespace(path=path, plant=run_free.result(120), recording=Recording.whole(path))
+
+
+@pytest.fixture(scope="session")
+def three_frequencies():
+    return SCENARIOS / "three-frequencies.toml"
+
+
+@pytest.fixture(scope="session")
+def lockstep(tmp_path_factory, three_frequencies):
+    """The scenario with three frequencies in lockstep on vcan0, with candump listening."""
+    return session(tmp_path_factory.mktemp("lockstep"), "vcan0", "vcan0", three_frequencies, candump="vcan0")
+
+
+@pytest.fixture(scope="session")
+def free_run(tmp_path_factory, three_frequencies):
+    return free(tmp_path_factory.mktemp("free"), three_frequencies)
+
+
+@pytest.fixture
+def interface():
+    """A virtual interface for one test, which may take it down."""
+    run("ip", "link", "add", "vcan7", "type", "vcan")
+    run("ip", "link", "set", "vcan7", "mtu", "72", "up")
+    yield "vcan7"
+    run("ip", "link", "del", "vcan7")

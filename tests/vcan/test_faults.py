@@ -1,0 +1,111 @@
+"""What happens when one end of a run in real time dies: SPEC.md, section 8, and the recording up to its last flush."""
+
+import json
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import wire
+from processes import Programs, wait_until
+from recordings import RECEIVED, Recording
+
+RATE_HZ = 200
+DT_S = 1 / RATE_HZ
+FORCE_N = 100.0
+COMMAND_TIMEOUT_S, FORCE_RAMP_S, FLUSH_S = 0.020, 0.050, 1.0
+# A controller of this machine may itself be held up for more than the 20 ms that the plant allows; then the plant must fault,
+# and the next controller arms it again.
+CONTROLLERS = 5
+
+SCENARIO = f"""
+[arm]
+beta1_deg = 30.0
+[simulation]
+rate_hz = {RATE_HZ}
+[excitation]
+amplitude = {{ force_x_n = {FORCE_N} }}
+ramp_s = 0.1
+profile = {{ waveform = "dwell", frequency_hz = 11.3, duration_s = %s, settle_s = 0.1 }}
+"""
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory):
+    """A controller killed while it shakes the plant, further ones that shall finish, and the plant killed after them."""
+    folder = tmp_path_factory.mktemp("killed")
+    long, short = folder / "long.toml", folder / "short.toml"
+    long.write_text(SCENARIO % 60)
+    short.write_text(SCENARIO % 0.6)
+    path = folder / "killed.mcap"
+    with Programs() as programs:
+        dump = programs.candump()
+        plant = programs.resonarm("run", "--bus", "vcan0", "--scenario", short, "--record", path)
+        first = programs.resonarm("exciter", "--bus", "vcan0", "--scenario", long)
+        wait_until(lambda: len(dump.stdout.split(" vcan0 201#")) > 60, "60 commands")
+        first.kill()
+        wait_until(lambda: " vcan0 081#" in dump.stdout, "the plant's emergency")
+        time.sleep(0.3)
+        controllers = []
+        while len(controllers) < CONTROLLERS and not (controllers and controllers[-1]["outcome"] == "finished"):
+            exciter = programs.resonarm("exciter", "--bus", "vcan0", "--scenario", short, "--json")
+            assert exciter.wait() in (0, 1), exciter.stderr
+            controllers.append(json.loads(exciter.stdout))
+        time.sleep(0.5)
+        assert plant.running()
+        plant.kill()
+        return SimpleNamespace(path=path, frames=wire.log(dump), controllers=controllers, recording=Recording.cut_off(path))
+
+
+def test_the_force_is_zero_within_the_time_of_the_specification(killed):
+    steps, ticks = killed.recording.steps, killed.recording.column("/timing/ticks", ["wakeup_ns"])[:, 0] * 1e-9
+    fault = killed.recording.event("state.fault")
+    # A frame is handled in the tick that ends its step. The last command before the fault is one that was taken.
+    taken = max(f.step for f in killed.recording.frames_of(RECEIVED, 0x201) if f.step < fault.step) + 1
+    loads = np.abs(steps[:, 4:]).max(axis=1)
+    held = taken - 1 + np.flatnonzero(loads[taken - 1 :] == 0)[0]
+    assert loads[taken - 1] > 0
+    # Held from step `held` on; that step ends with the tick after it.
+    assert (held - taken) * DT_S <= COMMAND_TIMEOUT_S + FORCE_RAMP_S + DT_S + ticks[taken]
+    # A ramp in equal steps down to zero, which then stays until the next controller.
+    ramp = loads[fault.step - 1 : held + 1]
+    assert np.allclose(np.diff(ramp), -ramp[0] * DT_S / FORCE_RAMP_S), ramp
+    armed_again = killed.recording.event("state.operational", after=fault.step)
+    assert armed_again.step > fault.step and not loads[held : armed_again.step].any()
+
+
+def test_the_fault_latches_and_is_told(killed):
+    times = [(frame.time_s, *wire.decode(frame)) for frame in killed.frames]
+    at_s, code = next((t, signals["code"]) for t, name, signals in times if name == "PlantEmergency")
+    assert code == 1, "command timeout"
+    reset_s = next(t for t, name, s in times if name == "OperatorCommand" and s["request"] == 3 and t > at_s)
+    states = [s["state"] for t, name, s in times if name == "PlantHeartbeat" and at_s < t < reset_s]
+    assert len(states) >= 3 and set(states) == {4}, states
+    # It lives on: it measures and sends all the while.
+    sent = [t for t, name, _ in times if name == "AccelerometerC" and at_s < t < reset_s]
+    assert len(sent) >= 0.8 * (reset_s - at_s) * RATE_HZ
+
+
+def test_a_new_controller_arms_it_again_and_finishes(killed):
+    assert killed.controllers[-1]["outcome"] == "finished", killed.controllers
+    assert killed.controllers[-1]["samples_played"] == 0.6 * RATE_HZ + 1
+    assert np.abs(killed.recording.steps[-40:, 4:]).max() == 0, "disarmed at the end"
+
+
+def test_inspect_says_that_the_recording_is_truncated(killed, programs):
+    inspect = programs.resonarm("inspect", killed.path, "--json")
+    summary = inspect.result(code=1)
+    assert summary["integrity"]["state"] == "truncated"
+    assert summary["topics"]["/plant/steps"]["records"] == len(killed.recording.steps)
+    said = programs.resonarm("inspect", killed.path)
+    assert said.wait() == 1 and "the recording is truncated: " in said.stdout
+
+
+def test_a_killed_plant_loses_no_more_than_a_flush(killed):
+    sent = len(wire.messages(killed.frames, "AccelerometerC"))
+    assert sent - FLUSH_S * RATE_HZ <= len(killed.recording.steps) <= sent + 1
+
+
+def test_what_is_left_simulates_again_bit_for_bit(killed, programs):
+    verdict = programs.resonarm("resim", killed.path, "--json").result()
+    assert verdict == {"identical": True, "steps": len(killed.recording.steps), "first_divergence": None, "max_drift_rad": 0.0}

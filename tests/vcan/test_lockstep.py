@@ -1,0 +1,105 @@
+"""Plant and exciter as two processes on a real CAN interface, in lockstep, against independent tools and theory."""
+
+import math
+
+import numpy as np
+import pytest
+import wire
+from conftest import free
+from linear_arm import LinearArm, amplitudes
+from recordings import RECEIVED, SENT, bits
+
+FREQUENCIES_HZ = [12.0, 19.0, 26.0]
+FORCE_N = 200.0
+RATE_HZ = 1000.0
+SETTLE_S = 1.0
+RAMP_S = 1.0
+DWELL_S = 6.0
+COUNT_M_S2 = 0.05
+ARM = LinearArm(beta1_deg=30, beta2_deg=60)
+SENT_BY_PLANT = {message.frame_id for message in wire.DBC.messages if message.senders == ["Plant"]}
+
+
+def test_candump_sees_every_frame_of_both_ends(lockstep):
+    plant, exciter = lockstep.plant["bus"], lockstep.exciter["bus"]
+    assert len(lockstep.frames) == plant["sent"] + exciter["sent"]
+    # The last words of each, after the profile, may be for nobody: either may leave first.
+    assert plant["sent"] - 10 <= exciter["received"] <= plant["sent"]
+    assert exciter["sent"] - 2 <= plant["received"] <= exciter["sent"]
+    for end in (plant, exciter):
+        assert (end["dropped"], end["e2e_errors"]) == (0, 0)
+
+
+def test_every_frame_is_of_the_dbc_in_range_in_sequence_and_protected(lockstep):
+    wire.check(lockstep.frames)
+
+
+def test_samples_and_answers_alternate(lockstep):
+    names = {0x203: "head", 0x204: "b", 0x205: "c", 0x201: "answer"}
+    order = [names[frame.id] for frame in lockstep.frames if frame.id in names]
+    steps = lockstep.plant["steps"]
+    assert order == ["head", "b", "c", "answer"] * steps + ["head", "b", "c"]
+    heads, answers = (wire.columns(lockstep.frames, name, "force_x_n")[:, 0] for name in ("ImpedanceHead", "ForceCommand"))
+    # What was commanded at one sample is in the head at the next, give or take its noise of 0.01 N.
+    assert np.abs(heads[1:] - answers).max() < 0.1
+
+
+def linear(frequency_hz):
+    """Amplitudes of B_x, B_y, C_x, C_y, m/s²."""
+    return np.abs(ARM.accelerations(frequency_hz, [FORCE_N, 0.0]))
+
+
+def near(found, expected):
+    return np.all(np.abs(found - expected) <= 0.005 * expected + 0.5 * COUNT_M_S2)
+
+
+def test_frequencies_lie_off_resonance():
+    natural_hz = ARM.natural_frequencies_hz()
+    assert min(abs(f - n) for f in FREQUENCIES_HZ for n in natural_hz) > 3
+
+
+@pytest.mark.parametrize("step", range(3))
+def test_amplitudes_on_the_wire_are_those_of_linear_theory(lockstep, step):
+    axes = ("acceleration_x_m_s2", "acceleration_y_m_s2")
+    signals = np.hstack([wire.columns(lockstep.frames, f"Accelerometer{point}", *axes) for point in "BC"])
+    starts_s = np.cumsum([0.0] + [math.ceil(DWELL_S * f) / f for f in FREQUENCIES_HZ])
+    first, end = starts_s[step] + SETTLE_S, starts_s[step + 1] - RAMP_S
+    window = signals[int(first * RATE_HZ) : int(end * RATE_HZ)]
+    found = amplitudes(window, RATE_HZ, FREQUENCIES_HZ[step], ARM.natural_frequencies_hz())
+    expected = linear(FREQUENCIES_HZ[step])
+    assert near(found, expected), (found, expected)
+
+
+@pytest.mark.parametrize("step", range(3))
+def test_amplitudes_that_the_exciter_reads_are_those_of_linear_theory(lockstep, step):
+    response = lockstep.exciter["responses"][step]
+    assert response["frequency_hz"] == FREQUENCIES_HZ[step] and not response["clipped"]
+    found = np.array([np.hypot(*phasor) for point in "bc" for phasor in response[f"acceleration_{point}_m_s2"]])
+    expected = linear(FREQUENCIES_HZ[step])
+    assert near(found, expected), (found, expected)
+    assert np.hypot(*response["head_force_n"][0]) == pytest.approx(FORCE_N, abs=0.02)
+
+
+def test_the_recording_is_whole_and_says_what_the_bus_saw(lockstep):
+    recording = lockstep.recording
+    assert recording.messages == sum(len(messages) for messages in recording.topics.values())
+    assert set(recording.topics) == {
+        "/plant/steps", "/plant/samples", "/plant/state", "/plant/command", "/plant/sensors", "/can/frames", "/events",
+    }  # fmt: skip
+    assert len(recording.steps) == lockstep.plant["steps"] + 1
+    for direction, by_plant, count in ((SENT, True, "sent"), (RECEIVED, False, "received")):
+        recorded = [(frame.id, frame.data) for frame in recording.frames if frame.direction == direction]
+        seen = [frame.content for frame in lockstep.frames if (frame.id in SENT_BY_PLANT) == by_plant]
+        assert len(recorded) == lockstep.plant["bus"][count] and recorded == seen[: len(recorded)]
+    assert recording.metadata["resonarm.lost"] == {"plant": "0"}
+    assert "seed = 2" in recording.metadata["resonarm.configuration"]["scenario"]
+
+
+def test_states_are_those_of_a_free_run_bit_for_bit(lockstep, free_run):
+    assert np.abs(lockstep.recording.steps).max(axis=0)[:4].min() > 1e-4
+    assert np.array_equal(bits(lockstep.recording.steps), bits(free_run.recording.steps))
+    assert np.array_equal(bits(lockstep.recording.samples), bits(free_run.recording.samples))
+
+
+def test_a_free_run_gives_the_same_file_twice(tmp_path, three_frequencies, free_run):
+    assert free(tmp_path, three_frequencies).path.read_bytes() == free_run.path.read_bytes()

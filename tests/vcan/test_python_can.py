@@ -1,0 +1,72 @@
+"""Both ends on adapters that python-can drives: they end like the native ones."""
+
+import numpy as np
+import pytest
+from conftest import free, session
+from processes import WITH_PYTHON_CAN, wait_until
+from recordings import bits
+
+SCENARIO = """
+[simulation]
+seed = 5
+[excitation]
+amplitude = { torque1_nm = 60.0 }
+ramp_s = 0.2
+profile = { waveform = "dwell", frequency_hz = 20.0, duration_s = 1.0, settle_s = 0.2 }
+"""
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    path = tmp_path_factory.mktemp("python-can") / "scenario.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+@pytest.fixture(scope="module")
+def native(tmp_path_factory, scenario):
+    return session(tmp_path_factory.mktemp("native"), "vcan0", "vcan0", scenario)
+
+
+@pytest.fixture
+def null_modem(tmp_path, programs):
+    """The paths of two pseudo-terminals, joined as two serial ports are by a null modem."""
+    ends = [tmp_path / name for name in ("plant", "exciter")]
+    programs.start("socat", "socat", *(f"pty,raw,echo=0,link={end}" for end in ends))
+    wait_until(lambda: all(end.exists() for end in ends), "socat to make the pseudo-terminals")
+    return ends
+
+
+def ends_like(run, native):
+    assert run.exciter["outcome"] == native.exciter["outcome"] == "finished"
+    assert run.exciter["responses"] == native.exciter["responses"]
+    assert run.plant["steps"] == native.plant["steps"] == 1000
+    assert (run.plant["bus"]["dropped"], run.plant["bus"]["e2e_errors"]) == (0, 0)
+    assert np.abs(run.recording.steps[:, 4]).max() > 59
+    assert np.array_equal(bits(run.recording.steps), bits(native.recording.steps))
+    assert np.array_equal(bits(run.recording.samples), bits(native.recording.samples))
+
+
+def test_socketcan(tmp_path, native, scenario):
+    bus = "python-can:interface=socketcan,channel=vcan0"
+    ends_like(session(tmp_path, bus, bus, scenario, candump="vcan0", program=WITH_PYTHON_CAN), native)
+
+
+def test_one_end_on_python_can_the_other_native(tmp_path, native, scenario):
+    bus = "python-can:interface=socketcan,channel=vcan0"
+    ends_like(session(tmp_path, "vcan0", bus, scenario, program=WITH_PYTHON_CAN), native)
+
+
+def test_slcan_over_a_null_modem(tmp_path, native, scenario, null_modem):
+    buses = [f"python-can:interface=slcan,channel={end},bitrate=1000000,sleep_after_open=0" for end in null_modem]
+    ends_like(session(tmp_path, *buses, scenario, program=WITH_PYTHON_CAN), native)
+
+
+def test_all_give_the_states_of_a_free_run(tmp_path, native, scenario):
+    assert np.array_equal(bits(native.recording.steps), bits(free(tmp_path, scenario).recording.steps))
+
+
+def test_the_ordinary_build_says_how_to_get_python_can(programs):
+    run = programs.resonarm("run", "--bus", "python-can:interface=socketcan,channel=vcan0")
+    assert run.wait() == 3
+    assert "`cargo build --release --features python-can` makes one that has" in run.stderr
