@@ -27,6 +27,8 @@ pub(crate) struct Coefficients<T> {
     pub link2: Angle<T>,
     /// Moments of weight g (m1 lc1 + m2 l1) and g m2 lc2, N·m.
     pub weight: [T; 2],
+    /// Whether there is weight, in any lane.
+    pub heavy: bool,
 }
 
 /// α and α̇.
@@ -41,12 +43,15 @@ pub(crate) struct Motion<T> {
 pub(crate) struct Loads<T> {
     pub u: [T; 2],
     pub f: [T; 2],
+    /// Whether F is anything but zero, in any lane.
+    pub pulls: bool,
 }
 
 impl From<&Load> for Loads<f64> {
     #[inline(always)]
     fn from(load: &Load) -> Loads<f64> {
-        Loads { u: load.torque_nm.into(), f: load.force_n.into() }
+        let f: [f64; 2] = load.force_n.into();
+        Loads { u: load.torque_nm.into(), f, pulls: f[0] != 0.0 || f[1] != 0.0 }
     }
 }
 
@@ -54,6 +59,7 @@ impl Coefficients<f64> {
     /// The constants at rest angles of the links, rad.
     pub fn new(p: &Parameters, beta_rad: [f64; 2]) -> Coefficients<f64> {
         let Inertia { a1, a2, a3 } = Inertia::of(p);
+        let weight = p.gravity.map_or([0.0; 2], |gravity: Gravity| gravity.moments_nm(p));
         Coefficients {
             a1,
             a2,
@@ -65,7 +71,8 @@ impl Coefficients<f64> {
             link1: Angle::new(beta_rad[0]),
             elbow: Angle::new(beta_rad[1]).times(a2),
             link2: Angle::new(beta_rad[0] + beta_rad[1]),
-            weight: p.gravity.map_or([0.0; 2], |gravity: Gravity| gravity.moments_nm(p)),
+            weight,
+            heavy: weight != [0.0; 2],
         }
     }
 }
@@ -74,21 +81,29 @@ impl<T: Real> Motion<T> {
     /// The motions of `T::WIDTH` arms side by side.
     #[inline(always)]
     pub fn gather(of: impl Fn(usize) -> Motion<f64>) -> Motion<T> {
-        Motion { x: array::from_fn(|n| T::gather(|i| of(i).x[n])), v: array::from_fn(|n| T::gather(|i| of(i).v[n])) }
+        Motion {
+            x: [T::gather(|i| of(i).x[0]), T::gather(|i| of(i).x[1])],
+            v: [T::gather(|i| of(i).v[0]), T::gather(|i| of(i).v[1])],
+        }
     }
 
     /// The motion of the ith of them.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Motion<f64> {
-        Motion { x: self.x.map(|x| x.lane(i)), v: self.v.map(|v| v.lane(i)) }
+        Motion { x: [self.x[0].lane(i), self.x[1].lane(i)], v: [self.v[0].lane(i), self.v[1].lane(i)] }
     }
 }
 
 impl<T: Real> Loads<T> {
     /// The loads of `T::WIDTH` arms side by side.
     #[inline(always)]
-    pub fn gather(of: impl Fn(usize) -> Loads<f64>) -> Loads<T> {
-        Loads { u: array::from_fn(|n| T::gather(|i| of(i).u[n])), f: array::from_fn(|n| T::gather(|i| of(i).f[n])) }
+    pub fn gather(of: impl Fn(usize) -> Load) -> Loads<T> {
+        let f = [T::gather(|i| of(i).force_n.x), T::gather(|i| of(i).force_n.y)];
+        Loads {
+            u: [T::gather(|i| of(i).torque_nm.x), T::gather(|i| of(i).torque_nm.y)],
+            f,
+            pulls: !(f[0].all_zero() && f[1].all_zero()),
+        }
     }
 }
 
@@ -115,6 +130,7 @@ impl<T: Real> Coefficients<T> {
             elbow: angle(|c| c.elbow),
             link2: angle(|c| c.link2),
             weight: pair(|c| c.weight),
+            heavy: (0..T::WIDTH).any(|i| of(i).heavy),
         }
     }
 
@@ -131,7 +147,7 @@ impl<T: Real> Coefficients<T> {
     #[inline(always)]
     pub fn external_force(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
         let [mut r1, mut r2] = load.u;
-        if load.f[0].all_zero() && load.f[1].all_zero() && self.weight[1].all_zero() && self.weight[0].all_zero() {
+        if !(load.pulls || self.heavy) {
             return [r1, r2];
         }
         let (s1, c1) = self.link1.sincos_plus(x[0]);

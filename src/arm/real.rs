@@ -3,7 +3,6 @@
 //! The same source computes a single arm and eight arms side by side, so both give the same bits: each lane sees the
 //! same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
 
-use core::array;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number of the simulated path: `f64`, or [`Lanes`] of them.
@@ -87,10 +86,34 @@ pub(crate) const LANES: usize = 8;
 #[repr(align(64))]
 pub(crate) struct Lanes(pub [f64; LANES]);
 
+// Plain loops: the compiler must see all eight together wherever this is inlined.
 impl Lanes {
     #[inline(always)]
     fn zip(self, other: Lanes, f: impl Fn(f64, f64) -> f64) -> Lanes {
-        Lanes(array::from_fn(|i| f(self.0[i], other.0[i])))
+        let mut result = self;
+        for i in 0..LANES {
+            result.0[i] = f(self.0[i], other.0[i]);
+        }
+        result
+    }
+
+    /// The lanes where |key| > `limit` by `far`. Out of line, so that the way without it stays in registers.
+    #[cold]
+    #[inline(never)]
+    fn mend(
+        key: Lanes,
+        limit: f64,
+        near: (Lanes, Lanes),
+        constants: [Lanes; 2],
+        far: fn([f64; 2], f64) -> (f64, f64),
+    ) -> (Lanes, Lanes) {
+        let mut mixed = near;
+        for i in 0..LANES {
+            if !key.0[i].all_within(limit) {
+                (mixed.0.0[i], mixed.1.0[i]) = far(constants.map(|lanes| lanes.0[i]), key.0[i]);
+            }
+        }
+        mixed
     }
 }
 
@@ -130,7 +153,7 @@ impl Neg for Lanes {
     type Output = Lanes;
     #[inline(always)]
     fn neg(self) -> Lanes {
-        Lanes(self.0.map(|a| -a))
+        self.zip(self, |a, _| -a)
     }
 }
 
@@ -139,7 +162,11 @@ impl Real for Lanes {
 
     #[inline(always)]
     fn gather(of: impl Fn(usize) -> f64) -> Lanes {
-        Lanes(array::from_fn(of))
+        let mut result = [0.0; LANES];
+        for (i, value) in result.iter_mut().enumerate() {
+            *value = of(i);
+        }
+        Lanes(result)
     }
 
     #[inline(always)]
@@ -155,17 +182,29 @@ impl Real for Lanes {
     #[inline(always)]
     fn all_within(self, limit: f64) -> bool {
         // Without a short cut, so that the lanes stay together.
-        self.0.iter().fold(true, |all, value| all & (libm::fabs(*value) <= limit))
+        let mut all = true;
+        for i in 0..LANES {
+            all &= libm::fabs(self.0[i]) <= limit;
+        }
+        all
     }
 
     #[inline(always)]
     fn all_zero(self) -> bool {
-        self.0.iter().fold(true, |all, value| all & (*value == 0.0))
+        let mut all = true;
+        for i in 0..LANES {
+            all &= self.0[i] == 0.0;
+        }
+        all
     }
 
     #[inline(always)]
     fn where_nonzero(key: Lanes, value: Lanes, other: Lanes) -> Lanes {
-        Lanes(array::from_fn(|i| if key.0[i] != 0.0 { value.0[i] } else { other.0[i] }))
+        let mut result = other;
+        for i in 0..LANES {
+            result.0[i] = if key.0[i] != 0.0 { value.0[i] } else { other.0[i] };
+        }
+        result
     }
 
     #[inline(always)]
@@ -176,16 +215,7 @@ impl Real for Lanes {
         constants: [Lanes; 2],
         far: fn([f64; 2], f64) -> (f64, f64),
     ) -> (Lanes, Lanes) {
-        if key.all_within(limit) {
-            return near;
-        }
-        let mut mixed = near;
-        for i in 0..LANES {
-            if !key.0[i].all_within(limit) {
-                (mixed.0.0[i], mixed.1.0[i]) = far(constants.map(|lanes| lanes.0[i]), key.0[i]);
-            }
-        }
-        mixed
+        if key.all_within(limit) { near } else { Lanes::mend(key, limit, near, constants, far) }
     }
 }
 
@@ -274,8 +304,8 @@ impl<T: Real> Real for Two<T> {
         constants: [Two<T>; 2],
         far: fn([f64; 2], f64) -> (f64, f64),
     ) -> (Two<T>, Two<T>) {
-        let first = T::where_within(key.0, limit, (near.0.0, near.1.0), constants.map(|two| two.0), far);
-        let second = T::where_within(key.1, limit, (near.0.1, near.1.1), constants.map(|two| two.1), far);
+        let first = T::where_within(key.0, limit, (near.0.0, near.1.0), [constants[0].0, constants[1].0], far);
+        let second = T::where_within(key.1, limit, (near.0.1, near.1.1), [constants[0].1, constants[1].1], far);
         (Two(first.0, second.0), Two(first.1, second.1))
     }
 }

@@ -1,9 +1,19 @@
 //! Arms in the lanes of the processor.
 
-use super::{LaneScheme, Stretch};
+use super::Stretch;
+use crate::arm::Load;
 use crate::arm::kernel::{Coefficients, Loads, Motion};
 use crate::arm::real::{Lanes, Real, Two};
-use crate::integrate::{Excitation, dop853, explicit};
+use crate::integrate::{Excitation, explicit};
+
+/// The most arms side by side.
+pub(super) const WIDEST: usize = Two::<Lanes>::WIDTH;
+
+/// Takes a group of arms through some steps of `h_s` under the same loads.
+pub(super) type Kernel<T> = fn(&Coefficients<T>, &mut Motion<T>, &StepLoads<T>, f64, u32);
+
+/// The loads at 0, ½ and 1 of a step.
+type StepLoads<T> = [Loads<T>; 3];
 
 impl Stretch {
     /// Takes every arm through the steps, with the widest registers the processor has.
@@ -11,60 +21,109 @@ impl Stretch {
         #[cfg(all(feature = "std", target_arch = "x86_64"))]
         {
             if std::arch::is_x86_feature_detected!("avx512f") {
-                // SAFETY: the processor has AVX-512 F, as just asked.
-                #[allow(unsafe_code)]
-                return unsafe { self.advance_avx512(arms, motions, excitations) };
+                return self.side_by_side(arms, motions, excitations, x86::with_avx512);
             }
             if std::arch::is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor has AVX2, as just asked.
-                #[allow(unsafe_code)]
-                return unsafe { self.advance_avx2(arms, motions, excitations) };
+                return self.side_by_side(arms, motions, excitations, x86::with_avx2);
             }
         }
-        self.side_by_side::<Lanes, E>(arms, motions, excitations);
-    }
-
-    /// The same source, compiled for AVX-512 F: thirty-two registers of eight numbers hold sixteen arms.
-    #[cfg(all(feature = "std", target_arch = "x86_64"))]
-    #[target_feature(enable = "avx512f")]
-    fn advance_avx512<E: Excitation>(self, arms: &[Coefficients<f64>], motions: &mut [Motion<f64>], excitations: &[E]) {
-        self.side_by_side::<Two<Lanes>, E>(arms, motions, excitations);
-    }
-
-    /// The same source, compiled for AVX2, without FMA: a·b + c stays two roundings.
-    #[cfg(all(feature = "std", target_arch = "x86_64"))]
-    #[target_feature(enable = "avx2")]
-    fn advance_avx2<E: Excitation>(self, arms: &[Coefficients<f64>], motions: &mut [Motion<f64>], excitations: &[E]) {
-        self.side_by_side::<Lanes, E>(arms, motions, excitations);
+        self.side_by_side(arms, motions, excitations, portable::<Lanes>);
     }
 
     /// Groups of `T::WIDTH` arms, one after the other; lanes that are left over repeat the last arm.
-    #[inline(always)]
     pub(super) fn side_by_side<T: Real, E: Excitation>(
         self,
         arms: &[Coefficients<f64>],
         motions: &mut [Motion<f64>],
         excitations: &[E],
+        kernel: Kernel<T>,
     ) {
         let groups = arms.chunks(T::WIDTH).zip(motions.chunks_mut(T::WIDTH)).zip(excitations.chunks(T::WIDTH));
         for ((arms, motions), excitations) in groups {
             let last = arms.len() - 1;
-            let coefficients = Coefficients::<T>::gather(|i| &arms[i.min(last)]);
-            let mut motion = Motion::<T>::gather(|i| motions[i.min(last)]);
-            for k in 0..self.steps {
-                let t_s = self.time_s(k);
-                let load = |part: f64| {
-                    let t_s = t_s + part * self.step_s;
-                    Loads::<T>::gather(|i| Loads::from(&excitations[i.min(last)].load(t_s)))
-                };
-                motion = match self.scheme {
-                    LaneScheme::Rk4 => explicit::rk4(&coefficients, self.step_s, &motion, load),
-                    LaneScheme::Dop853 => explicit::step(&dop853::DOP853, &coefficients, self.step_s, &motion, load),
-                };
+            let arm = Coefficients::gather(|i| &arms[i.min(last)]);
+            let mut motion = Motion::gather(|i| motions[i.min(last)]);
+            if excitations.iter().all(Excitation::is_constant) {
+                kernel(&arm, &mut motion, &[loads_at(excitations, self.time_s(0)); 3], self.step_s, self.steps);
+            } else {
+                for k in 0..self.steps {
+                    let at = |part: f64| loads_at(excitations, self.time_s(k) + part * self.step_s);
+                    kernel(&arm, &mut motion, &[at(0.0), at(0.5), at(1.0)], self.step_s, 1);
+                }
             }
             for (i, own) in motions.iter_mut().enumerate() {
                 *own = motion.lane(i);
             }
         }
+    }
+}
+
+/// The loads of a group at one time.
+fn loads_at<T: Real, E: Excitation>(excitations: &[E], t_s: f64) -> Loads<T> {
+    let mut loads = [Load::default(); WIDEST];
+    for (load, excitation) in loads.iter_mut().zip(excitations) {
+        *load = excitation.load(t_s);
+    }
+    for i in excitations.len()..T::WIDTH {
+        loads[i] = loads[i - 1];
+    }
+    Loads::gather(|i| loads[i])
+}
+
+/// The kernel as the target at hand compiles it; the ones below are the same source for wider registers.
+#[inline(always)]
+pub(super) fn portable<T: Real>(
+    arm: &Coefficients<T>,
+    motion: &mut Motion<T>,
+    loads: &StepLoads<T>,
+    h_s: f64,
+    steps: u32,
+) {
+    let (arm, loads, mut moving) = (*arm, *loads, *motion);
+    for _ in 0..steps {
+        moving = explicit::rk4(&arm, h_s, &moving, &loads);
+    }
+    *motion = moving;
+}
+
+/// The kernel for wider registers of x86-64. FMA stays off: a·b + c is two roundings everywhere.
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
+mod x86 {
+    use super::{Coefficients, Lanes, Motion, StepLoads, Two, portable};
+
+    type Pair = Two<Lanes>;
+
+    #[allow(unsafe_code)]
+    pub fn with_avx512(
+        arm: &Coefficients<Pair>,
+        motion: &mut Motion<Pair>,
+        loads: &StepLoads<Pair>,
+        h_s: f64,
+        steps: u32,
+    ) {
+        // SAFETY: `Stretch::advance` takes this kernel only where the processor says that it has AVX-512 F.
+        unsafe { avx512(arm, motion, loads, h_s, steps) }
+    }
+
+    #[target_feature(enable = "avx512f")]
+    fn avx512(arm: &Coefficients<Pair>, motion: &mut Motion<Pair>, loads: &StepLoads<Pair>, h_s: f64, steps: u32) {
+        portable(arm, motion, loads, h_s, steps);
+    }
+
+    #[allow(unsafe_code)]
+    pub fn with_avx2(
+        arm: &Coefficients<Lanes>,
+        motion: &mut Motion<Lanes>,
+        loads: &StepLoads<Lanes>,
+        h_s: f64,
+        steps: u32,
+    ) {
+        // SAFETY: `Stretch::advance` takes this kernel only where the processor says that it has AVX2.
+        unsafe { avx2(arm, motion, loads, h_s, steps) }
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn avx2(arm: &Coefficients<Lanes>, motion: &mut Motion<Lanes>, loads: &StepLoads<Lanes>, h_s: f64, steps: u32) {
+        portable(arm, motion, loads, h_s, steps);
     }
 }

@@ -22,7 +22,7 @@ use crate::integrate::{Excitation, IntegrateError, Integrator, Scheme};
 #[non_exhaustive]
 pub enum EnsembleError {
     /// The scheme has no form for lanes.
-    #[error("scheme {scheme} does not go side by side: an ensemble takes rk4 or dop853")]
+    #[error("scheme {scheme} does not go side by side: an ensemble takes rk4")]
     Scheme {
         /// The scheme.
         scheme: Scheme,
@@ -50,38 +50,28 @@ pub enum EnsembleError {
 /// Independent arms that advance together.
 #[derive(Clone, Debug)]
 pub struct Ensemble {
-    scheme: LaneScheme,
     arms: Vec<Coefficients<f64>>,
     motions: Vec<Motion<f64>>,
     step_s: f64,
     time_step: u64,
 }
 
-/// The schemes that go side by side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum LaneScheme {
-    Rk4,
-    Dop853,
-}
-
 impl Ensemble {
-    /// The arms at t = 0, each with its state; every arm takes `rate_hz` steps a second of an explicit scheme.
+    /// The arms at t = 0, each with its state; every arm takes `rate_hz` steps a second of `scheme`, which must
+    /// be `rk4`: the others need too many numbers at a time for the registers, or a different number of iterations for each arm.
     ///
     /// # Errors
-    /// [`EnsembleError::Scheme`] if the scheme is implicit, [`EnsembleError::Count`] if there is not one state for each arm,
+    /// [`EnsembleError::Scheme`] if the scheme is another, [`EnsembleError::Count`] if there is not one state for each arm,
     /// [`EnsembleError::Arm`] if the scheme can't carry an arm at this rate.
     pub fn new(scheme: Scheme, rate_hz: f64, arms: &[Arm], states: &[State]) -> Result<Ensemble, EnsembleError> {
-        let lane_scheme = match scheme {
-            Scheme::Rk4 => LaneScheme::Rk4,
-            Scheme::Dop853 => LaneScheme::Dop853,
-            Scheme::Gl4 | Scheme::Gl6 | Scheme::Exponential => return Err(EnsembleError::Scheme { scheme }),
-        };
+        if scheme != Scheme::Rk4 {
+            return Err(EnsembleError::Scheme { scheme });
+        }
         same_count(arms.len(), "states", states.len())?;
         for (index, arm) in arms.iter().enumerate() {
             Integrator::new(scheme, rate_hz, arm).map_err(|source| EnsembleError::Arm { index, source })?;
         }
         Ok(Ensemble {
-            scheme: lane_scheme,
             arms: arms.iter().map(|arm| arm.coefficients).collect(),
             motions: states.iter().map(Motion::from).collect(),
             step_s: 1.0 / rate_hz,
@@ -122,7 +112,7 @@ impl Ensemble {
     }
 
     fn stretch(&self, steps: u32) -> Stretch {
-        Stretch { scheme: self.scheme, first_step: self.time_step, steps, step_s: self.step_s }
+        Stretch { first_step: self.time_step, steps, step_s: self.step_s }
     }
 
     fn finish(&mut self, steps: u32) -> Result<(), EnsembleError> {
@@ -137,7 +127,6 @@ impl Ensemble {
 /// Steps to make, and where in time they begin.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
-    scheme: LaneScheme,
     first_step: u64,
     steps: u32,
     step_s: f64,

@@ -3,11 +3,10 @@
 use std::num::NonZeroUsize;
 use std::thread;
 
+use super::lanes::WIDEST;
 use super::{Ensemble, EnsembleError, same_count};
-use crate::arm::real::{Lanes, Real, Two};
-use crate::integrate::Excitation;
 
-type Widest = Two<Lanes>;
+use crate::integrate::Excitation;
 
 impl Ensemble {
     /// As [`Ensemble::advance`], with the arms divided over `threads` threads; the states are the same bit for bit.
@@ -23,7 +22,7 @@ impl Ensemble {
         same_count(self.arms.len(), "excitations", excitations.len())?;
         let stretch = self.stretch(steps);
         // Whole groups of the widest kind, so that no thread leaves lanes empty that another could fill.
-        let share = self.arms.len().div_ceil(threads.get()).next_multiple_of(Widest::WIDTH);
+        let share = self.arms.len().div_ceil(threads.get()).next_multiple_of(WIDEST);
         thread::scope(|scope| {
             let parts = self.arms.chunks(share).zip(self.motions.chunks_mut(share)).zip(excitations.chunks(share));
             for ((arms, motions), excitations) in parts {

@@ -20,43 +20,37 @@ pub(crate) struct Tableau<const S: usize> {
 /// v₂ = v + ½ha₁   v₃ = v + ½ha₂      v₄ = v + ha₃           v⁺ = v + ⅙h(a₁ + 2a₂ + 2a₃ + a₄)
 /// ```
 ///
-/// Stages 2 and 3 are at the same time: `load` is asked at 0, ½ and 1 of the step.
+/// `loads` are those at 0, ½ and 1 of the step: stages 2 and 3 are at the same time.
 #[inline(always)]
-pub(crate) fn rk4<T: Real>(
-    arm: &Coefficients<T>,
-    h_s: f64,
-    motion: &Motion<T>,
-    load: impl Fn(f64) -> Loads<T>,
-) -> Motion<T> {
+pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
     let [x, v] = [motion.x, motion.v];
     let half = moved(x, 0.5 * h_s, v);
     let full = moved(x, h_s, v);
-    let middle = load(0.5);
-    let a1 = arm.acceleration(motion, &load(0.0));
-    let a2 = arm.acceleration(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &middle);
+    let a1 = arm.acceleration(motion, &loads[0]);
+    let a2 = arm.acceleration(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &loads[1]);
     let third = Motion { x: moved(half, 0.25 * h_s * h_s, a1), v: moved(v, 0.5 * h_s, a2) };
-    let a3 = arm.acceleration(&third, &middle);
+    let a3 = arm.acceleration(&third, &loads[1]);
     let fourth = Motion { x: moved(full, 0.5 * h_s * h_s, a2), v: moved(v, h_s, a3) };
-    let a4 = arm.acceleration(&fourth, &load(1.0));
+    let a4 = arm.acceleration(&fourth, &loads[2]);
     let inner = sum(a2, a3);
     let first_three = sum(a1, inner);
     Motion { x: moved(full, h_s * h_s / 6.0, first_three), v: moved(v, h_s / 6.0, sum(first_three, sum(inner, a4))) }
 }
 
-/// One step of a method given by its tableau; `load` is asked at the nodes cᵢ.
+/// One step of a method given by its tableau; `loads` are those at the nodes cᵢ.
 #[inline(always)]
 pub(crate) fn step<T: Real, const S: usize>(
     tableau: &Tableau<S>,
     arm: &Coefficients<T>,
     h_s: f64,
     motion: &Motion<T>,
-    load: impl Fn(f64) -> Loads<T>,
+    loads: &[Loads<T>; S],
 ) -> Motion<T> {
     let zero = [T::splat(0.0); 2];
     let mut slopes = [Motion { x: zero, v: zero }; S];
     for i in 0..S {
         let stage = combined(motion, h_s, &tableau.a[i], &slopes);
-        slopes[i] = Motion { x: stage.v, v: arm.acceleration(&stage, &load(tableau.c[i])) };
+        slopes[i] = Motion { x: stage.v, v: arm.acceleration(&stage, &loads[i]) };
     }
     combined(motion, h_s, &tableau.b, &slopes)
 }

@@ -4,7 +4,7 @@
 //! same at all of them (zero-order hold), a sine is exact inside the step.
 
 mod collocation;
-pub(crate) mod dop853;
+mod dop853;
 mod double_double;
 mod error;
 pub(crate) mod explicit;
@@ -20,19 +20,28 @@ use alloc::boxed::Box;
 
 use collocation::Collocation;
 
-use crate::arm::kernel::{Loads, Motion};
+use crate::arm::kernel::{Coefficients, Loads, Motion};
 use crate::arm::{Arm, Load, State};
 
 /// The load as a function of time.
 pub trait Excitation {
     /// The load at the time `t_s`, s since the start of the simulation.
     fn load(&self, t_s: f64) -> Load;
+
+    /// Whether the load is the same at all times, so that it need be asked only once.
+    fn is_constant(&self) -> bool {
+        false
+    }
 }
 
 /// A load held over the step.
 impl Excitation for Load {
     fn load(&self, _t_s: f64) -> Load {
         *self
+    }
+
+    fn is_constant(&self) -> bool {
+        true
     }
 }
 
@@ -126,9 +135,13 @@ impl Integrator {
     ) -> Result<State, IntegrateError> {
         let h_s = self.step_s;
         let next = match &self.method {
-            Method::Rk4 => explicit::rk4(&arm.coefficients, h_s, &state.into(), loads_at(excitation, t_s, h_s)),
+            Method::Rk4 => {
+                let loads = [0.0, 0.5, 1.0].map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
+                rk4(&arm.coefficients, h_s, &state.into(), &loads)
+            }
             Method::Dop853 => {
-                explicit::step(&dop853::DOP853, &arm.coefficients, h_s, &state.into(), loads_at(excitation, t_s, h_s))
+                let loads = dop853::DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
+                dop853(&arm.coefficients, h_s, &state.into(), &loads)
             }
             Method::TwoStages(method) => return method.step(arm, t_s, state, excitation),
             Method::ThreeStages(method) => return method.step(arm, t_s, state, excitation),
@@ -137,10 +150,14 @@ impl Integrator {
     }
 }
 
-/// The load at a part, 0 to 1, of the step.
-#[inline(always)]
-fn loads_at(excitation: &impl Excitation, t_s: f64, h_s: f64) -> impl Fn(f64) -> Loads<f64> {
-    move |part| Loads::from(&excitation.load(t_s + part * h_s))
+// Once for all kinds of excitation.
+fn rk4(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 3]) -> Motion<f64> {
+    explicit::rk4(arm, h_s, motion, loads)
+}
+
+#[inline(never)]
+fn dop853(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 12]) -> Motion<f64> {
+    explicit::step(&dop853::DOP853, arm, h_s, motion, loads)
 }
 
 /// The state of a motion, if it is finite.
