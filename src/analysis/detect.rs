@@ -12,7 +12,7 @@ use super::branch::{Marked, Tracer};
 use super::continuation::{Cut, Point, Slices, System};
 use super::extended::Singularity;
 use super::floquet::Stability;
-use super::locate::{COARSE, FINE, branch_point, polish, rejoin, search};
+use super::locate::{COARSE, FINE, branch_point, null_vector, polish, rejoin, search};
 use super::orbit::{Bifurcation, BifurcationKind};
 use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
@@ -22,6 +22,8 @@ use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 const REACH: f64 = 0.1;
 /// The most steps down to a smallest magnitude.
 const DESCENT_LIMIT: usize = 8;
+/// Steps before a parabola through the points is believed: the first ones are far apart.
+const DESCENT_LEAST: usize = 3;
 /// The descent ends when a parabola promises less than this fraction of the value.
 const PROMISE: f64 = 0.2;
 
@@ -90,10 +92,10 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         let sign = values[1].signum();
         let mut f = values.map(|value| value * sign);
         let mut points = points.map(Clone::clone);
-        for _ in 0..DESCENT_LIMIT {
+        for step in 0..DESCENT_LIMIT {
             let s = [0, 1, 2].map(|i| points[i].arclength);
             let Some((lowest, promised)) = vertex(s, f) else { return Ok(()) };
-            if promised > (1.0 - PROMISE) * f[1] {
+            if step >= DESCENT_LEAST && promised > (1.0 - PROMISE) * f[1] {
                 return Ok(());
             }
             let half = usize::from(lowest > s[1]);
@@ -121,19 +123,11 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
 
     /// Locates a bifurcation between two points of the branch.
     fn locate(&mut self, kind: BifurcationKind, ends: [&Point; 2], values: [f64; 2]) -> Result<(), AnalysisError> {
-        let settings = &self.options.walk;
-        let tolerance = if kind == NeimarkSacker { FINE } else { COARSE };
-        let (point, null_vector) = if kind == BranchPoint {
-            (self.crossing(ends)?, vec![])
-        } else {
-            let floquet = &mut self.floquet;
-            let function = |response: &mut ForcedResponse<O>, point: &Point| test(kind, response, floquet, point);
-            let guess = search(&mut self.response, settings, ends, values, tolerance, function)?;
-            match kind {
-                Fold => self.polished(Singularity::Fold, &guess)?,
-                PeriodDoubling => self.polished(Singularity::PeriodDoubling, &guess)?,
-                _ => (guess, vec![]),
-            }
+        let (point, null_vector) = match kind {
+            BranchPoint => (self.crossing(ends)?, vec![]),
+            Fold => self.singular(Singularity::Fold, kind, ends, values)?,
+            PeriodDoubling => self.singular(Singularity::PeriodDoubling, kind, ends, values)?,
+            NeimarkSacker => (self.zero(kind, ends, values, FINE)?, vec![]),
         };
         let orbit = self.orbit(&point.x, point.lambda, point.arclength);
         if kind != NeimarkSacker || has_pair_on_the_circle(&orbit.stability) {
@@ -142,11 +136,46 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         Ok(())
     }
 
-    /// The solution of the extended system near `guess`, with its null vector.
-    fn polished(&self, kind: Singularity, guess: &Point) -> Result<(Point, Vec<f64>), AnalysisError> {
-        let located = polish(&self.response, &self.options.walk, kind, guess)?;
-        let null_vector = located.singular.null_vector().to_vec();
-        Ok((Point { x: located.x, lambda: located.lambda, ..guess.clone() }, null_vector))
+    /// Where the test function is zero, by a search along the branch.
+    fn zero(
+        &mut self,
+        kind: BifurcationKind,
+        ends: [&Point; 2],
+        values: [f64; 2],
+        tolerance: f64,
+    ) -> Result<Point, AnalysisError> {
+        let floquet = &mut self.floquet;
+        let function = |response: &mut ForcedResponse<O>, point: &Point| test(kind, response, floquet, point);
+        search(&mut self.response, &self.options.walk, ends, values, tolerance, function)
+    }
+
+    /// A fold or a period doubling by its extended system, from a coarse search, or from a fine one if that led elsewhere: to the
+    /// other one of a close pair. If it leads elsewhere again, the fine search has the last word.
+    fn singular(
+        &mut self,
+        singularity: Singularity,
+        kind: BifurcationKind,
+        ends: [&Point; 2],
+        values: [f64; 2],
+    ) -> Result<(Point, Vec<f64>), AnalysisError> {
+        let settings = &self.options.walk;
+        let mut last = None;
+        for tolerance in [COARSE, FINE] {
+            let guess = self.zero(kind, ends, values, tolerance)?;
+            if let Ok(located) = polish(&self.response, settings, singularity, &guess) {
+                let null_vector = located.singular.null_vector().to_vec();
+                let point = Point { x: located.x, lambda: located.lambda, ..guess.clone() };
+                let size = self.response.dimension().max(point.x.len());
+                if Slices::new(size, settings, ends, Cut::Chord).hold(ends, &point) {
+                    return Ok((point, null_vector));
+                }
+            }
+            last = Some(guess);
+        }
+        let [lambda, to] = ends.map(|end| end.lambda);
+        let point = last.ok_or(AnalysisError::NotLocated { lambda, to })?;
+        let null_vector = null_vector(&self.response, settings, singularity, &point)?;
+        Ok((point, null_vector))
     }
 
     /// A branch point: for a branch of doubled period first where it meets the single one.
@@ -178,7 +207,7 @@ fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<(f64, f64)> {
     }
     let at_middle = slopes[0] + curvature * (s[1] - s[0]);
     let lowest = s[1] - 0.5 * at_middle / curvature;
-    let margin = 1e-3 * (s[2] - s[0]);
+    let margin = 1e-6 * (s[2] - s[0]);
     let inside = lowest > s[0] + margin && lowest < s[2] - margin && (lowest - s[1]).abs() > margin;
     inside.then(|| (lowest, f[1] - 0.25 * at_middle * at_middle / curvature))
 }

@@ -106,6 +106,22 @@ pub(super) fn polish<O: Oscillator + Clone>(
     Err(lost)
 }
 
+/// The null vector of the nearly singular matrix at a point of the branch.
+pub(super) fn null_vector<O: Oscillator + Clone>(
+    response: &ForcedResponse<O>,
+    settings: &Settings,
+    kind: Singularity,
+    point: &Point,
+) -> Result<Vec<f64>, AnalysisError> {
+    let mut balance = response.balance().clone();
+    if !balance.set_coordinate(response.coordinate(), point.lambda) {
+        return Err(AnalysisError::NotLocated { lambda: point.lambda, to: point.lambda });
+    }
+    let scale = settings.lambda_scale(point.lambda);
+    let singular = SingularResponse::near(balance, kind, response.coordinate(), None, scale, &point.x)?;
+    Ok(singular.null_vector().to_vec())
+}
+
 /// Where a branch of doubled period meets the single one: at a period doubling of that, which is located on it, from the part of
 /// `guess` that has the single period. The solution is given as a motion of doubled period.
 pub(super) fn rejoin<O: Oscillator + Clone>(

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use super::newton::{PATIENT_LIMIT, Plane, Solver};
 use super::{Point, Settings, System};
 use crate::analysis::AnalysisError;
-use crate::analysis::dense::norm;
+use crate::analysis::dense::{dot, norm};
 
 /// Where a branch is cut between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +58,12 @@ impl Slices {
             arclength: between(a.arclength, b.arclength),
             ..a.clone()
         }
+    }
+
+    /// Whether a point lies in a plane between those of a and b.
+    pub fn hold(&self, [a, b]: [&Point; 2], point: &Point) -> bool {
+        let [low, high, at] = [a, b, point].map(|point| dot(&self.normal, &self.z(point)));
+        (low..=high).contains(&at)
     }
 
     /// The point of the branch in the plane through a + fraction · (b − a), starting from there.
