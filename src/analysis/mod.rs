@@ -22,6 +22,7 @@ mod orbit;
 mod oscillator;
 mod response;
 mod spectrum;
+pub mod time_domain;
 
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
 pub use branch::{trace, trace_doubled};

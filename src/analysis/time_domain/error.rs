@@ -1,0 +1,78 @@
+//! Why the forced arm can't be followed through time.
+
+use thiserror::Error;
+
+use crate::integrate::IntegrateError;
+
+/// Why the forced arm can't be followed through time.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum TimeDomainError {
+    /// The excitation has no period.
+    #[error("excitation frequency {got_hz} Hz: it must be a positive number")]
+    Frequency {
+        /// What was given, Hz.
+        got_hz: f64,
+    },
+    /// A period of the excitation has too many steps.
+    #[error(
+        "excitation frequency {got_hz} Hz: a period would take {steps:.1e} steps, more than {most}; go no lower than \
+         {lowest_hz:.2e} Hz, where the motion is quasi-static"
+    )]
+    FrequencyTooLow {
+        /// What was given, Hz.
+        got_hz: f64,
+        /// Steps that a period would take.
+        steps: f64,
+        /// Most steps a period may take.
+        most: u32,
+        /// The lowest frequency that would do, Hz.
+        lowest_hz: f64,
+    },
+    /// The excitation's amplitude is not finite.
+    #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
+    Load,
+    /// Both ends of a sweep must be numbers, different ones.
+    #[error("a sweep from {from} to {to}: both ends must be numbers, the second above the first")]
+    Interval {
+        /// Lower end.
+        from: f64,
+        /// Upper end.
+        to: f64,
+    },
+    /// A sweep has too few points.
+    #[error("a sweep of {got} points: it must have at least 2, one at each end")]
+    Points {
+        /// What was given.
+        got: u32,
+    },
+    /// Vibration of the arm never dies out.
+    #[error(
+        "mode {mode} has the damping ratio {damping_ratio:e}: without damping no motion settles; give the joints damping"
+    )]
+    Undamped {
+        /// 1 or 2.
+        mode: usize,
+        /// ζ.
+        damping_ratio: f64,
+    },
+    /// A limit of the settling is no positive number.
+    #[error("{name} is {got}: it must be a positive number")]
+    Option {
+        /// Name of the option.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+    },
+    /// A step can't be made.
+    #[error("excited at {frequency_hz} Hz: {source}")]
+    Integrate {
+        /// Frequency of the excitation, Hz.
+        frequency_hz: f64,
+        /// Why.
+        source: IntegrateError,
+    },
+    /// Asked to stop.
+    #[error("stopped before the motion had settled")]
+    Stopped,
+}
