@@ -53,8 +53,7 @@ impl FixedPoint {
                     None => FixedPoint::stable(point, period, derivative),
                 };
             }
-            // Written so that NaN ends it too.
-            if !(change <= CORRECTION_BOUND * size_rad(start)) {
+            if change.is_nan() || change > CORRECTION_BOUND * size_rad(start) {
                 return None;
             }
         }
@@ -82,7 +81,7 @@ impl FixedPoint {
             power *= power;
         }
         let largest_multiplier = libm::exp(log_norm);
-        if !(largest_multiplier < 1.0 - SMALLEST_DECAY) {
+        if largest_multiplier.is_nan() || largest_multiplier >= 1.0 - SMALLEST_DECAY {
             return None;
         }
         let (mut norm, mut power) = (Matrix4::identity(), derivative);
@@ -119,7 +118,7 @@ impl FixedPoint {
 
 /// A divisor of `period` after which the motion already repeats.
 fn shorter_period(map: &StroboscopicMap, point: &Vector4<f64>, period: u32) -> Option<u32> {
-    (1..period).filter(|fewer| period % fewer == 0).find(|fewer| {
+    (1..period).filter(|fewer| period.is_multiple_of(*fewer)).find(|fewer| {
         map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size_rad(point))
     })
 }
