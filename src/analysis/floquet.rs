@@ -131,7 +131,7 @@ impl Floquet {
     /// The same with a number of steps that is not chosen here.
     fn stability_with<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64], steps: usize) -> Stability {
         let (monodromy, log_determinant) = self.monodromy(balance, x, steps);
-        let mut multipliers: [Complex<f64>; 4] = monodromy.complex_eigenvalues().into();
+        let mut multipliers = eigenvalues(&monodromy);
         multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
         let liouville_defect = monodromy.determinant() / libm::exp(log_determinant) - 1.0;
         Stability { multipliers, liouville_defect }
@@ -224,6 +224,25 @@ impl Floquet {
     }
 }
 
+/// Shifts σ with which eigenvalues are sought as those of M + σ less σ.
+const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
+/// Deflation tolerance and most iterations of the QR algorithm.
+const QR_LIMITS: (f64, usize) = (1e-15, 200);
+
+/// Eigenvalues by the QR algorithm. Its double shift may go round in circles on a matrix that is nearly orthogonal, as the
+/// monodromy matrix of a lightly damped system is; so iterations are bounded, and a multiple of the identity is added if need be.
+/// NaN if all that fails.
+fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
+    for shift in SHIFTS {
+        let shifted = matrix + Matrix4::identity() * shift;
+        if let Some(schur) = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1) {
+            let values: [Complex<f64>; 4] = schur.complex_eigenvalues().into();
+            return values.map(|value| value - shift);
+        }
+    }
+    [Complex::new(f64::NAN, f64::NAN); 4]
+}
+
 /// Gauss's elimination; the solutions take the place of the right-hand sides.
 fn eliminate<const N: usize, const W: usize>(rows: &mut [[f64; W]; N]) {
     for k in 0..N {
@@ -244,6 +263,36 @@ fn eliminate<const N: usize, const W: usize>(rows: &mut [[f64; W]; N]) {
             for at in N..W {
                 row[at] -= factor * solved[at];
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four stages have order 8: the sum of the weights times any polynomial of degree up to 7 is its integral.
+    #[test]
+    fn tableau_has_the_order_of_gauss() {
+        let t = Tableau::new();
+        for power in 0..8 {
+            let sum: f64 = (0..S).map(|i| t.b[i] * t.c[i].powi(power)).sum();
+            assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-15, "{power}: {sum}");
+        }
+        for i in 0..S {
+            assert!((t.a[i].iter().sum::<f64>() - t.c[i]).abs() < 1e-15);
+        }
+    }
+
+    /// Cyclic permutations are the classical matrices on which the double shift goes round in circles.
+    #[test]
+    fn eigenvalues_of_orthogonal_matrices_are_found() {
+        let cycle = Matrix4::from_fn(|i, j| if i == (j + 1) % 4 { 1.0 } else { 0.0 });
+        let mut values = eigenvalues(&cycle);
+        values.sort_by(|a, b| (a.re - 0.1 * a.im).total_cmp(&(b.re - 0.1 * b.im)));
+        let expected = [(-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 0.0)];
+        for (value, (re, im)) in values.iter().zip(expected) {
+            assert!((value.re - re).abs() < 1e-14 && (value.im - im).abs() < 1e-14, "{values:?}");
         }
     }
 }
