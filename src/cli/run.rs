@@ -21,7 +21,7 @@ use crate::scenario::Scenario;
 #[derive(Debug, Args)]
 pub(super) struct Run {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C. Not for --mode free.
-    #[arg(long, value_name = "BUS", required_if_eq_any = [("mode", "real-time"), ("mode", "lockstep")])]
+    #[arg(long, value_name = "BUS")]
     bus: Option<String>,
     /// Which run loop drives the plant.
     #[arg(long, value_enum, default_value_t)]
@@ -65,7 +65,13 @@ impl Run {
     }
 
     fn run_on_bus(&self, session: &Session) -> Result<Verdict> {
-        let address: BusAddress = self.bus.as_deref().unwrap_or_default().parse()?;
+        let Some(bus) = &self.bus else {
+            return Err(Failure::Usage(format!(
+                "--bus is missing: name the bus, as --bus vcan0; --mode {} has one, --mode free has none",
+                self.mode.name()
+            )));
+        };
+        let address: BusAddress = bus.parse()?;
         let setup = self.thread_setup()?;
         let mut bus = bus::open(&address)?;
         let recorder = self.create_recorder(session, &address.to_string())?;

@@ -1,0 +1,110 @@
+//! Bad input: the message, exactly, and the exit code.
+
+use std::fs;
+use std::path::Path;
+
+use insta::assert_snapshot;
+
+use crate::complaint;
+
+fn here() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// What `run --mode free` says of a scenario.
+fn scenario(text: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scenario.toml"), text).unwrap();
+    complaint(folder.path(), 2, &["run", "--mode", "free", "--scenario", "scenario.toml", "--json"])
+}
+
+#[test]
+fn arms_that_cannot_be() {
+    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--beta2-deg", "nan"]), @"resonarm: pose angle `beta2_deg` is NaN: it must be a number from -360 to 360 degrees");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--beta1-deg", "inf", "--duration-s", "1"]), @"resonarm: pose angle `beta1_deg` is inf: it must be a number from -360 to 360 degrees");
+    assert_snapshot!(scenario("[arm.parameters]\nmass2_kg = -1.0"), @"resonarm: arm parameter `mass2_kg` is -1: it must be a positive number");
+}
+
+#[test]
+fn rates_and_times_that_cannot_be() {
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: integration rate 0 Hz: it must be a positive number");
+    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--rate-hz", "nan"]), @"resonarm: simulation.rate_hz is NaN: the wire states it as a whole number of hertz from 1 to 65535");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "-1"]), @"resonarm: --duration-s is -1: it must be a positive number");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: take 0.002, or another rate");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @"resonarm: the initial state [NaN, 0.0, 0.0, 0.0] is not finite: give four numbers, rad and rad/s");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--force-x-n", "1", "--duration-s", "1"]), @"resonarm: --excitation-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential");
+}
+
+#[test]
+fn scenarios_that_cannot_be_read() {
+    assert_snapshot!(complaint(here(), 2, &["modes", "--scenario", "no-such.toml"]), @"resonarm: can't read the scenario no-such.toml: No such file or directory (os error 2)");
+    assert_snapshot!(scenario("[simulation]\nrate_hz = 1000\nduraton_s = 3\n"), @r"
+    resonarm: scenario.toml: TOML parse error at line 3, column 1
+      |
+    3 | duraton_s = 3
+      | ^^^^^^^^^
+    unknown field `duraton_s`, expected one of `rate_hz`, `steps_per_sample`, `scheme`, `seed`, `duration_s`
+    Did you mean `duration_s`?
+    ");
+    assert_snapshot!(scenario("[excitation]\nprofile = { waveform = 'chirp' }"), @r"
+    resonarm: scenario.toml: TOML parse error at line 2, column 24
+      |
+    2 | profile = { waveform = 'chirp' }
+      |                        ^^^^^^^
+    unknown variant `chirp`, expected one of `dwell`, `stepped-sine`, `swept-sine`, `impulse`
+    ");
+    assert_snapshot!(scenario("[arm]\nbeta1_deg = 'up'"), @r#"
+    resonarm: scenario.toml: TOML parse error at line 2, column 13
+      |
+    2 | beta1_deg = 'up'
+      |             ^^^^
+    invalid type: string "up", expected f64
+    "#);
+    assert_snapshot!(scenario("[arm]\nbeta1_deg = 3"), @"resonarm: the scenario has no [excitation]: add one, as scenarios/demo.toml shows");
+}
+
+#[test]
+fn buses_that_are_none() {
+    assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: --mode free has no bus: leave --bus out, or take --mode lockstep");
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"resonarm: --mode free has no bus: it is a mode of `resonarm run`");
+}
+
+/// What is missing differs from machine to machine: the interface, or CAN itself.
+#[test]
+fn a_missing_interface_is_told_with_the_way_to_make_it() {
+    let missing = ["--bus", "vcan999"];
+    for command in ["run", "exciter"] {
+        let says = complaint(here(), 3, &[&[command], missing.as_slice()].concat());
+        let interface = says.starts_with("resonarm: there is no interface vcan999 (")
+            && says.contains("`sudo ip link add vcan999 type vcan && sudo ip link set vcan999 mtu 72 up` makes it");
+        let kernel =
+            says.starts_with("resonarm: this kernel has no SocketCAN (") && says.contains("`sudo modprobe -a can");
+        assert!(interface || kernel, "{says}");
+    }
+}
+
+#[test]
+fn words_that_are_not_understood() {
+    assert_snapshot!(complaint(here(), 2, &["modes", "--presett", "irb1600-fitted"]), @r"
+    error: unexpected argument '--presett' found
+
+      tip: a similar argument exists: '--preset'
+
+    Usage: resonarm modes --preset <NAME>
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--overrun", "ignore"]), @r"
+    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it is one of continue, fault, stop
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--priority", "0"]), @"resonarm: the real-time priority is 0; it must be from 1 to 99");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "1,2", "--duration-s", "1"]), @"resonarm: --initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s");
+}

@@ -1,0 +1,105 @@
+//! The JSON documents that scripts rely on, and the numbers in them.
+
+use serde_json::Value;
+
+use crate::{document, names};
+
+fn here() -> &'static std::path::Path {
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn oracles(kind: &str) -> Vec<Value> {
+    let file: Value = serde_json::from_str(include_str!("../oracles/oracles.json")).unwrap();
+    file[kind].as_array().unwrap().clone()
+}
+
+/// The preset with a case's I_S2.
+fn preset(case: &Value) -> &'static str {
+    if case["I_S2"] == 1.5 { "irb1600-fitted" } else { "irb1600-table1" }
+}
+
+#[test]
+fn modes_are_those_of_the_oracles() {
+    for case in oracles("modes") {
+        let beta2 = case["beta2_deg"].to_string();
+        let got = document(here(), 0, &["modes", "--preset", preset(&case), "--beta2-deg", &beta2, "--json"]);
+        assert_eq!(names(&got), ["modes"]);
+        let modes = got["modes"].as_array().unwrap();
+        assert_eq!(modes.len(), 2);
+        for (i, mode) in modes.iter().enumerate() {
+            assert_eq!(names(mode), ["damping_ratio", "frequency_hz", "shape"]);
+            for name in ["frequency_hz", "damping_ratio"] {
+                let (got, expected) = (mode[name].as_f64().unwrap(), case[name][i].as_f64().unwrap());
+                assert!((got / expected - 1.0).abs() < 1e-9, "{name}: {got}, expected {expected}");
+            }
+        }
+    }
+}
+
+/// Every trajectory is met to 1e-9 (rad, rad/s) at 32 kHz, by the default scheme.
+#[test]
+fn simulate_meets_the_oracles() {
+    let mut worst = 0.0_f64;
+    for case in oracles("trajectories") {
+        let text = |name: &str| case[name].to_string();
+        let initial = case["initial"].as_array().unwrap().iter().map(Value::to_string).collect::<Vec<_>>().join(",");
+        for (i, t_s) in case["t_s"].as_array().unwrap().iter().enumerate().skip(1) {
+            let got = document(
+                here(),
+                0,
+                &[
+                    ["simulate", "--preset", preset(&case)].as_slice(),
+                    &["--beta1-deg", &text("beta1_deg"), "--beta2-deg", &text("beta2_deg"), "--initial", &initial],
+                    &["--torque1-nm", &text("torque1_nm"), "--force-x-n", &text("force_x_n")],
+                    &["--force-y-n", &text("force_y_n"), "--excitation-hz", &text("excitation_hz")],
+                    &["--rate-hz", "32000", "--duration-s", &t_s.to_string(), "--json"],
+                ]
+                .concat(),
+            );
+            assert_eq!(names(&got), ["alpha_dot_rad_s", "alpha_rad", "steps", "t_s", "wall_s"]);
+            assert_eq!((&got["t_s"], got["steps"].as_f64()), (t_s, t_s.as_f64().map(|t_s| t_s * 32e3)));
+            for (name, k) in [("alpha_rad", 0), ("alpha_rad", 1), ("alpha_dot_rad_s", 0), ("alpha_dot_rad_s", 1)] {
+                let (got, expected) = (got[name][k].as_f64().unwrap(), case[name][i][k].as_f64().unwrap());
+                worst = worst.max((got - expected).abs());
+            }
+        }
+    }
+    assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
+}
+
+#[test]
+fn a_pose_may_come_from_a_scenario_and_flags_win() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("arm.toml"), "[arm]\npreset = 'irb1600-table1'\nbeta2_deg = 30.0\n").unwrap();
+    let modes = |arguments: &[&str]| document(folder.path(), 0, &[&["modes", "--json"], arguments].concat());
+    assert_eq!(modes(&["--scenario", "arm.toml"]), modes(&["--preset", "irb1600-table1", "--beta2-deg", "30"]));
+    let both = ["--scenario", "arm.toml", "--preset", "irb1600-fitted"];
+    assert_eq!(modes(&both), modes(&["--preset", "irb1600-fitted", "--beta2-deg", "30"]));
+}
+
+#[test]
+fn run_reports_steps_bus_and_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["run", "--mode", "free", "--duration-s", "0.5", "--record", "run.mcap", "--json"];
+    let got = document(folder.path(), 0, &run);
+    assert_eq!(names(&got), ["bus", "exec_us", "overruns", "recording", "steps", "wakeup_us"]);
+    assert_eq!(names(&got["bus"]), ["dropped", "e2e_errors", "received", "sent"]);
+    assert_eq!((&got["steps"], &got["overruns"], &got["recording"]), (&500.into(), &0.into(), &"run.mcap".into()));
+    assert!(got["bus"]["received"].as_u64() > Some(500) && got["bus"]["sent"].as_u64() > Some(1500), "{got}");
+    let without = document(folder.path(), 0, &["run", "--mode", "free", "--duration-s", "0.1", "--json"]);
+    assert!(without["recording"].is_null());
+
+    let resim = document(folder.path(), 0, &["resim", "run.mcap", "--json"]);
+    assert_eq!(names(&resim), ["first_divergence", "identical", "max_drift_rad", "steps"]);
+    assert_eq!((&resim["identical"], &resim["steps"]), (&true.into(), &501.into()));
+    assert!(resim["first_divergence"].is_null() && resim["max_drift_rad"] == 0.0);
+}
+
+#[test]
+fn doctor_says_what_can_be_mended() {
+    let got = document(here(), 0, &["doctor", "--json"]);
+    let findings = got["findings"].as_array().unwrap();
+    let subjects: Vec<_> = findings.iter().map(|finding| finding["subject"].as_str().unwrap()).collect();
+    assert_eq!(&subjects[..3], ["SocketCAN", "CAN interfaces", "python-can"]);
+    assert!(findings.len() > 3 && findings.iter().all(|finding| names(finding) == ["mend", "state", "subject"]));
+}

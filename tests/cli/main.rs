@@ -1,0 +1,50 @@
+//! The command line as a user meets it: documents, messages and exit codes of the program itself.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
+
+mod bad_input;
+mod documents;
+mod recordings;
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+/// What a command came to.
+pub struct Outcome {
+    /// Its exit code.
+    pub code: i32,
+    /// What it said on standard output.
+    pub stdout: String,
+    /// What it said on standard error.
+    pub stderr: String,
+}
+
+/// Runs the program in `folder`. None of the commands given here runs for more than some seconds.
+pub fn resonarm(folder: &Path, arguments: &[&str]) -> Outcome {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    command.args(arguments).current_dir(folder).env_remove("RESONARM_LOG").stdin(Stdio::null());
+    let output = command.output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Outcome { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// Runs a command that must end with `code` and print one JSON document, and nothing else.
+pub fn document(folder: &Path, code: i32, arguments: &[&str]) -> Value {
+    let outcome = resonarm(folder, arguments);
+    assert_eq!(outcome.code, code, "{arguments:?}: {}{}", outcome.stdout, outcome.stderr);
+    serde_json::from_str(&outcome.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error} in {}", outcome.stdout))
+}
+
+/// Runs a command that must fail with `code` and print nothing on standard output; what it says on standard error.
+pub fn complaint(folder: &Path, code: i32, arguments: &[&str]) -> String {
+    let outcome = resonarm(folder, arguments);
+    assert_eq!(outcome.code, code, "{arguments:?}: {}{}", outcome.stdout, outcome.stderr);
+    assert_eq!(outcome.stdout, "", "{arguments:?}");
+    outcome.stderr
+}
+
+/// The names in a JSON object, in alphabetical order.
+pub fn names(object: &Value) -> Vec<&str> {
+    object.as_object().unwrap().keys().map(String::as_str).collect()
+}
