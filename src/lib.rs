@@ -1,7 +1,47 @@
 //! Resonarm: a real-time vibration simulator of a compliant-joint robot arm, on a CAN bus.
 //!
-//! The modules in the order in which they stand on each other. The first group is pure: no clock, no thread, no file,
-//! no socket, and `no_std` when the feature `std` is off.
+//! A plant is an arm with its instruments and an integrator. It is measured, given a load to hold, and advanced, sample by
+//! sample; everything else carries the readings out and the loads in.
+//!
+//! ```
+//! use resonarm::analysis::modes;
+//! use resonarm::arm::Load;
+//! use resonarm::plant::Plant;
+//! use resonarm::scenario::Scenario;
+//!
+//! let scenario = Scenario::parse("arm = { preset = 'irb1600-fitted', beta2_deg = 60 }", "here")?;
+//! let [first, _] = modes(&scenario.build_arm()?);
+//! assert!((first.frequency_hz - 22.16).abs() < 0.01);
+//!
+//! let mut plant = Plant::new(&scenario.plant_spec()?)?;
+//! for _ in 0..100 {
+//!     let acceleration_c_m_s2 = plant.measure().acceleration_c_m_s2.map(|reading| reading.value);
+//!     // A controller of your own: the force at the tip answers the acceleration there.
+//!     plant.advance(&Load::force_n(10.0 - 0.5 * acceleration_c_m_s2[0], 0.0))?;
+//! }
+//! assert_eq!(plant.step(), 100);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The modules, in the order in which they stand on each other:
+//!
+//! | | |
+//! | --- | --- |
+//! | [`arm`] | equations of motion, presets, kinematics, energy |
+//! | [`integrate`], [`ensemble`] | one-step methods for one arm; many arms at once |
+//! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
+//! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
+//! | [`plant`] | the arm with its instruments, sample by sample |
+//! | [`node`] | plant and exciter controller as CAN nodes without IO |
+//! | [`protocol`] | the CAN protocol, a crate of its own |
+//! | `bus`, `realtime`, `recording` | buses; clocks and threads; MCAP files |
+//! | `scenario`, `run`, `replay` | a run in one file; the three run loops; recordings played and simulated again |
+//! | `plot`, `cli` | figures; the program |
+//!
+//! Down to `node` they are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI units
+//! throughout; a number that is not in a typed quantity carries its unit in its name.
+//!
+//! `README.md` says how to run the program, `DESIGN.md` why things are so.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 extern crate alloc;

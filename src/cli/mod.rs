@@ -90,6 +90,15 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Checks that `arguments`, the program's name left out, are a command line of this program, without doing anything.
+///
+/// # Errors
+/// What the program would say of them.
+pub fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(), String> {
+    let command_line = core::iter::once("resonarm").chain(arguments);
+    Cli::try_parse_from(command_line).map(|_cli| ()).map_err(|error| error.to_string())
+}
+
 /// Logs to standard error: warnings, more with `-v`, and whatever `RESONARM_LOG` asks for.
 fn log_to_stderr(verbose: u8) {
     let level = match verbose {

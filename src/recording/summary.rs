@@ -72,7 +72,7 @@ impl fmt::Display for Integrity {
     }
 }
 
-/// What a recording holds, in numbers: see [`Recording::summary`].
+/// What a recording holds, in numbers: see [`Recording::summary`](super::Recording::summary).
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct RecordingSummary {
     /// The file.

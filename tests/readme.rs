@@ -1,0 +1,78 @@
+//! What the documents tell the reader to type or to follow is there: commands parse, files and links exist.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use resonarm::cli;
+
+/// The documents, with the folder that their links count from.
+fn documents() -> Vec<(PathBuf, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut paths: Vec<PathBuf> = ["README.md", "DESIGN.md", "COMPARE.md"].map(|name| root.join(name)).into();
+    for folder in ["docs", "scenarios", "recordings"] {
+        let entries = fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        paths.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    }
+    paths.into_iter().map(|path| (path.clone(), fs::read_to_string(&path).unwrap())).collect()
+}
+
+/// The lines of the fenced blocks of shell commands.
+fn shell_lines(text: &str) -> impl Iterator<Item = &str> {
+    let blocks = text.split("```").skip(1).step_by(2);
+    blocks.filter_map(|block| block.strip_prefix("sh\n")).flat_map(str::lines)
+}
+
+/// The arguments of the program in a line of shell, if it calls it.
+fn arguments(line: &str) -> Option<&str> {
+    let command = line.split(" && ").last().unwrap_or(line);
+    ["resonarm ", "cargo run --release -- "].iter().find_map(|program| command.strip_prefix(program))
+}
+
+#[test]
+fn every_command_in_the_documents_is_one() {
+    let mut commands = 0;
+    for (path, text) in documents() {
+        for line in shell_lines(&text) {
+            let Some(arguments) = arguments(line) else { continue };
+            if let Err(message) = cli::check_arguments(arguments.split_whitespace()) {
+                panic!("{}: {line}\n{message}", path.display());
+            }
+            commands += 1;
+        }
+    }
+    assert!(commands >= 12, "only {commands} commands found");
+}
+
+#[test]
+fn every_scenario_and_recording_that_a_command_names_is_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (path, text) in documents() {
+        for word in shell_lines(&text).flat_map(str::split_whitespace) {
+            if word.starts_with("scenarios/") || word.starts_with("recordings/") {
+                assert!(root.join(word).exists(), "{}: {word}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_link_within_the_project_leads_somewhere() {
+    let mut links = 0;
+    for (path, text) in documents() {
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next()) {
+            if !link.is_empty() && !link.contains("://") {
+                assert!(path.with_file_name(link).exists(), "{}: {link}", path.display());
+                links += 1;
+            }
+        }
+    }
+    assert!(links >= 12, "only {links} links found");
+}
+
+#[test]
+fn a_command_that_is_none_is_told() {
+    assert!(cli::check_arguments(["run", "--mode", "lockstep"]).is_err());
+    assert!(cli::check_arguments(["modes", "--beta-deg", "60"]).is_err());
+    assert!(cli::check_arguments(["modes", "--beta2-deg", "-60"]).is_ok());
+}

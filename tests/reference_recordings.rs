@@ -1,0 +1,56 @@
+//! The reference recordings, simulated again: the arithmetic of today is the arithmetic that made them. If a change of it is
+//! meant, `recordings/make` makes them anew.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
+
+use std::path::{Path, PathBuf};
+
+use resonarm::arm::{Load, State};
+use resonarm::plant::Plant;
+use resonarm::recording::{Integrity, Recording};
+use resonarm::replay::resimulate;
+use resonarm::rig::Reading;
+use resonarm::scenario::Scenario;
+
+fn recordings() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings");
+    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    paths.filter(|path| path.extension().is_some_and(|extension| extension == "mcap")).collect()
+}
+
+#[test]
+fn every_state_is_the_recorded_one() {
+    let paths = recordings();
+    assert!(paths.len() >= 2, "{paths:?}");
+    for path in paths {
+        let recording = Recording::open(&path).unwrap();
+        assert_eq!(*recording.integrity(), Integrity::Complete, "{}", path.display());
+        assert!(path.metadata().unwrap().len() < 300_000, "{} is too large for the repository", path.display());
+        let verdict = resimulate(&recording).unwrap();
+        assert!(verdict.identical, "{}: {verdict:?}; if this is meant, run recordings/make", path.display());
+        assert!(verdict.steps > 800, "{}: {verdict:?}", path.display());
+    }
+}
+
+#[test]
+fn every_reading_of_the_instruments_is_the_recorded_one() {
+    for path in recordings() {
+        let recording = Recording::open(&path).unwrap();
+        let scenario = Scenario::from_configuration(recording.configuration()).unwrap();
+        let mut plant = Plant::new(&scenario.plant_spec().unwrap()).unwrap();
+        let mut readings = 0;
+        for (step, sample) in recording.steps().unwrap().zip(recording.samples().unwrap()) {
+            let (step, sample) = (step.unwrap(), sample.unwrap());
+            assert_eq!(*plant.state(), State::new(step.alpha_rad, step.alpha_dot_rad_s));
+            let measured = plant.measure();
+            let values = |pair: [Reading; 2]| pair.map(|reading| reading.value.to_bits());
+            let recorded = |pair: [f64; 2]| pair.map(f64::to_bits);
+            let place = format!("{}, sample {}; if this is meant, run recordings/make", path.display(), sample.step);
+            assert_eq!(values(measured.head_force_n), recorded(sample.head_force_n), "{place}");
+            assert_eq!(values(measured.acceleration_b_m_s2), recorded(sample.acceleration_b_m_s2), "{place}");
+            assert_eq!(values(measured.acceleration_c_m_s2), recorded(sample.acceleration_c_m_s2), "{place}");
+            plant.advance(&Load { torque_nm: step.torque_nm.into(), force_n: step.force_n.into() }).unwrap();
+            readings += 1;
+        }
+        assert!(readings > 800, "{}: {readings} readings", path.display());
+    }
+}
