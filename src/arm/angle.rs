@@ -69,16 +69,26 @@ impl<T: Real> Angle<T> {
     /// Sine and cosine of the angle plus `small_rad`, times the length.
     #[inline(always)]
     pub fn sincos_plus(&self, small_rad: T) -> (T, T) {
+        T::where_within(small_rad, LIMIT_RAD, self.near(small_rad), [self.base_rad, self.length], far)
+    }
+
+    /// The same where [`within_reach`] says so, and meaningless elsewhere; without a branch or a call.
+    #[inline(always)]
+    pub fn near(&self, small_rad: T) -> (T, T) {
         let (h, t) = (self.sine, self.cosine);
         let z = small_rad * small_rad;
         let z2 = z * z;
         let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
         // (h + t α) + z h q + z α t p and (t − h α) + z t q − z α h p: the polynomials come last, all else is ready before.
         let (h_small, t_small) = (h * small_rad, t * small_rad);
-        let near =
-            ((h + t_small) + ((z * h) * q + (z * t_small) * p), (t - h_small) + ((z * t) * q - (z * h_small) * p));
-        T::where_within(small_rad, LIMIT_RAD, near, [self.base_rad, self.length], far)
+        ((h + t_small) + ((z * h) * q + (z * t_small) * p), (t - h_small) + ((z * t) * q - (z * h_small) * p))
     }
+}
+
+/// Whether the polynomials hold for this angle.
+#[inline(always)]
+pub(crate) fn within_reach<T: Real>(small_rad: T) -> bool {
+    small_rad.all_within(LIMIT_RAD)
 }
 
 /// Length times sine and cosine of base + small.

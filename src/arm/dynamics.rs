@@ -18,7 +18,7 @@ pub struct AccelerationJacobian {
 impl Arm {
     /// M(α,β), Eq. (19), kg·m². Symmetric positive definite at every angle.
     pub fn mass_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
-        let (_, t) = self.coefficients.coupling(alpha_rad.y);
+        let (_, t) = self.coefficients.coupling::<true>(alpha_rad.y);
         self.mass_matrix_at(t)
     }
 
@@ -31,7 +31,7 @@ impl Arm {
     /// C(α,α̇,β), Eq. (20), N·m·s/rad, in the form for which Ṁ − 2C is skew-symmetric.
     pub fn coriolis_matrix(&self, state: &State) -> Matrix2<f64> {
         let v = &state.alpha_dot_rad_s;
-        let (h, _) = self.coefficients.coupling(state.alpha_rad.y);
+        let (h, _) = self.coefficients.coupling::<true>(state.alpha_rad.y);
         Matrix2::new(-h * v.y, -h * (v.x + v.y), h * v.x, 0.0)
     }
 
@@ -57,7 +57,7 @@ impl Arm {
 
     /// α̈ from Eq. (3), rad/s².
     pub fn acceleration(&self, state: &State, load: &Load) -> Vector2<f64> {
-        self.coefficients.acceleration(&state.into(), &load.into()).into()
+        self.coefficients.acceleration::<true>(&state.into(), &load.into()).into()
     }
 
     /// α̈ and its derivatives at a state.
@@ -68,9 +68,9 @@ impl Arm {
     /// ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
     pub fn acceleration_jacobian(&self, state: &State, load: &Load) -> AccelerationJacobian {
         let c = &self.coefficients;
-        let (h, t) = c.coupling(state.alpha_rad.y);
+        let (h, t) = c.coupling::<true>(state.alpha_rad.y);
         let (p, v) = (&self.parameters, &state.alpha_dot_rad_s);
-        let force = c.external_force(state.alpha_rad.into(), &load.into());
+        let force = c.external_force::<true>(state.alpha_rad.into(), &load.into());
         let solve = |r: [f64; 2]| c.solve_mass(t, r);
         let acceleration = Vector2::from(solve(c.torques(&state.into(), h, force)));
 

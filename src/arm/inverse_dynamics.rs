@@ -21,8 +21,8 @@ impl Arm {
     /// Eq. (3) with everything on one side, N·m, at any α̈ (rad/s²), true or not.
     pub fn unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>, load: &Load) -> Vector2<f64> {
         let c = &self.coefficients;
-        let (h, t) = c.coupling(state.alpha_rad.y);
-        let force = c.external_force(state.alpha_rad.into(), &load.into());
+        let (h, t) = c.coupling::<true>(state.alpha_rad.y);
+        let force = c.external_force::<true>(state.alpha_rad.into(), &load.into());
         let inner = self.mass_matrix_at(t) * acceleration_rad_s2;
         inner - Vector2::from(c.torques(&state.into(), h, force))
     }
@@ -33,7 +33,7 @@ impl Arm {
     /// Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²), so its derivative by α2 has t in place of h. The springs, the weight and the force at
     /// the tip add K + ∂G/∂α − ∂(JᵀF)/∂α.
     pub fn inverse_dynamics(&self, state: &State, acceleration_rad_s2: &Vector2<f64>, load: &Load) -> InverseDynamics {
-        let (h, t) = self.coefficients.coupling(state.alpha_rad.y);
+        let (h, t) = self.coefficients.coupling::<true>(state.alpha_rad.y);
         let (p, x, v, a) = (&self.parameters, &state.alpha_rad, &state.alpha_dot_rad_s, acceleration_rad_s2);
         let mut by_alpha = self.tangent_stiffness_matrix(x) - self.tip_force_gradient(x, load);
         by_alpha.m12 -= t * (2.0 * v.x + v.y) * v.y + h * (2.0 * a.x + a.y);

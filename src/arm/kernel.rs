@@ -2,7 +2,7 @@
 
 use core::array;
 
-use super::angle::Angle;
+use super::angle::{Angle, within_reach};
 use super::parameters::Inertia;
 use super::real::Real;
 use super::{Gravity, Load, Parameters};
@@ -145,13 +145,13 @@ impl<T: Real> Coefficients<T> {
     /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces that depend on where the links point. Lanes without a force or
     /// without weight keep u as it is.
     #[inline(always)]
-    pub fn external_force(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
+    pub fn external_force<const FAR: bool>(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
         let [mut r1, mut r2] = load.u;
         if !(load.pulls || self.heavy) {
             return [r1, r2];
         }
-        let (s1, c1) = self.link1.sincos_plus(x[0]);
-        let (s12, c12) = self.link2.sincos_plus(x[0] + x[1]);
+        let (s1, c1) = sincos::<T, FAR>(&self.link1, x[0]);
+        let (s12, c12) = sincos::<T, FAR>(&self.link2, x[0] + x[1]);
         // JᵀF, Eq. (28): F crossed with the arm's vectors from the joints to the tip.
         let [fx, fy] = load.f;
         let second = self.l[1] * (fy * c12 - fx * s12);
@@ -179,15 +179,28 @@ impl<T: Real> Coefficients<T> {
 
     /// a2 sin(β2+α2) and a2 cos(β2+α2), kg·m².
     #[inline(always)]
-    pub fn coupling(&self, alpha2_rad: T) -> (T, T) {
-        self.elbow.sincos_plus(alpha2_rad)
+    pub fn coupling<const FAR: bool>(&self, alpha2_rad: T) -> (T, T) {
+        sincos::<T, FAR>(&self.elbow, alpha2_rad)
     }
 
-    /// α̈ from Eq. (3), rad/s².
+    /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds, to the same
+    /// bits, and without a branch or a call on the way.
     #[inline(always)]
-    pub fn acceleration(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
-        let (h, t) = self.coupling(motion.x[1]);
-        let r = self.torques(motion, h, self.external_force(motion.x, load));
+    pub fn acceleration<const FAR: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+        let (h, t) = self.coupling::<FAR>(motion.x[1]);
+        let r = self.torques(motion, h, self.external_force::<FAR>(motion.x, load));
         self.solve_mass(t, r)
     }
+
+    /// Whether every angle that the acceleration asks for is a small one.
+    #[inline(always)]
+    pub fn within_reach(&self, x: [T; 2], load: &Loads<T>) -> bool {
+        let links = load.pulls || self.heavy;
+        within_reach(x[1]) & (!links || (within_reach(x[0]) & within_reach(x[0] + x[1])))
+    }
+}
+
+#[inline(always)]
+fn sincos<T: Real, const FAR: bool>(angle: &Angle<T>, small_rad: T) -> (T, T) {
+    if FAR { angle.sincos_plus(small_rad) } else { angle.near(small_rad) }
 }

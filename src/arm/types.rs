@@ -20,8 +20,10 @@ impl State {
     }
 
     /// Whether all four numbers are finite.
+    #[inline]
     pub fn is_finite(&self) -> bool {
-        self.alpha_rad.iter().chain(&self.alpha_dot_rad_s).all(|value| value.is_finite())
+        let (x, v) = (&self.alpha_rad, &self.alpha_dot_rad_s);
+        x.x.is_finite() & x.y.is_finite() & v.x.is_finite() & v.y.is_finite()
     }
 }
 

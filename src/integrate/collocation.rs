@@ -61,6 +61,7 @@ impl<const S: usize> Collocation<S> {
     /// that turns the phase too far finds no stages, or wrong ones. The number of parts is doubled until Newton's method
     /// converges in every part and every part keeps its energy balance; the work is bounded, and a step that can't be made
     /// well is an error.
+    #[inline(never)]
     pub fn step(
         &self,
         arm: &Arm,

@@ -21,20 +21,50 @@ pub(crate) struct Tableau<const S: usize> {
 /// ```
 ///
 /// `loads` are those at 0, ½ and 1 of the step: stages 2 and 3 are at the same time.
+///
+/// The step is made as if all angles were small; if one was not, it is made again with the sines of large angles.
 #[inline(always)]
 pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
+    match rk4_step::<T, false>(arm, h_s, motion, loads) {
+        (next, true) => next,
+        (_, false) => rk4_far(arm, h_s, motion, loads),
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn rk4_far<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
+    rk4_step::<T, true>(arm, h_s, motion, loads).0
+}
+
+/// The state after the step, and whether all its angles were small.
+#[inline(always)]
+fn rk4_step<T: Real, const FAR: bool>(
+    arm: &Coefficients<T>,
+    h_s: f64,
+    motion: &Motion<T>,
+    loads: &[Loads<T>; 3],
+) -> (Motion<T>, bool) {
     let [x, v] = [motion.x, motion.v];
     let half = moved(x, 0.5 * h_s, v);
     let full = moved(x, h_s, v);
-    let a1 = arm.acceleration(motion, &loads[0]);
-    let a2 = arm.acceleration(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &loads[1]);
+    let a1 = arm.acceleration::<FAR>(motion, &loads[0]);
+    let a2 = arm.acceleration::<FAR>(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &loads[1]);
     let third = Motion { x: moved(half, 0.25 * h_s * h_s, a1), v: moved(v, 0.5 * h_s, a2) };
-    let a3 = arm.acceleration(&third, &loads[1]);
+    let a3 = arm.acceleration::<FAR>(&third, &loads[1]);
     let fourth = Motion { x: moved(full, 0.5 * h_s * h_s, a2), v: moved(v, h_s, a3) };
-    let a4 = arm.acceleration(&fourth, &loads[2]);
+    let a4 = arm.acceleration::<FAR>(&fourth, &loads[2]);
     let inner = sum(a2, a3);
     let first_three = sum(a1, inner);
-    Motion { x: moved(full, h_s * h_s / 6.0, first_three), v: moved(v, h_s / 6.0, sum(first_three, sum(inner, a4))) }
+    let next = Motion {
+        x: moved(full, h_s * h_s / 6.0, first_three),
+        v: moved(v, h_s / 6.0, sum(first_three, sum(inner, a4))),
+    };
+    let small = arm.within_reach(x, &loads[0])
+        & arm.within_reach(half, &loads[1])
+        & arm.within_reach(third.x, &loads[1])
+        & arm.within_reach(fourth.x, &loads[2]);
+    (next, small)
 }
 
 /// One step of a method given by its tableau; `loads` are those at the nodes cᵢ.
@@ -50,7 +80,7 @@ pub(crate) fn step<T: Real, const S: usize>(
     let mut slopes = [Motion { x: zero, v: zero }; S];
     for i in 0..S {
         let stage = combined(motion, h_s, &tableau.a[i], &slopes);
-        slopes[i] = Motion { x: stage.v, v: arm.acceleration(&stage, &loads[i]) };
+        slopes[i] = Motion { x: stage.v, v: arm.acceleration::<true>(&stage, &loads[i]) };
     }
     combined(motion, h_s, &tableau.b, &slopes)
 }

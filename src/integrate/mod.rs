@@ -126,6 +126,8 @@ impl Integrator {
     /// # Errors
     /// [`IntegrateError::NoConvergence`] or [`IntegrateError::Unbalanced`] if an implicit scheme can't make the step well even in
     /// 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The state given stays what it was.
+    // Inlined, so that the state of a short step stays in registers from step to step.
+    #[inline(always)]
     pub fn step(
         &self,
         arm: &Arm,
@@ -136,8 +138,9 @@ impl Integrator {
         let h_s = self.step_s;
         let next = match &self.method {
             Method::Rk4 => {
-                let loads = [0.0, 0.5, 1.0].map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
-                rk4(&arm.coefficients, h_s, &state.into(), &loads)
+                let loads_at = |part: f64| Loads::from(&excitation.load(t_s + part * h_s));
+                let loads = [loads_at(0.0), loads_at(0.5), loads_at(1.0)];
+                explicit::rk4(&arm.coefficients, h_s, &state.into(), &loads)
             }
             Method::Dop853 => {
                 let loads = dop853::DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
@@ -151,16 +154,13 @@ impl Integrator {
 }
 
 // Once for all kinds of excitation.
-fn rk4(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 3]) -> Motion<f64> {
-    explicit::rk4(arm, h_s, motion, loads)
-}
-
 #[inline(never)]
 fn dop853(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 12]) -> Motion<f64> {
     explicit::step(&dop853::DOP853, arm, h_s, motion, loads)
 }
 
 /// The state of a motion, if it is finite.
+#[inline(always)]
 fn finite(motion: Motion<f64>, t_s: f64) -> Result<State, IntegrateError> {
     let state = State::from(motion);
     if state.is_finite() { Ok(state) } else { Err(IntegrateError::NotFinite { t_s }) }
