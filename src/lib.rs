@@ -57,6 +57,8 @@ pub mod rig;
 
 #[cfg(feature = "std")]
 pub mod bus;
+#[cfg(feature = "std")]
+pub mod paper;
 #[cfg(feature = "cli")]
 pub mod plot;
 #[cfg(feature = "std")]

@@ -10,6 +10,7 @@ use crate::analysis::AnalysisError;
 use crate::arm::ArmError;
 use crate::bus::BusError;
 use crate::integrate::IntegrateError;
+use crate::paper::PaperError;
 use crate::plant::PlantSpecError;
 use crate::plot::PlotError;
 use crate::realtime::RateError;
@@ -58,6 +59,8 @@ pub(super) enum Failure {
     Plot(#[from] PlotError),
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+    #[error(transparent)]
+    Paper(#[from] PaperError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
     #[error("can't write to standard output: {0}")]
@@ -101,6 +104,8 @@ impl Failure {
             Failure::Run(error) => run(error),
             Failure::Analysis(AnalysisError::Interval { .. }) => Exit::Usage,
             Failure::Analysis(_) => Exit::Negative,
+            Failure::Paper(PaperError::Settings(_) | PaperError::Arm(_)) => Exit::Usage,
+            Failure::Paper(_) => Exit::Negative,
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
             _ => Exit::Usage,
         }

@@ -15,6 +15,7 @@ mod frf;
 mod inspect;
 mod modes;
 mod output;
+mod paper;
 mod replay;
 mod resim;
 mod run;
@@ -55,6 +56,7 @@ enum Command {
     Modes(modes::Modes),
     Frf(frf::Frf),
     Continue(continuation::Continue),
+    Paper(paper::Paper),
     Replay(replay::Replay),
     Resim(resim::Resim),
     Inspect(inspect::Inspect),
@@ -73,6 +75,7 @@ pub fn main() -> ExitCode {
         Command::Modes(command) => command.execute(),
         Command::Frf(command) => command.execute(),
         Command::Continue(command) => command.execute(),
+        Command::Paper(command) => command.execute(),
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
         Command::Inspect(command) => command.execute(),

@@ -128,6 +128,8 @@ pub struct Panel {
     pub y: Axis,
     /// What is drawn, the last on top.
     pub series: Vec<Series>,
+    /// Words at points of the panel.
+    pub notes: Vec<Note>,
     /// Where the legend stands.
     pub legend: Legend,
 }
@@ -135,7 +137,7 @@ pub struct Panel {
 impl Panel {
     /// An empty panel.
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self { title: None, x, y, series: Vec::new(), legend: Legend::Auto }
+        Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), legend: Legend::Auto }
     }
 
     /// The panel with a title.
@@ -151,11 +153,27 @@ impl Panel {
         self
     }
 
+    /// The panel with `text` over the point `at`. A note whose point lies outside of the axes isn't drawn.
+    #[must_use]
+    pub fn note(mut self, at: (f64, f64), text: impl Into<String>) -> Self {
+        self.notes.push(Note { at, text: text.into() });
+        self
+    }
+
     /// The panel with its legend there.
     #[must_use]
     pub fn legend(self, legend: Legend) -> Self {
         Self { legend, ..self }
     }
+}
+
+/// Words centred over a point of a panel, for example the name of a curve over its peak.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Note {
+    /// The point (x, y).
+    pub at: (f64, f64),
+    /// The words.
+    pub text: String,
 }
 
 /// Where the legend of a panel stands.

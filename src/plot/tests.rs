@@ -219,3 +219,12 @@ fn small_data_have_a_range_about_them() {
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }
 }
+
+#[test]
+fn notes_stand_over_their_points_and_nowhere_else() {
+    let panel = Panel::new(Axis::linear("x").range(0.0, 1.0), Axis::linear("y"));
+    let line = Series::line("l", Color::Blue, vec![(0.0, 0.0), (1.0, 1.0)]);
+    let svg = Figure::new("").with(panel.with(line).note((0.5, 0.5), "inside").note((2.0, 0.5), "outside")).to_svg();
+    let svg = svg.unwrap();
+    assert!(svg.contains(">inside<") && !svg.contains("outside"));
+}

@@ -78,7 +78,7 @@ impl ScenarioError {
 }
 
 /// Reads serde's ``unknown field `x`, expected one of `a`, `b` `` and finds the name nearest to x.
-fn suggestion(message: &str) -> Option<String> {
+pub(crate) fn suggestion(message: &str) -> Option<String> {
     let (unknown, expected) = message.split_once(", expected ")?;
     let got = unknown.strip_prefix("unknown field ").or(unknown.strip_prefix("unknown variant "))?.trim_matches('`');
     let known = expected.split('`').skip(1).step_by(2);

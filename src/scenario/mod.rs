@@ -3,7 +3,7 @@
 //! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
 //! nearest known one. The whole scenario, defaults written out, goes into the recording.
 
-mod error;
+pub(crate) mod error;
 mod provenance;
 
 pub use error::ScenarioError;

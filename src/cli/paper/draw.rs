@@ -1,0 +1,120 @@
+//! The figures drawn: stable blue, unstable red, as the paper has them.
+
+use crate::paper::{Abscissa, Curves, ForcedBranch, Motion, NaturalFrequencies, Panel};
+use crate::plot::{self, Axis, Color, Legend, Series};
+
+/// Fig. 3, a panel for each preset.
+pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figure {
+    let mut figure = plot::Figure::new("Natural frequencies of the arm against the angle of link 2");
+    figure.columns = 2;
+    for curves in presets {
+        let x = Axis::degrees("β₂ (°)").range(-180.0, 180.0);
+        let highest = curves.frequency_hz.iter().fold(0.0_f64, |highest, frequencies| highest.max(frequencies[1]));
+        let mut panel = plot::Panel::new(x, Axis::linear("natural frequency (Hz)").range(0.0, 1.05 * highest));
+        for (mode, color) in [Color::Blue, Color::Vermillion].into_iter().enumerate() {
+            let points = curves.beta2_deg.iter().zip(&curves.frequency_hz);
+            let points = points.map(|(beta2_deg, frequencies)| (*beta2_deg, frequencies[mode])).collect();
+            panel = panel.with(Series::line(format!("mode {}", mode + 1), color, points));
+        }
+        figure = figure.with(panel.title(curves.preset.name()));
+    }
+    figure
+}
+
+/// A figure of branches.
+pub(super) fn curves(curves: &Curves) -> plot::Figure {
+    let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
+    figure.columns = if curves.panels.len() > 3 { 2 } else { 1 };
+    for (index, panel) in curves.panels.iter().enumerate() {
+        let drawn = draw(curves, panel);
+        figure = figure.with(if index == 0 { drawn } else { drawn.legend(Legend::None) });
+    }
+    figure
+}
+
+/// The room above the highest peak of a panel, for its name.
+const HEADROOM: f64 = 1.15;
+/// A panel without a range shows each curve where it has at least this part of its peak,
+const SHOWN: f64 = 0.05;
+/// and this part of the width more on either side.
+const MARGIN: f64 = 0.08;
+/// What a logarithmic panel shows of amplitudes: down from its highest peak, by this factor.
+const DECADES: f64 = 1e-5;
+
+fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
+    let link = panel.link - 1;
+    let branches = || panel.curves.iter().filter_map(|index| curves.curves.get(*index));
+    let range = panel.range.unwrap_or_else(|| shown(branches().map(|curve| &curve.branch), panel));
+    let inside = |motion: &&Motion| (range[0]..=range[1]).contains(&abscissa(panel, motion));
+    let top = branches().flat_map(|curve| &curve.branch.motions).filter(inside);
+    let top = top.fold(0.0_f64, |top, motion| top.max(motion.amplitude_rad[link]));
+    let label = format!("amplitude of {} (rad)", ["α₁", "α₂"][link]);
+    let y = if panel.logarithmic {
+        Axis::log(label).range(DECADES * top, 4.0 * top)
+    } else {
+        Axis::linear(label).range(0.0, HEADROOM * top)
+    };
+    let x = match panel.abscissa {
+        Abscissa::FrequencyHz => "excitation frequency (Hz)",
+        Abscissa::Torque1Nm => "amplitude of the torque (N·m)",
+    };
+    let mut drawn = plot::Panel::new(Axis::linear(x).range(range[0], range[1]), y);
+    for curve in branches() {
+        for (name, color, stable) in [("stable", Color::Stable, true), ("unstable", Color::Unstable, false)] {
+            drawn = drawn.with(Series::line(name, color, stretches(&curve.branch, panel, stable)));
+        }
+        for at in summits(&curve.branch, panel, range) {
+            drawn = drawn.note(at, curve.label.clone());
+        }
+    }
+    if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
+}
+
+fn abscissa(panel: &Panel, motion: &Motion) -> f64 {
+    match panel.abscissa {
+        Abscissa::FrequencyHz => motion.frequency_hz,
+        Abscissa::Torque1Nm => motion.excitation,
+    }
+}
+
+/// Where the curves of a panel without a range are large.
+fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) -> [f64; 2] {
+    let link = panel.link - 1;
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for branch in branches {
+        let peak = branch.motions.iter().fold(0.0_f64, |peak, motion| peak.max(motion.amplitude_rad[link]));
+        for motion in branch.motions.iter().filter(|motion| motion.amplitude_rad[link] >= SHOWN * peak) {
+            (low, high) = (low.min(abscissa(panel, motion)), high.max(abscissa(panel, motion)));
+        }
+    }
+    [low - MARGIN * (high - low), high + MARGIN * (high - low)]
+}
+
+/// The stretches of one stability, with gaps between them.
+fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
+    let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[panel.link - 1]);
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for (a, b, is_stable) in branch.segments() {
+        if is_stable != stable {
+            continue;
+        }
+        if points.last() != Some(&at(a)) {
+            points.push((f64::NAN, f64::NAN));
+            points.push(at(a));
+        }
+        points.push(at(b));
+    }
+    points
+}
+
+/// Where the name of a curve stands: over its peak in each zone that is shown, or at its end.
+fn summits(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Vec<(f64, f64)> {
+    let link = panel.link - 1;
+    let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[link]);
+    if panel.abscissa == Abscissa::Torque1Nm {
+        return branch.motions.last().map(at).into_iter().collect();
+    }
+    let zones = branch.zones_hz().into_iter().map(|zone| [zone[0].max(range[0]), zone[1].min(range[1])]);
+    let summit = |zone: [f64; 2]| branch.peak(link, zone).ok().map(at);
+    zones.filter(|zone| zone[0] < zone[1]).filter_map(summit).collect()
+}

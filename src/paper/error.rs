@@ -1,0 +1,47 @@
+//! Why a figure or a claim could not be computed.
+
+use thiserror::Error;
+
+use super::SettingsError;
+use crate::analysis::AnalysisError;
+use crate::arm::{ArmError, Preset};
+use crate::integrate::IntegrateError;
+
+/// Why a figure or a claim could not be computed.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum PaperError {
+    /// The settings are none, or ask for what can't be.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// There is no such arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// A curve could not be followed.
+    #[error("{preset} at β2 = {beta2_deg}°, {drive}: {source}")]
+    Analysis {
+        /// The preset.
+        preset: Preset,
+        /// The pose, degrees.
+        beta2_deg: f64,
+        /// What drives the arm.
+        drive: String,
+        /// Why, and what to try.
+        source: AnalysisError,
+    },
+    /// A motion could not be integrated.
+    #[error(transparent)]
+    Integrate(#[from] IntegrateError),
+    /// A curve that a claim is about has no resonance where it should have one.
+    #[error("{preset} at β2 = {beta2_deg}°: no motion between {from_hz:.3} and {to_hz:.3} Hz")]
+    NoMotion {
+        /// The preset.
+        preset: Preset,
+        /// The pose, degrees.
+        beta2_deg: f64,
+        /// Start of the range, Hz.
+        from_hz: f64,
+        /// End of the range, Hz.
+        to_hz: f64,
+    },
+}

@@ -1,0 +1,41 @@
+//! Independent jobs over all cores.
+
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+/// Does `work` on every job, over all cores, and calls `done` after each. The results stand in the order of the jobs.
+pub fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync, done: impl Fn() + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let cores = thread::available_parallelism().map_or(1, |cores| cores.get()).min(jobs.len());
+    let worker = || {
+        let mut results = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(index) else { return results };
+            results.push((index, work(job)));
+            done();
+        }
+    };
+    let mut results: Vec<(usize, R)> = thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(worker)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
+    });
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_stand_in_the_order_of_the_jobs() {
+        let jobs: Vec<u64> = (0..100).collect();
+        let count = AtomicUsize::new(0);
+        let squares = on_all_cores(&jobs, |job| job * job, || _ = count.fetch_add(1, Ordering::Relaxed));
+        assert!(squares.iter().zip(&jobs).all(|(square, job)| *square == job * job));
+        assert_eq!((squares.len(), count.into_inner()), (100, 100));
+        assert_eq!(on_all_cores(&[] as &[u64], |job| *job, || ()), []);
+    }
+}
