@@ -10,7 +10,8 @@ use resonarm::ensemble::Ensemble;
 use resonarm::integrate::{IntegrateError, Integrator, Scheme};
 
 const RATE_HZ: f64 = 8000.0;
-const ROUNDS: u32 = 15;
+/// Rounds are short, so that some of them run undisturbed.
+const ROUNDS: u32 = 300;
 const ARMS: usize = 64;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -21,11 +22,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!(r#"{{"name": "state", "state": [{}, {}, {}, {}]}}"#, x.x, x.y, v.x, v.y);
 
     for scheme in Scheme::ALL {
-        let count = 100_000;
+        let count = 2_000;
         let seconds = best(|| steps(scheme, &arm, black_box(start), count))?;
         report(&format!("resonarm {scheme}"), f64::from(count) / seconds);
     }
-    let count = 5_000;
+    let count = 1_000;
     let ensemble = Ensemble::new(Scheme::Rk4, RATE_HZ, &vec![arm; ARMS], &vec![start; ARMS])?;
     let loads = vec![Load::default(); ARMS];
     let seconds = best(|| ensemble.clone().advance(count, black_box(&loads)))?;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::kernel::{Loads, Motion};
 use super::{Arm, Load, State};
 
 /// Derivatives of α̈ with respect to the state, at one state and load.
@@ -57,7 +58,13 @@ impl Arm {
 
     /// α̈ from Eq. (3), rad/s².
     pub fn acceleration(&self, state: &State, load: &Load) -> Vector2<f64> {
-        self.coefficients.acceleration::<true>(&state.into(), &load.into()).into()
+        let (c, load) = (&self.coefficients, Loads::from(load));
+        let motion = Motion::from(state);
+        if c.needs_links(&load) {
+            c.acceleration::<true, true>(&motion, &load).into()
+        } else {
+            c.acceleration::<true, false>(&motion, &load).into()
+        }
     }
 
     /// α̈ and its derivatives at a state.
@@ -70,7 +77,12 @@ impl Arm {
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);
         let (p, v) = (&self.parameters, &state.alpha_dot_rad_s);
-        let force = c.external_force::<true>(state.alpha_rad.into(), &load.into());
+        let (x, loads) = (state.alpha_rad.into(), Loads::from(load));
+        let force = if c.needs_links(&loads) {
+            c.external_force::<true, true>(x, &loads)
+        } else {
+            c.external_force::<true, false>(x, &loads)
+        };
         let solve = |r: [f64; 2]| c.solve_mass(t, r);
         let acceleration = Vector2::from(solve(c.torques(&state.into(), h, force)));
 

@@ -142,12 +142,12 @@ impl<T: Real> Coefficients<T> {
         [(self.a3 * r[0] - m12 * r[1]) * inverse, (m11 * r[1] - m12 * r[0]) * inverse]
     }
 
-    /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces that depend on where the links point. Lanes without a force or
-    /// without weight keep u as it is.
+    /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces from outside. Without `LINKS` it is u alone, to the same bits where
+    /// [`Coefficients::needs_links`] says that neither force nor weight acts; with it, lanes without them keep u as it is.
     #[inline(always)]
-    pub fn external_force<const FAR: bool>(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
+    pub fn external_force<const FAR: bool, const LINKS: bool>(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
         let [mut r1, mut r2] = load.u;
-        if !(load.pulls || self.heavy) {
+        if !LINKS {
             return [r1, r2];
         }
         let (s1, c1) = sincos::<T, FAR>(&self.link1, x[0]);
@@ -183,20 +183,25 @@ impl<T: Real> Coefficients<T> {
         sincos::<T, FAR>(&self.elbow, alpha2_rad)
     }
 
-    /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds, to the same
-    /// bits, and without a branch or a call on the way.
+    /// Whether a force at the tip or weight acts on any of the arms, so that it matters where the links point.
     #[inline(always)]
-    pub fn acceleration<const FAR: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+    pub fn needs_links(&self, load: &Loads<T>) -> bool {
+        self.heavy | load.pulls
+    }
+
+    /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds, to the same
+    /// bits, and without a branch or a call on the way. `LINKS` as [`Coefficients::external_force`] has it.
+    #[inline(always)]
+    pub fn acceleration<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
         let (h, t) = self.coupling::<FAR>(motion.x[1]);
-        let r = self.torques(motion, h, self.external_force::<FAR>(motion.x, load));
+        let r = self.torques(motion, h, self.external_force::<FAR, LINKS>(motion.x, load));
         self.solve_mass(t, r)
     }
 
     /// Whether every angle that the acceleration asks for is a small one.
     #[inline(always)]
-    pub fn within_reach(&self, x: [T; 2], load: &Loads<T>) -> bool {
-        let links = load.pulls || self.heavy;
-        within_reach(x[1]) & (!links || (within_reach(x[0]) & within_reach(x[0] + x[1])))
+    pub fn within_reach<const LINKS: bool>(&self, x: [T; 2]) -> bool {
+        within_reach(x[1]) & (!LINKS || (within_reach(x[0]) & within_reach(x[0] + x[1])))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Explicit Runge–Kutta methods, for one arm or eight side by side.
+//! Explicit Runge–Kutta methods; the classical one for one arm or several side by side.
 //!
 //! With y = (α, α̇) and f = (α̇, α̈): kᵢ = f(tₙ + cᵢh, yₙ + h Σⱼ aᵢⱼ kⱼ) and yₙ₊₁ = yₙ + h Σ bᵢ kᵢ.
 
@@ -25,21 +25,53 @@ pub(crate) struct Tableau<const S: usize> {
 /// The step is made as if all angles were small; if one was not, it is made again with the sines of large angles.
 #[inline(always)]
 pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
-    match rk4_step::<T, false>(arm, h_s, motion, loads) {
-        (next, true) => next,
-        (_, false) => rk4_far(arm, h_s, motion, loads),
+    let (next, small) = if needs_links(arm, loads) {
+        rk4_step::<T, false, true>(arm, h_s, motion, loads)
+    } else {
+        rk4_step::<T, false, false>(arm, h_s, motion, loads)
+    };
+    if small { next } else { rk4_far(arm, h_s, motion, loads) }
+}
+
+/// [`rk4`] of a single arm: short enough to stand where it is called when only torques act on it.
+#[inline(always)]
+pub(crate) fn rk4_single(
+    arm: &Coefficients<f64>,
+    h_s: f64,
+    motion: &Motion<f64>,
+    loads: &[Loads<f64>; 3],
+) -> Motion<f64> {
+    if needs_links(arm, loads) {
+        return rk4_single_with_links(arm, h_s, motion, loads);
     }
+    let (next, small) = rk4_step::<f64, false, false>(arm, h_s, motion, loads);
+    if small { next } else { rk4_far(arm, h_s, motion, loads) }
+}
+
+#[inline(never)]
+fn rk4_single_with_links(
+    arm: &Coefficients<f64>,
+    h_s: f64,
+    motion: &Motion<f64>,
+    loads: &[Loads<f64>; 3],
+) -> Motion<f64> {
+    rk4(arm, h_s, motion, loads)
+}
+
+#[inline(always)]
+fn needs_links<T: Real>(arm: &Coefficients<T>, loads: &[Loads<T>; 3]) -> bool {
+    arm.needs_links(&loads[0]) | arm.needs_links(&loads[1]) | arm.needs_links(&loads[2])
 }
 
 #[cold]
 #[inline(never)]
 fn rk4_far<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
-    rk4_step::<T, true>(arm, h_s, motion, loads).0
+    rk4_step::<T, true, true>(arm, h_s, motion, loads).0
 }
 
 /// The state after the step, and whether all its angles were small.
 #[inline(always)]
-fn rk4_step<T: Real, const FAR: bool>(
+fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     arm: &Coefficients<T>,
     h_s: f64,
     motion: &Motion<T>,
@@ -48,39 +80,51 @@ fn rk4_step<T: Real, const FAR: bool>(
     let [x, v] = [motion.x, motion.v];
     let half = moved(x, 0.5 * h_s, v);
     let full = moved(x, h_s, v);
-    let a1 = arm.acceleration::<FAR>(motion, &loads[0]);
-    let a2 = arm.acceleration::<FAR>(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &loads[1]);
+    let a1 = arm.acceleration::<FAR, LINKS>(motion, &loads[0]);
+    let a2 = arm.acceleration::<FAR, LINKS>(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &loads[1]);
     let third = Motion { x: moved(half, 0.25 * h_s * h_s, a1), v: moved(v, 0.5 * h_s, a2) };
-    let a3 = arm.acceleration::<FAR>(&third, &loads[1]);
+    let a3 = arm.acceleration::<FAR, LINKS>(&third, &loads[1]);
     let fourth = Motion { x: moved(full, 0.5 * h_s * h_s, a2), v: moved(v, h_s, a3) };
-    let a4 = arm.acceleration::<FAR>(&fourth, &loads[2]);
+    let a4 = arm.acceleration::<FAR, LINKS>(&fourth, &loads[2]);
     let inner = sum(a2, a3);
     let first_three = sum(a1, inner);
     let next = Motion {
         x: moved(full, h_s * h_s / 6.0, first_three),
         v: moved(v, h_s / 6.0, sum(first_three, sum(inner, a4))),
     };
-    let small = arm.within_reach(x, &loads[0])
-        & arm.within_reach(half, &loads[1])
-        & arm.within_reach(third.x, &loads[1])
-        & arm.within_reach(fourth.x, &loads[2]);
+    let small = arm.within_reach::<LINKS>(x)
+        & arm.within_reach::<LINKS>(half)
+        & arm.within_reach::<LINKS>(third.x)
+        & arm.within_reach::<LINKS>(fourth.x);
     (next, small)
 }
 
 /// One step of a method given by its tableau; `loads` are those at the nodes cᵢ.
-#[inline(always)]
-pub(crate) fn step<T: Real, const S: usize>(
+pub(crate) fn step<const S: usize>(
     tableau: &Tableau<S>,
-    arm: &Coefficients<T>,
+    arm: &Coefficients<f64>,
     h_s: f64,
-    motion: &Motion<T>,
-    loads: &[Loads<T>; S],
-) -> Motion<T> {
-    let zero = [T::splat(0.0); 2];
-    let mut slopes = [Motion { x: zero, v: zero }; S];
+    motion: &Motion<f64>,
+    loads: &[Loads<f64>; S],
+) -> Motion<f64> {
+    if loads.iter().any(|load| arm.needs_links(load)) {
+        step_with::<S, true>(tableau, arm, h_s, motion, loads)
+    } else {
+        step_with::<S, false>(tableau, arm, h_s, motion, loads)
+    }
+}
+
+fn step_with<const S: usize, const LINKS: bool>(
+    tableau: &Tableau<S>,
+    arm: &Coefficients<f64>,
+    h_s: f64,
+    motion: &Motion<f64>,
+    loads: &[Loads<f64>; S],
+) -> Motion<f64> {
+    let mut slopes = [Motion { x: [0.0; 2], v: [0.0; 2] }; S];
     for i in 0..S {
         let stage = combined(motion, h_s, &tableau.a[i], &slopes);
-        slopes[i] = Motion { x: stage.v, v: arm.acceleration::<true>(&stage, &loads[i]) };
+        slopes[i] = Motion { x: stage.v, v: arm.acceleration::<true, LINKS>(&stage, &loads[i]) };
     }
     combined(motion, h_s, &tableau.b, &slopes)
 }

@@ -140,16 +140,17 @@ impl Integrator {
             Method::Rk4 => {
                 let loads_at = |part: f64| Loads::from(&excitation.load(t_s + part * h_s));
                 let loads = [loads_at(0.0), loads_at(0.5), loads_at(1.0)];
-                explicit::rk4(&arm.coefficients, h_s, &state.into(), &loads)
+                explicit::rk4_single(&arm.coefficients, h_s, &state.into(), &loads)
             }
             Method::Dop853 => {
                 let loads = dop853::DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
                 dop853(&arm.coefficients, h_s, &state.into(), &loads)
             }
-            Method::TwoStages(method) => return method.step(arm, t_s, state, excitation),
-            Method::ThreeStages(method) => return method.step(arm, t_s, state, excitation),
+            Method::TwoStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
+            Method::ThreeStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
         };
-        finite(next, t_s + h_s)
+        let next = State::from(next);
+        if next.is_finite() { Ok(next) } else { Err(IntegrateError::NotFinite { t_s: t_s + h_s }) }
     }
 }
 
@@ -157,13 +158,6 @@ impl Integrator {
 #[inline(never)]
 fn dop853(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 12]) -> Motion<f64> {
     explicit::step(&dop853::DOP853, arm, h_s, motion, loads)
-}
-
-/// The state of a motion, if it is finite.
-#[inline(always)]
-fn finite(motion: Motion<f64>, t_s: f64) -> Result<State, IntegrateError> {
-    let state = State::from(motion);
-    if state.is_finite() { Ok(state) } else { Err(IntegrateError::NotFinite { t_s }) }
 }
 
 #[cfg(test)]
