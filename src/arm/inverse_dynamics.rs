@@ -22,7 +22,7 @@ impl Arm {
     pub fn unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>, load: &Load) -> Vector2<f64> {
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);
-        let force = c.external_force::<true>(state.alpha_rad.into(), &load.into());
+        let force = c.external_force::<true, true>(state.alpha_rad.into(), &load.into());
         let inner = self.mass_matrix_at(t) * acceleration_rad_s2;
         inner - Vector2::from(c.torques(&state.into(), h, force))
     }
