@@ -72,7 +72,7 @@ fn every_link_within_the_project_leads_somewhere() {
 
 #[test]
 fn a_command_that_is_none_is_told() {
-    assert!(cli::check_arguments(["run", "--mode", "lockstep"]).is_err());
+    assert!(cli::check_arguments(["replay", "run.mcap"]).is_err());
     assert!(cli::check_arguments(["modes", "--beta-deg", "60"]).is_err());
     assert!(cli::check_arguments(["modes", "--beta2-deg", "-60"]).is_ok());
 }
