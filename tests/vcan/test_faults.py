@@ -51,7 +51,8 @@ def killed(tmp_path_factory):
             exciter = programs.resonarm("exciter", "--bus", "vcan0", "--scenario", short, "--json")
             assert exciter.wait() in (0, 1), exciter.stderr
             controllers.append(json.loads(exciter.stdout))
-        time.sleep(0.5)
+        # Longer than a flush, so that what is left of the recording reaches into the quiet after the last controller.
+        time.sleep(2 * FLUSH_S)
         assert plant.running()
         plant.kill()
         return SimpleNamespace(path=path, frames=wire.log(dump), controllers=controllers, recording=Recording.cut_off(path))
@@ -89,7 +90,8 @@ def test_the_fault_latches_and_is_told(killed):
 def test_a_new_controller_arms_it_again_and_finishes(killed):
     assert killed.controllers[-1]["outcome"] == "finished", killed.controllers
     assert killed.controllers[-1]["samples_played"] == 0.6 * RATE_HZ + 1
-    assert np.abs(killed.recording.steps[-40:, 4:]).max() == 0, "disarmed at the end"
+    quiet = round(0.5 * FLUSH_S * RATE_HZ)
+    assert np.abs(killed.recording.steps[-quiet:, 4:]).max() == 0, "disarmed at the end"
 
 
 def test_inspect_says_that_the_recording_is_truncated(killed, programs):
