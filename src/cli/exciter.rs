@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
-use super::flags::{Mode, SessionFlags};
+use super::flags::{Mode, SessionFlags, ThreadFlags, become_real_time};
 use super::output;
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
@@ -29,6 +29,8 @@ pub(super) struct Exciter {
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
+    #[command(flatten)]
+    thread: ThreadFlags,
     /// How long to wait for a plant, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
@@ -101,10 +103,15 @@ impl Exciter {
         let profile = scenario.profile()?;
         let samples = profile.samples();
         let mut node = ExciterNode::new(scenario.network()?, scenario.wire_rate_hz()?, timing, profile);
+        let setup = self.thread.setup()?;
+        let real_time = self.mode == Mode::RealTime;
         let mut bus = bus::open(&address)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
         let (report, responses) = supervise("exciter", &signals, Some(samples), move || {
+            if real_time {
+                become_real_time(&setup);
+            }
             let mut responses = Vec::new();
             let keep = |point| responses.push(point);
             let report = exciter(&mut node, bus.as_mut(), &SystemClock, patience, &watched, keep);
@@ -149,7 +156,7 @@ impl Exciter {
             report.refused_frames
         );
         if !responses.is_empty() {
-            text.push_str("\n  frequency   force        B            C            drift\n");
+            text.push_str("\n  frequency   head force   B            C            drift\n");
         }
         for point in responses {
             let _infallible = writeln!(

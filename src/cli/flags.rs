@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use crate::integrate::Scheme;
+use crate::realtime::{FifoPriority, ThreadSetup};
 use crate::scenario::Scenario;
 
 /// The arm and its pose.
@@ -42,6 +43,32 @@ pub(super) struct SessionFlags {
     /// Length of the run, s [default: until it is stopped].
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub duration_s: Option<f64>,
+}
+
+/// What the thread of a run in real time asks of the system.
+#[derive(Clone, Debug, Args)]
+pub(super) struct ThreadFlags {
+    /// Core to pin the real-time loop to.
+    #[arg(long, value_name = "N")]
+    core: Option<usize>,
+    /// SCHED_FIFO priority of the real-time loop, 1 to 99.
+    #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get())]
+    priority: u8,
+}
+
+impl ThreadFlags {
+    /// What to ask for.
+    pub fn setup(&self) -> Result<ThreadSetup, Failure> {
+        let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
+        Ok(ThreadSetup { priority: Some(priority), core: self.core, ..ThreadSetup::default() })
+    }
+}
+
+/// Makes the calling thread a real-time thread, and says what it could not have.
+pub(super) fn become_real_time(setup: &ThreadSetup) {
+    for shortfall in setup.apply().shortfalls {
+        tracing::warn!("{shortfall}");
+    }
 }
 
 impl ArmFlags {

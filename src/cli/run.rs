@@ -6,13 +6,13 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::failure::{Failure, Verdict};
-use super::flags::{Mode, SessionFlags};
+use super::flags::{Mode, SessionFlags, ThreadFlags, become_real_time};
 use super::session::{Document, RecordFlags, Session, finish, report_text};
 use super::supervise::supervise;
 use super::{exciter, output};
 use crate::bus::{self, Bus, BusAddress};
 use crate::node::{ExciterNode, Outcome};
-use crate::realtime::{FifoPriority, LoopSummary, OverrunPolicy, SystemClock, ThreadSetup};
+use crate::realtime::{LoopSummary, OverrunPolicy, SystemClock, ThreadSetup};
 use crate::recording::{Existing, Recorder};
 use crate::run::{End, PlantReport, PlantSide, RealTimeOptions, RunError, Signals, free, lockstep, real_time};
 use crate::scenario::Scenario;
@@ -30,18 +30,14 @@ pub(super) struct Run {
     session: SessionFlags,
     #[command(flatten)]
     record: RecordFlags,
-    /// End when the controller disarms the plant.
+    /// End when the controller disarms the plant, or the armed plant faults.
     #[arg(long)]
     stop_on_disarm: bool,
     /// What a missed deadline leads to in real time: continue, fault, stop.
     #[arg(long, value_name = "POLICY", default_value_t)]
     overrun: OverrunPolicy,
-    /// Core to pin the real-time loop to.
-    #[arg(long, value_name = "N")]
-    core: Option<usize>,
-    /// SCHED_FIFO priority of the real-time loop, 1 to 99.
-    #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get())]
-    priority: u8,
+    #[command(flatten)]
+    thread: ThreadFlags,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -72,7 +68,7 @@ impl Run {
             )));
         };
         let address: BusAddress = bus.parse()?;
-        let setup = self.thread_setup()?;
+        let setup = self.thread.setup()?;
         let mut bus = bus::open(&address)?;
         let recorder = self.create_recorder(session, &address.to_string())?;
         let mut side = session.side(session.tape(recorder.as_ref())?)?;
@@ -90,11 +86,6 @@ impl Run {
             close(bus.as_mut(), outcome)
         })?;
         self.conclude(recorder, &report, result)
-    }
-
-    fn thread_setup(&self) -> Result<ThreadSetup> {
-        let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
-        Ok(ThreadSetup { priority: Some(priority), core: self.core, ..ThreadSetup::default() })
     }
 
     fn run_free(&self, session: &Session) -> Result<Verdict> {
@@ -115,7 +106,7 @@ impl Run {
             free(&mut side, &mut exciter, rate, after_samples, &watched, |_| {})
         })??;
         let timing = LoopSummary { steps: free.steps, overruns: 0, wakeup_us: None, exec_us: None };
-        let report = PlantReport { timing, bus: free.bus };
+        let report = PlantReport { timing, bus: free.bus, fault: None };
         let verdict = self.conclude(recorder, &report, Ok(()))?;
         match free.outcome {
             Some(Outcome::Faulted(emergency)) => {
@@ -136,12 +127,16 @@ impl Run {
         let summary = finish(recorder, report)?;
         if self.json {
             let recording = summary.as_ref().map(|summary| summary.path.as_path() as &Path);
-            output::print_json(&Document { report, recording })?;
+            let fault = report.fault.as_ref().map(exciter::fault_text);
+            output::print_json(&Document { report, fault, recording })?;
         } else {
             output::print(&report_text(report, summary.as_ref()))?;
         }
         result?;
-        Ok(Verdict::Positive)
+        if let Some(emergency) = &report.fault {
+            tracing::error!("{}", exciter::fault_text(emergency));
+        }
+        Ok(Verdict::of(report.fault.is_none()))
     }
 }
 
@@ -153,9 +148,7 @@ pub(super) fn in_real_time(
     options: &RealTimeOptions,
     signals: &Signals,
 ) -> (PlantReport, core::result::Result<(), RunError>) {
-    for shortfall in setup.apply().shortfalls {
-        tracing::warn!("{shortfall}");
-    }
+    become_real_time(setup);
     real_time(side, bus, &SystemClock, options, signals)
 }
 

@@ -114,6 +114,9 @@ pub(super) fn finish(recorder: Option<Recorder>, report: &PlantReport) -> Result
 pub(super) struct Document<'a> {
     #[serde(flatten)]
     pub report: &'a PlantReport,
+    /// The fault that was latched at the end, in words; only if there was one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
     pub recording: Option<&'a Path>,
 }
 

@@ -27,6 +27,8 @@ pub struct PlantNode {
     command_taken_ns: u64,
     refused_since_taken: u16,
     ramp_left: u64,
+    /// Why the node faulted last.
+    emergency: Option<Emergency>,
 }
 
 impl PlantNode {
@@ -45,6 +47,7 @@ impl PlantNode {
             command_taken_ns: 0,
             refused_since_taken: 0,
             ramp_left: 0,
+            emergency: None,
         }
     }
 
@@ -56,6 +59,11 @@ impl PlantNode {
     /// The node's state.
     pub fn state(&self) -> NodeState {
         self.link.state()
+    }
+
+    /// The fault that is latched now, if one is.
+    pub fn latched_fault(&self) -> Option<Emergency> {
+        self.emergency.filter(|_| self.state() == NodeState::Fault)
     }
 
     /// Whether commands reach the arm.
@@ -248,7 +256,9 @@ impl PlantNode {
         if self.state() == NodeState::Fault {
             return;
         }
-        self.link.send_emergency(self.emergency(code, detail));
+        let emergency = self.emergency(code, detail);
+        self.emergency = Some(emergency);
+        self.link.send_emergency(emergency);
         self.leave(now_ns, StateEvent::Fault);
     }
 

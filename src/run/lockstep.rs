@@ -36,7 +36,8 @@ pub fn lockstep<C: Clock>(
     let result = run.samples().and_then(|()| run.side.finish());
     let timing =
         LoopSummary { steps: run.side.plant().step(), overruns: 0, wakeup_us: None, exec_us: run.exec.percentiles() };
-    (PlantReport { timing, bus: BusCounts::new(run.bus.statistics(), run.side.counts()) }, result)
+    let bus = BusCounts::new(run.bus.statistics(), run.side.counts());
+    (PlantReport { timing, bus, fault: run.side.node().latched_fault() }, result)
 }
 
 struct Lockstep<'a, C: Clock> {
@@ -57,7 +58,7 @@ impl<C: Clock> Lockstep<'_, C> {
 
     fn is_over(&self) -> bool {
         let samples = self.end.after_samples.is_some_and(|samples| self.side.plant().step() >= samples);
-        samples || self.signals.is_stopped() || (self.end.on_disarm && self.side.was_disarmed())
+        samples || self.signals.is_stopped() || (self.end.on_disarm && self.side.has_left_armed())
     }
 
     fn samples(&mut self) -> Result<(), RunError> {

@@ -33,6 +33,7 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use serde::Serialize;
 
 use crate::bus::Statistics;
+use crate::protocol::Emergency;
 use crate::realtime::LoopSummary;
 
 /// When a run ends by itself.
@@ -40,7 +41,7 @@ use crate::realtime::LoopSummary;
 pub struct End {
     /// After this many samples.
     pub after_samples: Option<u64>,
-    /// When an armed plant is disarmed.
+    /// When an armed plant is disarmed or faults.
     pub on_disarm: bool,
 }
 
@@ -80,6 +81,9 @@ pub struct PlantReport {
     pub timing: LoopSummary,
     /// What the bus and the protocol's checks counted.
     pub bus: BusCounts,
+    /// The fault that was latched at the end.
+    #[serde(skip)]
+    pub fault: Option<Emergency>,
 }
 
 /// What the bus and the protocol's checks counted, in frames.

@@ -55,8 +55,8 @@ impl PlantSide {
         Counts { refused_frames: self.node.refused_frames(), unsent_frames: self.node.unsent_frames() }
     }
 
-    /// Whether the plant was armed once and has been disarmed.
-    pub(super) fn was_disarmed(&self) -> bool {
+    /// Whether the plant was armed once and has been disarmed or has faulted.
+    pub(super) fn has_left_armed(&self) -> bool {
         self.ended
     }
 
@@ -99,7 +99,7 @@ impl PlantSide {
     pub(super) fn handle_deadline(&mut self, now_ns: u64) -> Result<(), RunError> {
         self.node.handle_deadline(now_ns);
         while let Some(event) = self.node.poll_event() {
-            if matches!(event, NodeEvent::State { from: NodeState::Operational, to: NodeState::PreOperational }) {
+            if matches!(event, NodeEvent::State { from: NodeState::Operational, .. }) {
                 self.ended = true;
             }
             let (name, value) = event.record();

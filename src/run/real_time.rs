@@ -37,7 +37,8 @@ pub fn real_time<C: Clock>(
         Err(error) => return (PlantReport::empty(), Err(error.into())),
     };
     let result = ticks(side, bus, &mut periodic, options, signals).and_then(|()| side.finish());
-    let report = PlantReport { timing: periodic.summary(), bus: BusCounts::new(bus.statistics(), side.counts()) };
+    let bus = BusCounts::new(bus.statistics(), side.counts());
+    let report = PlantReport { timing: periodic.summary(), bus, fault: side.node().latched_fault() };
     (report, result)
 }
 
@@ -46,7 +47,7 @@ impl PlantReport {
     pub(super) fn empty() -> PlantReport {
         use crate::realtime::LoopSummary;
         let timing = LoopSummary { steps: 0, overruns: 0, wakeup_us: None, exec_us: None };
-        PlantReport { timing, bus: BusCounts::default() }
+        PlantReport { timing, bus: BusCounts::default(), fault: None }
     }
 }
 
@@ -68,7 +69,7 @@ fn ticks<C: Clock>(
         side.record(Record::Tick(TickRecord { step, wakeup_ns, exec_ns, overruns }))?;
         signals.set_step(tick.index);
         let over = options.end.after_samples.is_some_and(|samples| tick.index >= samples);
-        if over || signals.is_stopped() || (options.end.on_disarm && side.was_disarmed()) {
+        if over || signals.is_stopped() || (options.end.on_disarm && side.has_left_armed()) {
             return Ok(());
         }
     }

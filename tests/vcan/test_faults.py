@@ -111,3 +111,19 @@ def test_a_killed_plant_loses_no_more_than_a_flush(killed):
 def test_what_is_left_simulates_again_bit_for_bit(killed, programs):
     verdict = programs.resonarm("resim", killed.path, "--json").result()
     assert verdict == {"identical": True, "steps": len(killed.recording.steps), "first_divergence": None, "max_drift_rad": 0.0}
+
+
+@pytest.mark.parametrize("mode", ["real-time", "lockstep"])
+def test_a_plant_that_stops_on_disarm_ends_at_a_fault_and_says_it(programs, tmp_path, mode):
+    scenario, path = tmp_path / "long.toml", tmp_path / "run.mcap"
+    scenario.write_text(SCENARIO % 60)
+    common = ["--bus", "vcan0", "--mode", mode, "--scenario", scenario]
+    plant = programs.resonarm("run", *common, "--stop-on-disarm", "--record", path, "--json")
+    dump = programs.candump()
+    exciter = programs.resonarm("exciter", *common)
+    wait_until(lambda: " vcan0 201#" in dump.stdout, "a command")
+    exciter.kill()
+    ended = plant.result(code=1)
+    assert ended["fault"].startswith("the plant faulted: no valid command in time"), ended
+    assert ended["fault"] in plant.stderr
+    assert Recording.whole(path).event("state.fault")
