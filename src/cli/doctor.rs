@@ -64,12 +64,17 @@ fn interfaces() -> Finding {
     }
 }
 
+#[cfg(feature = "python-can")]
 fn python_can() -> Finding {
     let subject = "python-can";
-    if cfg!(feature = "python-can") {
-        Finding { subject, state: String::from("built in"), mend: None }
-    } else {
-        let mend = "`cargo build --release --features python-can` makes a build that reaches its adapters";
-        Finding { subject, state: String::from("not in this build"), mend: Some(String::from(mend)) }
+    match crate::bus::python_can::version() {
+        Ok(version) => Finding { subject, state: version, mend: None },
+        Err(error) => Finding { subject, state: String::from("not available"), mend: Some(error.to_string()) },
     }
+}
+
+#[cfg(not(feature = "python-can"))]
+fn python_can() -> Finding {
+    let mend = "`cargo build --release --features python-can` makes a build that reaches its adapters";
+    Finding { subject: "python-can", state: String::from("not in this build"), mend: Some(String::from(mend)) }
 }

@@ -1,5 +1,7 @@
 """Both ends on adapters that python-can drives: they end like the native ones."""
 
+from importlib.metadata import version
+
 import numpy as np
 import pytest
 from conftest import free, session
@@ -70,3 +72,9 @@ def test_the_ordinary_build_says_how_to_get_python_can(programs):
     run = programs.resonarm("run", "--bus", "python-can:interface=socketcan,channel=vcan0")
     assert run.wait() == 3
     assert "`cargo build --release --features python-can` makes one that has" in run.stderr
+
+
+def test_doctor_says_which_python_can_it_found(programs):
+    findings = programs.resonarm("doctor", "--json", program=WITH_PYTHON_CAN).result()["findings"]
+    found = next(finding for finding in findings if finding["subject"] == "python-can")
+    assert found == {"subject": "python-can", "state": version("python-can"), "mend": None}

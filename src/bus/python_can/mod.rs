@@ -70,7 +70,7 @@ impl PythonCan {
     /// [`BusError::PythonCan`] with every variant of [`PythonCanError`] except [`PythonCanError::Stuck`].
     pub fn open(options: &[(String, String)]) -> Result<PythonCan, BusError> {
         let options = Options::parse(options)?;
-        signals::start_python().map_err(|error| Python::attach(|py| exception(py, Operation::Import, error)))?;
+        start_python()?;
         let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
         Ok(PythonCan::start(bus, message_class)?)
     }
@@ -215,6 +215,22 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<(
 }
 
 /// Imports python-can and opens the bus: the bus, and the class `can.Message`.
+/// The release of the python-can that [`PythonCan::open`] would take, as "4.5.0".
+///
+/// # Errors
+/// [`PythonCanError`] as [`PythonCan::open`] says it: python-can is missing, or the environment doesn't fit.
+pub fn version() -> Result<String, PythonCanError> {
+    start_python()?;
+    Python::attach(|py| {
+        let release = discovery::import_can(py)?.getattr("__version__").and_then(|version| version.extract());
+        release.map_err(|error| exception(py, Operation::Import, error))
+    })
+}
+
+fn start_python() -> Result<(), PythonCanError> {
+    signals::start_python().map_err(|error| Python::attach(|py| exception(py, Operation::Import, error)))
+}
+
 fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>), PythonCanError> {
     let can = discovery::import_can(py)?;
     check_interface(&can, &options.interface)?;
