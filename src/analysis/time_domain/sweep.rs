@@ -66,11 +66,10 @@ impl Grid {
     pub fn value(&self, direction: Direction, index: u32) -> f64 {
         let last = self.points - 1;
         let rank = match direction {
-            Direction::Up => index,
+            Direction::Up => index.min(last),
             Direction::Down => last.saturating_sub(index),
         };
-        let part = f64::from(rank) / f64::from(last);
-        self.from * (1.0 - part) + self.to * part
+        (self.from * f64::from(last - rank) + self.to * f64::from(rank)) / f64::from(last)
     }
 }
 
