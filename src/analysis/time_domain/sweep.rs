@@ -57,6 +57,16 @@ impl Grid {
         Ok(Grid { from, to, points })
     }
 
+    /// The lowest value.
+    pub fn from(&self) -> f64 {
+        self.from
+    }
+
+    /// The highest value.
+    pub fn to(&self) -> f64 {
+        self.to
+    }
+
     /// How many values there are.
     pub fn points(&self) -> u32 {
         self.points
