@@ -278,7 +278,7 @@ mod tests {
         journal.append(&Point::new(0, 1, &settled)).unwrap();
         drop(journal);
         let refusal = chains().walk("test", Some((&path, &json!({})))).unwrap_err().to_string();
-        insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"");
+        insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
     }
 
     /// What can't be computed ends everything, with the reason.
@@ -286,6 +286,6 @@ mod tests {
     fn says_what_can_not_be_computed() {
         let mut chains = chains();
         chains.chains[1].excitations[2].frequency_hz = -1.0;
-        insta::assert_snapshot!(chains.walk("test", None).unwrap_err(), @"");
+        insta::assert_snapshot!(chains.walk("test", None).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
     }
 }

@@ -150,12 +150,12 @@ mod tests {
         let path = folder.path().join("journal");
         let configuration = json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 3 });
         drop(Journal::open::<u32>(&path, &configuration).unwrap());
-        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"");
-        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"");
+        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"DIR/sweep.partial.jsonl was begun with configuration.arm.beta2_deg = 60.0, and this command has 90.0: repeat the command that began it to go on with it, or take another folder, or delete it");
+        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"DIR/sweep.partial.jsonl was begun with configuration.steps = 3, and this command has 4: repeat the command that began it to go on with it, or take another folder, or delete it");
         let header = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, format!("{header}1\nthree\n")).unwrap();
-        insta::assert_snapshot!(says(&path, &configuration), @"");
+        insta::assert_snapshot!(says(&path, &configuration), @"line 3 of DIR/sweep.partial.jsonl is no point: delete the file to begin anew");
         std::fs::write(&path, "once upon a time\n").unwrap();
-        insta::assert_snapshot!(says(&path, &configuration), @"");
+        insta::assert_snapshot!(says(&path, &configuration), @"line 1 of DIR/sweep.partial.jsonl is no header: delete the file to begin anew");
     }
 }

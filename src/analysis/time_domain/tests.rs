@@ -3,7 +3,9 @@ use core::f64::consts::TAU;
 use nalgebra::Vector2;
 
 use super::*;
-use crate::analysis::{ArmParameter, BranchOptions, Coordinate, ForcedArm, FrequencyResponse, Orbit, trace};
+use crate::analysis::{
+    ArmParameter, Bifurcation, BifurcationKind, BranchOptions, Coordinate, ForcedArm, FrequencyResponse, Orbit, trace,
+};
 use crate::arm::tests::arm;
 use crate::arm::{Arm, Load, Parameters, Pose, Preset, State};
 use crate::integrate::{Integrator, Scheme, Sine};
@@ -183,10 +185,10 @@ fn settled_motion_closes_by_another_scheme() {
         let size = map.point(&end).norm();
         let error = (map.point(&end) - map.point(&settled.end)).norm() / size;
         assert!(error < 1e-8 / map.time_constant_periods(), "{beta2_deg}°: {error}");
-        for i in 0..2 {
+        for (amplitude, largest) in settled.amplitude_rad.iter().zip(&largest) {
             // Between samples of 1/1000 of a period the crest is missed by at most (nπ/1000)²/2 of harmonic n.
-            let missed = settled.amplitude_rad[i] / largest[i] - 1.0;
-            assert!((0.0..1e-4).contains(&missed), "{beta2_deg}° α{i}: {missed}");
+            let missed = amplitude / largest - 1.0;
+            assert!((0.0..1e-4).contains(&missed), "{beta2_deg}°: {missed}");
         }
     }
 }
@@ -203,6 +205,40 @@ fn finds_the_doubled_motion() {
         // A motion of half the excitation's frequency is not its first harmonic.
         let share = settled.harmonic1_rad[0] / settled.amplitude_rad[0];
         assert_eq!(share < 0.9, settled.period == Some(2), "{share}");
+    }
+}
+
+/// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the motion is quasi-periodic
+/// and its section a closed curve; beyond them it has the period of the excitation.
+#[test]
+fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
+    let arm = fitted(75.0);
+    let forced = ForcedArm::new(arm.clone(), Load::torque_nm(1.0, 0.0), 1500.0);
+    let branch = trace(forced, 23.1, Coordinate::FrequencyHz, &BranchOptions::new(23.1, 22.94)).unwrap();
+    let torus = |event: &&Bifurcation| event.kind == BifurcationKind::NeimarkSacker;
+    let [upper, lower] = branch.bifurcations.iter().filter(torus).collect::<Vec<_>>()[..] else { panic!("{branch:?}") };
+    let amplitude = Load::torque_nm(1500.0, 0.0);
+    let options = SettleOptions { time_constants: 15.0, section_points: 400 };
+    let at = |frequency_hz, start: &State| {
+        settle(&StroboscopicMap::new(&arm, Sine { amplitude, frequency_hz }).unwrap(), start, &options, &|| false)
+            .unwrap()
+    };
+    let above = at(upper.orbit.frequency_hz + 0.005, &start_of(&upper.orbit));
+    let between = at(upper.orbit.frequency_hz - 0.01, &above.end);
+    let below = at(lower.orbit.frequency_hz - 0.005, &start_of(&lower.orbit));
+    assert_eq!([above.period, between.period, below.period], [Some(1), None, Some(1)]);
+    assert!(between.drift > 1e-4 && between.section.len() == 400);
+    // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has neighbours.
+    let map = StroboscopicMap::new(&arm, Sine { amplitude, frequency_hz: upper.orbit.frequency_hz }).unwrap();
+    let centre = map.point(&above.end);
+    let section: Vec<_> = between.section.iter().map(|state| map.point(state)).collect();
+    let distances = section.iter().map(|point| (point - centre).norm());
+    let (near, far) = distances.fold((f64::INFINITY, 0.0_f64), |(near, far), d| (near.min(d), far.max(d)));
+    assert!(near > 0.1 * far, "{near} {far}");
+    for point in &section {
+        let mut others: Vec<f64> = section.iter().map(|other| (point - other).norm()).collect();
+        others.sort_by(f64::total_cmp);
+        assert!(others[2] < 0.1 * far, "{others:?}");
     }
 }
 
