@@ -124,7 +124,7 @@ fn bad_input_is_said_with_exit_code_2() {
     let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
     insta::assert_snapshot!(sweep("--steps=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
     insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude is 0: it must be a number other than 0");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=1"), @"resonarm: a sweep of 1 points: it must have at least 2, one at each end");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=23 --to-hz=21"), @"resonarm: a sweep from 23 to 21: both ends must be numbers, the second above the first");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
@@ -132,6 +132,126 @@ fn bad_input_is_said_with_exit_code_2() {
     insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1,NaN,0"), @"resonarm: the initial state [0.0, 1.0, NaN, 0.0] is not finite: give four numbers, rad and rad/s");
     insta::assert_snapshot!(says("poincare --torque1-nm=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --torque1-nm=60 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what is stepped: leave --torque1-nm out");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-n=1 --to-n=2"), @"resonarm: the diagram needs its interval: --from-nm a --to-nm b");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-n=1 --to-n=2"), @"resonarm: --from-n is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=NaN --to-hz=21"), @"resonarm: a sweep from NaN to 21: both ends must be numbers, the second above the first");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 0.000001 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --steps=3"), @r"
+    error: the following required arguments were not provided:
+      --parameter <PARAMETER>
+
+    Usage: resonarm poincare --parameter <PARAMETER> --torque1-nm <A> --frequency-hz <F> --steps <N>
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --points=0"), @r"
+    error: invalid value '0' for '--points <N>': 0 is not in 1..=1000000
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-nm=2 --to-nm=1"), @"resonarm: a sweep from 2 to 1: both ends must be numbers, the second above the first");
     insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --torque1-nm=60"), @"resonarm: --frequency-hz is for a section or a diagram in amplitude: leave it out");
+}
+
+/// More load than the arm can bear is no bad usage: it is found out on the way.
+#[test]
+fn what_can_not_be_followed_is_said_with_exit_code_1() {
+    let output = resonarm(&["sweep", "--torque1-nm=1e9", "--from-hz=21", "--to-hz=23"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    insta::assert_snapshot!(errors(&output), @"resonarm: excited at 21 Hz: the motion grows beyond all bounds, 3.25e-3 s after phase 0; try less excitation");
+}
+
+/// A range without a resonance is as good as any other.
+#[test]
+fn a_range_without_a_resonance_is_swept() {
+    let output = resonarm(&["sweep", "--torque1-nm=60", "--from-hz=5", "--to-hz=10", "--steps=6"]).output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    insta::assert_snapshot!(String::from_utf8_lossy(&output.stdout), @r"
+    β2 = 60°, stepped up: 6 motions
+      largest |α1|  0.000133 rad at 10.000000 Hz
+      largest |α2|  0.000016 rad at 10.000000 Hz
+    β2 = 60°, stepped down: 6 motions
+      largest |α1|  0.000133 rad at 10.000000 Hz
+      largest |α2|  0.000016 rad at 10.000000 Hz
+      up and down agree
+    ");
+}
+
+#[test]
+fn help_says_what_there_is() {
+    let help = |command| {
+        let output = resonarm(&[command, "-h"]).env_remove("COLUMNS").output().unwrap();
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    insta::assert_snapshot!(help("sweep"), @r"
+    Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does:
+    jumps and hysteresis included. Every motion is followed until its end is proved
+
+    Usage: resonarm sweep [OPTIONS] --from-hz <F> --to-hz <F>
+
+    Options:
+          --preset <NAME>            Parameter set: irb1600-fitted (default) or irb1600-table1
+      -v, --verbose...               Log more: -v for what happens, -vv for every detail
+          --beta1-deg <DEG>          Angle β1 of link 1 against the x axis, degrees [default: 0]
+          --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
+                                     [default: 60]
+          --scenario <FILE>          TOML file with the whole scenario; flags win over it
+          --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
+          --force-x-n <A>            Amplitude of a force at point C along x, N
+          --force-y-n <A>            Amplitude of a force at point C along y, N
+          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in
+                                     rad/s [default: that of the scenario, at rest]
+          --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
+                                     slowest mode [default: 40]
+          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG. A
+                                     stopped run goes on from what it holds
+          --json                     Print one JSON document
+          --from-hz <F>              Lowest frequency, Hz
+          --to-hz <F>                Highest frequency, Hz
+          --steps <N>                Number of frequencies, evenly spaced, both ends among them. Steps
+                                     wider than a resonance throw the motion off it [default: 101]
+          --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
+          --over-beta2-deg <DEG,…>   Sweep at each of these angles β2 instead of one, degrees
+      -h, --help                     Print help (see more with '--help')
+    ");
+    insta::assert_snapshot!(help("poincare"), @r"
+    The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in
+    frequency or amplitude
+
+    Usage: resonarm poincare [OPTIONS]
+
+    Options:
+          --preset <NAME>            Parameter set: irb1600-fitted (default) or irb1600-table1
+      -v, --verbose...               Log more: -v for what happens, -vv for every detail
+          --beta1-deg <DEG>          Angle β1 of link 1 against the x axis, degrees [default: 0]
+          --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
+                                     [default: 60]
+          --scenario <FILE>          TOML file with the whole scenario; flags win over it
+          --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
+          --force-x-n <A>            Amplitude of a force at point C along x, N
+          --force-y-n <A>            Amplitude of a force at point C along y, N
+          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in
+                                     rad/s [default: that of the scenario, at rest]
+          --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
+                                     slowest mode [default: 40]
+          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG. A
+                                     stopped run goes on from what it holds
+          --json                     Print one JSON document
+          --frequency-hz <F>         Excitation frequency, Hz; not with --parameter frequency
+          --parameter <PARAMETER>    What is stepped for a bifurcation diagram [default: nothing, one
+                                     section] [possible values: frequency, amplitude]
+          --from-hz <F>              Lowest frequency, Hz
+          --to-hz <F>                Highest frequency, Hz
+          --from-nm <A>              Lowest torque at joint 1, N·m
+          --to-nm <A>                Highest torque at joint 1, N·m
+          --from-n <A>               Lowest force at C, N
+          --to-n <A>                 Highest force at C, N
+          --steps <N>                Number of values, evenly spaced, both ends among them [default:
+                                     101]
+          --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
+          --points <N>               Points of the section to keep of a motion that doesn't settle
+                                     [default: 2000, in a diagram 200]
+      -h, --help                     Print help (see more with '--help')
+    ");
 }

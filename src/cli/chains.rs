@@ -115,6 +115,7 @@ impl Chains {
     /// Ctrl-C stops it. A chain is the same however often it was stopped, for each point begins with the exact state in which
     /// the one before ended.
     pub fn walk(self, name: &'static str, journal: Option<(&Path, &Value)>) -> Result<Walked, Failure> {
+        self.check()?;
         let (journal, known) = match journal {
             Some((path, configuration)) => {
                 let (journal, points) = Journal::open(path, configuration)?;
@@ -133,6 +134,16 @@ impl Chains {
         let work = move || self.compute(known, journal, &watched);
         let (points, journal) = supervise(name, &signals, Some(total as u64), work)??;
         Ok(Walked { points, total, journal })
+    }
+
+    /// Refuses what can't be computed before anything is.
+    fn check(&self) -> Result<(), Failure> {
+        for chain in &self.chains {
+            for sine in &chain.excitations {
+                StroboscopicMap::new(&chain.arm, *sine)?;
+            }
+        }
+        Ok(())
     }
 
     fn total(&self) -> usize {
@@ -183,11 +194,12 @@ impl Chains {
             workers.into_iter().map(|worker| worker.join()).collect()
         });
         for result in results {
-            result.map_err(|_panic| Failure::Panic("sweep"))??;
+            result.map_err(|_panic| Failure::Panic("computation"))??;
         }
         let unlock = |mutex: Mutex<Vec<Point>>| mutex.into_inner().unwrap_or_else(PoisonError::into_inner);
         Ok((chains.into_iter().map(unlock).collect(), journal.into_inner().unwrap_or_else(PoisonError::into_inner)))
     }
+
     /// Goes on with one chain.
     fn follow(
         &self,
@@ -281,11 +293,17 @@ mod tests {
         insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
     }
 
-    /// What can't be computed ends everything, with the reason.
+    /// What can't be computed ends everything, with the reason: before anything is computed if that can be told.
     #[test]
     fn says_what_can_not_be_computed() {
-        let mut chains = chains();
-        chains.chains[1].excitations[2].frequency_hz = -1.0;
-        insta::assert_snapshot!(chains.walk("test", None).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let mut bad = chains();
+        bad.chains[1].excitations[4].frequency_hz = -1.0;
+        insta::assert_snapshot!(bad.walk("test", Some((&path, &json!({})))).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
+        assert!(!path.exists());
+        let mut beyond = chains();
+        beyond.chains[1].excitations[1].amplitude = Load::torque_nm(1e12, 0.0);
+        insta::assert_snapshot!(beyond.walk("test", None).unwrap_err(), @"excited at 22.14 Hz: the motion grows beyond all bounds, 1.08e-3 s after phase 0; try less excitation");
     }
 }

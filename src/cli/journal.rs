@@ -66,11 +66,14 @@ impl Journal {
         let mut journal = Journal { path, file };
         // Numbers as they are after being written and read.
         let header: Value = json!({ "build": build_info(), "configuration": configuration });
-        let mut lines = bytes[..whole].split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
-        let Some(first) = lines.next() else {
+        let mut lines = bytes[..whole].split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).peekable();
+        let first = lines.next().unwrap_or_default();
+        if lines.peek().is_none() {
+            // Nothing is computed yet, so nothing can be lost: whatever it was begun with, it is begun anew.
+            journal.file.set_len(0).map_err(|source| JournalError::Open { path: journal.path.clone(), source })?;
             journal.append(&header)?;
             return Ok((journal, Vec::new()));
-        };
+        }
         let had: Value = serde_json::from_slice(first).map_err(|_error| journal.damaged(1, "header"))?;
         if let Some((key, had, has)) = difference("", &had, &header) {
             return Err(JournalError::Differs { path: journal.path, key, had, has });
@@ -149,13 +152,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
         let configuration = json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 3 });
-        drop(Journal::open::<u32>(&path, &configuration).unwrap());
+        let (mut journal, _) = Journal::open::<u32>(&path, &json!({ "steps": 7 })).unwrap();
+        drop(journal);
+        // A journal without points stands in nobody's way.
+        (journal, _) = Journal::open::<u32>(&path, &configuration).unwrap();
+        journal.append(&1).unwrap();
+        drop(journal);
         insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"DIR/sweep.partial.jsonl was begun with configuration.arm.beta2_deg = 60.0, and this command has 90.0: repeat the command that began it to go on with it, or take another folder, or delete it");
         insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"DIR/sweep.partial.jsonl was begun with configuration.steps = 3, and this command has 4: repeat the command that began it to go on with it, or take another folder, or delete it");
         let header = std::fs::read_to_string(&path).unwrap();
-        std::fs::write(&path, format!("{header}1\nthree\n")).unwrap();
+        std::fs::write(&path, format!("{header}three\n")).unwrap();
         insta::assert_snapshot!(says(&path, &configuration), @"line 3 of DIR/sweep.partial.jsonl is no point: delete the file to begin anew");
-        std::fs::write(&path, "once upon a time\n").unwrap();
+        std::fs::write(&path, "once upon a time\n1\n").unwrap();
         insta::assert_snapshot!(says(&path, &configuration), @"line 1 of DIR/sweep.partial.jsonl is no header: delete the file to begin anew");
     }
 }

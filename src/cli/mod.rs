@@ -14,6 +14,7 @@ mod failure;
 mod flags;
 mod frf;
 mod inspect;
+mod interval;
 mod journal;
 mod modes;
 mod motion_flags;
@@ -61,9 +62,9 @@ enum Command {
     Modes(modes::Modes),
     Frf(frf::Frf),
     Continue(continuation::Continue),
-    Paper(paper::Paper),
     Sweep(sweep::Sweep),
     Poincare(poincare::Poincare),
+    Paper(paper::Paper),
     Replay(replay::Replay),
     Resim(resim::Resim),
     Inspect(inspect::Inspect),

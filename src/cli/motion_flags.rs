@@ -25,7 +25,7 @@ pub(super) struct MotionFlags {
     initial: Option<Vec<f64>>,
     /// Longest wait for a motion to settle, in time constants of the arm's slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants, allow_hyphen_values = true)]
-    time_constants: f64,
+    pub time_constants: f64,
     /// Folder for the results: CSV, JSON, and figures as SVG and PNG. A stopped run goes on from what it holds.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -132,6 +132,11 @@ pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
         Ok(()) => Ok(path),
         Err(source) => Err(Failure::Write { path, source }),
     }
+}
+
+/// An angle in degrees, with a minus sign where it is negative.
+pub(super) fn degrees(value: f64) -> String {
+    format!("{value}°").replace('-', "−")
 }
 
 /// A number of a table where there may be none.

@@ -10,7 +10,8 @@ use serde_json::{Map, Value, json};
 use super::chains::{Chain, Chains, Point};
 use super::continuation::DriveFlags;
 use super::failure::{Failure, Verdict};
-use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, load_text, or_empty, write};
+use super::interval::{Ends, interval};
+use super::motion_flags::{DirectionFlag, MotionFlags, degrees, direction_name, load_text, or_empty, write};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
 use crate::arm::Load;
@@ -36,14 +37,14 @@ pub(super) struct Poincare {
     #[command(flatten)]
     range: RangeFlags,
     /// Number of values, evenly spaced, both ends among them.
-    #[arg(long, value_name = "N", default_value_t = 101)]
+    #[arg(long, value_name = "N", default_value_t = 101, requires = "parameter")]
     steps: u32,
     /// Which way to step.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, requires = "parameter")]
     direction: DirectionFlag,
     /// Points of the section to keep of a motion that doesn't settle [default: 2000, in a diagram 200].
-    #[arg(long, value_name = "N")]
-    points: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    points: Option<u32>,
 }
 
 /// What can be stepped.
@@ -110,6 +111,16 @@ struct Document {
     motions: Vec<MotionDocument>,
 }
 
+impl RangeFlags {
+    fn ends(&self) -> [Ends; 3] {
+        [
+            Ends { unit: "-hz", from: self.from_hz, to: self.to_hz },
+            Ends { unit: "-nm", from: self.from_nm, to: self.to_nm },
+            Ends { unit: "-n", from: self.from_n, to: self.to_n },
+        ]
+    }
+}
+
 impl Poincare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.motion.scenario()?;
@@ -133,7 +144,7 @@ impl Poincare {
         if self.motion.json {
             output::print_json(&document)?;
         } else {
-            output::print(&document.summary())?;
+            output::print(&document.summary(self.motion.time_constants))?;
         }
         if let Some(out) = &self.motion.out {
             let files = self.write(out, &scenario, &stepped, &document)?;
@@ -147,7 +158,8 @@ impl Poincare {
     }
 
     fn section_points(&self) -> usize {
-        self.points.unwrap_or(if self.parameter.is_some() { DIAGRAM_POINTS } else { SECTION_POINTS })
+        let usual = if self.parameter.is_some() { DIAGRAM_POINTS } else { SECTION_POINTS };
+        self.points.map_or(usual, |points| points as usize)
     }
 
     /// The frequency that isn't stepped.
@@ -160,6 +172,7 @@ impl Poincare {
         match self.parameter {
             None => {
                 self.frequency()?;
+                interval("a section without --parameter", None, &self.range.ends())?;
                 let load = self.motion.amplitude()?;
                 Ok(Stepped { name: "frequency_hz", axis: "", load, sweeps: Vec::new() })
             }
@@ -168,7 +181,7 @@ impl Poincare {
             ))),
             Some(ParameterFlag::Frequency) => {
                 let load = self.motion.amplitude()?;
-                let ends = self.interval("--from-hz a --to-hz b", (self.range.from_hz, self.range.to_hz))?;
+                let ends = self.interval("--parameter frequency", "-hz")?;
                 let parameter = SweepParameter::Frequency { amplitude: load };
                 self.steps("frequency_hz", "excitation frequency (Hz)", load, parameter, ends)
             }
@@ -179,25 +192,21 @@ impl Poincare {
                     let refusal = "the amplitude is what is stepped: leave --torque1-nm out";
                     return Err(Failure::Usage(String::from(refusal)));
                 }
-                let (name, axis, flags, ends) = if is_force {
-                    ("force_n", "force at C (N)", "--from-n a --to-n b", (self.range.from_n, self.range.to_n))
+                let (name, axis, unit) = if is_force {
+                    ("force_n", "force at C (N)", "-n")
                 } else {
-                    let ends = (self.range.from_nm, self.range.to_nm);
-                    ("torque1_nm", "torque at joint 1 (N·m)", "--from-nm a --to-nm b", ends)
+                    ("torque1_nm", "torque at joint 1 (N·m)", "-nm")
                 };
                 let load = if is_force { self.motion.drive.direction()?.0 } else { Load::torque_nm(1.0, 0.0) };
-                let ends = self.interval(flags, ends)?;
+                let ends = self.interval("--parameter amplitude", unit)?;
                 let parameter = SweepParameter::Amplitude { unit: load, frequency_hz: self.frequency()? };
                 self.steps(name, axis, load, parameter, ends)
             }
         }
     }
 
-    fn interval(&self, flags: &str, ends: (Option<f64>, Option<f64>)) -> Result<(f64, f64), Failure> {
-        match ends {
-            (Some(from), Some(to)) => Ok((from, to)),
-            _ => Err(Failure::Usage(format!("the diagram needs its interval: {flags}"))),
-        }
+    fn interval(&self, parameter: &str, unit: &str) -> Result<(f64, f64), Failure> {
+        Ok(interval(parameter, Some(unit), &self.range.ends())?.unwrap_or_default())
     }
 
     fn steps(
@@ -260,8 +269,8 @@ impl Poincare {
             write(out.join("poincare.json"), &(serde_json::to_string(document)? + "\n"))?,
         ];
         let arm = &scenario.arm;
-        let pose = format!("{}, β1 = {}°, β2 = {}°", arm.preset, arm.beta1_deg, arm.beta2_deg);
-        let hz = self.frequency_hz.map_or(String::new(), |hz| format!(" at {hz} Hz"));
+        let pose = format!("{}, β1 = {}, β2 = {}", arm.preset, degrees(arm.beta1_deg), degrees(arm.beta2_deg));
+        let hz = self.frequency_hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
         let figure = match self.parameter {
             None => section_figure(document).subtitle(format!("{pose}, {}{hz}", load_text(&stepped.load))),
             Some(ParameterFlag::Frequency) => {
@@ -276,7 +285,7 @@ impl Poincare {
 
 impl Document {
     /// How many motions there are of which period.
-    fn summary(&self) -> String {
+    fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
         let mut periods: Vec<Option<u32>> = self.motions.iter().map(|motion| motion.period).collect();
         periods.sort_by_key(|period| period.unwrap_or(u32::MAX));
@@ -287,9 +296,11 @@ impl Document {
             let _infallible = match period {
                 Some(1) => writeln!(text, "{count} {motions} with the period of the excitation"),
                 Some(period) => writeln!(text, "{count} {motions} of {period} periods of the excitation"),
-                None => {
-                    writeln!(text, "{count} {motions} not settled: quasi-periodic, chaotic, or of a period above 8")
-                }
+                None => writeln!(
+                    text,
+                    "{count} {motions} not settled within {time_constants} time constants: quasi-periodic, chaotic, of a \
+                     period above 8, or still under way (more --time-constants tell)"
+                ),
             };
         }
         text

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::chains::{Chain, Chains, Point};
 use super::failure::{Failure, Verdict};
-use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, load_text, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, degrees, direction_name, load_text, or_empty, write};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter};
 use crate::arm::{Arm, Load, Pose};
@@ -37,6 +37,9 @@ pub(super) struct Sweep {
     #[arg(long, value_name = "DEG,…", allow_hyphen_values = true, value_delimiter = ',', conflicts_with = "beta2_deg")]
     over_beta2_deg: Vec<f64>,
 }
+
+/// Amplitudes that differ by more than this part belong to different motions.
+const DIFFERENT: f64 = 1e-6;
 
 /// A sweep in results.
 #[derive(Serialize)]
@@ -87,7 +90,7 @@ impl Sweep {
         if self.motion.json {
             output::print_json(&document)?;
         } else {
-            output::print(&document.summary())?;
+            output::print(&document.summary(self.motion.time_constants))?;
         }
         if let Some(out) = &self.motion.out {
             let files = document.write(out, &scenario, &load)?;
@@ -161,6 +164,22 @@ impl PointDocument {
 }
 
 impl SweepDocument {
+    /// How many motions there are, and how many of them are not of the excitation's period.
+    fn periods(&self, time_constants: f64) -> String {
+        let count = |wanted: fn(Option<u32>) -> bool| self.points.iter().filter(|point| wanted(point.period)).count();
+        let longer = count(|period| period.is_some_and(|period| period > 1));
+        let unsettled = count(|period| period.is_none());
+        let mut text = format!("{} motions", self.points.len());
+        if longer > 0 {
+            let _infallible = write!(text, ", {longer} of them of a longer period than the excitation");
+        }
+        if unsettled > 0 {
+            let _infallible = write!(text, ", {unsettled} not settled within {time_constants} time constants");
+        }
+        text.push('\n');
+        text
+    }
+
     /// The points as a curve of |αᵢ|, where they settled or where they didn't.
     fn curve(&self, joint: usize, settled: bool) -> Vec<(f64, f64)> {
         let of = |point: &PointDocument| (point.frequency_hz, point.amplitude_rad[joint]);
@@ -168,33 +187,47 @@ impl SweepDocument {
     }
 }
 
+/// Where two sweeps, up and down over the same frequencies, have come to different motions.
+fn hysteresis(up: &SweepDocument, down: &SweepDocument) -> String {
+    let differ = |(a, b): &(&PointDocument, &PointDocument)| {
+        (0..2).any(|i| (a.amplitude_rad[i] - b.amplitude_rad[i]).abs() > DIFFERENT * b.amplitude_rad[i])
+    };
+    let pairs: Vec<_> = up.points.iter().zip(down.points.iter().rev()).collect();
+    let mut text = String::new();
+    for stretch in pairs.chunk_by(|a, b| differ(a) == differ(b)).filter(|stretch| differ(&stretch[0])) {
+        let [first, last] = [stretch[0], stretch[stretch.len() - 1]].map(|(point, _)| point.frequency_hz);
+        let _infallible = writeln!(text, "  up and down differ from {first:.6} to {last:.6} Hz");
+    }
+    if text.is_empty() { String::from("  up and down agree\n") } else { text }
+}
+
 impl Document {
     /// The sweeps for reading.
-    fn summary(&self) -> String {
+    fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
-        for sweep in &self.sweeps {
-            let count =
-                |wanted: fn(Option<u32>) -> bool| sweep.points.iter().filter(|point| wanted(point.period)).count();
-            let longer = count(|period| period.is_some_and(|period| period > 1));
-            let _infallible = writeln!(
-                text,
-                "β2 = {}°, {}: {} points, {longer} of a longer period than the excitation, {} not settled",
-                sweep.beta2_deg,
-                direction_name(sweep.direction),
-                sweep.points.len(),
-                count(|period| period.is_none()),
-            );
-            for joint in 0..2 {
-                let largest =
-                    sweep.points.iter().max_by(|a, b| a.amplitude_rad[joint].total_cmp(&b.amplitude_rad[joint]));
-                if let Some(point) = largest {
-                    let (amplitude, frequency_hz) = (point.amplitude_rad[joint], point.frequency_hz);
-                    let _infallible =
-                        writeln!(text, "  largest |α{}|  {amplitude:.6} rad at {frequency_hz:.4} Hz", joint + 1);
+        for same in self.by_pose() {
+            for sweep in same {
+                let direction = direction_name(sweep.direction);
+                let _infallible = write!(text, "β2 = {}, stepped {direction}: ", degrees(sweep.beta2_deg));
+                text.push_str(&sweep.periods(time_constants));
+                for joint in 0..2 {
+                    let points = sweep.points.iter().map(|point| (point.amplitude_rad[joint], point.frequency_hz));
+                    if let Some((amplitude, hz)) = points.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                        let _infallible =
+                            writeln!(text, "  largest |α{}|  {amplitude:.6} rad at {hz:.6} Hz", joint + 1);
+                    }
                 }
+            }
+            if let [up, down] = same {
+                text.push_str(&hysteresis(up, down));
             }
         }
         text
+    }
+
+    /// The sweeps of each pose.
+    fn by_pose(&self) -> impl Iterator<Item = &[SweepDocument]> {
+        self.sweeps.chunk_by(|a, b| a.beta2_deg == b.beta2_deg)
     }
 
     fn csv(&self) -> String {
@@ -207,7 +240,7 @@ impl Document {
                 let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
                 let _infallible = writeln!(
                     text,
-                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{}",
+                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}",
                     sweep.beta1_deg,
                     sweep.beta2_deg,
                     direction_name(sweep.direction),
@@ -222,23 +255,26 @@ impl Document {
         text
     }
 
-    /// A row for each pose: |α1| on the left, |α2| on the right.
+    /// |α1| above |α2|; for several poses a row each, |α1| on the left and |α2| on the right.
     fn figure(&self, scenario: &Scenario, load: &Load) -> Figure {
-        let mut figure = Figure::new("Stepped-sine response, settled at each frequency").subtitle(format!(
-            "{}, β1 = {}°, {}",
-            scenario.arm.preset,
-            scenario.arm.beta1_deg,
-            load_text(load)
-        ));
-        figure.columns = 2;
-        let mut rest = &self.sweeps[..];
-        while let Some(first) = rest.first() {
-            let same = rest.iter().take_while(|sweep| sweep.beta2_deg == first.beta2_deg).count();
-            let (pose, others) = rest.split_at(same);
-            rest = others;
+        let arm = &scenario.arm;
+        let (one, load) = (self.by_pose().count() == 1, load_text(load));
+        let pose = match self.sweeps.first() {
+            Some(sweep) if one => format!("β1 = {}, β2 = {}", degrees(arm.beta1_deg), degrees(sweep.beta2_deg)),
+            _ => format!("β1 = {}", degrees(arm.beta1_deg)),
+        };
+        let mut figure = Figure::new("Stepped-sine response, settled at each frequency")
+            .subtitle(format!("{}, {pose}, {load}", arm.preset));
+        figure.columns = if one { 1 } else { 2 };
+        for same in self.by_pose() {
             for joint in 0..2 {
-                let legend = figure.panels.is_empty();
-                figure = figure.with(panel(pose, joint, legend));
+                // The legend stands in the last panel of the first row: where it needs a place of its own, at the edge.
+                let panel = match same.first() {
+                    Some(first) if !one => panel(same, joint).title(format!("β2 = {}", degrees(first.beta2_deg))),
+                    _ => panel(same, joint),
+                };
+                let legend = figure.panels.len() + 1 == figure.columns;
+                figure = figure.with(if legend { panel } else { panel.legend(Legend::None) });
             }
         }
         figure
@@ -255,16 +291,10 @@ impl Document {
     }
 }
 
-/// The sweeps of one pose; the legend in one panel is enough.
-fn panel(sweeps: &[SweepDocument], joint: usize, legend: bool) -> Panel {
+/// The sweeps of one pose.
+fn panel(sweeps: &[SweepDocument], joint: usize) -> Panel {
     let label = format!("largest |α{}| (rad)", joint + 1);
     let mut panel = Panel::new(Axis::linear("excitation frequency (Hz)"), Axis::linear(label));
-    if let Some(first) = sweeps.first() {
-        panel = panel.title(format!("β2 = {}°", first.beta2_deg));
-    }
-    if !legend {
-        panel = panel.legend(Legend::None);
-    }
     for sweep in sweeps {
         let (color, shape) = match sweep.direction {
             Direction::Up => (Color::Blue, Marker::Circle),

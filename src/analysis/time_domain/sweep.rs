@@ -6,6 +6,9 @@ use super::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, settle};
 use crate::arm::{Arm, Load, State};
 use crate::integrate::Sine;
 
+/// Most points of a sweep.
+const MOST_POINTS: u32 = 1_000_000;
+
 /// What is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SweepParameter {
@@ -46,13 +49,13 @@ impl Grid {
     ///
     /// # Errors
     /// [`TimeDomainError::Interval`] unless both are numbers and `to` is above `from`, [`TimeDomainError::Points`] for less than
-    /// two points.
+    /// two points or more than a million.
     pub fn new(from: f64, to: f64, points: u32) -> Result<Grid, TimeDomainError> {
         if !(from.is_finite() && to.is_finite() && from < to) {
             return Err(TimeDomainError::Interval { from, to });
         }
-        if points < 2 {
-            return Err(TimeDomainError::Points { got: points });
+        if !(2..=MOST_POINTS).contains(&points) {
+            return Err(TimeDomainError::Points { got: points, most: MOST_POINTS });
         }
         Ok(Grid { from, to, points })
     }
