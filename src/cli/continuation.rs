@@ -10,6 +10,7 @@ use serde_json::{Map, Value, json};
 use super::branch_plot;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
+use super::interval::{Ends, interval};
 use super::output;
 use crate::analysis::{
     ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace,
@@ -48,13 +49,13 @@ pub(super) struct Continue {
 /// The excitation A·sin(2πft): torque at joint 1, or a force at the tip.
 #[derive(Clone, Debug, Args)]
 pub(super) struct DriveFlags {
-    /// Torque at joint 1, N·m.
+    /// Amplitude of a torque at joint 1, N·m.
     #[arg(long, value_name = "A", allow_hyphen_values = true, conflicts_with_all = ["force_x_n", "force_y_n"])]
     pub torque1_nm: Option<f64>,
-    /// Force at point C along x, N.
+    /// Amplitude of a force at point C along x, N.
     #[arg(long, value_name = "A", allow_hyphen_values = true)]
     pub force_x_n: Option<f64>,
-    /// Force at point C along y, N.
+    /// Amplitude of a force at point C along y, N.
     #[arg(long, value_name = "A", allow_hyphen_values = true)]
     pub force_y_n: Option<f64>,
 }
@@ -151,9 +152,17 @@ impl DriveFlags {
         }
         Ok((load.scaled(1.0 / amplitude), amplitude))
     }
+}
 
-    fn is_torque(&self) -> bool {
-        self.torque1_nm.is_some()
+impl RangeFlags {
+    fn ends(&self) -> [Ends; 5] {
+        [
+            Ends { unit: "-hz", from: self.from_hz, to: self.to_hz },
+            Ends { unit: "-nm", from: self.from_nm, to: self.to_nm },
+            Ends { unit: "-n", from: self.from_n, to: self.to_n },
+            Ends { unit: "-deg", from: self.from_deg, to: self.to_deg },
+            Ends { unit: "", from: self.from, to: self.to },
+        ]
     }
 }
 
@@ -226,38 +235,22 @@ impl Continue {
     }
 
     fn varied(&self) -> Result<Varied, Failure> {
-        let range = &self.range;
-        let varied = |name, coordinate, flags: &str, ends: (Option<f64>, Option<f64>)| match ends {
-            (Some(from), Some(to)) => Ok(Varied { name, coordinate, from, to }),
-            _ => Err(Failure::Usage(format!("--parameter {} needs its interval: {flags}", self.parameter))),
-        };
-        let parameter = Coordinate::Parameter;
-        match self.parameter.as_str() {
-            "frequency" => {
-                varied("frequency_hz", Coordinate::FrequencyHz, "--from-hz a --to-hz b", (range.from_hz, range.to_hz))
-            }
-            "amplitude"
-                if self.drive.is_torque() || (self.drive.force_x_n.is_none() && self.drive.force_y_n.is_none()) =>
-            {
-                let ends = (range.from_nm, range.to_nm);
-                varied("torque1_nm", parameter(ArmParameter::Amplitude), "--from-nm a --to-nm b", ends)
-            }
-            "amplitude" => {
-                varied("force_n", parameter(ArmParameter::Amplitude), "--from-n a --to-n b", (range.from_n, range.to_n))
-            }
-            "beta1_deg" => {
-                let ends = (range.from_deg, range.to_deg);
-                varied("beta1_deg", parameter(ArmParameter::Beta1Deg), "--from-deg a --to-deg b", ends)
-            }
-            "beta2_deg" => {
-                let ends = (range.from_deg, range.to_deg);
-                varied("beta2_deg", parameter(ArmParameter::Beta2Deg), "--from-deg a --to-deg b", ends)
-            }
+        let is_force = self.drive.force_x_n.is_some() || self.drive.force_y_n.is_some();
+        let of_arm = Coordinate::Parameter;
+        let (name, coordinate, unit) = match self.parameter.as_str() {
+            "frequency" => ("frequency_hz", Coordinate::FrequencyHz, "-hz"),
+            "amplitude" if is_force => ("force_n", of_arm(ArmParameter::Amplitude), "-n"),
+            "amplitude" => ("torque1_nm", of_arm(ArmParameter::Amplitude), "-nm"),
+            "beta1_deg" => ("beta1_deg", of_arm(ArmParameter::Beta1Deg), "-deg"),
+            "beta2_deg" => ("beta2_deg", of_arm(ArmParameter::Beta2Deg), "-deg"),
             other => match ARM_PARAMETERS.into_iter().find(|(name, _)| *name == other) {
-                Some((name, which)) => varied(name, parameter(which), "--from a --to b", (range.from, range.to)),
-                None => Err(unknown_parameter(other)),
+                Some((name, which)) => (name, of_arm(which), ""),
+                None => return Err(unknown_parameter(other)),
             },
-        }
+        };
+        let parameter = format!("--parameter {}", self.parameter);
+        let (from, to) = interval(&parameter, Some(unit), &self.range.ends())?.unwrap_or_default();
+        Ok(Varied { name, coordinate, from, to })
     }
 
     fn axis_label(&self, varied: &Varied) -> String {

@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use thiserror::Error;
 
+use super::journal::JournalError;
 use crate::analysis::AnalysisError;
+use crate::analysis::time_domain::TimeDomainError;
 use crate::arm::ArmError;
 use crate::bus::BusError;
 use crate::integrate::IntegrateError;
@@ -61,6 +63,10 @@ pub(super) enum Failure {
     Analysis(#[from] AnalysisError),
     #[error(transparent)]
     Paper(#[from] PaperError),
+    #[error(transparent)]
+    TimeDomain(#[from] TimeDomainError),
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
     #[error("can't write to standard output: {0}")]
@@ -103,9 +109,10 @@ impl Failure {
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Run(error) => run(error),
             Failure::Analysis(AnalysisError::Interval { .. }) => Exit::Usage,
-            Failure::Analysis(_) => Exit::Negative,
+            Failure::Analysis(_) | Failure::TimeDomain(TimeDomainError::Integrate { .. }) => Exit::Negative,
             Failure::Paper(PaperError::Settings(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
+            Failure::Journal(error) if error.is_environment() => Exit::Environment,
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
             _ => Exit::Usage,
         }

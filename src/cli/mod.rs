@@ -4,6 +4,7 @@
 //! 3 the environment lacks something.
 
 mod branch_plot;
+mod chains;
 mod continuation;
 mod demo;
 mod demo_report;
@@ -13,15 +14,20 @@ mod failure;
 mod flags;
 mod frf;
 mod inspect;
+mod interval;
+mod journal;
 mod modes;
+mod motion_flags;
 mod output;
 mod paper;
+mod poincare;
 mod replay;
 mod resim;
 mod run;
 mod session;
 mod simulate;
 mod supervise;
+mod sweep;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -56,6 +62,8 @@ enum Command {
     Modes(modes::Modes),
     Frf(frf::Frf),
     Continue(continuation::Continue),
+    Sweep(sweep::Sweep),
+    Poincare(poincare::Poincare),
     Paper(paper::Paper),
     Replay(replay::Replay),
     Resim(resim::Resim),
@@ -76,6 +84,8 @@ pub fn main() -> ExitCode {
         Command::Frf(command) => command.execute(),
         Command::Continue(command) => command.execute(),
         Command::Paper(command) => command.execute(),
+        Command::Sweep(command) => command.execute(),
+        Command::Poincare(command) => command.execute(),
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
         Command::Inspect(command) => command.execute(),

@@ -73,7 +73,7 @@ fn ask_to_stop(signals: &Signals) {
 /// A progress bar if the run is long enough and somebody can see it.
 fn bar(samples: Option<u64>) -> ProgressBar {
     let Some(samples) = samples.filter(|_| std::io::stderr().is_terminal()) else { return ProgressBar::hidden() };
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} samples, {elapsed} of {duration}");
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len}, {elapsed} of {duration}");
     let bar = ProgressBar::new(samples);
     match style {
         Ok(style) => bar.with_style(style),

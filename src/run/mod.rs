@@ -68,7 +68,7 @@ impl Signals {
         self.step.load(Ordering::Relaxed)
     }
 
-    fn set_step(&self, step: u64) {
+    pub(crate) fn set_step(&self, step: u64) {
         self.step.store(step, Ordering::Relaxed);
     }
 }

@@ -40,11 +40,13 @@ pub enum TimeDomainError {
         /// Upper end.
         to: f64,
     },
-    /// A sweep has too few points.
-    #[error("a sweep of {got} points: it must have at least 2, one at each end")]
+    /// A sweep has too few points, or too many.
+    #[error("a sweep of {got} points: it must have from 2, one at each end, to {most}")]
     Points {
         /// What was given.
         got: u32,
+        /// Most points of a sweep.
+        most: u32,
     },
     /// Vibration of the arm never dies out.
     #[error(
@@ -65,7 +67,7 @@ pub enum TimeDomainError {
         got: f64,
     },
     /// A step can't be made.
-    #[error("excited at {frequency_hz} Hz: {source}")]
+    #[error("excited at {frequency_hz} Hz: {}", reason(source))]
     Integrate {
         /// Frequency of the excitation, Hz.
         frequency_hz: f64,
@@ -75,4 +77,14 @@ pub enum TimeDomainError {
     /// Asked to stop.
     #[error("stopped before the motion had settled")]
     Stopped,
+}
+
+/// The reason, with advice for somebody who doesn't choose the rate.
+fn reason(source: &IntegrateError) -> alloc::string::String {
+    match source {
+        IntegrateError::NotFinite { t_s } => {
+            alloc::format!("the motion grows beyond all bounds, {t_s:.2e} s after phase 0; try less excitation")
+        }
+        other => alloc::format!("{other}"),
+    }
 }

@@ -16,7 +16,7 @@ const FREQUENCY_ERROR: f64 = 6.4e-8;
 /// What the scheme may change of a vibration's amplitude, as part of it.
 const AMPLITUDE_TOLERANCE: f64 = 1e-8;
 /// Fewest steps in a period of the excitation, so that its harmonics are followed too.
-const FEWEST_STEPS: f64 = 32.0;
+const FEWEST_STEPS: f64 = 40.0;
 /// Most steps in a period of the excitation.
 const MOST_STEPS: u32 = 1_000_000;
 /// Difference for the map's derivative, as part of the motion's size: the error of central differences, its square times a

@@ -6,6 +6,9 @@ use super::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, settle};
 use crate::arm::{Arm, Load, State};
 use crate::integrate::Sine;
 
+/// Most points of a sweep.
+const MOST_POINTS: u32 = 1_000_000;
+
 /// What is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SweepParameter {
@@ -46,15 +49,25 @@ impl Grid {
     ///
     /// # Errors
     /// [`TimeDomainError::Interval`] unless both are numbers and `to` is above `from`, [`TimeDomainError::Points`] for less than
-    /// two points.
+    /// two points or more than a million.
     pub fn new(from: f64, to: f64, points: u32) -> Result<Grid, TimeDomainError> {
         if !(from.is_finite() && to.is_finite() && from < to) {
             return Err(TimeDomainError::Interval { from, to });
         }
-        if points < 2 {
-            return Err(TimeDomainError::Points { got: points });
+        if !(2..=MOST_POINTS).contains(&points) {
+            return Err(TimeDomainError::Points { got: points, most: MOST_POINTS });
         }
         Ok(Grid { from, to, points })
+    }
+
+    /// The lowest value.
+    pub fn from(&self) -> f64 {
+        self.from
+    }
+
+    /// The highest value.
+    pub fn to(&self) -> f64 {
+        self.to
     }
 
     /// How many values there are.
@@ -66,11 +79,10 @@ impl Grid {
     pub fn value(&self, direction: Direction, index: u32) -> f64 {
         let last = self.points - 1;
         let rank = match direction {
-            Direction::Up => index,
+            Direction::Up => index.min(last),
             Direction::Down => last.saturating_sub(index),
         };
-        let part = f64::from(rank) / f64::from(last);
-        self.from * (1.0 - part) + self.to * part
+        (self.from * f64::from(last - rank) + self.to * f64::from(rank)) / f64::from(last)
     }
 }
 

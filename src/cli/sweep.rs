@@ -1,0 +1,320 @@
+//! `resonarm sweep`: stepped-sine sweeps in the time domain.
+
+use core::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::chains::{Chain, Chains, Point};
+use super::failure::{Failure, Verdict};
+use super::motion_flags::{DirectionFlag, MotionFlags, degrees, direction_name, load_text, or_empty, write};
+use super::output;
+use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter};
+use crate::arm::{Arm, Load, Pose};
+use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
+use crate::scenario::Scenario;
+
+/// Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does: jumps and hysteresis
+/// included. Every motion is followed until its end is proved.
+#[derive(Debug, Args)]
+pub(super) struct Sweep {
+    #[command(flatten)]
+    motion: MotionFlags,
+    /// Lowest frequency, Hz.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    from_hz: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    to_hz: f64,
+    /// Number of frequencies, evenly spaced, both ends among them. Steps wider than a resonance throw the motion off it.
+    #[arg(long, value_name = "N", default_value_t = 101)]
+    steps: u32,
+    /// Which way to step.
+    #[arg(long, value_enum, default_value_t)]
+    direction: DirectionFlag,
+    /// Sweep at each of these angles β2 instead of one, degrees.
+    #[arg(long, value_name = "DEG,…", allow_hyphen_values = true, value_delimiter = ',', conflicts_with = "beta2_deg")]
+    over_beta2_deg: Vec<f64>,
+}
+
+/// Amplitudes that differ by more than this part belong to different motions.
+const DIFFERENT: f64 = 1e-6;
+
+/// A sweep in results.
+#[derive(Serialize)]
+struct SweepDocument {
+    beta1_deg: f64,
+    beta2_deg: f64,
+    direction: Direction,
+    points: Vec<PointDocument>,
+}
+
+/// A point of a sweep in results.
+#[derive(Serialize)]
+struct PointDocument {
+    frequency_hz: f64,
+    amplitude_rad: [f64; 2],
+    harmonic1_rad: [f64; 2],
+    period: Option<u32>,
+    largest_multiplier: Option<f64>,
+    settling_periods: u64,
+    drift: f64,
+}
+
+#[derive(Serialize)]
+struct Document {
+    sweeps: Vec<SweepDocument>,
+}
+
+impl Sweep {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.motion.scenario()?;
+        let load = self.motion.amplitude()?;
+        let sweeps = self.sweeps(&load)?;
+        let chains = self.chains(&scenario, &sweeps)?;
+        let mut configuration = self.motion.configuration(&scenario, &load)?;
+        configuration["sweep"] = serde_json::json!({
+            "from_hz": self.from_hz,
+            "to_hz": self.to_hz,
+            "steps": self.steps,
+            "directions": sweeps.iter().map(|sweep| sweep.direction).collect::<Vec<_>>(),
+            "over_beta2_deg": self.over_beta2_deg,
+        });
+        let journal = self.motion.make_out()?.map(|out| out.join("sweep.partial.jsonl"));
+        let walked = chains.walk("sweep", journal.as_deref().map(|path| (path, &configuration)))?;
+        if !walked.is_complete() {
+            return Ok(Verdict::Negative);
+        }
+        let document = self.document(&scenario, &sweeps, &walked.points);
+        if self.motion.json {
+            output::print_json(&document)?;
+        } else {
+            output::print(&document.summary(self.motion.time_constants))?;
+        }
+        if let Some(out) = &self.motion.out {
+            let files = document.write(out, &scenario, &load)?;
+            if !self.motion.json {
+                let files: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
+                output::print(&format!("written to {}\n", files.join(", ")))?;
+            }
+        }
+        walked.finish()?;
+        Ok(Verdict::Positive)
+    }
+
+    /// One sweep each way.
+    fn sweeps(&self, load: &Load) -> Result<Vec<SteppedSweep>, Failure> {
+        let grid = Grid::new(self.from_hz, self.to_hz, self.steps)?;
+        let parameter = SweepParameter::Frequency { amplitude: *load };
+        Ok(self
+            .direction
+            .directions()
+            .iter()
+            .map(|direction| SteppedSweep { parameter, grid, direction: *direction })
+            .collect())
+    }
+
+    fn poses(&self, scenario: &Scenario) -> Vec<Pose> {
+        let pose = scenario.pose();
+        if self.over_beta2_deg.is_empty() {
+            return vec![pose];
+        }
+        self.over_beta2_deg.iter().map(|beta2_deg| Pose { beta2_deg: *beta2_deg, ..pose }).collect()
+    }
+
+    /// One chain for each sweep in each pose.
+    fn chains(&self, scenario: &Scenario, sweeps: &[SteppedSweep]) -> Result<Chains, Failure> {
+        let mut chains = Vec::new();
+        for pose in self.poses(scenario) {
+            let arm = Arm::new(scenario.parameters()?, pose)?;
+            chains.extend(sweeps.iter().map(|sweep| {
+                let excitations = (0..sweep.grid.points()).map(|index| sweep.sine(index)).collect();
+                Chain { arm: arm.clone(), excitations }
+            }));
+        }
+        Ok(Chains { chains, start: MotionFlags::start(scenario), options: self.motion.options(0) })
+    }
+
+    fn document(&self, scenario: &Scenario, sweeps: &[SteppedSweep], points: &[Vec<Point>]) -> Document {
+        let poses = self.poses(scenario);
+        let each = poses.iter().flat_map(|pose| sweeps.iter().map(move |sweep| (pose, sweep)));
+        let sweeps = each.zip(points).map(|((pose, sweep), points)| SweepDocument {
+            beta1_deg: pose.beta1_deg,
+            beta2_deg: pose.beta2_deg,
+            direction: sweep.direction,
+            points: (0..).zip(points).map(|(index, point)| PointDocument::new(sweep.value(index), point)).collect(),
+        });
+        Document { sweeps: sweeps.collect() }
+    }
+}
+
+impl PointDocument {
+    fn new(frequency_hz: f64, point: &Point) -> PointDocument {
+        PointDocument {
+            frequency_hz,
+            amplitude_rad: point.amplitude_rad,
+            harmonic1_rad: point.harmonic1_rad,
+            period: point.period,
+            largest_multiplier: point.largest_multiplier,
+            settling_periods: point.settling_periods,
+            drift: point.drift,
+        }
+    }
+}
+
+impl SweepDocument {
+    /// How many motions there are, and how many of them are not of the excitation's period.
+    fn periods(&self, time_constants: f64) -> String {
+        let count = |wanted: fn(Option<u32>) -> bool| self.points.iter().filter(|point| wanted(point.period)).count();
+        let longer = count(|period| period.is_some_and(|period| period > 1));
+        let unsettled = count(|period| period.is_none());
+        let mut text = format!("{} motions", self.points.len());
+        if longer > 0 {
+            let _infallible = write!(text, ", {longer} of them of a longer period than the excitation");
+        }
+        if unsettled > 0 {
+            let _infallible = write!(text, ", {unsettled} not settled within {time_constants} time constants");
+        }
+        text.push('\n');
+        text
+    }
+
+    /// The points as a curve of |αᵢ|, where they settled or where they didn't.
+    fn curve(&self, joint: usize, settled: bool) -> Vec<(f64, f64)> {
+        let of = |point: &PointDocument| (point.frequency_hz, point.amplitude_rad[joint]);
+        self.points.iter().filter(|point| point.period.is_some() == settled).map(of).collect()
+    }
+}
+
+/// Where two sweeps, up and down over the same frequencies, have come to different motions.
+fn hysteresis(up: &SweepDocument, down: &SweepDocument) -> String {
+    let differ = |(a, b): &(&PointDocument, &PointDocument)| {
+        (0..2).any(|i| (a.amplitude_rad[i] - b.amplitude_rad[i]).abs() > DIFFERENT * b.amplitude_rad[i])
+    };
+    let pairs: Vec<_> = up.points.iter().zip(down.points.iter().rev()).collect();
+    let mut text = String::new();
+    for stretch in pairs.chunk_by(|a, b| differ(a) == differ(b)).filter(|stretch| differ(&stretch[0])) {
+        let [first, last] = [stretch[0], stretch[stretch.len() - 1]].map(|(point, _)| point.frequency_hz);
+        let _infallible = writeln!(text, "  up and down differ from {first:.6} to {last:.6} Hz");
+    }
+    if text.is_empty() { String::from("  up and down agree\n") } else { text }
+}
+
+impl Document {
+    /// The sweeps for reading.
+    fn summary(&self, time_constants: f64) -> String {
+        let mut text = String::new();
+        for same in self.by_pose() {
+            for sweep in same {
+                let direction = direction_name(sweep.direction);
+                let _infallible = write!(text, "β2 = {}, stepped {direction}: ", degrees(sweep.beta2_deg));
+                text.push_str(&sweep.periods(time_constants));
+                for joint in 0..2 {
+                    let points = sweep.points.iter().map(|point| (point.amplitude_rad[joint], point.frequency_hz));
+                    if let Some((amplitude, hz)) = points.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                        let _infallible =
+                            writeln!(text, "  largest |α{}|  {amplitude:.6} rad at {hz:.6} Hz", joint + 1);
+                    }
+                }
+            }
+            if let [up, down] = same {
+                text.push_str(&hysteresis(up, down));
+            }
+        }
+        text
+    }
+
+    /// The sweeps of each pose.
+    fn by_pose(&self) -> impl Iterator<Item = &[SweepDocument]> {
+        self.sweeps.chunk_by(|a, b| a.beta2_deg == b.beta2_deg)
+    }
+
+    fn csv(&self) -> String {
+        let mut text = String::from(
+            "beta1_deg,beta2_deg,direction,frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,\
+             harmonic1_alpha2_rad,period,largest_multiplier,settling_periods,drift\n",
+        );
+        for sweep in &self.sweeps {
+            for point in &sweep.points {
+                let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
+                let _infallible = writeln!(
+                    text,
+                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}",
+                    sweep.beta1_deg,
+                    sweep.beta2_deg,
+                    direction_name(sweep.direction),
+                    point.frequency_hz,
+                    or_empty(point.period),
+                    or_empty(point.largest_multiplier),
+                    point.settling_periods,
+                    point.drift
+                );
+            }
+        }
+        text
+    }
+
+    /// |α1| above |α2|; for several poses a row each, |α1| on the left and |α2| on the right.
+    fn figure(&self, scenario: &Scenario, load: &Load) -> Figure {
+        let arm = &scenario.arm;
+        let (one, load) = (self.by_pose().count() == 1, load_text(load));
+        let pose = match self.sweeps.first() {
+            Some(sweep) if one => format!("β1 = {}, β2 = {}", degrees(arm.beta1_deg), degrees(sweep.beta2_deg)),
+            _ => format!("β1 = {}", degrees(arm.beta1_deg)),
+        };
+        let mut figure = Figure::new("Stepped-sine response, settled at each frequency")
+            .subtitle(format!("{}, {pose}, {load}", arm.preset));
+        figure.columns = if one { 1 } else { 2 };
+        for same in self.by_pose() {
+            for joint in 0..2 {
+                // The legend stands in the last panel of the first row: where it needs a place of its own, at the edge.
+                let panel = match same.first() {
+                    Some(first) if !one => panel(same, joint).title(format!("β2 = {}", degrees(first.beta2_deg))),
+                    _ => panel(same, joint),
+                };
+                let legend = figure.panels.len() + 1 == figure.columns;
+                figure = figure.with(if legend { panel } else { panel.legend(Legend::None) });
+            }
+        }
+        figure
+    }
+
+    /// Writes all files; returns their paths.
+    fn write(&self, out: &Path, scenario: &Scenario, load: &Load) -> Result<Vec<PathBuf>, Failure> {
+        let mut files = vec![
+            write(out.join("sweep.csv"), &self.csv())?,
+            write(out.join("sweep.json"), &(serde_json::to_string(self)? + "\n"))?,
+        ];
+        files.extend(self.figure(scenario, load).write(&out.join("sweep"))?);
+        Ok(files)
+    }
+}
+
+/// The sweeps of one pose.
+fn panel(sweeps: &[SweepDocument], joint: usize) -> Panel {
+    let label = format!("largest |α{}| (rad)", joint + 1);
+    let mut panel = Panel::new(Axis::linear("excitation frequency (Hz)"), Axis::linear(label));
+    for sweep in sweeps {
+        let (color, shape) = match sweep.direction {
+            Direction::Up => (Color::Blue, Marker::Circle),
+            Direction::Down => (Color::Vermillion, Marker::Square),
+        };
+        let name = direction_name(sweep.direction);
+        let marks = Style::Markers { color, shape, size: 3.5, filled: sweep.direction == Direction::Up };
+        let line = sweep.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+        panel = panel.with(Series::line(name, color, line).unlabelled().style(Style::Line {
+            color,
+            width: 0.8,
+            dash: Dash::Solid,
+        }));
+        for (settled, label) in [(true, format!("stepped {name}")), (false, format!("stepped {name}, not settled"))] {
+            let points = sweep.curve(joint, settled);
+            if !points.is_empty() {
+                let series = Series::markers(label, color, if settled { shape } else { Marker::Cross }, points);
+                panel = panel.with(if settled { series.style(marks) } else { series });
+            }
+        }
+    }
+    panel
+}

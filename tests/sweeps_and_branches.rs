@@ -1,0 +1,132 @@
+//! Two truths that know nothing of each other: stepped sweeps through time, and branches continued by harmonic balance. A sweep
+//! must settle on the stable stretch that its history implies, and jump where that stretch ends in a fold.
+
+#![allow(clippy::unwrap_used)]
+
+use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Settled, Sweep, SweepParameter};
+use resonarm::analysis::{BifurcationKind, BranchOptions, Coordinate, ForcedArm, Orbit, trace};
+use resonarm::arm::{Arm, Load, Pose, Preset, State};
+use serde_json::Value;
+
+/// How far a settled amplitude may be from the branch's, as part of it.
+const TOLERANCE: f64 = 1e-6;
+
+struct Case {
+    beta1_deg: f64,
+    beta2_deg: f64,
+    load: Load,
+    /// Ends and number of values of the sweep's parts, upwards: coarse, fine around the folds, coarse.
+    parts: [(f64, f64, u32); 3],
+}
+
+impl Case {
+    fn arm(&self) -> Arm {
+        let pose = Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg };
+        Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), pose).unwrap()
+    }
+
+    /// The settled motions one after the other, each from where the one before ended, the first from rest.
+    fn swept(&self, direction: Direction) -> Vec<(f64, Settled)> {
+        let (arm, mut parts) = (self.arm(), self.parts);
+        if direction == Direction::Down {
+            parts.reverse();
+        }
+        let (mut state, mut points) = (State::default(), Vec::new());
+        for (from, to, count) in parts {
+            let parameter = SweepParameter::Frequency { amplitude: self.load };
+            let sweep = Sweep { parameter, grid: Grid::new(from, to, count).unwrap(), direction };
+            for index in 0..count {
+                let settled = sweep.respond(&arm, index, &state, &SettleOptions::default(), &|| false).unwrap();
+                state = settled.end;
+                points.push((sweep.value(index), settled));
+            }
+        }
+        points
+    }
+
+    /// The motion in which the branch that begins at `from_hz` first meets a frequency. A fold turns the branch back, so this is
+    /// a motion before the fold as long as there is one, and after it one of the stretch that is left.
+    fn implied(&self, from_hz: f64, frequency_hz: f64) -> Orbit {
+        let options = BranchOptions::new(from_hz, frequency_hz);
+        let mut branch = trace(self.forced(), from_hz, Coordinate::FrequencyHz, &options).unwrap();
+        branch.orbits.pop().unwrap()
+    }
+
+    fn forced(&self) -> ForcedArm {
+        ForcedArm::new(self.arm(), self.load, 1.0)
+    }
+
+    fn folds(&self, from_hz: f64, to_hz: f64) -> Vec<f64> {
+        let branch =
+            trace(self.forced(), from_hz, Coordinate::FrequencyHz, &BranchOptions::new(from_hz, to_hz)).unwrap();
+        let folds = branch.bifurcations.iter().filter(|event| event.kind == BifurcationKind::Fold);
+        folds.map(|fold| fold.orbit.frequency_hz).collect()
+    }
+
+    /// Sweeps one way. Returns the first fold on the way, between whose neighbours the sweep jumps, and the largest difference.
+    fn compare(&self, direction: Direction) -> (f64, f64) {
+        let points = self.swept(direction);
+        let (from_hz, to_hz) = (points[0].0 - 0.1 * direction_sign(direction), points[points.len() - 1].0);
+        let fold = self.folds(from_hz, to_hz)[0];
+        let mut largest = 0.0_f64;
+        for (frequency_hz, settled) in &points {
+            let implied = self.implied(from_hz, *frequency_hz);
+            assert!(implied.is_stable() && settled.period == Some(1), "{frequency_hz} Hz: {settled:?}");
+            for joint in 0..2 {
+                let differences = [
+                    settled.amplitude_rad[joint] / implied.amplitude_rad[joint] - 1.0,
+                    settled.harmonic1_rad[joint] / implied.harmonic1_rad[joint] - 1.0,
+                ];
+                for difference in differences {
+                    assert!(difference.abs() < TOLERANCE, "{frequency_hz} Hz, joint {}: {difference}", joint + 1);
+                    largest = largest.max(difference.abs());
+                }
+            }
+        }
+        let beyond = |frequency_hz: f64| (frequency_hz - fold) * direction_sign(direction) > 0.0;
+        let at = points.windows(2).find(|pair| !beyond(pair[0].0) && beyond(pair[1].0)).unwrap();
+        let ratio = at[1].1.amplitude_rad[0] / at[0].1.amplitude_rad[0];
+        assert!((at[1].0 - at[0].0).abs() < 2.1e-3 && !(0.7..1.4).contains(&ratio), "{fold} Hz: {ratio}");
+        (fold, largest)
+    }
+}
+
+fn direction_sign(direction: Direction) -> f64 {
+    match direction {
+        Direction::Up => 1.0,
+        Direction::Down => -1.0,
+    }
+}
+
+/// The first zone, soft: 60 N·m at joint 1, β2 = 60°. The folds are those of `tests/oracles/oracles.json`.
+#[test]
+fn sweeps_land_on_the_branches_of_the_first_zone() {
+    let case = Case {
+        beta1_deg: 0.0,
+        beta2_deg: 60.0,
+        load: Load::torque_nm(60.0, 0.0),
+        parts: [(21.0, 22.04, 41), (22.042, 22.2, 80), (22.23, 23.5, 51)],
+    };
+    let oracles: Value = serde_json::from_str(include_str!("oracles/oracles.json")).unwrap();
+    let oracle = &oracles["branches"][0];
+    assert_eq!((oracle["beta2_deg"].as_f64(), oracle["torque1_nm"].as_f64()), (Some(60.0), Some(60.0)));
+    for (direction, expected) in [Direction::Up, Direction::Down].into_iter().zip(oracle["folds"].as_array().unwrap()) {
+        let (fold, largest) = case.compare(direction);
+        assert!((fold / expected["frequency_hz"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{fold} {expected}");
+        println!("{direction:?}: jumps at {fold} Hz, amplitudes within {largest:.1e}");
+    }
+}
+
+/// The second zone, stiff: 200 N at the tip, β1 = 30°, β2 = 120°. Up, the motion falls off the upper stretch; down, it jumps up.
+#[test]
+fn sweeps_land_on_the_branches_of_the_second_zone() {
+    let case = Case {
+        beta1_deg: 30.0,
+        beta2_deg: 120.0,
+        load: Load::force_n(200.0, 0.0),
+        parts: [(39.5, 40.44, 48), (40.442, 40.51, 35), (40.53, 41.5, 41)],
+    };
+    let (up, down) = (case.compare(Direction::Up), case.compare(Direction::Down));
+    assert!(up.0 > down.0 + 0.03, "{up:?} {down:?}");
+    println!("jumps up at {} Hz, down at {} Hz, amplitudes within {:.1e}", up.0, down.0, up.1.max(down.1));
+}

@@ -1,0 +1,257 @@
+//! `resonarm sweep` and `resonarm poincare` as processes: stopped by Ctrl-C and gone on with, and what they say to bad input.
+#![cfg(feature = "cli")]
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process};
+
+const SWEEP: [&str; 11] = [
+    "sweep",
+    "--beta2-deg=60",
+    "--torque1-nm=60",
+    "--from-hz=22.05",
+    "--to-hz=22.15",
+    "--steps=101",
+    "--direction=both",
+    "--time-constants=40",
+    "--initial=0,0,0,0",
+    "--preset=irb1600-fitted",
+    "--beta1-deg=0",
+];
+
+fn resonarm(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn into(out: &Path, arguments: &[&str]) -> Command {
+    let mut command = resonarm(arguments);
+    command.arg("--out").arg(out);
+    command
+}
+
+fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn lines(path: &Path) -> usize {
+    std::fs::read_to_string(path).map_or(0, |text| text.lines().count())
+}
+
+/// Looks every tenth of a second, for a minute at most.
+#[allow(clippy::disallowed_methods, reason = "it waits for another process")]
+fn wait_until(what: &str, reached: impl Fn() -> bool) {
+    let waited = (0..600).any(|_| {
+        let now = reached();
+        if !now {
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        now
+    });
+    assert!(waited, "waited a minute for {what}");
+}
+
+/// Ctrl-C in the middle: the same command goes on, and ends with the files of a run that was never stopped, byte for byte.
+#[test]
+fn a_stopped_sweep_goes_on_to_the_same_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let (stopped, whole) = (folder.path().join("stopped"), folder.path().join("whole"));
+    let partial = stopped.join("sweep.partial.jsonl");
+
+    let first = into(&stopped, &SWEEP).spawn().unwrap();
+    wait_until("ten points", || lines(&partial) > 10);
+    kill_process(Pid::from_child(&first), Signal::INT).unwrap();
+    let output = first.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+    let kept = lines(&partial) - 1;
+    assert!(
+        errors(&output).contains(&format!("stopped after {kept} of 202 points; the same command goes on from there"))
+    );
+    assert!(kept < 202 && !stopped.join("sweep.csv").exists());
+
+    let other = into(&stopped, &[&SWEEP[..1], &["--beta2-deg=90"], &SWEEP[2..]].concat()).output().unwrap();
+    assert_eq!(other.status.code(), Some(2));
+    let had = "sweep.partial.jsonl was begun with configuration.beta2_deg = 60.0, and this command has 90.0";
+    assert!(errors(&other).contains(had), "{}", errors(&other));
+
+    let resumed = into(&stopped, &SWEEP).output().unwrap();
+    assert!(resumed.status.success() && !partial.exists(), "{}", errors(&resumed));
+    assert!(errors(&resumed).contains(&format!("going on after {kept} of 202 points")), "{}", errors(&resumed));
+    assert!(into(&whole, &SWEEP).output().unwrap().status.success());
+    for file in ["sweep.csv", "sweep.json", "sweep.svg", "sweep.png"] {
+        let [a, b] = [&stopped, &whole].map(|folder| std::fs::read(folder.join(file)).unwrap());
+        assert!(a == b && !a.is_empty(), "{file}");
+    }
+}
+
+/// The sections of a diagram, as JSON: up it doubles its period, and each motion has as many points as periods.
+#[test]
+fn a_diagram_is_one_json_document() {
+    let arguments = [
+        "poincare",
+        "--beta2-deg=75",
+        "--parameter=amplitude",
+        "--frequency-hz=46.3",
+        "--from-nm=200",
+        "--to-nm=300",
+        "--steps=3",
+        "--direction=up",
+        "--json",
+    ];
+    let output = resonarm(&arguments).output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let motions = document["motions"].as_array().unwrap();
+    let of = |key: &str| motions.iter().map(|motion| motion[key].as_f64().unwrap()).collect::<Vec<_>>();
+    assert_eq!((of("torque1_nm"), of("period")), (vec![200.0, 250.0, 300.0], vec![1.0, 2.0, 2.0]));
+    for motion in motions {
+        assert_eq!(motion["section"].as_array().unwrap().len() as f64, motion["period"].as_f64().unwrap());
+        assert_eq!(motion["direction"], "up");
+    }
+}
+
+#[test]
+fn bad_input_is_said_with_exit_code_2() {
+    let says = |arguments: &str| {
+        let arguments: Vec<&str> = arguments.split(' ').collect();
+        let output = resonarm(&arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", errors(&output));
+        errors(&output).trim_end().to_string()
+    };
+    let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
+    insta::assert_snapshot!(sweep("--steps=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
+    insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude is 0: it must be a number other than 0");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=23 --to-hz=21"), @"resonarm: a sweep from 23 to 21: both ends must be numbers, the second above the first");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1,NaN,0"), @"resonarm: the initial state [0.0, 1.0, NaN, 0.0] is not finite: give four numbers, rad and rad/s");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --torque1-nm=60 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what is stepped: leave --torque1-nm out");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-n=1 --to-n=2"), @"resonarm: --from-n is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=NaN --to-hz=21"), @"resonarm: a sweep from NaN to 21: both ends must be numbers, the second above the first");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 0.000001 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --steps=3"), @r"
+    error: the following required arguments were not provided:
+      --parameter <PARAMETER>
+
+    Usage: resonarm poincare --parameter <PARAMETER> --torque1-nm <A> --frequency-hz <F> --steps <N>
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --points=0"), @r"
+    error: invalid value '0' for '--points <N>': 0 is not in 1..=1000000
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-nm=2 --to-nm=1"), @"resonarm: a sweep from 2 to 1: both ends must be numbers, the second above the first");
+    insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --torque1-nm=60"), @"resonarm: --frequency-hz is for a section or a diagram in amplitude: leave it out");
+}
+
+/// More load than the arm can bear is no bad usage: it is found out on the way.
+#[test]
+fn what_can_not_be_followed_is_said_with_exit_code_1() {
+    let output = resonarm(&["sweep", "--torque1-nm=1e9", "--from-hz=21", "--to-hz=23"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    insta::assert_snapshot!(errors(&output), @"resonarm: excited at 21 Hz: the motion grows beyond all bounds, 3.25e-3 s after phase 0; try less excitation");
+}
+
+/// A range without a resonance is as good as any other.
+#[test]
+fn a_range_without_a_resonance_is_swept() {
+    let output = resonarm(&["sweep", "--torque1-nm=60", "--from-hz=5", "--to-hz=10", "--steps=6"]).output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    insta::assert_snapshot!(String::from_utf8_lossy(&output.stdout), @r"
+    β2 = 60°, stepped up: 6 motions
+      largest |α1|  0.000133 rad at 10.000000 Hz
+      largest |α2|  0.000016 rad at 10.000000 Hz
+    β2 = 60°, stepped down: 6 motions
+      largest |α1|  0.000133 rad at 10.000000 Hz
+      largest |α2|  0.000016 rad at 10.000000 Hz
+      up and down agree
+    ");
+}
+
+#[test]
+fn help_says_what_there_is() {
+    let help = |command| {
+        let output = resonarm(&[command, "-h"]).env_remove("COLUMNS").output().unwrap();
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    insta::assert_snapshot!(help("sweep"), @r"
+    Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does:
+    jumps and hysteresis included. Every motion is followed until its end is proved
+
+    Usage: resonarm sweep [OPTIONS] --from-hz <F> --to-hz <F>
+
+    Options:
+          --preset <NAME>            Parameter set: irb1600-fitted (default) or irb1600-table1
+      -v, --verbose...               Log more: -v for what happens, -vv for every detail
+          --beta1-deg <DEG>          Angle β1 of link 1 against the x axis, degrees [default: 0]
+          --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
+                                     [default: 60]
+          --scenario <FILE>          TOML file with the whole scenario; flags win over it
+          --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
+          --force-x-n <A>            Amplitude of a force at point C along x, N
+          --force-y-n <A>            Amplitude of a force at point C along y, N
+          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in
+                                     rad/s [default: that of the scenario, at rest]
+          --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
+                                     slowest mode [default: 40]
+          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG. A
+                                     stopped run goes on from what it holds
+          --json                     Print one JSON document
+          --from-hz <F>              Lowest frequency, Hz
+          --to-hz <F>                Highest frequency, Hz
+          --steps <N>                Number of frequencies, evenly spaced, both ends among them. Steps
+                                     wider than a resonance throw the motion off it [default: 101]
+          --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
+          --over-beta2-deg <DEG,…>   Sweep at each of these angles β2 instead of one, degrees
+      -h, --help                     Print help (see more with '--help')
+    ");
+    insta::assert_snapshot!(help("poincare"), @r"
+    The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in
+    frequency or amplitude
+
+    Usage: resonarm poincare [OPTIONS]
+
+    Options:
+          --preset <NAME>            Parameter set: irb1600-fitted (default) or irb1600-table1
+      -v, --verbose...               Log more: -v for what happens, -vv for every detail
+          --beta1-deg <DEG>          Angle β1 of link 1 against the x axis, degrees [default: 0]
+          --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
+                                     [default: 60]
+          --scenario <FILE>          TOML file with the whole scenario; flags win over it
+          --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
+          --force-x-n <A>            Amplitude of a force at point C along x, N
+          --force-y-n <A>            Amplitude of a force at point C along y, N
+          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in
+                                     rad/s [default: that of the scenario, at rest]
+          --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
+                                     slowest mode [default: 40]
+          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG. A
+                                     stopped run goes on from what it holds
+          --json                     Print one JSON document
+          --frequency-hz <F>         Excitation frequency, Hz; not with --parameter frequency
+          --parameter <PARAMETER>    What is stepped for a bifurcation diagram [default: nothing, one
+                                     section] [possible values: frequency, amplitude]
+          --from-hz <F>              Lowest frequency, Hz
+          --to-hz <F>                Highest frequency, Hz
+          --from-nm <A>              Lowest torque at joint 1, N·m
+          --to-nm <A>                Highest torque at joint 1, N·m
+          --from-n <A>               Lowest force at C, N
+          --to-n <A>                 Highest force at C, N
+          --steps <N>                Number of values, evenly spaced, both ends among them [default:
+                                     101]
+          --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
+          --points <N>               Points of the section to keep of a motion that doesn't settle
+                                     [default: 2000, in a diagram 200]
+      -h, --help                     Print help (see more with '--help')
+    ");
+}
