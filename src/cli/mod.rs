@@ -13,6 +13,7 @@ mod failure;
 mod flags;
 mod frf;
 mod inspect;
+mod integrators;
 mod modes;
 mod output;
 mod paper;
@@ -55,6 +56,7 @@ enum Command {
     Simulate(simulate::Simulate),
     Modes(modes::Modes),
     Frf(frf::Frf),
+    Integrators(integrators::Integrators),
     Continue(continuation::Continue),
     Paper(paper::Paper),
     Replay(replay::Replay),
@@ -74,6 +76,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(command) => command.execute(),
         Command::Modes(command) => command.execute(),
         Command::Frf(command) => command.execute(),
+        Command::Integrators(command) => command.execute(),
         Command::Continue(command) => command.execute(),
         Command::Paper(command) => command.execute(),
         Command::Replay(command) => command.execute(),
