@@ -11,14 +11,20 @@
 //! it up to the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and
 //! T₅* = 512 y⁵ − 1280 y⁴ + 1120 y³ − 400 y² + 50 y − 1, which stays within ±1 on 0 ≤ y ≤ 1.
 //!
-//! **Error bound**, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out less than its next term,
-//! |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) < 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: less
-//! than 0.03 u of the sine and 0.92 u of the cosine. Of rounding: p and q are sums whose first term dominates, exact to 6 u relative,
-//! their factors α z and z to 2 u; so the sine errs by 8 u |α|³/6 < 0.1 u and u/4 for its last sum, of a number below ½, the cosine by
-//! 8 u α²/2 < 0.64 u and u/2. Together sin α is right to 0.4 u, cos α to 2.1 u. `libm` gives sin β and cos β to 2 u
-//! relative, a factor that multiplies both adds u, the products and their sum 2 u. With |sin β cos α| + |cos β sin α| ≤ 1 the whole is
-//! right to (2 + 1 + 2) u + 0.4 u + 2.1 u < 8 u = 8.9e-16 of that factor. Beyond 0.4 `libm` computes the sine of the rounded sum β + α,
-//! which is off by no more than u |β + α| and one unit in the last place.
+//! Length included, with h = sin β and t = cos β times the length, the code sums
+//!
+//! ```text
+//! sin:  (h + t α) + ((z h) q + (z (t α)) p)        cos:  (t − h α) + ((z t) q − (z (h α)) p)
+//! ```
+//!
+//! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out less than
+//! its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) < 2.2e-18 and
+//! α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of sin α and 0.92 u of cos α. Of the constants: `libm` gives sin β and cos β to
+//! 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of rounding: p and q are sums whose first
+//! term dominates, exact to 6 u relative; so the last two products err by at most 9 u α²/2 < 0.72 u and 10 u |α|³/6 < 0.11 u, and their
+//! sum, of a number below 0.1, by 0.1 u; t α errs by 0.4 u, h + t α, at most √(1 + α²), by 1.08 u, and the whole, at most 1, by u.
+//! Together 0.95 u + 3 u + 3.41 u < 8 u = 8.9e-16. Beyond 0.4 `libm` computes the sine of the rounded sum β + α, which is off by no
+//! more than u |β + α| and one unit in the last place.
 
 use super::real::Real;
 
@@ -79,7 +85,7 @@ impl<T: Real> Angle<T> {
         let z = small_rad * small_rad;
         let z2 = z * z;
         let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
-        // (h + t α) + z h q + z α t p and (t − h α) + z t q − z α h p: the polynomials come last, all else is ready before.
+        // The polynomials come last: all else is ready before.
         let (h_small, t_small) = (h * small_rad, t * small_rad);
         ((h + t_small) + ((z * h) * q + (z * t_small) * p), (t - h_small) + ((z * t) * q - (z * h_small) * p))
     }

@@ -61,6 +61,15 @@ impl Arm {
         Ok(Arm { parameters, pose, static_deflection_rad: sag, coefficients })
     }
 
+    /// The same arm with d1 = d2 = 0.
+    #[must_use]
+    pub fn without_dampers(&self) -> Arm {
+        let mut arm = self.clone();
+        (arm.parameters.damping1_nm_s_rad, arm.parameters.damping2_nm_s_rad) = (0.0, 0.0);
+        arm.coefficients.d = [0.0; 2];
+        arm
+    }
+
     /// The parameters the arm was made of.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters

@@ -37,7 +37,7 @@ pub(super) struct SessionFlags {
     /// Seed of the sensor noise [default: 0].
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: gl6].
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: exponential].
     #[arg(long, value_name = "NAME")]
     pub scheme: Option<String>,
     /// Length of the run, s [default: until it is stopped].

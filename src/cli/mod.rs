@@ -14,6 +14,7 @@ mod failure;
 mod flags;
 mod frf;
 mod inspect;
+mod integrators;
 mod interval;
 mod journal;
 mod modes;
@@ -61,6 +62,7 @@ enum Command {
     Simulate(simulate::Simulate),
     Modes(modes::Modes),
     Frf(frf::Frf),
+    Integrators(integrators::Integrators),
     Continue(continuation::Continue),
     Sweep(sweep::Sweep),
     Poincare(poincare::Poincare),
@@ -82,6 +84,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(command) => command.execute(),
         Command::Modes(command) => command.execute(),
         Command::Frf(command) => command.execute(),
+        Command::Integrators(command) => command.execute(),
         Command::Continue(command) => command.execute(),
         Command::Paper(command) => command.execute(),
         Command::Sweep(command) => command.execute(),

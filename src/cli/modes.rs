@@ -1,6 +1,7 @@
-//! `resonarm modes`: the natural modes of the linearised arm.
+//! `resonarm modes`: the natural modes of the linearised arm, in one pose or over β2.
 
 use core::fmt::Write;
+use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
@@ -8,14 +9,35 @@ use serde::Serialize;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output;
-use crate::analysis::modes;
-use crate::scenario::Scenario;
+use crate::analysis::{Mode, modes};
+use crate::plot::{Axis, Color, Figure, Panel, Series};
+use crate::scenario::{ArmSection, Scenario};
 
-/// Natural frequencies, damping ratios and mode shapes of the arm in its pose.
+/// Natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
+///
+/// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal mass.
 #[derive(Debug, Args)]
 pub(super) struct Modes {
     #[command(flatten)]
     arm: ArmFlags,
+    /// First β2 of a range, degrees.
+    #[arg(
+        long,
+        value_name = "DEG",
+        allow_hyphen_values = true,
+        requires = "to_beta2_deg",
+        conflicts_with = "beta2_deg"
+    )]
+    from_beta2_deg: Option<f64>,
+    /// Last β2 of a range, degrees.
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "from_beta2_deg")]
+    to_beta2_deg: Option<f64>,
+    /// Number of poses in the range, evenly spaced.
+    #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg")]
+    points: u32,
+    /// Plot the natural frequencies over the range to STEM.svg and STEM.png.
+    #[arg(long, value_name = "STEM", requires = "from_beta2_deg")]
+    plot: Option<PathBuf>,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -23,32 +45,101 @@ pub(super) struct Modes {
 
 #[derive(Serialize)]
 struct Document {
-    modes: [crate::analysis::Mode; 2],
+    modes: [Mode; 2],
+}
+
+#[derive(Serialize)]
+struct RangeDocument {
+    poses: Vec<InPose>,
+}
+
+#[derive(Serialize)]
+struct InPose {
+    beta2_deg: f64,
+    modes: [Mode; 2],
 }
 
 impl Modes {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
-        let modes = modes(&scenario.build_arm()?);
-        if self.json {
-            output::print_json(&Document { modes })?;
-        } else {
-            let mut text = format!(
-                "{} at β1 = {}°, β2 = {}°\n\n  mode   frequency   damping ratio   α2/α1\n",
-                scenario.arm.preset, scenario.arm.beta1_deg, scenario.arm.beta2_deg
-            );
-            for (k, mode) in modes.iter().enumerate() {
-                let ratio = mode.shape[1] / mode.shape[0];
-                let _infallible = writeln!(
-                    text,
-                    "  {:4}   {:6.2} Hz   {:13.3e}   {ratio:+.4}",
-                    k + 1,
-                    mode.frequency_hz,
-                    mode.damping_ratio
-                );
-            }
-            output::print(&text)?;
+        match (self.from_beta2_deg, self.to_beta2_deg) {
+            (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg)?,
+            _ => self.in_pose(&scenario)?,
         }
         Ok(Verdict::Positive)
+    }
+
+    fn in_pose(&self, scenario: &Scenario) -> Result<(), Failure> {
+        let modes = modes(&scenario.build_arm()?);
+        if self.json {
+            return output::print_json(&Document { modes });
+        }
+        let mut text = format!(
+            "{} at β1 = {}°, β2 = {}°\n\n  mode   frequency   damping ratio   α2/α1\n",
+            scenario.arm.preset, scenario.arm.beta1_deg, scenario.arm.beta2_deg
+        );
+        for (k, mode) in modes.iter().enumerate() {
+            let ratio = mode.shape[1] / mode.shape[0];
+            let _infallible = writeln!(
+                text,
+                "  {:4}   {:6.2} Hz   {:13.3e}   {ratio:+.4}",
+                k + 1,
+                mode.frequency_hz,
+                mode.damping_ratio
+            );
+        }
+        output::print(&text)
+    }
+
+    fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<(), Failure> {
+        // NaN fails it, too.
+        let rises = from_deg < to_deg && (to_deg - from_deg).is_finite();
+        if !rises || self.points < 2 {
+            return Err(Failure::Usage(format!(
+                "--from-beta2-deg {from_deg} --to-beta2-deg {to_deg} --points {}: the poses must rise from one angle to the other, at \
+                 least 2 of them",
+                self.points
+            )));
+        }
+        let last = f64::from(self.points - 1);
+        let in_pose = |k: u32| {
+            let beta2_deg = from_deg + (to_deg - from_deg) * (f64::from(k) / last);
+            let posed = Scenario { arm: ArmSection { beta2_deg, ..scenario.arm.clone() }, ..scenario.clone() };
+            Ok(InPose { beta2_deg, modes: modes(&posed.build_arm()?) })
+        };
+        let document = RangeDocument { poses: (0..self.points).map(in_pose).collect::<Result<_, Failure>>()? };
+        if let Some(stem) = &self.plot {
+            document.figure(&scenario.arm).write(stem)?;
+        }
+        if self.json { output::print_json(&document) } else { output::print(&document.csv()) }
+    }
+}
+
+impl RangeDocument {
+    fn csv(&self) -> String {
+        let mut text = String::from("beta2_deg");
+        for k in 1..=2 {
+            let _infallible = write!(text, ",frequency{k}_hz,damping_ratio{k},shape{k}_alpha1,shape{k}_alpha2");
+        }
+        for InPose { beta2_deg, modes } in &self.poses {
+            let _infallible = write!(text, "\n{beta2_deg}");
+            for Mode { frequency_hz, damping_ratio, shape: [first, second] } in modes {
+                let _infallible = write!(text, ",{frequency_hz},{damping_ratio:e},{first},{second}");
+            }
+        }
+        text.push('\n');
+        text
+    }
+
+    /// As Fig. 3 of the paper.
+    fn figure(&self, arm: &ArmSection) -> Figure {
+        let mut panel = Panel::new(Axis::degrees("β₂ (°)"), Axis::linear("natural frequency (Hz)"));
+        for (k, color) in [Color::Blue, Color::Vermillion].into_iter().enumerate() {
+            let points = self.poses.iter().map(|pose| (pose.beta2_deg, pose.modes[k].frequency_hz)).collect();
+            panel = panel.with(Series::line(format!("mode {}", k + 1), color, points));
+        }
+        Figure::new("Natural frequencies of the arm against the angle of link 2")
+            .subtitle(format!("{}, β1 = {}°", arm.preset, arm.beta1_deg))
+            .with(panel)
     }
 }

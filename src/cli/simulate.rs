@@ -35,7 +35,7 @@ pub(super) struct Simulate {
     /// Integration steps a second [default: that of the scenario].
     #[arg(long, value_name = "R", allow_hyphen_values = true)]
     rate_hz: Option<f64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: gl6].
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: exponential].
     #[arg(long, value_name = "NAME")]
     scheme: Option<String>,
     /// Length, s, a whole number of steps.

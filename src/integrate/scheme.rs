@@ -22,11 +22,11 @@ pub enum Scheme {
     /// relative frequency error −(ωh)⁴/720.
     Gl4,
     /// `gl6`: Gauss–Legendre with three stages, order 6 (J. C. Butcher 1964). As `gl4`, with −(ωh)⁶/100800.
-    #[default]
     Gl6,
     /// `exponential`: exponential collocation at the three Gauss nodes, order 6 (M. Hochbruck, A. Ostermann 2005). Implicit and
     /// symmetric; the linear arm at rest, with loads up to quadratic in time over a step, is exact at every step length: no
     /// damping and no frequency error of its own.
+    #[default]
     Exponential,
 }
 

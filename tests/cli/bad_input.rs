@@ -108,3 +108,34 @@ fn words_that_are_not_understood() {
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--priority", "0"]), @"resonarm: the real-time priority is 0; it must be from 1 to 99");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "1,2", "--duration-s", "1"]), @"resonarm: --initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s");
 }
+
+#[test]
+fn ranges_of_poses_that_are_none() {
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30 --points 181: the poses must rise from one angle to the other, at least 2 of them");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "90", "--points", "1"]), @"resonarm: --from-beta2-deg 0 --to-beta2-deg 90 --points 1: the poses must rise from one angle to the other, at least 2 of them");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "inf"]), @"resonarm: --from-beta2-deg 0 --to-beta2-deg inf --points 181: the poses must rise from one angle to the other, at least 2 of them");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0"]), @r"
+    error: the following required arguments were not provided:
+      --to-beta2-deg <DEG>
+
+    Usage: resonarm modes --from-beta2-deg <DEG> --to-beta2-deg <DEG>
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "9", "--beta2-deg", "3"]), @r"
+    error: the argument '--from-beta2-deg <DEG>' cannot be used with '--beta2-deg <DEG>'
+
+    Usage: resonarm modes --from-beta2-deg <DEG> --to-beta2-deg <DEG>
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--plot", "modes"]), @r"
+    error: the following required arguments were not provided:
+      --to-beta2-deg <DEG>
+      --from-beta2-deg <DEG>
+
+    Usage: resonarm modes --to-beta2-deg <DEG> --from-beta2-deg <DEG> --plot <STEM>
+
+    For more information, try '--help'.
+    ");
+}

@@ -36,6 +36,48 @@ fn modes_are_those_of_the_oracles() {
     }
 }
 
+/// Over β2, the poses of the oracles among the others: the same modes, and the CSV and the figure of them.
+#[test]
+fn modes_over_beta2_are_those_of_the_oracles() {
+    for preset_name in ["irb1600-table1", "irb1600-fitted"] {
+        let range =
+            ["modes", "--preset", preset_name, "--from-beta2-deg", "-150", "--to-beta2-deg", "150", "--points", "11"];
+        let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
+        let poses = got["poses"].as_array().unwrap();
+        assert_eq!((names(&got), poses.len()), (vec!["poses"], 11));
+        let mut compared = 0;
+        for case in oracles("modes").iter().filter(|case| preset(case) == preset_name) {
+            let pose = poses.iter().find(|pose| pose["beta2_deg"].as_f64() == case["beta2_deg"].as_f64()).unwrap();
+            for (i, mode) in pose["modes"].as_array().unwrap().iter().enumerate() {
+                let (got, expected) =
+                    (mode["frequency_hz"].as_f64().unwrap(), case["frequency_hz"][i].as_f64().unwrap());
+                assert!((got / expected - 1.0).abs() < 1e-9, "{got}, expected {expected}");
+            }
+            compared += 1;
+        }
+        assert_eq!(compared, 6);
+        // β2 and −β2 mirror each other.
+        assert_eq!(poses[0]["modes"], poses[10]["modes"]);
+
+        let folder = tempfile::tempdir().unwrap();
+        let csv = crate::resonarm(folder.path(), &[range.as_slice(), &["--plot", "figure"]].concat());
+        let mut lines = csv.stdout.lines();
+        let header = lines.next().unwrap();
+        assert!(
+            header.starts_with("beta2_deg,frequency1_hz,damping_ratio1,shape1_alpha1,shape1_alpha2,frequency2_hz,")
+        );
+        for (line, pose) in lines.by_ref().zip(poses) {
+            let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+            let modes = &pose["modes"];
+            let expected = [&pose["beta2_deg"], &modes[0]["frequency_hz"], &modes[0]["damping_ratio"]];
+            let near = |got: f64, expected: &Value| (got - expected.as_f64().unwrap()).abs() <= 1e-14 * got.abs();
+            assert!(values.iter().zip(expected).all(|(got, expected)| near(*got, expected)), "{line} {pose}");
+            assert!(values.len() == 9 && near(values[5], &modes[1]["frequency_hz"]), "{line} {pose}");
+        }
+        assert!(folder.path().join("figure.svg").exists() && folder.path().join("figure.png").exists());
+    }
+}
+
 /// Every trajectory is met to 1e-9 (rad, rad/s) at 32 kHz, by the default scheme.
 #[test]
 fn simulate_meets_the_oracles() {

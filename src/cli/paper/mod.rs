@@ -16,7 +16,7 @@ use crate::paper::claims::{self, Report};
 use crate::paper::{Figure, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies};
 use crate::plot;
 use crate::realtime::{Clock, SystemClock};
-use progress::Progress;
+pub(super) use progress::Progress;
 
 /// Makes the figures of Gierlak & Warmiński (2023) anew, and holds the paper's statements against what is computed.
 ///

@@ -11,7 +11,7 @@ use crate::realtime::{Clock, SystemClock};
 const PATIENCE_S: f64 = 2.0;
 
 /// A bar on standard error that shows after two seconds, if that is a terminal.
-pub(super) struct Progress {
+pub(in crate::cli) struct Progress {
     bar: ProgressBar,
     start_ns: u64,
 }
