@@ -1,7 +1,7 @@
 //! `resonarm continue`: branches of periodic motions, their stability and bifurcations.
 
 use core::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -12,6 +12,8 @@ use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::interval::{Ends, interval};
 use super::output;
+use super::quantity::Quantity;
+use super::singular_curves::{CurveFlags, Curves};
 use crate::analysis::{
     ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace,
     trace_doubled,
@@ -38,7 +40,9 @@ pub(super) struct Continue {
     /// Follow the doubled branches that leave at period doublings, too.
     #[arg(long)]
     doubled: bool,
-    /// Plot to STEM.svg and STEM.png.
+    #[command(flatten)]
+    curves: CurveFlags,
+    /// Plot to STEM.svg and STEM.png; the curves to STEM-curves.svg and STEM-curves.png.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     /// Print one JSON document.
@@ -95,26 +99,41 @@ struct RangeFlags {
     to: Option<f64>,
 }
 
-/// The parameters of the arm by their names in a scenario.
-const ARM_PARAMETERS: [(&str, ArmParameter); 10] = [
-    ("inertia1_kg_m2", ArmParameter::Inertia1),
-    ("inertia2_kg_m2", ArmParameter::Inertia2),
-    ("mass2_kg", ArmParameter::Mass2),
-    ("length1_m", ArmParameter::Length1),
-    ("length2_m", ArmParameter::Length2),
-    ("centre2_m", ArmParameter::Centre2),
-    ("stiffness1_nm_rad", ArmParameter::Stiffness1),
-    ("stiffness2_nm_rad", ArmParameter::Stiffness2),
-    ("damping1_nm_s_rad", ArmParameter::Damping1),
-    ("damping2_nm_s_rad", ArmParameter::Damping2),
-];
-
 /// What varies, with its name in results.
 struct Varied {
-    name: &'static str,
-    coordinate: Coordinate<ArmParameter>,
+    quantity: Quantity,
     from: f64,
     to: f64,
+}
+
+/// What was found.
+struct Found {
+    branch: Branch,
+    doubled: Vec<Branch>,
+    curves: Option<Curves>,
+    wall_s: f64,
+}
+
+impl Found {
+    fn document(&self, varied: &Varied) -> Document {
+        let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit)).collect();
+        let events = |branch: &Branch| branch.bifurcations.iter().map(|event| bifurcation(varied, event)).collect();
+        let doubled = |branch: &Branch| DoubledBranch { points: points(branch), bifurcations: events(branch) };
+        Document {
+            points: points(&self.branch),
+            bifurcations: events(&self.branch),
+            doubled: self.doubled.iter().map(doubled).collect(),
+            curves: self.curves.as_ref().map(Curves::document),
+            wall_s: self.wall_s,
+        }
+    }
+}
+
+/// STEM-curves.
+fn curves_stem(stem: &Path) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push("-curves");
+    PathBuf::from(name)
 }
 
 #[derive(Serialize)]
@@ -123,6 +142,8 @@ struct Document {
     bifurcations: Vec<Value>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     doubled: Vec<DoubledBranch>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    curves: Option<Value>,
     wall_s: f64,
 }
 
@@ -152,6 +173,11 @@ impl DriveFlags {
         }
         Ok((load.scaled(1.0 / amplitude), amplitude))
     }
+
+    /// Whether a force is named.
+    pub fn is_force(&self) -> bool {
+        self.force_x_n.is_some() || self.force_y_n.is_some()
+    }
 }
 
 impl RangeFlags {
@@ -170,55 +196,53 @@ impl Continue {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let arm = scenario.build_arm()?;
-        let clock = SystemClock;
-        let start_ns = clock.now_ns();
         let varied = self.varied()?;
-        let (forced, frequency_hz) = self.forced_arm(arm, &varied)?;
-        let options = BranchOptions::new(varied.from, varied.to);
-        let branch = trace(forced.clone(), frequency_hz, varied.coordinate, &options)?;
-        let mut doubled = Vec::new();
-        if self.doubled {
-            for bifurcation in branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::PeriodDoubling) {
-                doubled.push(trace_doubled(forced.clone(), bifurcation, varied.coordinate, &options)?);
+        let second = self.curves.second(&varied.quantity, &self.drive)?;
+        let found = self.follow(arm, &varied, second)?;
+        if let Some(stem) = &self.plot {
+            let branches: Vec<&Branch> = core::iter::once(&found.branch).chain(&found.doubled).collect();
+            branch_plot::figure(&scenario, varied.quantity.label, &branches).write(stem)?;
+            if let Some(curves) = &found.curves {
+                curves.figure(&scenario).write(&curves_stem(stem))?;
             }
         }
-        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
-        if let Some(stem) = &self.plot {
-            let branches: Vec<&Branch> = core::iter::once(&branch).chain(&doubled).collect();
-            branch_plot::figure(&scenario, &self.axis_label(&varied), &branches).write(stem)?;
-        }
         if self.json {
-            let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(&varied, orbit)).collect();
-            let events =
-                |branch: &Branch| branch.bifurcations.iter().map(|event| bifurcation(&varied, event)).collect();
-            output::print_json(&Document {
-                points: points(&branch),
-                bifurcations: events(&branch),
-                doubled: doubled
-                    .iter()
-                    .map(|branch| DoubledBranch { points: points(branch), bifurcations: events(branch) })
-                    .collect(),
-                wall_s,
-            })?;
+            output::print_json(&found.document(&varied))?;
         } else {
-            output::print(&text(&varied, &branch, &doubled, wall_s))?;
+            output::print(&text(&varied, &found))?;
         }
         Ok(Verdict::Positive)
     }
 
+    fn follow(&self, arm: Arm, varied: &Varied, second: Option<(Quantity, f64)>) -> Result<Found, Failure> {
+        let clock = SystemClock;
+        let start_ns = clock.now_ns();
+        let (forced, frequency_hz) = self.forced_arm(arm, varied)?;
+        let options = BranchOptions::new(varied.from, varied.to);
+        let coordinate = varied.quantity.coordinate;
+        let branch = trace(forced.clone(), frequency_hz, coordinate, &options)?;
+        let mut doubled = Vec::new();
+        if self.doubled {
+            for bifurcation in branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::PeriodDoubling) {
+                doubled.push(trace_doubled(forced.clone(), bifurcation, coordinate, &options)?);
+            }
+        }
+        let curves = second.map(|second| Curves::trace(&forced, &branch, varied.quantity, second)).transpose()?;
+        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        Ok(Found { branch, doubled, curves, wall_s })
+    }
+
     /// The forced arm at the start, and its excitation frequency.
     fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
-        let drive = match (&self.drive, varied.coordinate) {
+        let drive = match (&self.drive, varied.quantity.coordinate) {
             // An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
-            (drive, Coordinate::Parameter(ArmParameter::Amplitude))
-                if drive.force_x_n.is_none() && drive.force_y_n.is_none() =>
-            {
+            (drive, Coordinate::Parameter(ArmParameter::Amplitude)) if !drive.is_force() => {
                 DriveFlags { torque1_nm: Some(1.0), ..drive.clone() }
             }
             (drive, _) => drive.clone(),
         };
         let (direction, amplitude) = drive.direction()?;
-        let frequency_hz = match (varied.coordinate, self.frequency_hz) {
+        let frequency_hz = match (varied.quantity.coordinate, self.frequency_hz) {
             (Coordinate::FrequencyHz, None) => varied.from,
             (Coordinate::FrequencyHz, Some(_)) => {
                 return Err(Failure::Usage(String::from(
@@ -235,40 +259,11 @@ impl Continue {
     }
 
     fn varied(&self) -> Result<Varied, Failure> {
-        let is_force = self.drive.force_x_n.is_some() || self.drive.force_y_n.is_some();
-        let of_arm = Coordinate::Parameter;
-        let (name, coordinate, unit) = match self.parameter.as_str() {
-            "frequency" => ("frequency_hz", Coordinate::FrequencyHz, "-hz"),
-            "amplitude" if is_force => ("force_n", of_arm(ArmParameter::Amplitude), "-n"),
-            "amplitude" => ("torque1_nm", of_arm(ArmParameter::Amplitude), "-nm"),
-            "beta1_deg" => ("beta1_deg", of_arm(ArmParameter::Beta1Deg), "-deg"),
-            "beta2_deg" => ("beta2_deg", of_arm(ArmParameter::Beta2Deg), "-deg"),
-            other => match ARM_PARAMETERS.into_iter().find(|(name, _)| *name == other) {
-                Some((name, which)) => (name, of_arm(which), ""),
-                None => return Err(unknown_parameter(other)),
-            },
-        };
+        let quantity = Quantity::parse("--parameter", &self.parameter, &self.drive)?;
         let parameter = format!("--parameter {}", self.parameter);
-        let (from, to) = interval(&parameter, Some(unit), &self.range.ends())?.unwrap_or_default();
-        Ok(Varied { name, coordinate, from, to })
+        let (from, to) = interval(&parameter, Some(quantity.unit), &self.range.ends())?.unwrap_or_default();
+        Ok(Varied { quantity, from, to })
     }
-
-    fn axis_label(&self, varied: &Varied) -> String {
-        match varied.name {
-            "frequency_hz" => String::from("excitation frequency (Hz)"),
-            "torque1_nm" => String::from("torque at joint 1 (N·m)"),
-            "force_n" => String::from("force at C (N)"),
-            "beta1_deg" => String::from("β1 (°)"),
-            "beta2_deg" => String::from("β2 (°)"),
-            other => String::from(other),
-        }
-    }
-}
-
-fn unknown_parameter(got: &str) -> Failure {
-    let known = ["frequency", "amplitude", "beta1_deg", "beta2_deg"].into_iter();
-    let known: Vec<&str> = known.chain(ARM_PARAMETERS.iter().map(|(name, _)| *name)).collect();
-    Failure::Usage(format!("--parameter is `{got}`: it must be one of {}", known.join(", ")))
 }
 
 /// A motion as JSON; what varies stands beside the frequency.
@@ -293,13 +288,13 @@ fn bifurcation(varied: &Varied, bifurcation: &Bifurcation) -> Value {
 fn place(varied: &Varied, orbit: &Orbit) -> Map<String, Value> {
     let mut map = Map::new();
     map.insert(String::from("frequency_hz"), json!(orbit.frequency_hz));
-    map.insert(String::from(varied.name), json!(orbit.value));
+    map.insert(String::from(varied.quantity.name), json!(orbit.value));
     map
 }
 
-fn text(varied: &Varied, branch: &Branch, doubled: &[Branch], wall_s: f64) -> String {
+fn text(varied: &Varied, found: &Found) -> String {
     let mut text = String::new();
-    for (k, branch) in core::iter::once(branch).chain(doubled).enumerate() {
+    for (k, branch) in core::iter::once(&found.branch).chain(&found.doubled).enumerate() {
         let unstable = branch.orbits.iter().filter(|orbit| !orbit.is_stable()).count();
         let which = if k == 0 { String::from("branch") } else { format!("doubled branch {k}") };
         let largest = branch.orbits.iter().fold([0.0_f64; 2], |largest, orbit| {
@@ -318,11 +313,12 @@ fn text(varied: &Varied, branch: &Branch, doubled: &[Branch], wall_s: f64) -> St
                 text,
                 "  {:16} {} = {:.9}   first harmonic α1 {h1:.9} rad, α2 {h2:.9} rad",
                 event.kind.name(),
-                varied.name,
+                varied.quantity.name,
                 event.orbit.value
             );
         }
     }
-    let _infallible = writeln!(text, "in {wall_s:.3} s");
+    text.push_str(&found.curves.as_ref().map_or_else(String::new, Curves::text));
+    let _infallible = writeln!(text, "in {:.3} s", found.wall_s);
     text
 }

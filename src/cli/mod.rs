@@ -22,11 +22,13 @@ mod motion_flags;
 mod output;
 mod paper;
 mod poincare;
+mod quantity;
 mod replay;
 mod resim;
 mod run;
 mod session;
 mod simulate;
+mod singular_curves;
 mod supervise;
 mod sweep;
 

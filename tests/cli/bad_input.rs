@@ -139,3 +139,12 @@ fn ranges_of_poses_that_are_none() {
     For more information, try '--help'.
     ");
 }
+
+#[test]
+fn curves_that_cannot_be() {
+    let with = |name| {
+        ["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23", "--curves-in", name, "--curves-to", "90"]
+    };
+    assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
+    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in is `beta2`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
+}

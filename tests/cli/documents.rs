@@ -145,3 +145,22 @@ fn doctor_says_what_can_be_mended() {
     assert_eq!(&subjects[..3], ["SocketCAN", "CAN interfaces", "python-can"]);
     assert!(findings.len() > 3 && findings.iter().all(|finding| names(finding) == ["mend", "state", "subject"]));
 }
+
+/// The curve of folds through the two of a branch turns back in a cusp, and comes back at the other one.
+#[test]
+fn curves_of_folds_stand_beside_the_branch() {
+    let branch = ["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23.5", "--json"];
+    let got = document(here(), 0, &[branch.as_slice(), &["--curves-in", "amplitude", "--curves-to", "5"]].concat());
+    assert_eq!(names(&got), ["bifurcations", "curves", "points", "wall_s"]);
+    let folds: Vec<f64> =
+        got["bifurcations"].as_array().unwrap().iter().map(|fold| fold["frequency_hz"].as_f64().unwrap()).collect();
+    let curves = got["curves"].as_array().unwrap();
+    assert_eq!((folds.len(), curves.len(), curves[0]["kind"].as_str()), (2, 1, Some("fold")));
+    let points = curves[0]["points"].as_array().unwrap();
+    let at = |k: usize, name: &str| points[k][name].as_f64().unwrap();
+    for (k, fold) in [(0, folds[0]), (points.len() - 1, folds[1])] {
+        assert!((at(k, "frequency_hz") / fold - 1.0).abs() < 1e-9 && at(k, "torque1_nm") == 60.0, "{}", points[k]);
+    }
+    let cusp_nm = (0..points.len()).map(|k| at(k, "torque1_nm")).fold(f64::INFINITY, f64::min);
+    assert!(cusp_nm > 5.0 && cusp_nm < 20.0, "{cusp_nm}");
+}

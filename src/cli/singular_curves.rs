@@ -1,0 +1,158 @@
+//! Curves of folds and period doublings in two parameters: where the plane of both changes what the arm can do.
+
+use core::fmt::Write;
+
+use clap::Args;
+use serde_json::{Map, Value, json};
+
+use super::continuation::DriveFlags;
+use super::failure::Failure;
+use super::quantity::Quantity;
+use crate::analysis::{
+    Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Oscillator, SingularPoint,
+    trace_singular,
+};
+use crate::plot::{Axis, Color, Figure, Marker, Panel, Series};
+use crate::scenario::Scenario;
+
+/// Which second parameter the bifurcations of the branch are followed in, and how far.
+#[derive(Clone, Debug, Args)]
+pub(super) struct CurveFlags {
+    /// Follow the folds and period doublings of the branch in a second parameter, too: a name as for --parameter.
+    #[arg(long, value_name = "NAME", requires = "curves_to")]
+    curves_in: Option<String>,
+    /// Where the curves end, in the unit of the second parameter; they begin at its value on the branch.
+    #[arg(long, value_name = "X", allow_hyphen_values = true, requires = "curves_in")]
+    curves_to: Option<f64>,
+}
+
+/// The curves of a branch's bifurcations, in the plane of two quantities.
+pub(super) struct Curves {
+    first: Quantity,
+    second: Quantity,
+    curves: Vec<Curve>,
+}
+
+struct Curve {
+    kind: BifurcationKind,
+    points: Vec<SingularPoint>,
+}
+
+/// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
+const SAME: f64 = 1e-8;
+/// The largest step along a curve, relative to its local size: short enough to be drawn.
+const LARGEST_STEP: f64 = 0.08;
+
+impl CurveFlags {
+    /// The second quantity and where the curves end, if curves are wanted.
+    pub fn second(&self, first: &Quantity, drive: &DriveFlags) -> Result<Option<(Quantity, f64)>, Failure> {
+        let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };
+        let second = Quantity::parse("--curves-in", name, drive)?;
+        if second.name == first.name {
+            return Err(Failure::Usage(format!(
+                "--curves-in {name} is what the branch is followed in already: name another parameter"
+            )));
+        }
+        Ok(Some((second, to)))
+    }
+}
+
+impl Curves {
+    /// Follows each fold and each period doubling of the branch in `second` from its value there to `to`. A curve that comes
+    /// back through another of them stands for both.
+    pub fn trace(
+        forced: &ForcedArm,
+        branch: &Branch,
+        first: Quantity,
+        (second, to): (Quantity, f64),
+    ) -> Result<Curves, Failure> {
+        let mut curves: Vec<Curve> = Vec::new();
+        for bifurcation in branch.bifurcations.iter().filter(can_be_followed) {
+            let from = match second.coordinate {
+                Coordinate::FrequencyHz => bifurcation.orbit.frequency_hz,
+                Coordinate::Parameter(which) => forced.parameter(which),
+            };
+            let ends_here = |curve: &Curve| {
+                let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
+                let last = curve.points.last();
+                curve.kind == bifurcation.kind
+                    && last.is_some_and(|end| near(end.mu, from) && near(end.lambda, bifurcation.orbit.value))
+            };
+            if curves.iter().any(ends_here) {
+                continue;
+            }
+            let mut options = BranchOptions::new(from, to);
+            options.walk.largest_step = LARGEST_STEP;
+            let points = trace_singular(forced.clone(), bifurcation, first.coordinate, second.coordinate, &options)?;
+            curves.push(Curve { kind: bifurcation.kind, points });
+        }
+        Ok(Curves { first, second, curves })
+    }
+
+    /// The curves as JSON.
+    pub fn document(&self) -> Value {
+        let point = |point: &SingularPoint| {
+            let mut map = Map::new();
+            map.insert(String::from(self.first.name), json!(point.lambda));
+            map.insert(String::from(self.second.name), json!(point.mu));
+            map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
+            Value::Object(map)
+        };
+        let curve = |curve: &Curve| {
+            let points: Vec<Value> = curve.points.iter().map(point).collect();
+            json!({ "kind": curve.kind.name(), "points": points })
+        };
+        Value::Array(self.curves.iter().map(curve).collect())
+    }
+
+    /// Where each curve runs.
+    pub fn text(&self) -> String {
+        let (first, second) = (self.first.name, self.second.name);
+        if self.curves.is_empty() {
+            return String::from("no fold or period doubling to follow\n");
+        }
+        let mut text = String::new();
+        for Curve { kind, points } in &self.curves {
+            let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
+            let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
+            let _infallible =
+                writeln!(text, "curve of {}s: {} points from {} to {}", kind.name(), points.len(), ends[0], ends[1]);
+            if let Some(turn) = turn(points) {
+                let _infallible = writeln!(text, "  turns back near {}", place(turn));
+            }
+        }
+        text
+    }
+
+    /// The plane of both quantities with the curves in it.
+    pub fn figure(&self, scenario: &Scenario) -> Figure {
+        let arm = &scenario.arm;
+        let mut panel = Panel::new(Axis::linear(self.first.label), Axis::linear(self.second.label));
+        for (kind, label, color) in [
+            (BifurcationKind::Fold, "fold", Color::Black),
+            (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion),
+        ] {
+            let of_kind = self.curves.iter().filter(|curve| curve.kind == kind);
+            for (k, curve) in of_kind.enumerate() {
+                let line = Series::line(label, color, curve.points.iter().map(|p| (p.lambda, p.mu)).collect());
+                panel = panel.with(if k == 0 { line } else { line.unlabelled() });
+            }
+        }
+        let starts: Vec<_> = self.curves.iter().flat_map(|c| c.points.first()).map(|p| (p.lambda, p.mu)).collect();
+        if !starts.is_empty() {
+            panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
+        }
+        Figure::new("Bifurcations of the forced arm in two parameters")
+            .subtitle(format!("{}, β1 = {}°, β2 = {}°", arm.preset, arm.beta1_deg, arm.beta2_deg))
+            .with(panel)
+    }
+}
+
+fn can_be_followed(event: &&Bifurcation) -> bool {
+    matches!(event.kind, BifurcationKind::Fold | BifurcationKind::PeriodDoubling)
+}
+
+/// The point farthest along the second quantity, if the curve turns back there.
+fn turn(points: &[SingularPoint]) -> Option<&SingularPoint> {
+    points.windows(3).find(|w| (w[1].mu - w[0].mu) * (w[2].mu - w[1].mu) < 0.0).map(|w| &w[1])
+}
