@@ -71,7 +71,8 @@ impl<'a> Entries<'a> {
         }
     }
 
-    fn area(&self, [left, top]: Point) -> Rect {
+    /// What it covers with its upper left corner at `[left, top]`.
+    pub fn area(&self, [left, top]: Point) -> Rect {
         Rect { left, top, right: left + self.width, bottom: top + self.height() }
     }
 }

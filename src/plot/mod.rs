@@ -20,6 +20,7 @@ mod error;
 mod font;
 mod layout;
 mod legend;
+mod notes;
 mod panel;
 mod png;
 mod scene;
@@ -128,7 +129,7 @@ pub struct Panel {
     pub y: Axis,
     /// What is drawn, the last on top.
     pub series: Vec<Series>,
-    /// Words at points of the panel.
+    /// Words near points of the panel.
     pub notes: Vec<Note>,
     /// Where the legend stands.
     pub legend: Legend,
@@ -153,7 +154,7 @@ impl Panel {
         self
     }
 
-    /// The panel with `text` over the point `at`. A note whose point lies outside of the axes isn't drawn.
+    /// The panel with `text` near the point `at`. A note whose point lies outside of the axes isn't drawn.
     #[must_use]
     pub fn note(mut self, at: (f64, f64), text: impl Into<String>) -> Self {
         self.notes.push(Note { at, text: text.into() });
@@ -167,7 +168,8 @@ impl Panel {
     }
 }
 
-/// Words centred over a point of a panel, for example the name of a curve over its peak.
+/// Words near a point of a panel, for example the name of a curve at its peak. They stand off the lines and off each other, if
+/// there is room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {
     /// The point (x, y).

@@ -4,6 +4,7 @@ use super::axis::AxisMap;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::legend::Entries;
+use super::notes;
 use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Shape, Stroke, Text, WHITE, Weight};
 use super::ticks::{self, Ticks};
 use super::{Panel, Series, Style};
@@ -16,9 +17,6 @@ const MINOR_TICK_LENGTH: f64 = 3.0;
 pub(super) const GRID: Stroke = Stroke { color: [0xDD, 0xDD, 0xDD], width: 0.6, dash: super::Dash::Solid };
 const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };
 const MARKER_OUTLINE: f64 = 1.3;
-const NOTE_SIZE: f64 = 12.0;
-/// How far a note's baseline stands over its point.
-const NOTE_RISE: f64 = 5.0;
 
 /// A panel and where its parts stand.
 pub(super) struct Cell<'a> {
@@ -46,7 +44,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     for series in &cell.panel.series {
         shapes.extend(series_shape(series, &cell.plot, &cell.x, &cell.y));
     }
-    notes(shapes, fonts, &cell);
+    notes::draw(shapes, fonts, &cell);
     frame(shapes, &cell, &x_ticks);
     if cell.writes_x {
         x_texts(shapes, &cell, &x_ticks);
@@ -114,29 +112,6 @@ fn frame(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {
 fn text(at: Point, text: &str, size: f64, anchor: Anchor) -> Text {
     let (weight, direction, color): (_, _, Rgb) = (Weight::Regular, Direction::Rightwards, BLACK);
     Text { at, text: text.to_owned(), size, weight, anchor, direction, color }
-}
-
-/// The words of the panel, each over its point, or over the words that are already there.
-fn notes(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) {
-    let mut placed: Vec<Rect> = Vec::new();
-    for note in &cell.panel.notes {
-        let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
-        if !cell.plot.contains(at) {
-            continue;
-        }
-        let half = fonts.width(&note.text, NOTE_SIZE, Weight::Regular) / 2.0;
-        let mut area = Rect {
-            left: at[0] - half,
-            right: at[0] + half,
-            top: at[1] - NOTE_RISE - NOTE_SIZE,
-            bottom: at[1] - NOTE_RISE,
-        };
-        while let Some(below) = placed.iter().find(|other| other.meets(&area)) {
-            (area.top, area.bottom) = (below.top - NOTE_SIZE, below.top);
-        }
-        shapes.push(Shape::Text(text([at[0], area.bottom], &note.text, NOTE_SIZE, Anchor::Middle)));
-        placed.push(area);
-    }
 }
 
 fn x_texts(shapes: &mut Vec<Shape>, cell: &Cell<'_>, ticks: &Ticks) {

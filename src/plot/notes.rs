@@ -1,0 +1,88 @@
+//! Where the words of a panel stand: near their points, off the lines, the legend and each other.
+
+use super::clip;
+use super::font::{CAP_HEIGHT, Fonts};
+use super::panel::{Cell, on_page};
+use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, Weight};
+use super::{Dash, Note, Style};
+
+const SIZE: f64 = 12.0;
+/// Between the words and what is around them.
+const GAP: f64 = 3.0;
+/// Places to the sides are tried this far apart, places above each other by the height of a line.
+const STEP: f64 = 6.0;
+const LINE: f64 = 13.0;
+/// How many places are tried to either side, and how many lines up and down.
+const SIDEWAYS: i32 = 16;
+const UP: i32 = 5;
+const DOWN: i32 = -3;
+/// From words that stand farther than this from their point a thin line leads to it.
+const NEAR: f64 = 16.0;
+const LEADER: Stroke = Stroke { color: [0x80, 0x80, 0x80], width: 0.6, dash: Dash::Solid };
+
+/// Draws the notes, each at the nearest free place; where there is none, above its point.
+pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) {
+    if cell.panel.notes.is_empty() {
+        return;
+    }
+    let lines: Vec<Vec<Point>> = cell
+        .panel
+        .series
+        .iter()
+        .filter(|series| matches!(series.style, Style::Line { .. }))
+        .flat_map(|series| clip::runs(on_page(series, &cell.x, &cell.y), &cell.plot))
+        .collect();
+    let mut taken: Vec<Rect> = cell.legend_at.map(|corner| cell.entries.area(corner)).into_iter().collect();
+    for note in &cell.panel.notes {
+        let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
+        if cell.plot.contains(at) {
+            let area = free_area(at, fonts.width(&note.text, SIZE, Weight::Regular), &cell.plot, &lines, &taken);
+            shapes.extend(leader(at, &area));
+            shapes.push(words(note, &area));
+            taken.push(area);
+        }
+    }
+}
+
+/// The free area nearest to a point, of this width.
+fn free_area(at: Point, width: f64, plot: &Rect, lines: &[Vec<Point>], taken: &[Rect]) -> Rect {
+    let above = |sideways: i32, up: i32| {
+        let (x, bottom) = (at[0] + f64::from(sideways) * STEP, at[1] - GAP - f64::from(up) * LINE);
+        Rect { left: x - width / 2.0, right: x + width / 2.0, top: bottom - SIZE * CAP_HEIGHT - GAP, bottom }
+    };
+    let mut places: Vec<(i32, i32)> =
+        (DOWN..=UP).flat_map(|up| (-SIDEWAYS..=SIDEWAYS).map(move |sideways| (sideways, up))).collect();
+    let distance = |(sideways, up): &(i32, i32)| {
+        let (dx, dy) = (f64::from(*sideways) * STEP, f64::from(*up) * LINE);
+        dx * dx + dy * dy
+    };
+    places.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let crosses =
+        |run: &Vec<Point>, area: &Rect| run.windows(2).any(|pair| clip::segment(pair[0], pair[1], area).is_some());
+    let free = |area: &Rect| {
+        let corners = [[area.left, area.top], [area.right, area.bottom]];
+        corners.iter().all(|corner| plot.contains(*corner))
+            && !taken.iter().any(|other| other.meets(&area.grown(GAP / 2.0)))
+            && !lines.iter().any(|run| crosses(run, area))
+    };
+    places.into_iter().map(|(sideways, up)| above(sideways, up)).find(free).unwrap_or(above(0, 0))
+}
+
+/// The line from words to their point, if they stand far from it.
+fn leader(at: Point, area: &Rect) -> Option<Shape> {
+    let nearest = [at[0].clamp(area.left, area.right), at[1].clamp(area.top, area.bottom)];
+    let far = libm::hypot(nearest[0] - at[0], nearest[1] - at[1]) > NEAR;
+    far.then(|| Shape::Lines { runs: vec![vec![at, nearest]], stroke: LEADER })
+}
+
+fn words(note: &Note, area: &Rect) -> Shape {
+    Shape::Text(Text {
+        at: [(area.left + area.right) / 2.0, area.bottom - GAP / 2.0],
+        text: note.text.clone(),
+        size: SIZE,
+        weight: Weight::Regular,
+        anchor: Anchor::Middle,
+        direction: Direction::Rightwards,
+        color: BLACK,
+    })
+}
