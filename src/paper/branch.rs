@@ -186,86 +186,6 @@ impl ForcedBranch {
     pub fn bifurcations(&self, kind: BifurcationKind) -> impl Iterator<Item = &Motion> {
         self.motions.iter().filter(move |motion| motion.bifurcation == Some(Event(kind)))
     }
-
-    /// The motion with the largest amplitude of a link (0 or 1).
-    ///
-    /// # Errors
-    /// [`PaperError::NoMotion`] if the branch has none in the range.
-    pub fn peak(&self, link: usize, range_hz: [f64; 2]) -> Result<&Motion, PaperError> {
-        let larger = |a: &&Motion, b: &&Motion| a.amplitude_rad[link].total_cmp(&b.amplitude_rad[link]);
-        self.within(range_hz).max_by(larger).ok_or(PaperError::NoMotion {
-            preset: self.preset,
-            beta2_deg: self.beta2_deg,
-            from_hz: range_hz[0],
-            to_hz: range_hz[1],
-        })
-    }
-
-    /// The width of a resonance, Hz: of the frequencies at which a link moves more than 1/√2 of its peak, stable or not.
-    ///
-    /// # Errors
-    /// As [`ForcedBranch::peak`].
-    pub fn half_power_width_hz(&self, link: usize, range_hz: [f64; 2]) -> Result<f64, PaperError> {
-        let level = self.peak(link, range_hz)?.amplitude_rad[link] * core::f64::consts::FRAC_1_SQRT_2;
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for pair in self.motions.windows(2) {
-            let [a, b] = [0, 1].map(|i| (pair[i].frequency_hz, pair[i].amplitude_rad[link] - level));
-            // Where the segment crosses the level, and its ends above it.
-            let crossing = a.0 + (b.0 - a.0) * a.1 / (a.1 - b.1);
-            let above =
-                [(a.1 >= 0.0).then_some(a.0), (b.1 >= 0.0).then_some(b.0), (a.1 * b.1 < 0.0).then_some(crossing)];
-            for hz in above.into_iter().flatten().filter(|hz| (range_hz[0]..=range_hz[1]).contains(hz)) {
-                (low, high) = (low.min(hz), high.max(hz));
-            }
-        }
-        Ok(high - low)
-    }
-
-    /// The maxima of a link's amplitude along the branch that stand out on both sides by more than `share` of themselves.
-    pub fn maxima(&self, link: usize, share: f64) -> Vec<&Motion> {
-        let mut maxima = Vec::new();
-        let Some(first) = self.motions.first() else { return maxima };
-        let (mut highest, mut lowest, mut rising) = (first, first, true);
-        for motion in &self.motions {
-            let amplitude = motion.amplitude_rad[link];
-            if rising {
-                if amplitude > highest.amplitude_rad[link] {
-                    highest = motion;
-                } else if amplitude < (1.0 - share) * highest.amplitude_rad[link] {
-                    maxima.push(highest);
-                    (lowest, rising) = (motion, false);
-                }
-            } else if amplitude < lowest.amplitude_rad[link] {
-                lowest = motion;
-            } else if (1.0 - share) * amplitude > lowest.amplitude_rad[link] {
-                (highest, rising) = (motion, true);
-            }
-        }
-        maxima
-    }
-
-    /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1 where
-    /// there is one motion only.
-    pub fn largest_ratio(&self, link: usize) -> (f64, f64) {
-        let stable: Vec<[(f64, f64); 2]> = self
-            .segments()
-            .filter(|(.., is_stable)| *is_stable)
-            .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])))
-            .collect();
-        let mut largest = (1.0, f64::NAN);
-        for motion in &self.motions {
-            let hz = motion.frequency_hz;
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-            for [a, b] in stable.iter().filter(|[a, b]| a.0.min(b.0) <= hz && hz <= a.0.max(b.0) && a.0 != b.0) {
-                let amplitude = a.1 + (b.1 - a.1) * (hz - a.0) / (b.0 - a.0);
-                (least, most) = (least.min(amplitude), most.max(amplitude));
-            }
-            if most / least > largest.0 {
-                largest = (most / least, hz);
-            }
-        }
-        largest
-    }
 }
 
 fn is_stable(a: &Motion, b: &Motion) -> bool {
@@ -294,45 +214,6 @@ fn joined(branch: &Branch, excitation: impl Fn(&Orbit) -> f64) -> Vec<Motion> {
 mod tests {
     use super::*;
     use crate::paper::Settings;
-
-    fn motion(frequency_hz: f64, amplitude: f64, stability: Stability) -> Motion {
-        let amplitude_rad = [amplitude; 2];
-        Motion {
-            frequency_hz,
-            excitation: 1.0,
-            amplitude_rad,
-            harmonic1_rad: amplitude_rad,
-            stability,
-            bifurcation: None,
-        }
-    }
-
-    fn branch(motions: Vec<Motion>) -> ForcedBranch {
-        let (preset, drive) = (Preset::Irb1600Fitted, Drive::Torque1);
-        ForcedBranch { preset, beta1_deg: 0.0, beta2_deg: 0.0, drive, natural_hz: [1.0, 2.0], motions }
-    }
-
-    #[test]
-    fn measures_are_those_of_a_curve_drawn_by_hand() {
-        use Stability::*;
-        // Up to a fold at (4, 3), back below to another at (2, 1), on to (6, 0.5).
-        let points =
-            [(0.0, 0.0, Stable), (4.0, 3.0, Marginal), (3.0, 2.0, Unstable), (2.0, 1.0, Marginal), (6.0, 0.5, Stable)];
-        let s = branch(points.map(|(hz, amplitude, stability)| motion(hz, amplitude, stability)).to_vec());
-        // At the upper fold: 3 above, 1 − 0.5 · 2/4 below.
-        assert_eq!(s.largest_ratio(0), (4.0, 4.0));
-        assert_eq!(s.peak(0, [0.0, 6.0]).unwrap().frequency_hz, 4.0);
-        assert_eq!(s.peak(0, [0.0, 3.5]).unwrap().frequency_hz, 3.0);
-        let level = 3.0 / core::f64::consts::SQRT_2;
-        assert!((s.half_power_width_hz(0, [0.0, 6.0]).unwrap() - (4.0 - level * 4.0 / 3.0)).abs() < 1e-12);
-        assert_eq!(s.maxima(0, 0.01).len(), 1);
-        let waves = [0.0, 2.0, 1.99, 2.5, 1.0, 1.5, 0.0].map(|amplitude| motion(1.0, amplitude, Stable));
-        let tops =
-            |share| branch(waves.to_vec()).maxima(1, share).iter().map(|top| top.amplitude_rad[1]).collect::<Vec<_>>();
-        assert_eq!(tops(0.01), [2.5, 1.5]);
-        assert_eq!(tops(0.001), [2.0, 2.5, 1.5]);
-        assert!(s.peak(0, [7.0, 8.0]).is_err());
-    }
 
     /// Within the folds the branch has two stable motions and one unstable between them, and the changes are at the folds.
     #[test]

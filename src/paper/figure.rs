@@ -139,7 +139,7 @@ impl Plan {
             ),
             Figure::Fig7 => (
                 "Amplitude–frequency characteristics, force at the tip along x",
-                format!(", tip at the height y = {} m", settings.line.height_m),
+                format!(", tip at the height y = {} m", settings.line.height_m).replace('-', "−"),
             ),
             Figure::Fig9 => (
                 "Amplitude–frequency characteristics in the measured position",

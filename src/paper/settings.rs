@@ -28,8 +28,8 @@ pub struct Settings {
     pub figure9: Figure9,
     /// The force pulse of Section 1.
     pub pulse: Pulse,
-    /// The larger amplitudes of Section 6.
-    pub strong: Strong,
+    /// What the paper leaves open, over the ranges in which statements are judged.
+    pub scan: Scan,
 }
 
 /// A value for each preset.
@@ -128,16 +128,26 @@ pub struct Pulse {
     pub length_s: f64,
 }
 
-/// A strong torque at joint 1, for bifurcations beyond folds.
+/// Ranges of what the paper leaves open.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Strong {
-    /// Pose, degrees.
-    pub beta2_deg: f64,
-    /// Amplitude of the torque, N·m.
-    pub torque_nm: PerPreset<f64>,
-    /// First and last frequency, Hz.
-    pub range_hz: PerPreset<[f64; 2]>,
+pub struct Scan {
+    /// Amplitudes of the torque at joint 1, N·m, ascending.
+    pub torque_nm: Vec<f64>,
+    /// Amplitudes of the force at the tip, N, ascending.
+    pub force_n: Vec<f64>,
+    /// Heights of the line of Fig. 6, m, ascending.
+    pub height_m: Vec<f64>,
+    /// Lengths of the pulse of Section 1, s, ascending.
+    pub pulse_length_s: Vec<f64>,
+    /// How far the poses of Fig. 5 are apart, degrees.
+    pub figure5_step_deg: f64,
+    /// How near its frequency is to the first natural frequency at these poses, relative to that.
+    pub figure5_nearness: f64,
+    /// More poses for strong excitation, degrees, ascending.
+    pub strong_beta2_deg: Vec<f64>,
+    /// The torques there, N·m, ascending.
+    pub strong_torque_nm: Vec<f64>,
 }
 
 /// Why settings can't be used.
@@ -260,7 +270,7 @@ impl Settings {
         positive("pulse.amplitude_m", self.pulse.amplitude_m)?;
         poses("pulse.beta2_deg", &[self.pulse.beta2_deg])?;
         positive("pulse.length_s", self.pulse.length_s)?;
-        poses("strong.beta2_deg", &[self.strong.beta2_deg])?;
+        self.scan.check()?;
         Preset::ALL.into_iter().try_for_each(|preset| self.check_preset(preset))
     }
 
@@ -272,9 +282,30 @@ impl Settings {
         poses(&key("figure5.beta2_deg"), five.beta2_deg.of(preset))?;
         positive(&key("figure5.largest_torque_nm"), *five.largest_torque_nm.of(preset))?;
         ascending(&key("figure7.second_zone_force_n"), seven.second_zone_force_n.of(preset), 2)?;
-        ascending(&key("figure7.first_zone_force_n"), seven.first_zone_force_n.of(preset), 2)?;
-        positive(&key("strong.torque_nm"), *self.strong.torque_nm.of(preset))?;
-        ascending(&key("strong.range_hz"), self.strong.range_hz.of(preset), 2)
+        ascending(&key("figure7.first_zone_force_n"), seven.first_zone_force_n.of(preset), 2)
+    }
+}
+
+/// The smallest step between the poses of Fig. 5, degrees.
+const LEAST_STEP_DEG: f64 = 0.01;
+
+impl Scan {
+    fn check(&self) -> Result<(), SettingsError> {
+        ascending("scan.torque_nm", &self.torque_nm, 1)?;
+        ascending("scan.force_n", &self.force_n, 2)?;
+        self.height_m.iter().try_for_each(|height_m| finite("scan.height_m", *height_m))?;
+        in_order("scan.height_m", &self.height_m, 1)?;
+        ascending("scan.pulse_length_s", &self.pulse_length_s, 1)?;
+        let step = self.figure5_step_deg;
+        require(
+            "scan.figure5_step_deg",
+            step,
+            (LEAST_STEP_DEG..=180.0).contains(&step),
+            "an angle from 0.01 to 180 degrees",
+        )?;
+        positive("scan.figure5_nearness", self.figure5_nearness)?;
+        poses("scan.strong_beta2_deg", &self.strong_beta2_deg)?;
+        ascending("scan.strong_torque_nm", &self.strong_torque_nm, 1)
     }
 }
 
@@ -333,12 +364,12 @@ mod tests {
     #[test]
     fn errors_name_the_key_and_what_would_do() {
         insta::assert_snapshot!(says("length2_m = 0.6", "length2_m = -0.6"), @"length2_m has -0.6: it must be a positive number");
-        insta::assert_snapshot!(says("height_m = -0.25", "height_m = nan"), @"line.height_m has NaN: it must be a number");
+        insta::assert_snapshot!(says("height_m = -0.2", "height_m = nan"), @"line.height_m has NaN: it must be a number");
         insta::assert_snapshot!(says("frequency_hz = 22.5", "frequency_hz = 0"), @"figure5.frequency_hz has 0: it must be a positive number");
         insta::assert_snapshot!(says("[0.0, 30.0, ", "[0.0, 300.0, "), @"figure4.beta2_deg has 300: it must be an angle from 0 to 180 degrees");
         insta::assert_snapshot!(says("[26.0, 46.0]", "[46.0, 26.0]"), @"figure9.range_hz has 26 after 46: its values must ascend");
         insta::assert_snapshot!(says("[50.0, 100.0, 200.0, 400.0]", "[50.0]"), @"figure7.second_zone_force_n.irb1600-fitted has 1 values: it must have at least 2");
-        insta::assert_snapshot!(says("height_m = -0.25", "heigth_m = -0.25").lines().last().unwrap(), @"Did you mean `height_m`?");
+        insta::assert_snapshot!(says("height_m = -0.2", "heigth_m = -0.25").lines().last().unwrap(), @"Did you mean `height_m`?");
         insta::assert_snapshot!(says("length2_m = 0.6", "").lines().last().unwrap(), @"missing field `length2_m`");
         let absent = Settings::read("/nonexistent/own.toml".as_ref()).unwrap_err();
         insta::assert_snapshot!(absent, @"can't read the settings /nonexistent/own.toml: No such file or directory (os error 2)");

@@ -42,9 +42,17 @@ impl Subject {
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.
     pub fn on_line(&self, beta2_deg: f64) -> Result<Arm, PaperError> {
+        self.on_line_at(beta2_deg, self.height_m)
+    }
+
+    /// As [`Subject::on_line`], on a line of another height, m.
+    ///
+    /// # Errors
+    /// [`SettingsError::Line`] if the tip can't reach the line.
+    pub fn on_line_at(&self, beta2_deg: f64, height_m: f64) -> Result<Arm, PaperError> {
         let (sine, cosine) = libm::sincos(beta2_deg.to_radians());
         let (x, y) = (self.parameters.length1_m + self.parameters.length2_m * cosine, self.parameters.length2_m * sine);
-        let (reach_m, height_m) = (libm::hypot(x, y), self.height_m);
+        let reach_m = libm::hypot(x, y);
         if height_m.abs() > reach_m {
             return Err(SettingsError::Line { beta2_deg, reach_m, height_m }.into());
         }

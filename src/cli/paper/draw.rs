@@ -34,7 +34,9 @@ pub(super) fn curves(curves: &Curves) -> plot::Figure {
 
 /// The room above the highest peak of a panel, for its name.
 const HEADROOM: f64 = 1.15;
-/// A panel without a range shows each curve where it has at least this part of its peak,
+/// The same for logarithmic panels: room for names above each other.
+const LOG_HEADROOM: f64 = 40.0;
+/// A panel without a range shows each curve where it has at least this part of the panel's highest peak, or half of its own,
 const SHOWN: f64 = 0.05;
 /// and this part of the width more on either side.
 const MARGIN: f64 = 0.08;
@@ -50,7 +52,7 @@ fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
     let top = top.fold(0.0_f64, |top, motion| top.max(motion.amplitude_rad[link]));
     let label = format!("amplitude of {} (rad)", ["α₁", "α₂"][link]);
     let y = if panel.logarithmic {
-        Axis::log(label).range(DECADES * top, 4.0 * top)
+        Axis::log(label).range(DECADES * top, LOG_HEADROOM * top)
     } else {
         Axis::linear(label).range(0.0, HEADROOM * top)
     };
@@ -80,10 +82,15 @@ fn abscissa(panel: &Panel, motion: &Motion) -> f64 {
 /// Where the curves of a panel without a range are large.
 fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) -> [f64; 2] {
     let link = panel.link - 1;
+    let branches: Vec<&ForcedBranch> = branches.collect();
+    let peak = |branch: &ForcedBranch| {
+        branch.motions.iter().fold(0.0_f64, |peak, motion| peak.max(motion.amplitude_rad[link]))
+    };
+    let highest = branches.iter().fold(0.0_f64, |highest, branch| highest.max(peak(branch)));
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for branch in branches {
-        let peak = branch.motions.iter().fold(0.0_f64, |peak, motion| peak.max(motion.amplitude_rad[link]));
-        for motion in branch.motions.iter().filter(|motion| motion.amplitude_rad[link] >= SHOWN * peak) {
+        let level = (SHOWN * highest).min(0.5 * peak(branch));
+        for motion in branch.motions.iter().filter(|motion| motion.amplitude_rad[link] >= level) {
             (low, high) = (low.min(abscissa(panel, motion)), high.max(abscissa(panel, motion)));
         }
     }

@@ -144,8 +144,8 @@ impl Paper {
     }
 
     fn claims(&self, settings: &Settings) -> Result<Report, Failure> {
-        let progress = Progress::new("claims", claims::count());
-        let report = claims::judge(settings, || progress.step())?;
+        let progress = Progress::new("claims", 0);
+        let report = claims::judge(settings, |count| progress.expect(count), || progress.step())?;
         if let Some(folder) = &self.out {
             write(&folder.join("claims.json"), &serde_json::to_string_pretty(&report)?)?;
             write(&folder.join("claims.md"), &report.markdown())?;

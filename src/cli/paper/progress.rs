@@ -26,6 +26,11 @@ impl Progress {
         Progress { bar, start_ns: SystemClock.now_ns() }
     }
 
+    /// There are this many steps.
+    pub fn expect(&self, count: usize) {
+        self.bar.set_length(count as u64);
+    }
+
     /// One step more is done.
     pub fn step(&self) {
         if self.bar.is_hidden() && since(self.start_ns) > PATIENCE_S && std::io::stderr().is_terminal() {

@@ -1,18 +1,18 @@
 //! Stiff and soft: which way the zones bend, read off their backbones.
 
 use super::super::figure::zone_hz;
-use super::super::{Drive, PaperError, Settings, Subject};
-use super::{Judgement, LARGE_DEG, SMALL_DEG, number};
+use super::super::{Drive, PaperError, Subject};
+use super::cases::{Judgement, Opinion, all_hold, number};
+use super::survey::{Driven, Seen, Survey};
 use crate::analysis::{ArmParameter, BackboneOptions, Bending, BranchOptions, ForcedArm, backbone, modes};
 use crate::arm::Arm;
 
 /// A backbone up to some excitation.
+#[derive(Clone, Debug)]
 pub(super) struct Bent {
     pub bending: Option<Bending>,
     /// How far the resonance has moved from small to full excitation, Hz.
     pub shift_hz: f64,
-    /// Where it is then, Hz.
-    pub frequency_hz: f64,
 }
 
 impl Bent {
@@ -25,7 +25,11 @@ impl Bent {
             Some(Bending::SofteningThenHardening) => "soft, then stiff",
             Some(Bending::Mixed) => "turning more than once",
         };
-        format!("{bending} ({:+.3} Hz)", self.shift_hz)
+        format!("{bending} ({} Hz)", format!("{:+.3}", self.shift_hz).replace('-', "−"))
+    }
+
+    fn is(&self, bending: Bending) -> bool {
+        self.bending == Some(bending)
     }
 
     fn is_mixed(&self) -> bool {
@@ -54,54 +58,81 @@ pub(super) fn bent(subject: &Subject, arm: &Arm, mode: usize, drive: (Drive, f64
     })?;
     let ends =
         [curve.points.first(), curve.points.last()].map(|point| point.map_or(f64::NAN, |point| point.frequency_hz));
-    Ok(Bent { bending: curve.bending(), shift_hz: ends[1] - ends[0], frequency_hz: ends[1] })
+    Ok(Bent { bending: curve.bending(), shift_hz: ends[1] - ends[0] })
 }
 
-/// Backbones of a mode at the poses of Fig. 4 that are asked for.
-fn at_poses(
-    subject: &Subject,
-    settings: &Settings,
-    mode: usize,
-    wanted: impl Fn(f64) -> bool,
-) -> Result<Vec<(f64, Bent)>, PaperError> {
-    let four = &settings.figure4;
-    let torque_nm = if mode == 0 { &four.torque_nm } else { &four.second_zone_torque_nm }.of(subject.preset());
-    let poses = four.beta2_deg.iter().copied().filter(|beta2_deg| wanted(*beta2_deg));
-    let backbone =
-        |beta2_deg| Ok((beta2_deg, bent(subject, &subject.bent(beta2_deg)?, mode, (Drive::Torque1, *torque_nm))?));
-    poses.map(backbone).collect()
+/// "Small" are the angles of the first third of the range of Section 4, 0 to 150°, "large" those of the last: 0° and 30°,
+/// 120° and 150° of the poses of Fig. 4.
+const SMALL_DEG: f64 = 50.0;
+const LARGE_DEG: f64 = 100.0;
+
+/// Whether the backbones of a mode, up to the torque, are of a kind at each of the poses of Fig. 4 that are asked for.
+fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn(&Bent) -> bool) -> Judgement {
+    let poses: Vec<f64> = survey.settings.figure4.beta2_deg.iter().copied().filter(|pose| wanted(*pose)).collect();
+    survey.over_torques(mode, |driven| {
+        let holds = all_hold(poses.iter().map(|pose| survey.bent(driven, *pose, mode).map(&kind)))?;
+        let (value, numbers) = listed(survey, driven, mode, &poses);
+        Ok(Opinion::new(holds && !poses.is_empty(), value, numbers))
+    })
 }
 
-fn judgement(holds: bool, backbones: &[(f64, Bent)]) -> Judgement {
-    let listed: Vec<String> =
-        backbones.iter().map(|(beta2_deg, bent)| format!("{beta2_deg}° {}", bent.words())).collect();
-    let numbers =
-        backbones.iter().map(|(beta2_deg, bent)| number(format!("shift at {beta2_deg}°"), bent.shift_hz, "Hz"));
-    Judgement { holds, value: listed.join(", "), numbers: numbers.collect() }
+/// The backbones at these poses in words and numbers.
+fn listed(survey: &Survey<'_>, driven: Driven, mode: usize, poses: &[f64]) -> (String, Vec<super::Number>) {
+    let (mut words, mut numbers) = (Vec::new(), Vec::new());
+    for beta2_deg in poses {
+        match survey.bent(driven, *beta2_deg, mode) {
+            Ok(bent) => {
+                words.push(format!("{beta2_deg}° {}", bent.words()));
+                numbers.push(number(format!("shift at {beta2_deg}°"), bent.shift_hz, "Hz"));
+            }
+            Err(_) => words.push(format!("{beta2_deg}° not computed")),
+        }
+    }
+    (words.join(", "), numbers)
 }
 
-fn all(backbones: &[(f64, Bent)], bending: Bending) -> bool {
-    !backbones.is_empty() && backbones.iter().all(|(_, bent)| bent.bending == Some(bending))
+/// "For small β2 angles, a stiff resonance curve is obtained around the first natural frequency" (Section 4).
+pub(super) fn first_stiff_when_straight(survey: &Survey<'_>) -> Judgement {
+    each(survey, 0, |beta2_deg| beta2_deg <= SMALL_DEG, |bent| bent.is(Bending::Hardening))
 }
 
-pub(super) fn first_stiff_when_straight(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let backbones = at_poses(subject, settings, 0, |beta2_deg| beta2_deg < SMALL_DEG)?;
-    Ok(judgement(all(&backbones, Bending::Hardening), &backbones))
+/// "Which for large β2 transits into a mixed softening–hardening curve" (Section 4): the backbone turns, in either order; the
+/// words tell which.
+pub(super) fn first_mixed_when_bent(survey: &Survey<'_>) -> Judgement {
+    each(survey, 0, |beta2_deg| beta2_deg >= LARGE_DEG, Bent::is_mixed)
 }
 
-pub(super) fn first_mixed_when_bent(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let backbones = at_poses(subject, settings, 0, |beta2_deg| beta2_deg >= LARGE_DEG)?;
-    Ok(judgement(backbones.iter().any(|(_, bent)| bent.is_mixed()), &backbones))
+/// "In contrast, for the resonance around the second natural frequency (Figure 4c), soft characteristics are obtained"
+/// (Section 4).
+pub(super) fn second_soft_when_straight(survey: &Survey<'_>) -> Judgement {
+    each(survey, 1, |beta2_deg| beta2_deg <= SMALL_DEG, |bent| bent.is(Bending::Softening))
 }
 
-pub(super) fn second_soft_when_straight(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let backbones = at_poses(subject, settings, 1, |beta2_deg| beta2_deg < SMALL_DEG)?;
-    Ok(judgement(all(&backbones, Bending::Softening), &backbones))
+/// "As the angle β2 increases, the situation changes: the curves shift towards lower frequencies and become stiff
+/// characteristics" (Section 4), the second half.
+pub(super) fn second_stiff_when_bent(survey: &Survey<'_>) -> Judgement {
+    each(survey, 1, |beta2_deg| beta2_deg >= LARGE_DEG, |bent| bent.is(Bending::Hardening))
 }
 
-pub(super) fn second_stiff_when_bent(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let backbones = at_poses(subject, settings, 1, |beta2_deg| beta2_deg >= LARGE_DEG)?;
-    let straight_hz = modes(&subject.bent(0.0)?)[1].frequency_hz;
-    let lower = backbones.iter().all(|(_, bent)| bent.frequency_hz < straight_hz);
-    Ok(judgement(lower && all(&backbones, Bending::Hardening), &backbones))
+/// "The dependence of the resonance zones on the position of the arm was demonstrated, and the resonance characteristics changed
+/// from stiff to soft or vice versa" (Section 6): each zone is stiff at one of the poses of Fig. 4 at least, and soft at another.
+pub(super) fn characters_change(survey: &Survey<'_>) -> Judgement {
+    let poses = &survey.settings.figure4.beta2_deg;
+    survey.over_torques(0, |driven| {
+        let (mut words, mut numbers) = (Vec::new(), Vec::new());
+        let mut zone = |mode: usize| -> Seen<bool> {
+            let all: Vec<Seen<&Bent>> = poses.iter().map(|pose| survey.bent(driven, *pose, mode)).collect();
+            let count = |bending| all.iter().filter(|bent| bent.as_ref().is_ok_and(|bent| bent.is(bending))).count();
+            let [stiff, soft] = [count(Bending::Hardening), count(Bending::Softening)];
+            words.push(format!("zone {}: stiff at {stiff}, soft at {soft} poses", mode + 1));
+            numbers.push(number(format!("stiff poses of zone {}", mode + 1), stiff as f64, ""));
+            numbers.push(number(format!("soft poses of zone {}", mode + 1), soft as f64, ""));
+            match all.iter().find_map(|bent| bent.as_ref().err()) {
+                Some(why) if stiff == 0 || soft == 0 => Err(why.clone()),
+                _ => Ok(stiff > 0 && soft > 0),
+            }
+        };
+        let holds = all_hold([zone(0), zone(1)].into_iter())?;
+        Ok(Opinion::new(holds, words.join("; "), numbers))
+    })
 }

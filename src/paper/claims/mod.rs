@@ -1,11 +1,15 @@
-//! The paper's statements, each with the number computed for both presets, and whether it holds.
+//! The paper's statements, each with what was computed for both presets, and whether it holds.
+//!
+//! A statement that depends on what the paper leaves open (the amplitude of an excitation, the line of Fig. 6, the length of a
+//! pulse) is judged once for each value of a stated range, [`Scan`](super::Scan): these are its cases.
 
 mod bending;
+mod cases;
 mod linear;
 mod pulse;
 mod report;
 mod statements;
-mod strong;
+mod survey;
 mod tip;
 mod torque;
 
@@ -14,14 +18,18 @@ use serde::Serialize;
 use super::branch::by_name;
 use super::{PaperError, Settings, Subject, on_all_cores};
 use crate::arm::Preset;
+use cases::Judgement;
+use survey::Survey;
 
-/// Whether a statement holds for a preset.
+/// Whether a statement holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// It does.
+    /// It does, in all cases that could be computed.
     Holds,
-    /// It does not.
+    /// It does in some cases.
+    HoldsInPart,
+    /// It does not, in none.
     DoesNotHold,
     /// What it is about could not be computed; the value says why.
     NotComputed,
@@ -32,6 +40,7 @@ impl Verdict {
     pub const fn words(self) -> &'static str {
         match self {
             Verdict::Holds => "holds",
+            Verdict::HoldsInPart => "holds in part",
             Verdict::DoesNotHold => "does not hold",
             Verdict::NotComputed => "not computed",
         }
@@ -49,18 +58,33 @@ pub struct Number {
     pub unit: &'static str,
 }
 
+/// A statement judged for one value of what the paper leaves open.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Case {
+    /// The value; empty if nothing is left open.
+    pub at: String,
+    /// Whether the statement holds there.
+    pub verdict: Verdict,
+    /// What was computed, in words with rounded numbers, or why it could not be.
+    pub value: String,
+    /// The numbers.
+    pub numbers: Vec<Number>,
+}
+
 /// What became of a statement for a preset.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// The preset.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
-    /// Whether the statement holds.
+    /// Whether the statement holds, in all cases together.
     pub verdict: Verdict,
-    /// What was computed, in words with rounded numbers.
-    pub value: String,
-    /// The numbers.
-    pub numbers: Vec<Number>,
+    /// What the cases vary; empty if nothing is left open.
+    pub over: &'static str,
+    /// Which of the cases is that of the figures.
+    pub own: usize,
+    /// The cases.
+    pub cases: Vec<Case>,
 }
 
 /// A statement of the paper and what became of it.
@@ -73,7 +97,9 @@ pub struct Claim {
     /// What is said, in our words.
     pub statement: &'static str,
     /// What is computed, and when it counts as holding.
-    pub criterion: &'static str,
+    pub rule: &'static str,
+    /// Whether I_S2 of `irb1600-fitted` was chosen so that this statement holds: for that preset it tests nothing then.
+    pub chosen_for: bool,
     /// For each preset.
     pub findings: Vec<Finding>,
 }
@@ -86,17 +112,10 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether every number could be computed.
+    /// Whether every statement could be judged, in one of its cases at least.
     pub fn is_complete(&self) -> bool {
         self.claims.iter().flat_map(|claim| &claim.findings).all(|finding| finding.verdict != Verdict::NotComputed)
     }
-}
-
-/// What a claim's function returns.
-struct Judgement {
-    holds: bool,
-    value: String,
-    numbers: Vec<Number>,
 }
 
 /// A statement with the function that judges it.
@@ -104,56 +123,58 @@ struct Statement {
     id: &'static str,
     section: &'static str,
     statement: &'static str,
-    criterion: &'static str,
-    judge: fn(&Subject, &Settings) -> Result<Judgement, PaperError>,
+    rule: &'static str,
+    chosen_for: bool,
+    judge: fn(&Survey<'_>) -> Judgement,
 }
 
-/// How many computations [`judge`] makes.
-pub fn count() -> usize {
-    statements::STATEMENTS.len() * Preset::ALL.len()
-}
-
-/// Judges every statement for both presets, over all cores; `done` is called after each of [`count`] computations. What can't be
-/// computed is said in the report.
+/// Judges every statement for both presets, over all cores. `begin` is told how many computations there are, and `done` is
+/// called after each. What can't be computed is said in the report.
 ///
 /// # Errors
 /// [`PaperError::Arm`] if a preset can't be read.
-pub fn judge(settings: &Settings, done: impl Fn() + Sync) -> Result<Report, PaperError> {
+pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + Sync) -> Result<Report, PaperError> {
     let subjects = Preset::ALL.map(|preset| Subject::new(preset, settings));
     let subjects = subjects.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut jobs = Vec::new();
+    for (index, subject) in subjects.iter().enumerate() {
+        jobs.extend(survey::jobs(subject, settings)?.into_iter().map(|job| (index, job)));
+    }
     let all = &statements::STATEMENTS;
-    let jobs: Vec<_> =
-        all.iter().flat_map(|statement| subjects.iter().map(move |subject| (statement, subject))).collect();
-    let work = |(statement, subject): &(&Statement, &Subject)| finding(subject, (statement.judge)(subject, settings));
-    let mut findings = on_all_cores(&jobs, work, done).into_iter();
+    begin(jobs.len() + all.len() * subjects.len());
+    let seen = on_all_cores(&jobs, |(index, job)| survey::done(&subjects[*index], settings, *job), &done);
+    let mut seen = seen.into_iter();
+    let surveys: Vec<Survey<'_>> = subjects
+        .iter()
+        .enumerate()
+        .map(|(index, subject)| {
+            let own = jobs.iter().filter(|(of, _)| *of == index).count();
+            Survey::new(subject, settings, seen.by_ref().take(own))
+        })
+        .collect();
+    let pairs: Vec<_> =
+        all.iter().flat_map(|statement| surveys.iter().map(move |survey| (statement, survey))).collect();
+    let findings = on_all_cores(&pairs, |(statement, survey)| finding(survey, (statement.judge)(survey)), &done);
+    let mut findings = findings.into_iter();
     let claim = |statement: &Statement| Claim {
         id: statement.id,
         section: statement.section,
         statement: statement.statement,
-        criterion: statement.criterion,
+        rule: statement.rule,
+        chosen_for: statement.chosen_for,
         findings: findings.by_ref().take(subjects.len()).collect(),
     };
     Ok(Report { claims: all.iter().map(claim).collect() })
 }
 
-fn finding(subject: &Subject, judgement: Result<Judgement, PaperError>) -> Finding {
-    let preset = subject.preset();
-    match judgement {
-        Ok(Judgement { holds, value, numbers }) => {
-            let verdict = if holds { Verdict::Holds } else { Verdict::DoesNotHold };
-            Finding { preset, verdict, value, numbers }
-        }
-        Err(error) => Finding { preset, verdict: Verdict::NotComputed, value: error.to_string(), numbers: Vec::new() },
-    }
+fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
+    let Judgement { over, own, cases } = judgement;
+    let count = |verdict| cases.iter().filter(|case| case.verdict == verdict).count();
+    let verdict = match (count(Verdict::Holds), count(Verdict::DoesNotHold)) {
+        (0, 0) => Verdict::NotComputed,
+        (0, _) => Verdict::DoesNotHold,
+        (_, 0) => Verdict::Holds,
+        _ => Verdict::HoldsInPart,
+    };
+    Finding { preset: survey.subject.preset(), verdict, over, own, cases }
 }
-
-fn number(of: impl Into<String>, value: f64, unit: &'static str) -> Number {
-    Number { of: of.into(), value, unit }
-}
-
-/// Angles below this count as small, from `LARGE_DEG` on as large.
-const SMALL_DEG: f64 = 45.0;
-const LARGE_DEG: f64 = 90.0;
-
-#[cfg(test)]
-mod tests;

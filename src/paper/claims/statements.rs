@@ -1,153 +1,261 @@
-//! The statements.
+//! The statements. Each rule is what the paper's words mean, without a look at what comes out; where words such as "strongly" or
+//! "significantly" leave room the rule says its number. The functions quote the paper.
 
-use super::{Statement, bending, linear, pulse, strong, tip, torque};
+use super::{Statement, bending, linear, pulse, tip, torque};
 
-pub(super) const STATEMENTS: [Statement; 21] = [
-    Statement {
-        id: "pulse",
-        section: "1",
-        statement: "A force pulse of 100 N makes the robot vibrate with an amplitude of 0.1 mm.",
-        criterion: "largest displacement of C after a half-sine pulse along x; holds within a factor of 2",
-        judge: pulse::amplitude,
-    },
-    Statement {
-        id: "natural-frequencies-depend-on-pose",
-        section: "3",
-        statement: "The natural frequencies depend strongly on the pose.",
-        criterion: "largest over smallest of f1 and of f2 for β2 from −180° to 180°; holds if both exceed 1.1",
-        judge: linear::depend_on_pose,
-    },
-    Statement {
-        id: "natural-frequencies-symmetric",
-        section: "3",
-        statement: "The natural frequencies are symmetric about the straight arm, β2 = 0.",
-        criterion: "largest relative difference between β2 and −β2; holds below 1e-12",
-        judge: linear::symmetric,
-    },
-    Statement {
-        id: "zones-draw-together",
-        section: "4, Fig. 4a",
-        statement: "The resonance zones of the nonlinear arm draw together as |β2| grows.",
-        criterion: "distance of the two peaks of link 1 at the poses of Fig. 4; holds if it falls from each pose to the next",
-        judge: torque::zones_draw_together,
-    },
-    Statement {
-        id: "zones-within-the-range",
-        section: "4, Fig. 4a",
-        statement: "Both resonance zones lie between 0 and 80 Hz.",
-        criterion: "natural frequencies at the poses of Fig. 4; holds if all are below the end of the range",
-        judge: linear::within_the_range,
-    },
-    Statement {
-        id: "first-zone-stiff-when-straight",
-        section: "4, Fig. 4b",
-        statement: "For small β2 the first zone is stiff (hardening).",
-        criterion: "backbone of mode 1 up to the torque of Fig. 4a, poses below 45°; holds if each hardens",
-        judge: bending::first_stiff_when_straight,
-    },
-    Statement {
-        id: "first-zone-mixed-when-bent",
-        section: "4, Fig. 4b",
-        statement: "For large β2 the first zone is mixed, softening and hardening.",
-        criterion: "backbone of mode 1 up to the torque of Fig. 4a, poses from 90°; holds if one turns from one to the other",
-        judge: bending::first_mixed_when_bent,
-    },
-    Statement {
-        id: "second-zone-soft-when-straight",
-        section: "4, Fig. 4c",
-        statement: "For small β2 the second zone is soft (softening).",
-        criterion: "backbone of mode 2 up to the torque of Fig. 4c, poses below 45°; holds if each softens",
-        judge: bending::second_soft_when_straight,
-    },
-    Statement {
-        id: "second-zone-stiff-when-bent",
-        section: "4, Fig. 4c",
-        statement: "As β2 grows the second zone moves to lower frequencies and becomes stiff.",
-        criterion: "backbone of mode 2 up to the torque of Fig. 4c, poses from 90°; holds if each hardens, below the straight arm's",
-        judge: bending::second_stiff_when_bent,
-    },
-    Statement {
-        id: "elbow-up-is-elbow-down",
-        section: "4",
-        statement: "The characteristics are the same for β2 and −β2.",
-        criterion: "peaks and folds of both zones at ±β2 of Fig. 4; holds if they agree to 1e-9, relative",
-        judge: torque::symmetric,
-    },
-    Statement {
-        id: "amplitude-sets-the-branch",
-        section: "4, Fig. 5",
-        statement: "At one frequency the arm has several motions depending on the forcing amplitude, with bifurcations that depend on the pose.",
-        criterion: "folds over the torque at 22.5 Hz; holds if there are some, at other torques in other poses",
-        judge: torque::folds_over_the_torque,
-    },
-    Statement {
-        id: "branches-differ-sixfold",
-        section: "6",
-        statement: "In the zones the amplitude differs up to six times with the direction of the sweep.",
-        criterion: "largest ratio of stable amplitudes of link 1 at one frequency, torques of Fig. 4; holds if it reaches 6",
-        judge: torque::largest_ratio,
-    },
-    Statement {
-        id: "link-1-in-the-first-zone",
-        section: "4, Fig. 7a",
-        statement: "Under a force at the tip link 1 moves far more in the first zone than in the second.",
-        criterion: "peak of link 1 in zone 1 over that in zone 2; holds if above 2 at each position",
-        judge: tip::link1_in_the_first_zone,
-    },
-    Statement {
-        id: "link-2-in-the-second-zone",
-        section: "4, Fig. 7b",
-        statement: "Link 2 moves more in the second zone than in the first.",
-        criterion: "peak of link 2 in zone 2 over that in zone 1; holds if above 1 at each position",
-        judge: tip::link2_in_the_second_zone,
-    },
-    Statement {
-        id: "second-zone-leans-more",
-        section: "4, Fig. 7a,b",
-        statement: "The slope of the characteristics shows more clearly in the second zone.",
-        criterion: "distance of the peak from the natural frequency in half-power widths 2ζf; holds if larger in zone 2 at each position",
-        judge: tip::second_zone_leans_more,
-    },
-    Statement {
-        id: "second-zone-widens",
-        section: "4, Fig. 7c",
-        statement: "The second zone of link 1 widens with the force at β2 = 150°.",
-        criterion: "half-power width about the peak; holds if it grows from each force to the next",
-        judge: tip::second_zone_widens,
-    },
-    Statement {
-        id: "second-maximum",
-        section: "4, Fig. 7d",
-        statement: "With the force a second maximum of link 2 appears in the first zone at β2 = 150°, and the zone widens.",
-        criterion: "maxima of link 2 along the branch, half-power width; holds if one becomes more and the width grows",
-        judge: tip::second_maximum,
-    },
-    Statement {
-        id: "both-zones-measured",
-        section: "5, Fig. 9",
-        statement: "At β2 = 120° both zones lie between 26 and 46 Hz.",
-        criterion: "peaks of link 1 in zone 1 and of link 2 in zone 2; holds if both are inside",
-        judge: tip::both_zones_measured,
-    },
-    Statement {
-        id: "soft-then-stiff-measured",
-        section: "5, Fig. 9",
-        statement: "At β2 = 120° the first zone is soft and the second stiff, and link 2 hardly moves in the first.",
-        criterion: "backbones up to the force of Fig. 9, peak of link 2 in zone 1 over that in zone 2; holds if soft, stiff, below 0.5",
-        judge: tip::soft_then_stiff,
-    },
-    Statement {
-        id: "period-doubling",
-        section: "6",
-        statement: "At larger excitation there are saddle-nodes and period doublings.",
-        criterion: "bifurcations through the first zone at β2 = 75° under a strong torque; holds if both kinds are there",
-        judge: strong::period_doubling,
-    },
-    Statement {
-        id: "neimark-sacker",
-        section: "6",
-        statement: "At larger excitation there is a Neimark–Sacker bifurcation.",
-        criterion: "the same; holds if there is one",
-        judge: strong::neimark_sacker,
-    },
+/// A statement, in the order: name, section, statement, rule, whether I_S2 was chosen for it, function.
+macro_rules! statement {
+    ($id:literal, $section:literal, $statement:literal, $rule:literal, $chosen_for:literal, $judge:path) => {
+        Statement {
+            id: $id,
+            section: $section,
+            statement: $statement,
+            rule: $rule,
+            chosen_for: $chosen_for,
+            judge: $judge,
+        }
+    };
+}
+
+pub(super) const STATEMENTS: [Statement; 30] = [
+    statement!(
+        "pulse",
+        "1",
+        "A force pulse of 100 N makes the robot vibrate with an amplitude of 0.1 mm.",
+        "largest displacement of C after a half-sine pulse rounds to 0.1 mm: from 0.05 to 0.15 mm",
+        false,
+        pulse::amplitude
+    ),
+    statement!(
+        "natural-frequencies-depend-on-pose",
+        "3",
+        "The natural frequencies depend strongly on the pose.",
+        "f1 and f2 each vary by more than a tenth for β2 from −180° to 180°",
+        false,
+        linear::depend_on_pose
+    ),
+    statement!(
+        "natural-frequencies-symmetric",
+        "3",
+        "The natural frequencies are symmetric about the straight arm, β2 = 0.",
+        "relative difference between β2 and −β2 below 1e-12",
+        false,
+        linear::symmetric
+    ),
+    statement!(
+        "natural-frequencies-draw-together",
+        "3, 4",
+        "The natural frequencies draw together as |β2| grows.",
+        "f2 − f1 falls from each pose of Fig. 4 to the next",
+        true,
+        linear::draw_together
+    ),
+    statement!(
+        "zones-within-the-range",
+        "4, Fig. 4a",
+        "Both resonance zones lie between 0 and 80 Hz.",
+        "f2 below 80 Hz at all poses of Fig. 4",
+        true,
+        linear::within_the_range
+    ),
+    statement!(
+        "zones-draw-together",
+        "4, Fig. 4a",
+        "The resonance zones of the nonlinear arm draw together as |β2| grows.",
+        "distance of the two peaks of link 1 falls from each pose of Fig. 4 to the next",
+        true,
+        torque::zones_draw_together
+    ),
+    statement!(
+        "direction-matters",
+        "4, 6, Fig. 4",
+        "In the resonance zones the amplitude depends on the direction of the sweep.",
+        "in each zone, at one pose of Fig. 4 at least, two stable motions share a frequency",
+        false,
+        torque::direction_matters
+    ),
+    statement!(
+        "first-zone-stiff-when-straight",
+        "4, Fig. 4b",
+        "For small β2 the first zone is stiff (hardening).",
+        "backbone of mode 1 up to the torque hardens at 0° and 30°",
+        true,
+        bending::first_stiff_when_straight
+    ),
+    statement!(
+        "first-zone-mixed-when-bent",
+        "4, Fig. 4b",
+        "For large β2 the first zone is mixed, softening and hardening.",
+        "backbone of mode 1 up to the torque turns, in either order, at 120° and 150°",
+        true,
+        bending::first_mixed_when_bent
+    ),
+    statement!(
+        "second-zone-soft-when-straight",
+        "4, Fig. 4c",
+        "For small β2 the second zone is soft (softening).",
+        "backbone of mode 2 up to the torque softens at 0° and 30°",
+        true,
+        bending::second_soft_when_straight
+    ),
+    statement!(
+        "second-zone-shifts-down",
+        "4, Fig. 4c",
+        "As β2 grows the second zone moves to lower frequencies.",
+        "peak of link 1 in zone 2 falls from each pose of Fig. 4 to the next",
+        false,
+        torque::second_zone_shifts_down
+    ),
+    statement!(
+        "second-zone-stiff-when-bent",
+        "4, Fig. 4c",
+        "As β2 grows the second zone becomes stiff.",
+        "backbone of mode 2 up to the torque hardens at 120° and 150°",
+        true,
+        bending::second_stiff_when_bent
+    ),
+    statement!(
+        "characters-change",
+        "6",
+        "With the pose the zones change from stiff to soft or back.",
+        "each zone is stiff at one pose of Fig. 4 at least and soft at another",
+        true,
+        bending::characters_change
+    ),
+    statement!(
+        "elbow-up-is-elbow-down",
+        "4",
+        "The characteristics are the same for β2 and −β2.",
+        "peaks and folds of both zones agree to 1e-9",
+        false,
+        torque::symmetric
+    ),
+    statement!(
+        "links-alike",
+        "4",
+        "The characteristics of link 2 are qualitatively those of link 1.",
+        "in each zone of Fig. 4 equally many maxima of 5 % prominence",
+        false,
+        torque::links_alike
+    ),
+    statement!(
+        "amplitude-sets-the-branch",
+        "4, 6, Fig. 5",
+        "At 22.5 Hz the arm has several motions depending on the forcing amplitude, with bifurcations that depend on the pose.",
+        "two poses near resonance at least have folds, at different torques",
+        false,
+        torque::folds_over_the_torque
+    ),
+    statement!(
+        "branches-differ-sixfold",
+        "6",
+        "The amplitudes differ by up to six times with the direction of the sweep.",
+        "largest ratio of stable amplitudes of link 1 at one frequency in Fig. 4 rounds to 6",
+        false,
+        torque::largest_ratio
+    ),
+    statement!(
+        "link-1-in-the-first-zone",
+        "4, Fig. 7a",
+        "Under a force at the tip link 1 moves significantly more in the first zone than in the second.",
+        "peak of link 1 in zone 1 at least twice that in zone 2, at each position",
+        false,
+        tip::link1_in_the_first_zone
+    ),
+    statement!(
+        "link-2-in-the-second-zone",
+        "4, Fig. 7b",
+        "The opposite is true for link 2.",
+        "peak of link 2 in zone 2 at least twice that in zone 1, at each position",
+        false,
+        tip::link2_in_the_second_zone
+    ),
+    statement!(
+        "second-zone-leans-more",
+        "4, Fig. 7a,b",
+        "The slope of the characteristics shows more clearly in the second zone.",
+        "backbone of zone 2 moves by more Hz than that of zone 1 up to the force, at each position",
+        false,
+        tip::second_zone_leans_more
+    ),
+    statement!(
+        "second-zone-widens",
+        "4, Fig. 7c",
+        "The second zone of link 1 widens with the force at β2 = 150°.",
+        "half-power width about the peak grows from each force to the next",
+        false,
+        tip::second_zone_widens
+    ),
+    statement!(
+        "second-maximum",
+        "4, Fig. 7d",
+        "With the force a second maximum of link 2 appears in the first zone at β2 = 150°.",
+        "one maximum of 5 % prominence under the smallest force, two or more under the largest",
+        false,
+        tip::second_maximum
+    ),
+    statement!(
+        "first-zone-widens",
+        "4, Fig. 7d",
+        "The first zone of link 2 widens with the force at β2 = 150°.",
+        "half-power width about the peak grows from each force to the next",
+        false,
+        tip::first_zone_widens
+    ),
+    statement!(
+        "both-zones-measured",
+        "5, Fig. 9",
+        "At β2 = 120° both zones lie between 26 and 46 Hz.",
+        "peaks of link 1 in zone 1 and of link 2 in zone 2 are inside",
+        true,
+        tip::both_zones_measured
+    ),
+    statement!(
+        "soft-then-stiff-measured",
+        "5, Fig. 9",
+        "At β2 = 120° the first zone is soft and the second stiff.",
+        "backbones up to the force soften and harden",
+        true,
+        tip::soft_then_stiff
+    ),
+    statement!(
+        "link-2-small-in-the-first-zone",
+        "5, Fig. 9b",
+        "At β2 = 120° link 2 hardly moves in the first zone.",
+        "peak of link 2 in zone 1 at most half of that in zone 2",
+        false,
+        tip::link2_small_in_the_first_zone
+    ),
+    statement!(
+        "zones-widen",
+        "6",
+        "The resonance zones are wider at larger excitation.",
+        "half-power width of link 1 grows from each torque to the next",
+        false,
+        torque::zones_widen
+    ),
+    statement!(
+        "saddle-nodes",
+        "6",
+        "At larger excitation there are saddle-nodes.",
+        "found in one zone at least under the torques or forces of the scan",
+        false,
+        torque::saddle_nodes
+    ),
+    statement!(
+        "period-doubling",
+        "6",
+        "At larger excitation there is period doubling.",
+        "found in one zone at least under the torques or forces of the scan",
+        false,
+        torque::period_doublings
+    ),
+    statement!(
+        "neimark-sacker",
+        "6",
+        "At larger excitation there is a Neimark–Sacker bifurcation.",
+        "found in one zone at least under the torques or forces of the scan",
+        false,
+        torque::neimark_sackers
+    ),
 ];

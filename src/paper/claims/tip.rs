@@ -1,165 +1,176 @@
 //! Sections 4 and 5, Figs. 7 and 9: the arm driven by a force along x at the tip.
 
-use super::super::figure::zone_hz;
-use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
-use super::bending::bent;
-use super::{Judgement, Number, number};
-use crate::analysis::{Bending, modes};
+use super::cases::{Judgement, Opinion, all_hold, number};
+use super::survey::{Driven, Seen, Survey, forces_n};
+use crate::analysis::Bending;
 
-/// A zone (0 or 1) with the tip on the line, under a force.
-fn zone(subject: &Subject, beta2_deg: f64, mode: usize, force_n: f64) -> Result<ForcedBranch, PaperError> {
-    let arm = subject.on_line(beta2_deg)?;
-    let range_hz = zone_hz(modes(&arm)[mode].frequency_hz);
-    ForcedBranch::over_frequency(subject, &arm, (Drive::ForceX, force_n), range_hz)
+/// "Significantly greater", and "so small" beside another: at least twice.
+const SIGNIFICANT: f64 = 2.0;
+
+/// The peak of a link (0 or 1) in one zone over that in the other.
+fn peak_ratio(survey: &Survey<'_>, driven: Driven, beta2_deg: f64, link: usize, zones: [usize; 2]) -> Seen<f64> {
+    let peak = |mode| Seen::Ok(survey.zone(driven, beta2_deg, mode)?.peak(link)?.amplitude_rad);
+    Ok(peak(zones[0])? / peak(zones[1])?)
 }
 
-/// All frequencies.
-const ALL_HZ: [f64; 2] = [0.0, f64::INFINITY];
-
-/// The peak of a link in one zone over that in the other, at each position of Fig. 7.
-fn peak_ratios(
-    subject: &Subject,
-    settings: &Settings,
-    link: usize,
-    zones: [usize; 2],
-) -> Result<Vec<Number>, PaperError> {
-    let seven = &settings.figure7;
-    let ratio = |beta2_deg: &f64| {
-        let peak = |mode| -> Result<f64, PaperError> {
-            Ok(zone(subject, *beta2_deg, mode, seven.force_n)?.peak(link, ALL_HZ)?.amplitude_rad[link])
-        };
-        Ok(number(format!("{beta2_deg}°"), peak(zones[0])? / peak(zones[1])?, ""))
-    };
-    seven.beta2_deg.iter().map(ratio).collect()
-}
-
-fn ratios_judged(numbers: Vec<Number>, least: f64) -> Judgement {
-    let listed: Vec<String> = numbers.iter().map(|ratio| format!("{} {:.2}", ratio.of, ratio.value)).collect();
-    Judgement {
-        holds: numbers.iter().all(|ratio| ratio.value > least),
-        value: format!("{} times", listed.join(", ")),
-        numbers,
-    }
-}
-
-pub(super) fn link1_in_the_first_zone(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    Ok(ratios_judged(peak_ratios(subject, settings, 0, [0, 1])?, 2.0))
-}
-
-pub(super) fn link2_in_the_second_zone(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    Ok(ratios_judged(peak_ratios(subject, settings, 1, [1, 0])?, 1.0))
-}
-
-pub(super) fn second_zone_leans_more(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let seven = &settings.figure7;
-    let (mut numbers, mut listed, mut holds) = (Vec::new(), Vec::new(), true);
-    for &beta2_deg in &seven.beta2_deg {
-        let natural = modes(&subject.on_line(beta2_deg)?);
-        let lean = |mode: usize| -> Result<f64, PaperError> {
-            let peak_hz = zone(subject, beta2_deg, mode, seven.force_n)?.peak(mode, ALL_HZ)?.frequency_hz;
-            let (f, zeta) = (natural[mode].frequency_hz, natural[mode].damping_ratio);
-            Ok((peak_hz - f).abs() / (2.0 * zeta * f))
-        };
-        let leans = [lean(0)?, lean(1)?];
-        holds &= leans[1] > leans[0];
-        listed.push(format!("{beta2_deg}° {:.1} and {:.1}", leans[0], leans[1]));
-        let of_zone =
-            |zone: usize| number(format!("zone {} at {beta2_deg}°", zone + 1), leans[zone], "half-power widths");
-        numbers.extend([of_zone(0), of_zone(1)]);
-    }
-    Ok(Judgement { holds, value: format!("{} widths", listed.join(", ")), numbers })
-}
-
-/// Half-power widths of a link in a zone at the detailed position, under each of the forces.
-fn widths(branches: &[(f64, ForcedBranch)], link: usize) -> Result<Vec<Number>, PaperError> {
-    let width = |(force_n, branch): &(f64, ForcedBranch)| {
-        Ok(number(format!("width at {force_n} N"), branch.half_power_width_hz(link, ALL_HZ)?, "Hz"))
-    };
-    branches.iter().map(width).collect()
-}
-
-fn grow(numbers: &[Number]) -> bool {
-    numbers.windows(2).all(|pair| pair[1].value > pair[0].value)
-}
-
-fn under_forces(
-    subject: &Subject,
-    settings: &Settings,
-    mode: usize,
-    forces_n: &[f64],
-) -> Result<Vec<(f64, ForcedBranch)>, PaperError> {
-    let beta2_deg = settings.figure7.detail_beta2_deg;
-    forces_n.iter().map(|force_n| Ok((*force_n, zone(subject, beta2_deg, mode, *force_n)?))).collect()
-}
-
-fn listed(numbers: &[Number]) -> String {
-    let listed: Vec<String> = numbers.iter().map(|width| format!("{:.4}", width.value)).collect();
-    listed.join(", ")
-}
-
-fn forces_in_words(forces_n: &[f64]) -> String {
-    let listed: Vec<String> = forces_n.iter().map(f64::to_string).collect();
-    format!("{} N", listed.join(", "))
-}
-
-pub(super) fn second_zone_widens(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let forces_n = settings.figure7.second_zone_force_n.of(subject.preset());
-    let numbers = widths(&under_forces(subject, settings, 1, forces_n)?, 0)?;
-    let value = format!("{} Hz under {}", listed(&numbers), forces_in_words(forces_n));
-    Ok(Judgement { holds: grow(&numbers), value, numbers })
-}
-
-/// A maximum stands out if the amplitude falls by this share on both of its sides.
-const PROMINENCE: f64 = 0.01;
-
-pub(super) fn second_maximum(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let forces_n = settings.figure7.first_zone_force_n.of(subject.preset());
-    let branches = under_forces(subject, settings, 0, forces_n)?;
-    let counts: Vec<usize> = branches.iter().map(|(_, branch)| branch.maxima(1, PROMINENCE).len()).collect();
-    let more = counts.first() == Some(&1) && counts.last().is_some_and(|count| *count > 1);
-    let mut numbers = widths(&branches, 1)?;
-    let holds = more && grow(&numbers);
-    let words: Vec<String> = counts.iter().map(usize::to_string).collect();
-    let value =
-        format!("{} maxima, width {} Hz under {}", words.join(", "), listed(&numbers), forces_in_words(forces_n));
-    let maxima = forces_n
-        .iter()
-        .zip(&counts)
-        .map(|(force_n, count)| number(format!("maxima at {force_n} N"), *count as f64, ""));
-    numbers.extend(maxima);
-    Ok(Judgement { holds, value, numbers })
-}
-
-pub(super) fn both_zones_measured(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let nine = &settings.figure9;
-    let peak = |mode: usize| -> Result<f64, PaperError> {
-        Ok(zone(subject, nine.beta2_deg, mode, nine.force_n)?.peak(mode, ALL_HZ)?.frequency_hz)
-    };
-    let peaks = [peak(0)?, peak(1)?];
-    Ok(Judgement {
-        holds: peaks.iter().all(|hz| (nine.range_hz[0]..=nine.range_hz[1]).contains(hz)),
-        value: format!("{:.2} and {:.2} Hz", peaks[0], peaks[1]),
-        numbers: vec![number("zone 1", peaks[0], "Hz"), number("zone 2", peaks[1], "Hz")],
+/// Whether a link moves significantly more in one zone than in the other, at each position of Fig. 7.
+fn larger(survey: &Survey<'_>, link: usize, zones: [usize; 2]) -> Judgement {
+    let seven = &survey.settings.figure7;
+    survey.over_heights_and_forces(seven.force_n, |driven| {
+        let seen: Vec<(f64, Seen<f64>)> =
+            seven.beta2_deg.iter().map(|pose| (*pose, peak_ratio(survey, driven, *pose, link, zones))).collect();
+        let holds = all_hold(seen.iter().map(|(_, ratio)| Ok(ratio.clone()? >= SIGNIFICANT)))?;
+        let listed: Vec<String> = seen
+            .iter()
+            .map(|(pose, ratio)| match ratio {
+                Ok(ratio) => format!("{pose}° {ratio:.2}"),
+                Err(_) => format!("{pose}° ?"),
+            })
+            .collect();
+        let numbers =
+            seen.iter().filter_map(|(pose, ratio)| Some(number(format!("{pose}°"), *ratio.as_ref().ok()?, "")));
+        Ok(Opinion::new(holds, format!("{} times", listed.join(", ")), numbers.collect()))
     })
 }
 
-pub(super) fn soft_then_stiff(subject: &Subject, settings: &Settings) -> Result<Judgement, PaperError> {
-    let nine = &settings.figure9;
-    let arm = subject.on_line(nine.beta2_deg)?;
-    let bent = |mode| bent(subject, &arm, mode, (Drive::ForceX, nine.force_n));
-    let (first, second) = (bent(0)?, bent(1)?);
-    let peak = |mode| -> Result<f64, PaperError> {
-        Ok(zone(subject, nine.beta2_deg, mode, nine.force_n)?.peak(1, ALL_HZ)?.amplitude_rad[1])
-    };
-    let ratio = peak(0)? / peak(1)?;
-    let bends = first.bending == Some(Bending::Softening) && second.bending == Some(Bending::Hardening);
-    Ok(Judgement {
-        holds: bends && ratio < 0.5,
-        value: format!("{}, {}; link 2 {ratio:.2} times", first.words(), second.words()),
-        numbers: vec![
-            number("shift of zone 1", first.shift_hz, "Hz"),
-            number("shift of zone 2", second.shift_hz, "Hz"),
-            number("link 2, zone 1 over zone 2", ratio, ""),
-        ],
+/// "The vibration amplitudes of the first link are significantly greater in the first resonance zone than in the second zone"
+/// (Section 4): the peak of link 1 is at least twice that in the second, at each position of Fig. 7.
+pub(super) fn link1_in_the_first_zone(survey: &Survey<'_>) -> Judgement {
+    larger(survey, 0, [0, 1])
+}
+
+/// "While the opposite is true for element 2" (Section 4): the same measure, the zones exchanged.
+pub(super) fn link2_in_the_second_zone(survey: &Survey<'_>) -> Judgement {
+    larger(survey, 1, [1, 0])
+}
+
+/// "The phenomenon of the slope of the characteristics […] is more clearly visible in the second resonance zone for both elements"
+/// (Section 4): on their common axis the backbone of the second zone moves by more Hz than that of the first, at each position of
+/// Fig. 7. A backbone is that of both links.
+pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
+    let seven = &survey.settings.figure7;
+    survey.over_heights_and_forces(seven.force_n, |driven| {
+        let shifts = |pose: f64| -> Seen<[f64; 2]> {
+            Ok([survey.bent(driven, pose, 0)?.shift_hz, survey.bent(driven, pose, 1)?.shift_hz])
+        };
+        let holds = all_hold(
+            seven.beta2_deg.iter().map(|pose| shifts(*pose).map(|[first, second]| second.abs() > first.abs())),
+        )?;
+        let (mut listed, mut numbers) = (Vec::new(), Vec::new());
+        for pose in &seven.beta2_deg {
+            let Ok([first, second]) = shifts(*pose) else {
+                listed.push(format!("{pose}° ?"));
+                continue;
+            };
+            listed.push(format!("{pose}° {:.3} and {:.3}", first.abs(), second.abs()));
+            numbers.push(number(format!("shift of zone 1 at {pose}°"), first, "Hz"));
+            numbers.push(number(format!("shift of zone 2 at {pose}°"), second, "Hz"));
+        }
+        Ok(Opinion::new(holds, format!("{} Hz", listed.join(", ")), numbers))
+    })
+}
+
+/// Whether a width grows from each excitation to the next, as far as it can be computed: two at least.
+pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> Seen<f64>) -> Seen<Opinion> {
+    let mut numbers = Vec::new();
+    for excitation in excitations {
+        match width(*excitation) {
+            Ok(width) => numbers.push(number(format!("width at {excitation} {unit}"), width, "Hz")),
+            Err(why) if numbers.len() < 2 => return Err(why),
+            Err(_) => break,
+        }
+    }
+    let listed: Vec<String> = numbers.iter().map(|width| format!("{:.4}", width.value)).collect();
+    let under: Vec<String> = excitations.iter().take(numbers.len()).map(f64::to_string).collect();
+    let ratio = numbers.last().zip(numbers.first()).map_or(f64::NAN, |(last, first)| last.value / first.value);
+    let value = format!("{} Hz ({ratio:.2} times) under {} {unit}", listed.join(", "), under.join(", "));
+    Ok(Opinion::new(numbers.windows(2).all(|pair| pair[1].value > pair[0].value), value, numbers))
+}
+
+/// The widening of a zone for a link in the position of Figs. 7c and d.
+fn widens(survey: &Survey<'_>, mode: usize, link: usize) -> Judgement {
+    let beta2_deg = survey.settings.figure7.detail_beta2_deg;
+    survey.over_heights(|height_m| {
+        let width = |n: f64| survey.zone(Driven::Force { n, height_m }, beta2_deg, mode)?.width_hz(link);
+        widening(&forces_n(survey.settings), "N", width)
+    })
+}
+
+/// "As a result of the simultaneous slope of the characteristic and the increase in vibration amplitude, there is a significant
+/// widening of the second resonance zone" (Section 4, Fig. 7c): the half-power width of link 1 grows from each force to the next.
+pub(super) fn second_zone_widens(survey: &Survey<'_>) -> Judgement {
+    widens(survey, 1, 0)
+}
+
+/// "As the excitation amplitude increases, two maxima appear and the resonance zone widens" (Section 4, Fig. 7d, first zone), the
+/// second half: the half-power width of link 2 grows from each force to the next.
+pub(super) fn first_zone_widens(survey: &Survey<'_>) -> Judgement {
+    widens(survey, 0, 1)
+}
+
+/// A maximum that is seen in a figure: the curve falls by this part of its height on both of its sides.
+pub(super) const PROMINENCE: f64 = 0.05;
+
+/// The same sentence, the first half: the amplitude of link 2 has one maximum along the branch under the smallest force, and
+/// two or more under the largest that can be computed.
+pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
+    let beta2_deg = survey.settings.figure7.detail_beta2_deg;
+    survey.over_heights(|height_m| {
+        let (mut counts, mut seconds, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+        for n in forces_n(survey.settings) {
+            let maxima = match survey.zone(Driven::Force { n, height_m }, beta2_deg, 0) {
+                Ok(zone) => zone.maxima(1),
+                Err(why) if counts.len() < 2 => return Err(why),
+                Err(_) => break,
+            };
+            let mut prominences: Vec<f64> = maxima.iter().map(|maximum| maximum.prominence).collect();
+            prominences.sort_by(|a, b| b.total_cmp(a));
+            let second = prominences.get(1).copied().unwrap_or(0.0);
+            counts.push(prominences.iter().filter(|prominence| **prominence >= PROMINENCE).count());
+            seconds.push(format!("{:.1}", 100.0 * second));
+            numbers.push(number(format!("prominence of the second maximum at {n} N"), second, ""));
+        }
+        let holds = counts.first() == Some(&1) && counts.last().is_some_and(|count| *count > 1);
+        let under: Vec<String> = forces_n(survey.settings).iter().take(counts.len()).map(f64::to_string).collect();
+        let value = format!("second maximum of prominence {} % under {} N", seconds.join(", "), under.join(", "));
+        Ok(Opinion::new(holds, value, numbers))
+    })
+}
+
+/// "The excitation frequency was variable in the range 26–46 Hz in order to excite resonant vibrations in the robot in the two
+/// expected resonance zones" (Section 5): the peaks of link 1 in the first zone and of link 2 in the second are in this range.
+pub(super) fn both_zones_measured(survey: &Survey<'_>) -> Judgement {
+    let nine = &survey.settings.figure9;
+    survey.over_heights_and_forces(nine.force_n, |driven| {
+        let peak_hz = |mode| Seen::Ok(survey.zone(driven, nine.beta2_deg, mode)?.peak(mode)?.frequency_hz);
+        let peaks_hz = [peak_hz(0)?, peak_hz(1)?];
+        let holds = peaks_hz.iter().all(|hz| (nine.range_hz[0]..=nine.range_hz[1]).contains(hz));
+        let numbers = vec![number("zone 1", peaks_hz[0], "Hz"), number("zone 2", peaks_hz[1], "Hz")];
+        Ok(Opinion::new(holds, format!("{:.2} and {:.2} Hz", peaks_hz[0], peaks_hz[1]), numbers))
+    })
+}
+
+/// "In the first resonance zone there are soft resonance curves, while in the second resonance zone there are stiff resonance
+/// curves" (Section 5, β2 = 120°): the backbones up to the force.
+pub(super) fn soft_then_stiff(survey: &Survey<'_>) -> Judgement {
+    let nine = &survey.settings.figure9;
+    survey.over_heights_and_forces(nine.force_n, |driven| {
+        let bent = |mode| survey.bent(driven, nine.beta2_deg, mode);
+        let (first, second) = (bent(0)?, bent(1)?);
+        let holds = first.bending == Some(Bending::Softening) && second.bending == Some(Bending::Hardening);
+        let numbers =
+            vec![number("shift of zone 1", first.shift_hz, "Hz"), number("shift of zone 2", second.shift_hz, "Hz")];
+        Ok(Opinion::new(holds, format!("{}, {}", first.words(), second.words()), numbers))
+    })
+}
+
+/// "As for the first resonance zone for link 2, the vibration amplitudes are so small that it is difficult to observe a clear
+/// nonlinear effect" (Section 5): the peak of link 2 there is at most half of that in the second zone.
+pub(super) fn link2_small_in_the_first_zone(survey: &Survey<'_>) -> Judgement {
+    let nine = &survey.settings.figure9;
+    survey.over_heights_and_forces(nine.force_n, |driven| {
+        let ratio = peak_ratio(survey, driven, nine.beta2_deg, 1, [0, 1])?;
+        let numbers = vec![number("zone 1 over zone 2", ratio, "")];
+        Ok(Opinion::new(ratio * SIGNIFICANT <= 1.0, format!("{ratio:.2} times"), numbers))
     })
 }

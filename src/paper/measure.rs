@@ -1,0 +1,207 @@
+//! What is read off a branch: peaks, widths, and how far its stable motions are apart.
+
+use super::{ForcedBranch, Motion, PaperError};
+
+/// A maximum of a link's amplitude along a branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Maximum {
+    /// Where it is, Hz.
+    pub frequency_hz: f64,
+    /// How high, rad.
+    pub amplitude_rad: f64,
+    /// How far the amplitude falls before it rises higher again, on the side where it falls less, as a part of the height.
+    pub prominence: f64,
+}
+
+impl ForcedBranch {
+    /// The motion with the largest amplitude of a link (0 or 1).
+    ///
+    /// # Errors
+    /// [`PaperError::NoMotion`] if the branch has none in the range.
+    pub fn peak(&self, link: usize, range_hz: [f64; 2]) -> Result<&Motion, PaperError> {
+        let larger = |a: &&Motion, b: &&Motion| a.amplitude_rad[link].total_cmp(&b.amplitude_rad[link]);
+        self.within(range_hz).max_by(larger).ok_or(PaperError::NoMotion {
+            preset: self.preset,
+            beta2_deg: self.beta2_deg,
+            from_hz: range_hz[0],
+            to_hz: range_hz[1],
+        })
+    }
+
+    /// The maxima of a link's amplitude along the branch, its ends excluded, the highest first.
+    pub fn maxima(&self, link: usize) -> Vec<Maximum> {
+        let curve = self.curve(link);
+        let summit = |i: &usize| curve[*i].1 > curve[i - 1].1 && curve[*i].1 >= curve[i + 1].1;
+        let inner = 1..curve.len().saturating_sub(1);
+        let maximum = |i: usize| {
+            let [frequency_hz, amplitude_rad] = vertex([curve[i - 1], curve[i], curve[i + 1]]);
+            Maximum { frequency_hz, amplitude_rad, prominence: prominence(&curve, i) }
+        };
+        let mut maxima: Vec<Maximum> = inner.filter(summit).map(maximum).collect();
+        maxima.sort_by(|a, b| b.amplitude_rad.total_cmp(&a.amplitude_rad));
+        maxima
+    }
+
+    /// The width of a resonance, Hz: of the frequencies at which a link moves more than 1/√2 of its highest maximum, stable or
+    /// not; none if there is no maximum.
+    pub fn half_power_width_hz(&self, link: usize) -> Option<f64> {
+        let curve = self.curve(link);
+        let level = self.maxima(link).first()?.amplitude_rad * core::f64::consts::FRAC_1_SQRT_2;
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut take = |hz: f64| (low, high) = (low.min(hz), high.max(hz));
+        for (i, pair) in curve.windows(2).enumerate() {
+            pair.iter().filter(|point| point.1 >= level).for_each(|point| take(point.0));
+            if (pair[0].1 < level) != (pair[1].1 < level) {
+                take(crossing(&curve, i, level));
+            }
+        }
+        Some(high - low)
+    }
+
+    /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1 where
+    /// there is one motion only.
+    pub fn largest_ratio(&self, link: usize) -> (f64, f64) {
+        let stable: Vec<[(f64, f64); 2]> = self
+            .segments()
+            .filter(|(.., is_stable)| *is_stable)
+            .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])))
+            .collect();
+        let mut largest = (1.0, f64::NAN);
+        for motion in &self.motions {
+            let hz = motion.frequency_hz;
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            for [a, b] in stable.iter().filter(|[a, b]| a.0.min(b.0) <= hz && hz <= a.0.max(b.0) && a.0 != b.0) {
+                let amplitude = a.1 + (b.1 - a.1) * (hz - a.0) / (b.0 - a.0);
+                (least, most) = (least.min(amplitude), most.max(amplitude));
+            }
+            if most / least > largest.0 {
+                largest = (most / least, hz);
+            }
+        }
+        largest
+    }
+
+    /// Frequencies, Hz, and amplitudes of a link, rad.
+    fn curve(&self, link: usize) -> Vec<(f64, f64)> {
+        self.motions.iter().map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect()
+    }
+}
+
+/// How far the curve falls from a summit before it rises above it, on the side where it falls less, as a part of its height.
+fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
+    let height = curve[summit].1;
+    let lowest = |low: f64, point: &(f64, f64)| low.min(point.1);
+    let before = curve[..summit].iter().rev().take_while(|point| point.1 <= height).fold(height, lowest);
+    let after = curve[summit + 1..].iter().take_while(|point| point.1 <= height).fold(height, lowest);
+    1.0 - before.max(after) / height
+}
+
+/// The top of the parabola through three points whose middle one is the highest: both coordinates are quadratic in the length
+/// along the chords, each coordinate measured in its own spread.
+fn vertex(points: [(f64, f64); 3]) -> [f64; 2] {
+    let spread = |of: fn(&(f64, f64)) -> f64| {
+        let values = points.each_ref().map(of);
+        values.iter().fold(f64::MIN, |a, b| a.max(*b)) - values.iter().fold(f64::MAX, |a, b| a.min(*b))
+    };
+    let scale = [spread(|point| point.0), spread(|point| point.1)].map(|s| s.max(f64::MIN_POSITIVE));
+    let chord = |a: (f64, f64), b: (f64, f64)| libm::hypot((b.0 - a.0) / scale[0], (b.1 - a.1) / scale[1]);
+    let (before, after) = (chord(points[0], points[1]), chord(points[1], points[2]));
+    if !(before > 0.0 && after > 0.0) {
+        return [points[1].0, points[1].1];
+    }
+    // With t = 0 in the middle: slope and curvature of a coordinate by divided differences.
+    let quadratic = |of: fn(&(f64, f64)) -> f64| {
+        let [first, middle, last] = points.each_ref().map(of);
+        let (left, right) = ((middle - first) / before, (last - middle) / after);
+        let half_curvature = (right - left) / (before + after);
+        (middle, left + half_curvature * before, half_curvature)
+    };
+    let (hz, rad) = (quadratic(|point| point.0), quadratic(|point| point.1));
+    let t = if rad.2 < 0.0 { -rad.1 / (2.0 * rad.2) } else { 0.0 };
+    [hz, rad].map(|(value, slope, half_curvature)| value + t * (slope + t * half_curvature))
+}
+
+/// The frequency at which a curve passes a level between points `i` and `i + 1`: by the cubic through these and their
+/// neighbours, if the amplitude goes one way through all four, else by the chord.
+fn crossing(curve: &[(f64, f64)], i: usize, level: f64) -> f64 {
+    let four = i.checked_sub(1).and_then(|first| curve.get(first..first + 4));
+    let one_way = |points: &&[(f64, f64)]| {
+        let rises = points.windows(2).filter(|pair| pair[1].1 > pair[0].1).count();
+        let falls = points.windows(2).filter(|pair| pair[1].1 < pair[0].1).count();
+        rises == 3 || falls == 3
+    };
+    let points = four.filter(one_way).unwrap_or(&curve[i..i + 2]);
+    let weight = |k: usize| -> f64 {
+        let others = points.iter().enumerate().filter(|(j, _)| *j != k);
+        others.map(|(_, other)| (level - other.1) / (points[k].1 - other.1)).product()
+    };
+    points.iter().enumerate().map(|(k, point)| point.0 * weight(k)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Drive, Stability};
+    use super::*;
+    use crate::arm::Preset;
+
+    fn branch(points: &[(f64, f64, Stability)]) -> ForcedBranch {
+        let motion = |(frequency_hz, amplitude, stability): &(f64, f64, Stability)| Motion {
+            frequency_hz: *frequency_hz,
+            excitation: 1.0,
+            amplitude_rad: [*amplitude; 2],
+            harmonic1_rad: [*amplitude; 2],
+            stability: *stability,
+            bifurcation: None,
+        };
+        let (preset, drive) = (Preset::Irb1600Fitted, Drive::Torque1);
+        let motions = points.iter().map(motion).collect();
+        ForcedBranch { preset, beta1_deg: 0.0, beta2_deg: 0.0, drive, natural_hz: [1.0, 2.0], motions }
+    }
+
+    #[test]
+    fn measures_are_those_of_a_curve_drawn_by_hand() {
+        use Stability::*;
+        // Up to a fold at (4, 3), back below to another at (2, 1), on to (6, 0.5).
+        let s = branch(&[
+            (0.0, 0.0, Stable),
+            (4.0, 3.0, Marginal),
+            (3.0, 2.0, Unstable),
+            (2.0, 1.0, Marginal),
+            (6.0, 0.5, Stable),
+        ]);
+        // At the upper fold: 3 above, 1 − 0.5 · 2/4 below.
+        assert_eq!(s.largest_ratio(0), (4.0, 4.0));
+        assert_eq!(s.peak(0, [0.0, 6.0]).unwrap().frequency_hz, 4.0);
+        assert_eq!(s.peak(0, [0.0, 3.5]).unwrap().frequency_hz, 3.0);
+        assert!(s.peak(0, [7.0, 8.0]).is_err());
+        assert_eq!(branch(&[(0.0, 1.0, Stable), (1.0, 2.0, Stable)]).half_power_width_hz(0), None);
+    }
+
+    #[test]
+    fn prominence_is_how_far_one_must_climb_down() {
+        let waves = [0.0, 2.0, 1.9, 2.5, 1.0, 1.5, 0.0];
+        let points: Vec<_> = waves.iter().enumerate().map(|(i, a)| (i as f64, *a, Stability::Stable)).collect();
+        let prominences: Vec<f64> = branch(&points).maxima(1).iter().map(|top| top.prominence).collect();
+        for (seen, expected) in prominences.iter().zip([1.0, 0.05, 1.0 / 3.0]) {
+            assert!((seen - expected).abs() < 1e-12, "{prominences:?}");
+        }
+        assert_eq!(prominences.len(), 3);
+    }
+
+    /// A linear resonance 1/√(x² + 1), x = (f − f₀)/(ζf₀), is 2ζf₀ wide; sampled every tenth of a radian of its circle, and off
+    /// its top.
+    #[test]
+    fn width_and_peak_of_a_sampled_resonance_are_good_to_1e_5() {
+        let [f0, half_width] = [40.0, 0.035];
+        let points: Vec<_> = (0..31)
+            .map(|k| -1.53 + 0.1 * f64::from(k))
+            .map(|phase| (f0 + half_width * phase.tan(), phase.cos(), Stability::Stable))
+            .collect();
+        let resonance = branch(&points);
+        let top = resonance.maxima(0)[0];
+        assert!((top.frequency_hz - f0).abs() < 1e-2 * half_width, "{top:?}");
+        assert!((top.amplitude_rad - 1.0).abs() < 1e-5, "{top:?}");
+        let width = resonance.half_power_width_hz(0).unwrap();
+        assert!((width / (2.0 * half_width) - 1.0).abs() < 1e-4, "{width}");
+    }
+}
