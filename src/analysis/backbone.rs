@@ -99,6 +99,19 @@ pub enum Bending {
     Mixed,
 }
 
+impl Bending {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Bending::Hardening => "hardening",
+            Bending::Softening => "softening",
+            Bending::HardeningThenSoftening => "hardening-then-softening",
+            Bending::SofteningThenHardening => "softening-then-hardening",
+            Bending::Mixed => "mixed",
+        }
+    }
+}
+
 /// A backbone curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Backbone {
@@ -178,6 +191,36 @@ fn measure<O: Oscillator>(balance: &mut HarmonicBalance<O>, z: &[f64], frequency
 const STILL: f64 = 1e-9;
 
 impl Backbone {
+    /// The frequency of the last point less that of the first, Hz.
+    pub fn shift_hz(&self) -> f64 {
+        match (self.points.first(), self.points.last()) {
+            (Some(first), Some(last)) => last.frequency_hz - first.frequency_hz,
+            _ => 0.0,
+        }
+    }
+
+    /// df/d(a²) at a = 0, Hz/rad², a being the first harmonic of α1 (joint 0) or α2 (joint 1): positive where the mode hardens.
+    /// None where there are less than three points, or the joint doesn't move.
+    ///
+    /// f is even in a. The parabola in s = a² through the first point, one at about ten times its amplitude and one at about
+    /// thirty (or the last two of a shorter curve) has this slope at s = 0, with an error of the order of s₂s₃ f‴.
+    pub fn curvature_hz_rad2(&self, joint: usize) -> Option<f64> {
+        let at = |point: &BackbonePoint| (point.harmonic1_rad[joint.min(1)].powi(2), point.frequency_hz);
+        let (first, rest) = self.points.split_first()?;
+        let (last, between) = rest.split_last()?;
+        let beyond = |times: f64, among: &[BackbonePoint]| {
+            among.iter().position(|point| at(point).0 >= times * times * at(first).0).unwrap_or(among.len() - 1)
+        };
+        let second = if between.is_empty() { return None } else { beyond(10.0, between) };
+        let third = &rest[second + 1..];
+        let third = third.get(beyond(30.0, third)).unwrap_or(last);
+        let [(s1, f1), (s2, f2), (s3, f3)] = [at(first), at(&between[second]), at(third)];
+        // Newton's form: f = f1 + d12 (s − s1) + d123 (s − s1)(s − s2).
+        let (d12, d23) = ((f2 - f1) / (s2 - s1), (f3 - f2) / (s3 - s2));
+        let slope = d12 - (d23 - d12) / (s3 - s1) * (s1 + s2);
+        slope.is_finite().then_some(slope)
+    }
+
     /// Which way the curve bends, read off the frequencies of its points; none if the frequency doesn't change.
     pub fn bending(&self) -> Option<Bending> {
         let rises = self.points.windows(2).filter_map(|pair| {

@@ -14,9 +14,9 @@ use super::interval::{Ends, interval};
 use super::output;
 use super::quantity::Quantity;
 use super::singular_curves::{CurveFlags, Curves};
+use super::walk_flags::WalkFlags;
 use crate::analysis::{
-    ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace,
-    trace_doubled,
+    ArmParameter, Bifurcation, BifurcationKind, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doubled,
 };
 use crate::arm::{Arm, Load};
 use crate::realtime::{Clock, SystemClock};
@@ -37,6 +37,8 @@ pub(super) struct Continue {
     /// Excitation frequency where it does not vary, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: Option<f64>,
+    #[command(flatten)]
+    walk: WalkFlags,
     /// Follow the doubled branches that leave at period doublings, too.
     #[arg(long)]
     doubled: bool,
@@ -218,16 +220,18 @@ impl Continue {
         let clock = SystemClock;
         let start_ns = clock.now_ns();
         let (forced, frequency_hz) = self.forced_arm(arm, varied)?;
-        let options = BranchOptions::new(varied.from, varied.to);
+        let options = self.walk.options(varied.from, varied.to)?;
+        let failed = |source| Failure::Walk { along: varied.quantity.name, source };
         let coordinate = varied.quantity.coordinate;
-        let branch = trace(forced.clone(), frequency_hz, coordinate, &options)?;
+        let branch = trace(forced.clone(), frequency_hz, coordinate, &options).map_err(failed)?;
         let mut doubled = Vec::new();
         if self.doubled {
             for bifurcation in branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::PeriodDoubling) {
-                doubled.push(trace_doubled(forced.clone(), bifurcation, coordinate, &options)?);
+                doubled.push(trace_doubled(forced.clone(), bifurcation, coordinate, &options).map_err(failed)?);
             }
         }
-        let curves = second.map(|second| Curves::trace(&forced, &branch, varied.quantity, second)).transpose()?;
+        let curves =
+            second.map(|second| Curves::trace(&forced, &branch, varied.quantity, second, &self.walk)).transpose()?;
         let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         Ok(Found { branch, doubled, curves, wall_s })
     }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use thiserror::Error;
 
 use super::journal::JournalError;
+use super::walk_flags;
 use crate::analysis::AnalysisError;
 use crate::analysis::time_domain::TimeDomainError;
 use crate::arm::ArmError;
@@ -61,6 +62,8 @@ pub(super) enum Failure {
     Plot(#[from] PlotError),
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+    #[error("along {along}: {source}{}", walk_flags::hint(source))]
+    Walk { along: &'static str, source: AnalysisError },
     #[error(transparent)]
     Paper(#[from] PaperError),
     #[error(transparent)]
@@ -108,8 +111,8 @@ impl Failure {
             Failure::Replay(ReplayError::Recording(error)) => recording(error),
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Run(error) => run(error),
-            Failure::Analysis(AnalysisError::Interval { .. }) => Exit::Usage,
-            Failure::Analysis(_) | Failure::TimeDomain(TimeDomainError::Integrate { .. }) => Exit::Negative,
+            Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
+            Failure::TimeDomain(TimeDomainError::Integrate { .. }) => Exit::Negative,
             Failure::Paper(PaperError::Settings(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
             Failure::Journal(error) if error.is_environment() => Exit::Environment,
@@ -123,6 +126,13 @@ fn bus(error: &BusError) -> Exit {
     match error {
         BusError::Address { .. } | BusError::MemoryIsNotShared => Exit::Usage,
         _ => Exit::Environment,
+    }
+}
+
+fn analysis(error: &AnalysisError) -> Exit {
+    match error {
+        AnalysisError::Interval { .. } => Exit::Usage,
+        _ => Exit::Negative,
     }
 }
 

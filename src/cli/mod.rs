@@ -3,6 +3,7 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input,
 //! 3 the environment lacks something.
 
+mod backbone;
 mod branch_plot;
 mod chains;
 mod continuation;
@@ -31,6 +32,7 @@ mod simulate;
 mod singular_curves;
 mod supervise;
 mod sweep;
+mod walk_flags;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -66,6 +68,7 @@ enum Command {
     Frf(frf::Frf),
     Integrators(integrators::Integrators),
     Continue(continuation::Continue),
+    Backbone(backbone::Backbone),
     Sweep(sweep::Sweep),
     Poincare(poincare::Poincare),
     Paper(paper::Paper),
@@ -89,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Integrators(command) => command.execute(),
         Command::Continue(command) => command.execute(),
         Command::Paper(command) => command.execute(),
+        Command::Backbone(command) => command.execute(),
         Command::Sweep(command) => command.execute(),
         Command::Poincare(command) => command.execute(),
         Command::Replay(command) => command.execute(),

@@ -345,11 +345,22 @@ fn diagram(document: &Document, stepped: &Stepped) -> Figure {
                 Direction::Up => (Color::Blue, 3.5),
                 Direction::Down => (Color::Vermillion, 2.0),
             };
-            let motions = document.motions.iter().filter(|motion| motion.direction == Some(sweep.direction));
-            let points = motions.flat_map(|motion| motion.section.iter().map(|state| (motion.value, state[joint])));
-            let style = Style::Markers { color, shape: Marker::Circle, size, filled: true };
-            let label = format!("stepped {}", direction_name(sweep.direction));
-            panel = panel.with(Series::markers(label, color, Marker::Circle, points.collect()).style(style));
+            let direction = direction_name(sweep.direction);
+            // What repeats in a few points, what doesn't in a cloud of small ones.
+            for (repeats, label, size) in [
+                (true, format!("stepped {direction}"), size),
+                (false, format!("stepped {direction}, not settled"), 0.4 * size),
+            ] {
+                let motions = document.motions.iter();
+                let motions = motions
+                    .filter(|motion| motion.direction == Some(sweep.direction) && motion.period.is_some() == repeats);
+                let points = motions.flat_map(|motion| motion.section.iter().map(|state| (motion.value, state[joint])));
+                let points: Vec<_> = points.collect();
+                if !points.is_empty() {
+                    let style = Style::Markers { color, shape: Marker::Circle, size, filled: true };
+                    panel = panel.with(Series::markers(label, color, Marker::Circle, points).style(style));
+                }
+            }
         }
         figure = figure.with(if joint == 1 { panel.legend(Legend::None) } else { panel });
     }

@@ -8,9 +8,9 @@ use serde_json::{Map, Value, json};
 use super::continuation::DriveFlags;
 use super::failure::Failure;
 use super::quantity::Quantity;
+use super::walk_flags::WalkFlags;
 use crate::analysis::{
-    Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Oscillator, SingularPoint,
-    trace_singular,
+    Bifurcation, BifurcationKind, Branch, Coordinate, ForcedArm, Oscillator, SingularPoint, trace_singular,
 };
 use crate::plot::{Axis, Color, Figure, Marker, Panel, Series};
 use crate::scenario::Scenario;
@@ -65,6 +65,7 @@ impl Curves {
         branch: &Branch,
         first: Quantity,
         (second, to): (Quantity, f64),
+        walk: &WalkFlags,
     ) -> Result<Curves, Failure> {
         let mut curves: Vec<Curve> = Vec::new();
         for bifurcation in branch.bifurcations.iter().filter(can_be_followed) {
@@ -81,9 +82,10 @@ impl Curves {
             if curves.iter().any(ends_here) {
                 continue;
             }
-            let mut options = BranchOptions::new(from, to);
-            options.walk.largest_step = LARGEST_STEP;
-            let points = trace_singular(forced.clone(), bifurcation, first.coordinate, second.coordinate, &options)?;
+            let mut options = walk.options(from, to)?;
+            options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
+            let points = trace_singular(forced.clone(), bifurcation, first.coordinate, second.coordinate, &options)
+                .map_err(|source| Failure::Walk { along: second.name, source })?;
             curves.push(Curve { kind: bifurcation.kind, points });
         }
         Ok(Curves { first, second, curves })

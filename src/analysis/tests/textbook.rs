@@ -206,3 +206,29 @@ fn forced_van_der_pol_loses_its_torus_by_quenching() {
         assert!(!branch.orbits[0].is_stable() && branch.orbits.last().unwrap().is_stable());
     }
 }
+
+/// Duffing's free oscillator has ω = 1 + ⅜γa² + O(a⁴) (A. H. Nayfeh and D. T. Mook 1979, Sec. 2.3), a being the amplitude of the
+/// first harmonic: df/d(a²) = 3γ/(16π), stiff for γ > 0, soft for γ < 0.
+#[test]
+fn curvature_of_the_backbone_is_that_of_duffing() {
+    for (gamma, bending) in [(0.5, Bending::Hardening), (-0.2, Bending::Softening)] {
+        let equation = Equation::Duffing { damping_ratio: 0.0 };
+        let duffing = Textbook { equation, parameter: 0.0, strength: gamma };
+        let options = BackboneOptions {
+            smallest_rad: 1e-3,
+            largest_rad: 0.5,
+            largest_drive: f64::INFINITY,
+            branch: BranchOptions::new(0.01, 1.0),
+        };
+        let curve = backbone(duffing, 0, (), &options).unwrap();
+        let expected = 3.0 * gamma / (8.0 * TAU);
+        let curvature = curve.curvature_hz_rad2(0).unwrap();
+        assert!((curvature / expected - 1.0).abs() < 1e-4, "{curvature} {expected}");
+        assert_eq!((curve.bending(), curve.curvature_hz_rad2(1)), (Some(bending), None));
+        assert_eq!(curve.shift_hz() > 0.0, gamma > 0.0);
+        let short = Backbone { points: curve.points[..2].to_vec() };
+        assert_eq!(short.curvature_hz_rad2(0), None);
+        let three = Backbone { points: curve.points[..3].to_vec() };
+        assert!((three.curvature_hz_rad2(0).unwrap() / expected - 1.0).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,270 @@
+//! `resonarm backbone`: where a resonance lies as its amplitude grows.
+
+use core::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::branch_plot;
+use super::continuation::DriveFlags;
+use super::failure::{Failure, Verdict};
+use super::flags::ArmFlags;
+use super::motion_flags::degrees;
+use super::output;
+use super::walk_flags::WalkFlags;
+use crate::analysis::{
+    ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
+    ForcedArm, backbone, modes, trace,
+};
+use crate::arm::Load;
+use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
+use crate::realtime::{Clock, SystemClock};
+use crate::scenario::Scenario;
+
+/// Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it hardens or softens.
+///
+/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is where the peak of the forced
+/// response lies. Without dampers it is a free motion, and the curve a nonlinear normal mode.
+#[derive(Debug, Args)]
+pub(super) struct Backbone {
+    #[command(flatten)]
+    arm: ArmFlags,
+    /// Linear mode in which the curve begins: 1, the slower, or 2.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    mode: u8,
+    /// The nonlinear normal mode of the arm without dampers, which takes no excitation.
+    #[arg(long)]
+    undamped: bool,
+    #[command(flatten)]
+    drive: DriveFlags,
+    /// The curve ends where |α1| or |α2| passes this, rad; or where the excitation passes the amplitude given.
+    #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
+    to_rad: f64,
+    #[command(flatten)]
+    walk: WalkFlags,
+    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The curve begins at this part of the largest amplitude: the frequency is there that of the linear arm to 1e-5 of its change.
+const SMALLEST_PART: f64 = 1.0 / 300.0;
+/// The largest amplitude that can be asked for, rad: the links have then turned over.
+const LARGEST_RAD: f64 = core::f64::consts::PI;
+/// The forced response is drawn this far beyond the curve, as a part of the change of frequency along it, and at least this part
+/// of the frequency.
+const MARGIN: [f64; 2] = [0.5, 0.002];
+
+/// Largest step of what is drawn, as part of the motion's size.
+const SMOOTH_STEP: f64 = 0.05;
+
+/// The excitation: its direction, its amplitude if one is given, and what it is called in results and in figures.
+struct Drive {
+    direction: Load,
+    amplitude: Option<f64>,
+    name: &'static str,
+    unit: &'static str,
+}
+
+#[derive(Serialize)]
+struct Document {
+    mode: u8,
+    kind: &'static str,
+    linear_frequency_hz: f64,
+    bending: Option<&'static str>,
+    frequency_shift_hz: f64,
+    curvature_hz_rad2: [Option<f64>; 2],
+    points: Vec<Value>,
+    wall_s: f64,
+}
+
+impl Backbone {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        let arm = scenario.build_arm()?;
+        let drive = self.drive()?;
+        let linear_hz = modes(&arm)[usize::from(self.mode - 1)].frequency_hz;
+        let options = self.options(&drive, linear_hz)?;
+        let clock = SystemClock;
+        let start_ns = clock.now_ns();
+        let damped = ForcedArm::new(arm, drive.direction, 0.0);
+        let curve = self.curve(&damped, &options)?;
+        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        if let Some(stem) = &self.plot {
+            let mut options = options;
+            smooth(&mut options.branch);
+            self.plot(stem, &scenario, (&damped, &drive), &self.curve(&damped, &options)?)?;
+        }
+        let document = self.document(linear_hz, &drive, &curve, wall_s);
+        if self.json {
+            output::print_json(&document)?;
+        } else {
+            output::print(&self.text(&scenario, &document, &drive, &curve))?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    /// The excitation; a torque at joint 1 if none is named.
+    fn drive(&self) -> Result<Drive, Failure> {
+        let DriveFlags { torque1_nm, force_x_n, force_y_n } = &self.drive;
+        if torque1_nm.is_none() && force_x_n.is_none() && force_y_n.is_none() {
+            let direction = Load::torque_nm(1.0, 0.0);
+            return Ok(Drive { direction, amplitude: None, name: "torque1_nm", unit: "N·m" });
+        }
+        let (direction, amplitude) = self.drive.direction()?;
+        let (name, unit) = if torque1_nm.is_some() { ("torque1_nm", "N·m") } else { ("force_n", "N") };
+        Ok(Drive { direction, amplitude: Some(amplitude), name, unit })
+    }
+
+    fn options(&self, drive: &Drive, linear_hz: f64) -> Result<BackboneOptions, Failure> {
+        let largest_rad = self.to_rad;
+        if !(largest_rad > 0.0 && largest_rad <= LARGEST_RAD) {
+            let refusal = format!("--to-rad is {largest_rad}: it must be above 0 and at most {LARGEST_RAD:.4} rad");
+            return Err(Failure::Usage(refusal));
+        }
+        Ok(BackboneOptions {
+            smallest_rad: SMALLEST_PART * largest_rad,
+            largest_rad,
+            largest_drive: drive.amplitude.unwrap_or(f64::INFINITY),
+            branch: self.walk.options(0.1 * linear_hz, 10.0 * linear_hz)?,
+        })
+    }
+
+    fn curve(&self, damped: &ForcedArm, options: &BackboneOptions) -> Result<Curve, Failure> {
+        let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
+        backbone(forced, usize::from(self.mode - 1), ArmParameter::Amplitude, options)
+            .map_err(|source| Failure::Walk { along: "the backbone, Hz", source })
+    }
+
+    fn kind(&self) -> &'static str {
+        if self.undamped { "nonlinear-normal-mode" } else { "phase-quadrature" }
+    }
+
+    fn document(&self, linear_frequency_hz: f64, drive: &Drive, curve: &Curve, wall_s: f64) -> Document {
+        let point = |point: &BackbonePoint| {
+            let mut map = Map::new();
+            map.insert(String::from("frequency_hz"), json!(point.frequency_hz));
+            map.insert(String::from("amplitude_rad"), json!(point.amplitude_rad));
+            map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
+            if !self.undamped {
+                map.insert(String::from(drive.name), json!(point.drive.abs()));
+            }
+            Value::Object(map)
+        };
+        Document {
+            mode: self.mode,
+            kind: self.kind(),
+            linear_frequency_hz,
+            bending: curve.bending().map(Bending::name),
+            frequency_shift_hz: curve.shift_hz(),
+            curvature_hz_rad2: [0, 1].map(|joint| curve.curvature_hz_rad2(joint)),
+            points: curve.points.iter().map(point).collect(),
+            wall_s,
+        }
+    }
+
+    fn text(&self, scenario: &Scenario, document: &Document, drive: &Drive, curve: &Curve) -> String {
+        let what = if self.undamped {
+            String::from("nonlinear normal mode of the arm without dampers")
+        } else {
+            format!("in phase quadrature with a {}", drive.what())
+        };
+        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
+        let mut text = format!(
+            "{}, mode {} from {:.6} Hz: {what}\n\n  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n",
+            title(scenario),
+            self.mode,
+            document.linear_frequency_hz
+        );
+        for point in &curve.points {
+            let [a1, a2] = point.amplitude_rad;
+            let amount = if self.undamped { String::new() } else { format!("   {:12.4}", point.drive.abs()) };
+            let _infallible = writeln!(text, "  {:12.6}   {a1:16.8}   {a2:16.8}{amount}", point.frequency_hz);
+        }
+        let _infallible = writeln!(text, "\n{}", reading(document, curve));
+        text
+    }
+
+    /// Two panels, |α1| and |α2|: the curve over the forced response.
+    fn plot(
+        &self,
+        stem: &Path,
+        scenario: &Scenario,
+        forced: (&ForcedArm, &Drive),
+        curve: &Curve,
+    ) -> Result<(), Failure> {
+        let (arm, drive) = forced;
+        let response = match drive.amplitude {
+            Some(amplitude) => {
+                Some(self.response(&ForcedArm::new(arm.arm().clone(), drive.direction, amplitude), curve)?)
+            }
+            None => None,
+        };
+        let branches: Vec<&Branch> = response.iter().collect();
+        let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
+        let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);
+        let with = drive.amplitude.map_or(String::new(), response_to);
+        let mut figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(title(scenario) + &with);
+        for joint in 0..2 {
+            let label = format!("largest |α{}| (rad)", joint + 1);
+            let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(label));
+            let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+            let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Dashed };
+            let panel = branch_plot::with_branches(panel, &branches, joint);
+            let panel = panel.with(Series::line(name, Color::Black, points).style(style));
+            figure = figure.with(if joint == 0 { panel } else { panel.legend(Legend::None) });
+        }
+        figure.write(stem)?;
+        Ok(())
+    }
+
+    /// The forced response around the curve.
+    fn response(&self, forced: &ForcedArm, curve: &Curve) -> Result<Branch, Failure> {
+        let hz = curve.points.iter().map(|point| point.frequency_hz);
+        let (low, high) = hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
+        let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
+        let mut options = self.walk.options(low - margin, high + margin)?;
+        smooth(&mut options);
+        trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options)
+            .map_err(|source| Failure::Walk { along: "frequency_hz of the forced response", source })
+    }
+}
+
+impl Drive {
+    fn what(&self) -> &'static str {
+        if self.name == "torque1_nm" { "torque at joint 1" } else { "force at C" }
+    }
+}
+
+/// Steps so small that the points lie on a smooth line.
+fn smooth(options: &mut BranchOptions) {
+    options.walk.largest_step = options.walk.largest_step.min(SMOOTH_STEP);
+}
+
+fn title(scenario: &Scenario) -> String {
+    let arm = &scenario.arm;
+    format!("{}, β1 = {}, β2 = {}", arm.preset, degrees(arm.beta1_deg), degrees(arm.beta2_deg))
+}
+
+/// What the curve says: its bending, and by how much.
+fn reading(document: &Document, curve: &Curve) -> String {
+    let Some(last) = curve.points.last() else { return String::from("no points") };
+    let joint = usize::from(last.harmonic1_rad[1] > last.harmonic1_rad[0]);
+    let (shift_hz, part) = (document.frequency_shift_hz, document.frequency_shift_hz / document.linear_frequency_hz);
+    let mut text = format!(
+        "{}: {shift_hz:+.6} Hz ({:+.4} %) at |α{}| = {:.6} rad",
+        document.bending.unwrap_or("straight"),
+        100.0 * part,
+        joint + 1,
+        last.amplitude_rad[joint]
+    );
+    if let Some(curvature) = document.curvature_hz_rad2[joint] {
+        let _infallible = write!(text, "; at small amplitudes a of α{}, df/d(a²) = {curvature:+.5} Hz/rad²", joint + 1);
+    }
+    text
+}

@@ -1,0 +1,217 @@
+//! `resonarm backbone` as a process: the table, the document, the figure, and what it says to bad input.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used)]
+
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn resonarm(arguments: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    command.args(arguments.split(' ')).env_remove("COLUMNS").stdin(Stdio::null()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).trim_end().to_string()
+}
+
+fn done(arguments: &str) -> String {
+    let output = resonarm(arguments);
+    assert!(output.status.success(), "{arguments}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn document(arguments: &str) -> Value {
+    serde_json::from_str(&done(&format!("{arguments} --json"))).unwrap()
+}
+
+/// The first mode at β2 = 60° softens; a mode of the undamped arm takes no excitation and has next to the same frequencies.
+#[test]
+fn a_table_with_its_reading() {
+    insta::assert_snapshot!(done("backbone --torque1-nm=10 --to-rad=0.1"), @r"
+    irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
+
+      frequency Hz   largest |α1| rad   largest |α2| rad            N·m
+         22.157527         0.00026250         0.00020550         0.0530
+         22.157527         0.00032812         0.00025689         0.0663
+         22.157527         0.00041016         0.00032114         0.0829
+         22.157527         0.00051271         0.00040146         0.1036
+         22.157527         0.00064089         0.00050188         0.1295
+         22.157526         0.00080113         0.00062744         0.1619
+         22.157526         0.00100144         0.00078444         0.2023
+         22.157525         0.00125184         0.00098077         0.2529
+         22.157523         0.00156486         0.00122631         0.3161
+         22.157521         0.00195618         0.00153342         0.3952
+         22.157517         0.00244537         0.00191761         0.4940
+         22.157512         0.00305695         0.00239832         0.6175
+         22.157503         0.00382154         0.00299993         0.7718
+         22.157489         0.00477749         0.00375309         0.9648
+         22.157468         0.00597274         0.00469630         1.2060
+         22.157434         0.00746728         0.00587807         1.5076
+         22.157381         0.00933620         0.00735955         1.8847
+         22.157299         0.01167348         0.00921804         2.3561
+         22.157171         0.01459681         0.01155141         2.9456
+         22.156970         0.01825359         0.01448393         3.6830
+         22.156658         0.02282849         0.01817384         4.6056
+         22.156170         0.02855291         0.02282322         5.7606
+         22.155412         0.03571681         0.02869083         7.2078
+         22.154233         0.04468346         0.03610863         9.0233
+         22.152408         0.05590760         0.04550256        11.3053
+
+    softening: -0.005120 Hz (-0.0231 %) at |α1| = 0.055908 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
+    ");
+    insta::assert_snapshot!(done("backbone --undamped --mode=2 --beta2-deg=120 --to-rad=0.01"), @r"
+    irb1600-fitted, β1 = 0°, β2 = 120°, mode 2 from 40.363745 Hz: nonlinear normal mode of the arm without dampers
+
+      frequency Hz   largest |α1| rad   largest |α2| rad
+         40.363745         0.00000127         0.00003331
+         40.363745         0.00000159         0.00004164
+         40.363745         0.00000199         0.00005205
+         40.363745         0.00000248         0.00006506
+         40.363745         0.00000310         0.00008132
+         40.363745         0.00000388         0.00010165
+         40.363745         0.00000485         0.00012706
+         40.363745         0.00000606         0.00015883
+         40.363745         0.00000757         0.00019854
+         40.363745         0.00000947         0.00024817
+         40.363745         0.00001184         0.00031022
+         40.363745         0.00001480         0.00038777
+         40.363745         0.00001850         0.00048471
+         40.363746         0.00002312         0.00060589
+         40.363746         0.00002891         0.00075737
+         40.363747         0.00003614         0.00094671
+         40.363748         0.00004519         0.00118339
+         40.363749         0.00005650         0.00147924
+         40.363752         0.00007065         0.00184905
+         40.363756         0.00008836         0.00231132
+         40.363763         0.00011051         0.00288916
+         40.363773         0.00013823         0.00361146
+         40.363789         0.00017294         0.00451435
+         40.363814         0.00021641         0.00564298
+         40.363853         0.00027089         0.00705379
+         40.363914         0.00033919         0.00881734
+         40.364010         0.00042489         0.01102183
+
+    hardening: +0.000265 Hz (+0.0007 %) at |α2| = 0.011022 rad; at small amplitudes a of α2, df/d(a²) = +2.18148 Hz/rad²
+    ");
+}
+
+/// Each point of the curve is next to the peak of the forced response under the excitation that stands beside it.
+#[test]
+fn a_document_that_the_forced_response_passes_through() {
+    let curve = document("backbone --force-x-n=60 --beta1-deg=30 --beta2-deg=120");
+    assert_eq!((curve["kind"].as_str(), curve["bending"].as_str()), (Some("phase-quadrature"), Some("softening")));
+    assert!(curve["frequency_shift_hz"].as_f64().unwrap() < 0.0);
+    let points = curve["points"].as_array().unwrap();
+    let number = |point: &Value, key: &str| point[key].as_f64().unwrap();
+    assert!(number(&points[points.len() - 1], "force_n") >= 60.0);
+    for point in [&points[points.len() / 2], &points[points.len() - 2]] {
+        let (hz, force) = (number(point, "frequency_hz"), number(point, "force_n"));
+        let arguments = format!(
+            "continue --force-x-n={force} --beta1-deg=30 --beta2-deg=120 --from-hz={} --to-hz={}",
+            hz - 0.5,
+            hz + 0.5
+        );
+        let branch = document(&arguments);
+        let of = |point: &Value| point["harmonic1_rad"][0].as_f64().unwrap();
+        let highest = branch["points"].as_array().unwrap().iter().map(of).fold(0.0, f64::max);
+        // No point of the branch lies above the peak, and the walk leaves some way to it.
+        let part = highest / of(point);
+        assert!((0.95..1.000_1).contains(&part), "{hz} Hz, {force} N: {part}");
+    }
+}
+
+#[test]
+fn a_figure_over_the_forced_response() {
+    let folder = tempfile::tempdir().unwrap();
+    let stem = folder.path().join("backbone");
+    done(&format!("backbone --torque1-nm=60 --plot={}", stem.display()));
+    let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
+    for part in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
+        assert!(svg.contains(part), "{part}");
+    }
+    assert!(stem.with_extension("png").exists());
+}
+
+#[test]
+fn help_says_what_there_is() {
+    insta::assert_snapshot!(done("backbone -h"), @r"
+    Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it
+    hardens or softens
+
+    Usage: resonarm backbone [OPTIONS]
+
+    Options:
+          --preset <NAME>       Parameter set: irb1600-fitted (default) or irb1600-table1
+      -v, --verbose...          Log more: -v for what happens, -vv for every detail
+          --beta1-deg <DEG>     Angle β1 of link 1 against the x axis, degrees [default: 0]
+          --beta2-deg <DEG>     Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
+                                [default: 60]
+          --scenario <FILE>     TOML file with the whole scenario; flags win over it
+          --mode <N>            Linear mode in which the curve begins: 1, the slower, or 2 [default: 1]
+          --undamped            The nonlinear normal mode of the arm without dampers, which takes no
+                                excitation
+          --torque1-nm <A>      Amplitude of a torque at joint 1, N·m
+          --force-x-n <A>       Amplitude of a force at point C along x, N
+          --force-y-n <A>       Amplitude of a force at point C along y, N
+          --to-rad <RAD>        The curve ends where |α1| or |α2| passes this, rad; or where the
+                                excitation passes the amplitude given [default: 0.3]
+          --most-harmonics <N>  Most harmonics that a motion may take [default: 64]
+          --most-points <N>     Most points of a branch [default: 20000]
+          --largest-step <X>    Largest step along a branch, as part of the motion's size [default:
+                                0.25]
+          --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
+                                of the excitation is given
+          --json                Print one JSON document
+      -h, --help                Print help (see more with '--help')
+    ");
+}
+
+#[test]
+fn bad_input_is_said() {
+    let says = |code, arguments: &str| {
+        let output = resonarm(arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {}", text(&output.stderr));
+        assert!(output.stdout.is_empty());
+        text(&output.stderr)
+    };
+    insta::assert_snapshot!(says(2, "backbone --mode=3"), @r"
+    error: invalid value '3' for '--mode <N>': 3 is not in 1..=2
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says(2, "backbone --to-rad=0"), @"resonarm: --to-rad is 0: it must be above 0 and at most 3.1416 rad");
+    insta::assert_snapshot!(says(2, "backbone --to-rad=NaN"), @"resonarm: --to-rad is NaN: it must be above 0 and at most 3.1416 rad");
+    insta::assert_snapshot!(says(2, "backbone --torque1-nm=0"), @"resonarm: the excitation's amplitude is 0: it must be a number other than 0");
+    insta::assert_snapshot!(says(2, "backbone --force-x-n=NaN"), @"resonarm: the excitation's amplitude is NaN: it must be a number other than 0");
+    insta::assert_snapshot!(says(2, "backbone --largest-step=0"), @"resonarm: --largest-step is 0: it must be from 0.000001 to 1");
+    insta::assert_snapshot!(says(2, "backbone --preset=none"), @"resonarm: there is no preset `none`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(says(1, "backbone --most-harmonics=3"), @"resonarm: along the backbone, Hz: at 22.157518 the motion needs more than 3 harmonics; try to allow more, or less excitation (--most-harmonics)");
+    insta::assert_snapshot!(says(1, "backbone --most-points=5"), @"resonarm: along the backbone, Hz: the branch has more than 5 points and has come to 22.157521; try to allow more points or larger steps (--most-points, --largest-step)");
+    insta::assert_snapshot!(says(2, "backbone --to-rad=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
+}
+
+/// What `continue` says: an interval without a resonance is as good as any other, an impossible one is refused, and a walk that
+/// ends early says where, why, and what to try.
+#[test]
+fn continue_says_what_it_can_not_do() {
+    assert!(done("continue --torque1-nm=60 --from-hz=3 --to-hz=10").contains("0 of them unstable"));
+    let says = |code, arguments: &str| {
+        let output = resonarm(&format!("continue {arguments}"));
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=NaN"), @"resonarm: along frequency_hz: the interval from 22 to NaN can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --to-deg=3"), @"resonarm: --to-deg is not for --parameter frequency: its interval is --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
+    insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
+    insta::assert_snapshot!(says(2, "--parameter=amplitude --from-nm=1 --to-nm=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
+    insta::assert_snapshot!(says(2, "--parameter=wind --torque1-nm=60"), @"resonarm: --parameter is `wind`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
+    insta::assert_snapshot!(says(2, "--parameter=mass2_kg --torque1-nm=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along mass2_kg: the interval from 36 to -1 can't be walked: both ends must be numbers, different, and inside the range of the parameter");
+    insta::assert_snapshot!(says(1, "--torque1-nm=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
+    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-harmonics=4"), @"resonarm: along frequency_hz: at 22.062334 the motion needs more than 4 harmonics; try to allow more, or less excitation (--most-harmonics)");
+    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch has more than 10 points and has come to 21.868289; try to allow more points or larger steps (--most-points, --largest-step)");
+}
