@@ -195,7 +195,7 @@ mod tests {
         let [f0, half_width] = [40.0, 0.035];
         let points: Vec<_> = (0..31)
             .map(|k| -1.53 + 0.1 * f64::from(k))
-            .map(|phase| (f0 + half_width * phase.tan(), phase.cos(), Stability::Stable))
+            .map(|phase| (f0 + half_width * libm::tan(phase), libm::cos(phase), Stability::Stable))
             .collect();
         let resonance = branch(&points);
         let top = resonance.maxima(0)[0];
