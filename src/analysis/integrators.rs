@@ -209,7 +209,7 @@ mod tests {
             for scheme in Scheme::ALL.into_iter().filter(|scheme| scheme.is_symmetric()) {
                 let drift = drift(preset, beta2_deg, scheme);
                 // Of gl4 the mean over a tenth keeps some of the swing.
-                assert!(drift.change.abs() < 1e-12 + 1e-3 * drift.spread && drift.spread > 0.0, "{scheme}: {drift:?}");
+                assert!(drift.change.abs() < 1e-12 + 1e-2 * drift.spread && drift.spread > 0.0, "{scheme}: {drift:?}");
             }
         }
         let rk4 = drift(Preset::Irb1600Fitted, 60.0, Scheme::Rk4);

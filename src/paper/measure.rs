@@ -97,13 +97,10 @@ fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
 }
 
 /// The top of the parabola through three points whose middle one is the highest: both coordinates are quadratic in the length
-/// along the chords, each coordinate measured in its own spread.
+/// along the chords, the frequency measured in its spread, the amplitude in its height.
 fn vertex(points: [(f64, f64); 3]) -> [f64; 2] {
-    let spread = |of: fn(&(f64, f64)) -> f64| {
-        let values = points.each_ref().map(of);
-        values.iter().fold(f64::MIN, |a, b| a.max(*b)) - values.iter().fold(f64::MAX, |a, b| a.min(*b))
-    };
-    let scale = [spread(|point| point.0), spread(|point| point.1)].map(|s| s.max(f64::MIN_POSITIVE));
+    let [low, high] = points.iter().fold([f64::MAX, f64::MIN], |[low, high], p| [low.min(p.0), high.max(p.0)]);
+    let scale = [high - low, points[1].1].map(|s| s.max(f64::MIN_POSITIVE));
     let chord = |a: (f64, f64), b: (f64, f64)| libm::hypot((b.0 - a.0) / scale[0], (b.1 - a.1) / scale[1]);
     let (before, after) = (chord(points[0], points[1]), chord(points[1], points[2]));
     if !(before > 0.0 && after > 0.0) {
