@@ -205,7 +205,8 @@ impl Backbone {
     /// f is even in a. The parabola in s = a² through the first point, one at about ten times its amplitude and one at about
     /// thirty (or the last two of a shorter curve) has this slope at s = 0, with an error of the order of s₂s₃ f‴.
     pub fn curvature_hz_rad2(&self, joint: usize) -> Option<f64> {
-        let at = |point: &BackbonePoint| (point.harmonic1_rad[joint.min(1)].powi(2), point.frequency_hz);
+        let squared = |x: f64| x * x;
+        let at = |point: &BackbonePoint| (squared(point.harmonic1_rad[joint.min(1)]), point.frequency_hz);
         let (first, rest) = self.points.split_first()?;
         let (last, between) = rest.split_last()?;
         let beyond = |times: f64, among: &[BackbonePoint]| {

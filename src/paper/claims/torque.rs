@@ -40,6 +40,9 @@ pub(super) fn second_zone_shifts_down(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(1, |driven| falls(survey, |beta2_deg| peak_hz(survey, driven, beta2_deg, 1), "peak"))
 }
 
+/// Two motions of one frequency are two if their amplitudes differ by more than rounding, relative.
+const APART: f64 = 1e-6;
+
 /// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible, resulting in
 /// a slope of the characteristics in the resonance zones" (Section 4), "within the resonant zones there are instability areas"
 /// (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable motions share a frequency.
@@ -49,7 +52,7 @@ pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
         let count = |mode: usize| -> (usize, Option<String>) {
             let seen: Vec<Seen<f64>> =
                 poses.iter().map(|pose| survey.zone(driven, *pose, mode).map(|zone| zone.ratio)).collect();
-            let bistable = seen.iter().filter(|ratio| ratio.as_ref().is_ok_and(|ratio| *ratio > 1.0)).count();
+            let bistable = seen.iter().filter(|ratio| ratio.as_ref().is_ok_and(|ratio| *ratio > 1.0 + APART)).count();
             (bistable, seen.into_iter().find_map(Result::err))
         };
         let zones = [count(0), count(1)];
