@@ -48,12 +48,18 @@ class Program:
         return json.loads(self.stdout)
 
     def settle(self):
-        """Waits until its output has not grown for half a second."""
+        """Waits until, for half a second, its output has not grown and it has slept, which it does not while it has work: on
+        a busy machine it may have work and no core."""
         size, since = -1, time.monotonic()
         while time.monotonic() - since < 0.5:
-            if (now := self.paths[0].stat().st_size) != size:
+            if (now := self.paths[0].stat().st_size) != size or not self.asleep():
                 size, since = now, time.monotonic()
             time.sleep(0.05)
+
+    def asleep(self):
+        """Whether it waits for something, as the kernel tells; one that has ended does, too."""
+        state = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()[0]
+        return state in "SZ"
 
     def kill(self):
         """SIGKILL: it can't do anything about it."""
