@@ -1,7 +1,7 @@
 //! Numbers of twice the precision, as the unevaluated sum of two `f64` (T. J. Dekker, "A Floating-Point Technique for Extending
 //! the Available Precision", Numer. Math. 18 (1971)): relative error about 2⁻¹⁰⁰. For constants, not for the step.
 
-use core::ops::{Add, Mul};
+use core::ops::{Add, Div, Mul, Sub};
 
 /// high + low, where |low| is at most half a unit in the last place of high.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,11 +15,11 @@ impl DoubleDouble {
         DoubleDouble { high, low: 0.0 }
     }
 
-    /// a/b: the rounded quotient, and what it leaves over b.
-    pub fn ratio(a: f64, b: f64) -> DoubleDouble {
-        let high = a / b;
-        let back = two_product(high, b);
-        DoubleDouble { high, low: ((a - back.high) - back.low) / b }
+    /// √x: the rounded root s, and (x − s²)/(2s).
+    pub fn sqrt(x: f64) -> DoubleDouble {
+        let high = libm::sqrt(x);
+        let square = two_product(high, high);
+        DoubleDouble { high, low: ((x - square.high) - square.low) / (2.0 * high) }
     }
 }
 
@@ -59,17 +59,44 @@ impl Mul for DoubleDouble {
     }
 }
 
+impl Sub for DoubleDouble {
+    type Output = DoubleDouble;
+    fn sub(self, other: DoubleDouble) -> DoubleDouble {
+        self + DoubleDouble { high: -other.high, low: -other.low }
+    }
+}
+
+/// The rounded quotient, then what it leaves over the divisor.
+impl Div for DoubleDouble {
+    type Output = DoubleDouble;
+    fn div(self, other: DoubleDouble) -> DoubleDouble {
+        let quotient = DoubleDouble::new(self.high / other.high);
+        let left = self - quotient * other;
+        quotient + DoubleDouble::new(left.high / other.high)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_third_three_times_is_one_to_32_digits() {
-        let third = DoubleDouble::ratio(1.0, 3.0);
-        let one = third + third + third;
-        assert!(one.high == 1.0 && one.low.abs() < 1e-31, "{one:?}");
+    fn a_third_three_times_is_one_to_31_digits() {
+        let [one, three] = [1.0, 3.0].map(DoubleDouble::new);
+        let third = one / three;
+        let sum = third + third + third;
+        assert!(sum.high == 1.0 && sum.low.abs() < 1e-31, "{sum:?}");
         let ninth = third * third;
-        let left = ninth * DoubleDouble::new(9.0) + DoubleDouble::new(-1.0);
+        let left = ninth * DoubleDouble::new(9.0) - one;
         assert!(left.high.abs() < 1e-31, "{left:?}");
+        let back = ninth / third - third;
+        assert!(back.high.abs() < 1e-31, "{back:?}");
+    }
+
+    #[test]
+    fn root_squared_is_the_number_to_31_digits() {
+        let root = DoubleDouble::sqrt(15.0);
+        let left = root * root - DoubleDouble::new(15.0);
+        assert!(root.low != 0.0 && left.high.abs() < 1e-30, "{root:?} {left:?}");
     }
 }

@@ -21,13 +21,13 @@
 //!         ⎣ 0  0  0  0 ⎦
 //! ```
 //!
-//! by Taylor series, scaling and squaring in double-double numbers: an error of e^{hL} of one part in 2⁻⁵³ would change the energy
+//! by Taylor series, scaling and squaring in double-double numbers: an error of e^{hL} of one part in 2⁵³ would change the energy
 //! by 1e-9 in 1e7 steps. Each squaring is also the next longer part of the step.
 
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Collocation, LEVELS, Step};
+use super::collocation::{Collocation, LEVELS, Matrix, Step};
 use super::double_double::DoubleDouble;
 use super::gauss_legendre::GL6;
 use crate::arm::{Arm, Load, State};
@@ -50,8 +50,9 @@ pub(super) fn collocation(arm: &Arm, h_s: f64) -> Collocation<STAGES> {
     // Time in units of 1/ω, ω a power of two: L then has entries near one, and going over and back is exact.
     let unit_rad_s = libm::exp2(libm::ceil(libm::log2(arm.angular_frequencies_rad_s()[1])));
     let generator = generator(&linear, unit_rad_s);
-    let nodes = GL6.c.map(|c| powers(&generator, c * (unit_rad_s * h_s)));
-    let whole = powers(&generator, unit_rad_s * h_s);
+    let phase = DoubleDouble::new(unit_rad_s * h_s);
+    let nodes = GL6.c().map(|c| powers(&generator, c * phase));
+    let whole = powers(&generator, phase);
     let levels = (0..LEVELS).map(|level| {
         let h_level_s = h_s / f64::from(1_u32 << level);
         step(array::from_fn(|i| &nodes[i][level]), &whole[level], h_level_s, unit_rad_s)
@@ -90,11 +91,12 @@ fn product(a: &Block, b: &Block) -> Block {
 }
 
 /// exp(τ W) for τ, τ/2, τ/4 … of all levels.
-fn powers(generator: &Block, tau: f64) -> Vec<Block> {
+fn powers(generator: &Block, tau: DoubleDouble) -> Vec<Block> {
     let norm = generator.iter().map(|row| row.iter().map(|entry| libm::fabs(entry.high)).sum()).fold(0.0, f64::max);
-    let needed = libm::ceil(libm::log2(norm * tau / SERIES_NORM)).max(0.0) as usize;
+    let needed = libm::ceil(libm::log2(norm * tau.high / SERIES_NORM)).max(0.0) as usize;
     let halvings = needed.max(LEVELS - 1);
-    let mut exponential = series(generator, libm::scalbn(tau, -(halvings as i32)));
+    let shortest = DoubleDouble::new(libm::scalbn(1.0, -(halvings as i32))) * tau;
+    let mut exponential = series(generator, shortest);
     let mut levels = Vec::with_capacity(LEVELS);
     for halving in (0..=halvings).rev() {
         if halving < LEVELS {
@@ -107,11 +109,11 @@ fn powers(generator: &Block, tau: f64) -> Vec<Block> {
 }
 
 /// exp(τ W) = I + τW (I + τW/2 (I + τW/3 (…))).
-fn series(generator: &Block, tau: f64) -> Block {
+fn series(generator: &Block, tau: DoubleDouble) -> Block {
     let mut sum = identity();
     for k in (1..=SERIES_TERMS).rev() {
         sum = product(generator, &sum);
-        let factor = DoubleDouble::ratio(tau, f64::from(k));
+        let factor = tau / DoubleDouble::new(f64::from(k));
         sum.as_flattened_mut().iter_mut().for_each(|entry| *entry = *entry * factor);
         for (i, row) in sum.iter_mut().enumerate() {
             row[i] = row[i] + DoubleDouble::new(1.0);
@@ -126,45 +128,42 @@ fn identity() -> Block {
 
 /// The matrices of a step from the exponentials at its nodes and its end.
 fn step(nodes: [&Block; STAGES], end: &Block, h_s: f64, unit_rad_s: f64) -> Step<STAGES> {
-    let phase = h_s * unit_rad_s;
-    let stage = |block: &Block| array::from_fn(|j| slope_matrix(block, j, phase, unit_rad_s));
-    let mut change = *end;
-    for (i, row) in change.iter_mut().enumerate() {
-        row[i] = row[i] + DoubleDouble::new(-1.0);
-    }
+    let slopes = |block: &Block| array::from_fn(|j| slope_matrix(block, j, h_s * unit_rad_s, unit_rad_s));
     Step {
         h_s,
-        c: GL6.c,
-        b: GL6.b,
-        start: nodes.map(|block| state_matrix(block, unit_rad_s, |entry| entry.high)),
-        stage: nodes.map(stage),
-        end: state_matrix(&change, unit_rad_s, |entry| entry.high),
-        end_low: state_matrix(&change, unit_rad_s, |entry| entry.low),
-        weights: stage(end),
+        c: GL6.c().map(|node| node.high),
+        b: GL6.b().map(|weight| weight.high),
+        start: nodes.map(|block| state_matrix(block, unit_rad_s)),
+        stage: nodes.map(slopes),
+        end: state_matrix(end, unit_rad_s),
+        weights: slopes(end),
     }
 }
 
-/// The block of e^{τL}, back in rad and rad/s.
-fn state_matrix(block: &Block, unit_rad_s: f64, part: fn(&DoubleDouble) -> f64) -> [[f64; 4]; 4] {
+/// e^{τL} − I, back in rad and rad/s.
+fn state_matrix(block: &Block, unit_rad_s: f64) -> Matrix<4> {
     let unit = [1.0, 1.0, unit_rad_s, unit_rad_s];
-    array::from_fn(|row| array::from_fn(|column| part(&block[row][column]) * unit[row] / unit[column]))
+    Matrix::new(|row, column| {
+        let own = DoubleDouble::new(if row == column { 1.0 } else { 0.0 });
+        (block[row][column] - own) * DoubleDouble::new(unit[row] / unit[column])
+    })
 }
 
 /// ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ λⱼₘ m! (ωh)⁻ᵐ times block m.
-fn slope_matrix(block: &Block, j: usize, phase: f64, unit_rad_s: f64) -> [[f64; 2]; 4] {
-    let lambda = lagrange(&GL6.c, j);
+fn slope_matrix(block: &Block, j: usize, phase: f64, unit_rad_s: f64) -> Matrix<2> {
+    let lambda = lagrange(&GL6.c(), j);
     let unit = [unit_rad_s * unit_rad_s, unit_rad_s * unit_rad_s, unit_rad_s, unit_rad_s];
-    let factors = [lambda[0], lambda[1] / phase, 2.0 * lambda[2] / (phase * phase)];
-    array::from_fn(|row| {
-        array::from_fn(|column| {
-            let sum: f64 = (0..STAGES).map(|m| factors[m] * block[row][4 + 2 * m + column].high).sum();
-            sum / unit[row]
-        })
+    let [phase, two] = [phase, 2.0].map(DoubleDouble::new);
+    let factors = [lambda[0], lambda[1] / phase, two * lambda[2] / (phase * phase)];
+    Matrix::new(|row, column| {
+        let terms = (0..STAGES).map(|m| factors[m] * block[row][4 + 2 * m + column]);
+        terms.fold(DoubleDouble::default(), |sum, term| sum + term) / DoubleDouble::new(unit[row])
     })
 }
 
 /// Coefficients of ℓⱼ(s) = (s − a)(s − b)/((cⱼ − a)(cⱼ − b)), a and b the other nodes, from s⁰ up.
-fn lagrange(c: &[f64; STAGES], j: usize) -> [f64; STAGES] {
+fn lagrange(c: &[DoubleDouble; STAGES], j: usize) -> [DoubleDouble; STAGES] {
     let (a, b) = (c[(j + 1) % STAGES], c[(j + 2) % STAGES]);
-    [a * b, -(a + b), 1.0].map(|coefficient| coefficient / ((c[j] - a) * (c[j] - b)))
+    let [zero, one] = [0.0, 1.0].map(DoubleDouble::new);
+    [a * b, zero - (a + b), one].map(|coefficient| coefficient / ((c[j] - a) * (c[j] - b)))
 }

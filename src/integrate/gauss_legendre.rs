@@ -6,34 +6,44 @@
 //! vᵢ = v + h Σⱼ aᵢⱼ Aⱼ      xᵢ = x + cᵢ h v + h² Σⱼ (a²)ᵢⱼ Aⱼ      v⁺ = v + h Σ bⱼ Aⱼ      x⁺ = x + h v + h² Σ (bᵀa)ⱼ Aⱼ
 //! ```
 
-use super::collocation::{Collocation, LEVELS, Step};
+use core::array;
 
-/// A Gauss–Legendre method of S stages.
+use super::collocation::{Collocation, LEVELS, Matrix, Step};
+use super::double_double::DoubleDouble;
+
+/// A Gauss–Legendre method of S stages; its coefficients are p + q √n with rational p and q.
 pub(super) struct Tableau<const S: usize> {
-    pub a: [[f64; S]; S],
-    pub b: [f64; S],
-    pub c: [f64; S],
+    n: f64,
+    a: [[Coefficient; S]; S],
+    b: [Coefficient; S],
+    c: [Coefficient; S],
 }
 
-const SQRT_3: f64 = 1.732_050_807_568_877_2;
-const SQRT_15: f64 = 3.872_983_346_207_417;
+/// p and q, each as numerator and denominator.
+type Coefficient = [[f64; 2]; 2];
+
+const fn rational(numerator: f64, denominator: f64) -> Coefficient {
+    [[numerator, denominator], [0.0, 1.0]]
+}
 
 /// Two stages, order 4.
 pub(super) const GL4: Tableau<2> = Tableau {
-    a: [[0.25, 0.25 - SQRT_3 / 6.0], [0.25 + SQRT_3 / 6.0, 0.25]],
-    b: [0.5, 0.5],
-    c: [0.5 - SQRT_3 / 6.0, 0.5 + SQRT_3 / 6.0],
+    n: 3.0,
+    a: [[rational(1.0, 4.0), [[1.0, 4.0], [-1.0, 6.0]]], [[[1.0, 4.0], [1.0, 6.0]], rational(1.0, 4.0)]],
+    b: [rational(1.0, 2.0), rational(1.0, 2.0)],
+    c: [[[1.0, 2.0], [-1.0, 6.0]], [[1.0, 2.0], [1.0, 6.0]]],
 };
 
 /// Three stages, order 6.
 pub(super) const GL6: Tableau<3> = Tableau {
+    n: 15.0,
     a: [
-        [5.0 / 36.0, 2.0 / 9.0 - SQRT_15 / 15.0, 5.0 / 36.0 - SQRT_15 / 30.0],
-        [5.0 / 36.0 + SQRT_15 / 24.0, 2.0 / 9.0, 5.0 / 36.0 - SQRT_15 / 24.0],
-        [5.0 / 36.0 + SQRT_15 / 30.0, 2.0 / 9.0 + SQRT_15 / 15.0, 5.0 / 36.0],
+        [rational(5.0, 36.0), [[2.0, 9.0], [-1.0, 15.0]], [[5.0, 36.0], [-1.0, 30.0]]],
+        [[[5.0, 36.0], [1.0, 24.0]], rational(2.0, 9.0), [[5.0, 36.0], [-1.0, 24.0]]],
+        [[[5.0, 36.0], [1.0, 30.0]], [[2.0, 9.0], [1.0, 15.0]], rational(5.0, 36.0)],
     ],
-    b: [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0],
-    c: [0.5 - SQRT_15 / 10.0, 0.5, 0.5 + SQRT_15 / 10.0],
+    b: [rational(5.0, 18.0), rational(4.0, 9.0), rational(5.0, 18.0)],
+    c: [[[1.0, 2.0], [-1.0, 10.0]], rational(1.0, 2.0), [[1.0, 2.0], [1.0, 10.0]]],
 };
 
 /// Beyond ωh of about 2 the method, though stable for a linear arm, gains energy from the nonlinearity or finds no stages.
@@ -46,24 +56,46 @@ impl<const S: usize> Tableau<S> {
         Collocation { linear: [[0.0; 4]; 2], levels, phase_per_part_rad: PHASE_PER_PART_RAD }
     }
 
-    fn step(&self, h: f64) -> Step<S> {
-        let squared = |i: usize, j: usize| (0..S).map(|k| self.a[i][k] * self.a[k][j]).sum::<f64>();
-        let b_bar = |j: usize| (0..S).map(|i| self.b[i] * self.a[i][j]).sum::<f64>();
-        let drift = |t: f64| [[0.0, 0.0, t, 0.0], [0.0, 0.0, 0.0, t], [0.0; 4], [0.0; 4]];
-        let mut start = self.c.map(|c| drift(c * h));
-        for matrix in &mut start {
-            (0..4).for_each(|n| matrix[n][n] = 1.0);
-        }
-        let slope = |x: f64, v: f64| [[x, 0.0], [0.0, x], [v, 0.0], [0.0, v]];
+    /// The weights.
+    pub fn b(&self) -> [DoubleDouble; S] {
+        self.b.map(|coefficient| self.value(coefficient))
+    }
+
+    /// The nodes.
+    pub fn c(&self) -> [DoubleDouble; S] {
+        self.c.map(|coefficient| self.value(coefficient))
+    }
+
+    fn value(&self, [p, q]: Coefficient) -> DoubleDouble {
+        let ratio = |[numerator, denominator]: [f64; 2]| DoubleDouble::new(numerator) / DoubleDouble::new(denominator);
+        ratio(p) + ratio(q) * DoubleDouble::sqrt(self.n)
+    }
+
+    fn step(&self, h_s: f64) -> Step<S> {
+        let a = self.a.map(|row| row.map(|coefficient| self.value(coefficient)));
+        let (b, c) = (self.b(), self.c());
+        let h = DoubleDouble::new(h_s);
+        let sum = |term: &dyn Fn(usize) -> DoubleDouble| (0..S).map(term).fold(DoubleDouble::default(), |s, x| s + x);
+        let stage = |i: usize, j: usize| slope(h * h * sum(&|k| a[i][k] * a[k][j]), h * a[i][j]);
         Step {
-            h_s: h,
-            c: self.c,
-            b: self.b,
-            start,
-            stage: core::array::from_fn(|i| core::array::from_fn(|j| slope(h * h * squared(i, j), h * self.a[i][j]))),
+            h_s,
+            c: c.map(|node| node.high),
+            b: b.map(|weight| weight.high),
+            start: c.map(|node| drift(node * h)),
+            stage: array::from_fn(|i| array::from_fn(|j| stage(i, j))),
             end: drift(h),
-            end_low: [[0.0; 4]; 4],
-            weights: core::array::from_fn(|j| slope(h * h * b_bar(j), h * self.b[j])),
+            weights: array::from_fn(|j| slope(h * h * sum(&|i| b[i] * a[i][j]), h * b[j])),
         }
     }
+}
+
+/// What time changes of a motion without acceleration: x by t v.
+fn drift(t: DoubleDouble) -> Matrix<4> {
+    Matrix::new(|row, column| if column == row + 2 { t } else { DoubleDouble::default() })
+}
+
+/// What a slope adds: `x` times it to the angles, `v` times it to the velocities.
+fn slope(x: DoubleDouble, v: DoubleDouble) -> Matrix<2> {
+    let factor = |row: usize| if row < 2 { x } else { v };
+    Matrix::new(|row, column| if row % 2 == column { factor(row) } else { DoubleDouble::default() })
 }
