@@ -62,6 +62,8 @@ pub struct Panel {
     pub logarithmic: bool,
     /// The part of the abscissa that is shown; all of it if none is given.
     pub range: Option<[f64; 2]>,
+    /// Whether each curve carries its name; else there is one, or the title has all of them.
+    pub names: bool,
     /// The curves, by their places in [`Curves::curves`].
     pub curves: Vec<usize>,
 }
@@ -193,7 +195,12 @@ impl Plan {
 
     fn panel(&mut self, title: impl Into<String>, link: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
         let (title, abscissa) = (title.into(), Abscissa::FrequencyHz);
-        self.panels.push(Panel { title, link, abscissa, logarithmic: false, range, curves });
+        self.panels.push(Panel { title, link, abscissa, logarithmic: false, range, names: true, curves });
+    }
+
+    fn unnamed(&mut self, title: impl Into<String>, link: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
+        self.panel(title, link, range, curves);
+        self.panels.iter_mut().last().into_iter().for_each(|panel| panel.names = false);
     }
 
     fn spectrum(&mut self, title: impl Into<String>, link: usize, range_hz: [f64; 2], curves: Vec<usize>) {
@@ -226,7 +233,8 @@ impl Plan {
         }
         let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
         let abscissa = Abscissa::Torque1Nm;
-        self.panels.push(Panel { title: String::new(), link: 1, abscissa, logarithmic: false, range, curves });
+        let (title, logarithmic, names) = (String::new(), false, true);
+        self.panels.push(Panel { title, link: 1, abscissa, logarithmic, range, names, curves });
         Ok(())
     }
 
@@ -251,7 +259,10 @@ impl Plan {
             let add =
                 |force: &f64| self.over_frequency(format!("{force} N"), arm.clone(), (Drive::ForceX, *force), zone);
             let curves = forces.iter().map(add).collect();
-            self.panel(format!("{title}, β₂ = {detail}°"), link, None, curves);
+            let listed: Vec<String> = forces.iter().map(f64::to_string).collect();
+            // Peaks over each other leave no room for names.
+            let title = format!("{title}, β₂ = {detail}°, from low to high {} N", listed.join(", "));
+            self.unnamed(title, link, None, curves);
         }
         Ok(())
     }
@@ -261,8 +272,8 @@ impl Plan {
         let arm = self.subject.on_line(nine.beta2_deg)?;
         let force = (Drive::ForceX, nine.force_n);
         let curve = self.over_frequency(String::new(), arm, force, nine.range_hz);
-        self.panel("(a) Link 1", 1, Some(nine.range_hz), vec![curve]);
-        self.panel("(b) Link 2", 2, Some(nine.range_hz), vec![curve]);
+        self.unnamed("(a) Link 1", 1, Some(nine.range_hz), vec![curve]);
+        self.unnamed("(b) Link 2", 2, Some(nine.range_hz), vec![curve]);
         Ok(())
     }
 }

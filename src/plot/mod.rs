@@ -23,6 +23,7 @@ mod legend;
 mod notes;
 mod panel;
 mod png;
+mod rows;
 mod scene;
 mod style;
 mod svg;
@@ -131,6 +132,8 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Words near points of the panel.
     pub notes: Vec<Note>,
+    /// Names of peaks that crowd, each list in a row of its own above its peaks.
+    pub rows: Vec<Vec<Note>>,
     /// Where the legend stands.
     pub legend: Legend,
 }
@@ -138,7 +141,7 @@ pub struct Panel {
 impl Panel {
     /// An empty panel.
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), legend: Legend::Auto }
+        Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), rows: Vec::new(), legend: Legend::Auto }
     }
 
     /// The panel with a title.
@@ -158,6 +161,14 @@ impl Panel {
     #[must_use]
     pub fn note(mut self, at: (f64, f64), text: impl Into<String>) -> Self {
         self.notes.push(Note { at, text: text.into() });
+        self
+    }
+
+    /// The panel with names in a row above these points, side by side in the order of the points, each with a line down to its
+    /// own. For peaks too near to each other for [`Panel::note`]. A name whose point lies outside of the axes isn't drawn.
+    #[must_use]
+    pub fn row(mut self, names: Vec<Note>) -> Self {
+        self.rows.push(names);
         self
     }
 

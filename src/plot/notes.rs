@@ -6,9 +6,9 @@ use super::panel::{Cell, on_page};
 use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, Weight};
 use super::{Dash, Note, Style};
 
-const SIZE: f64 = 12.0;
+pub(super) const SIZE: f64 = 12.0;
 /// Between the words and what is around them.
-const GAP: f64 = 3.0;
+pub(super) const GAP: f64 = 3.0;
 /// Places to the sides are tried this far apart, places above each other by the height of a line.
 const STEP: f64 = 6.0;
 const LINE: f64 = 13.0;
@@ -17,11 +17,11 @@ const SIDEWAYS: i32 = 16;
 const UP: i32 = 5;
 const DOWN: i32 = -3;
 /// From words that stand farther than this from their point a thin line leads to it.
-const NEAR: f64 = 16.0;
-const LEADER: Stroke = Stroke { color: [0x80, 0x80, 0x80], width: 0.6, dash: Dash::Solid };
+const NEAR: f64 = 8.0;
+pub(super) const LEADER: Stroke = Stroke { color: [0x80, 0x80, 0x80], width: 0.6, dash: Dash::Solid };
 
-/// Draws the notes, each at the nearest free place; where there is none, above its point.
-pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) {
+/// Draws the notes, each at the nearest free place off the areas that are `taken`; where there is none, above its point.
+pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>, mut taken: Vec<Rect>) {
     if cell.panel.notes.is_empty() {
         return;
     }
@@ -32,7 +32,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) {
         .filter(|series| matches!(series.style, Style::Line { .. }))
         .flat_map(|series| clip::runs(on_page(series, &cell.x, &cell.y), &cell.plot))
         .collect();
-    let mut taken: Vec<Rect> = cell.legend_at.map(|corner| cell.entries.area(corner)).into_iter().collect();
+    taken.extend(cell.legend_at.map(|corner| cell.entries.area(corner)));
     for note in &cell.panel.notes {
         let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
         if cell.plot.contains(at) {
@@ -75,7 +75,7 @@ fn leader(at: Point, area: &Rect) -> Option<Shape> {
     far.then(|| Shape::Lines { runs: vec![vec![at, nearest]], stroke: LEADER })
 }
 
-fn words(note: &Note, area: &Rect) -> Shape {
+pub(super) fn words(note: &Note, area: &Rect) -> Shape {
     Shape::Text(Text {
         at: [(area.left + area.right) / 2.0, area.bottom - GAP / 2.0],
         text: note.text.clone(),

@@ -5,6 +5,7 @@ use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::legend::Entries;
 use super::notes;
+use super::rows;
 use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Shape, Stroke, Text, WHITE, Weight};
 use super::ticks::{self, Ticks};
 use super::{Panel, Series, Style};
@@ -44,7 +45,8 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     for series in &cell.panel.series {
         shapes.extend(series_shape(series, &cell.plot, &cell.x, &cell.y));
     }
-    notes::draw(shapes, fonts, &cell);
+    let taken = rows::draw(shapes, fonts, &cell);
+    notes::draw(shapes, fonts, &cell, taken);
     frame(shapes, &cell, &x_ticks);
     if cell.writes_x {
         x_texts(shapes, &cell, &x_ticks);

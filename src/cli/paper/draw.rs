@@ -1,7 +1,7 @@
 //! The figures drawn: stable blue, unstable red, as the paper has them.
 
-use crate::paper::{Abscissa, Curves, ForcedBranch, Motion, NaturalFrequencies, Panel};
-use crate::plot::{self, Axis, Color, Legend, Series};
+use crate::paper::{Abscissa, Curve, Curves, ForcedBranch, Motion, NaturalFrequencies, Panel};
+use crate::plot::{self, Axis, Color, Legend, Note, Series};
 
 /// Fig. 3, a panel for each preset.
 pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figure {
@@ -24,7 +24,6 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
 /// A figure of branches.
 pub(super) fn curves(curves: &Curves) -> plot::Figure {
     let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
-    figure.columns = if curves.panels.len() > 3 { 2 } else { 1 };
     for (index, panel) in curves.panels.iter().enumerate() {
         let drawn = draw(curves, panel);
         figure = figure.with(if index == 0 { drawn } else { drawn.legend(Legend::None) });
@@ -34,8 +33,8 @@ pub(super) fn curves(curves: &Curves) -> plot::Figure {
 
 /// The room above the highest peak of a panel, for its name.
 const HEADROOM: f64 = 1.15;
-/// The same for logarithmic panels: room for names above each other.
-const LOG_HEADROOM: f64 = 40.0;
+/// The same for logarithmic panels: room for a row of names and the lines to their peaks.
+const LOG_HEADROOM: f64 = 30.0;
 /// A panel without a range shows each curve where it has at least this part of the panel's highest peak, or half of its own,
 const SHOWN: f64 = 0.05;
 /// and this part of the width more on either side.
@@ -65,9 +64,9 @@ fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
         for (name, color, stable) in [("stable", Color::Stable, true), ("unstable", Color::Unstable, false)] {
             drawn = drawn.with(Series::line(name, color, stretches(&curve.branch, panel, stable)));
         }
-        for at in summits(&curve.branch, panel, range) {
-            drawn = drawn.note(at, curve.label.clone());
-        }
+    }
+    if panel.names {
+        drawn = with_names(drawn, panel, range, branches());
     }
     if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
 }
@@ -114,14 +113,54 @@ fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f6
     points
 }
 
-/// Where the name of a curve stands: over its peak in each zone that is shown, or at its end.
-fn summits(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Vec<(f64, f64)> {
+/// A maximum between samples is that of a zone if it is as high as the highest sample, but for this.
+const SAME: f64 = 0.999;
+
+/// The panel with the names of its curves: over their peaks, in logarithmic panels in a row for each zone, since there peaks of
+/// several poses crowd.
+fn with_names<'a>(
+    mut drawn: plot::Panel,
+    panel: &Panel,
+    range: [f64; 2],
+    curves: impl Iterator<Item = &'a Curve>,
+) -> plot::Panel {
+    let mut rows: [Vec<Note>; 2] = Default::default();
+    for curve in curves {
+        let name = |at| Note { at, text: curve.label.clone() };
+        match named_at(&curve.branch, panel, range) {
+            Named::Peaks(zones) if panel.logarithmic => {
+                rows.iter_mut().zip(zones).for_each(|(row, at)| row.extend(at.map(name)));
+            }
+            Named::Peaks(zones) => drawn.notes.extend(zones.into_iter().flatten().map(name)),
+            Named::End(at) => drawn.notes.extend(at.map(name)),
+        }
+    }
+    rows.into_iter().filter(|row| !row.is_empty()).fold(drawn, plot::Panel::row)
+}
+
+/// Where the name of a curve stands.
+enum Named {
+    /// Over its peak in each zone that has one.
+    Peaks([Option<(f64, f64)>; 2]),
+    /// Where it ends, or is highest if it has no peak.
+    End(Option<(f64, f64)>),
+}
+
+fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
     let link = panel.link - 1;
     let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[link]);
     if panel.abscissa == Abscissa::Torque1Nm {
-        return branch.motions.last().map(at).into_iter().collect();
+        return Named::End(branch.motions.last().map(at));
     }
-    let zones = branch.zones_hz().into_iter().map(|zone| [zone[0].max(range[0]), zone[1].min(range[1])]);
-    let summit = |zone: [f64; 2]| branch.peak(link, zone).ok().map(at);
-    zones.filter(|zone| zone[0] < zone[1]).filter_map(summit).collect()
+    let maxima = branch.maxima(link);
+    // A zone that the panel cuts off may rise to its edge: that is no peak, nor is what is lower than the edge.
+    let peak = |zone: [f64; 2]| {
+        let (from, to) = (zone[0].max(range[0]), zone[1].min(range[1]));
+        let highest = branch.peak(link, [from, to]).ok()?.amplitude_rad[link];
+        let top =
+            maxima.iter().find(|top| (from..=to).contains(&top.frequency_hz) && top.amplitude_rad >= SAME * highest)?;
+        Some((top.frequency_hz, top.amplitude_rad))
+    };
+    let peaks = branch.zones_hz().map(peak);
+    if peaks == [None, None] { Named::End(branch.peak(link, range).ok().map(at)) } else { Named::Peaks(peaks) }
 }

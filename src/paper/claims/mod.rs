@@ -25,13 +25,15 @@ use survey::Survey;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// It does, in all cases that could be computed.
+    /// It does in all cases that could be computed, and these are at least two thirds of all.
     Holds,
     /// It does in some cases.
     HoldsInPart,
-    /// It does not, in none.
+    /// It does in none that could be computed, and these are at least two thirds of all.
     DoesNotHold,
-    /// What it is about could not be computed; the value says why.
+    /// It does in none that could be computed, but these are fewer.
+    Undecided,
+    /// No case could be computed; the value says why.
     NotComputed,
 }
 
@@ -42,6 +44,7 @@ impl Verdict {
             Verdict::Holds => "holds",
             Verdict::HoldsInPart => "holds in part",
             Verdict::DoesNotHold => "does not hold",
+            Verdict::Undecided => "undecided",
             Verdict::NotComputed => "not computed",
         }
     }
@@ -169,12 +172,25 @@ pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + S
 
 fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
     let Judgement { over, own, cases } = judgement;
-    let count = |verdict| cases.iter().filter(|case| case.verdict == verdict).count();
-    let verdict = match (count(Verdict::Holds), count(Verdict::DoesNotHold)) {
-        (0, 0) => Verdict::NotComputed,
-        (0, _) => Verdict::DoesNotHold,
-        (_, 0) => Verdict::Holds,
-        _ => Verdict::HoldsInPart,
-    };
+    let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict).collect();
+    let verdict = verdict(&verdicts);
     Finding { preset: survey.subject.preset(), verdict, over, own, cases }
+}
+
+/// Whether enough of some parts could be computed to speak of all of them: two thirds.
+fn enough(computed: usize, all: usize) -> bool {
+    3 * computed >= 2 * all
+}
+
+/// The verdict on a statement from those on its cases.
+fn verdict(cases: &[Verdict]) -> Verdict {
+    let count = |verdict| cases.iter().filter(|case| **case == verdict).count();
+    let (holds, not) = (count(Verdict::Holds), count(Verdict::DoesNotHold));
+    match (holds, not, enough(holds + not, cases.len())) {
+        (0, 0, _) => Verdict::NotComputed,
+        (0, _, true) => Verdict::DoesNotHold,
+        (0, _, false) => Verdict::Undecided,
+        (_, 0, true) => Verdict::Holds,
+        _ => Verdict::HoldsInPart,
+    }
 }

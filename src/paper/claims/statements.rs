@@ -70,7 +70,7 @@ pub(super) const STATEMENTS: [Statement; 30] = [
         "direction-matters",
         "4, 6, Fig. 4",
         "In the resonance zones the amplitude depends on the direction of the sweep.",
-        "in each zone, at one pose of Fig. 4 at least, two stable motions share a frequency",
+        "in each zone, at one pose of Fig. 4 at least, two stable motions share a frequency, with folds between them",
         false,
         torque::direction_matters
     ),

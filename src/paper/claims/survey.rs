@@ -84,6 +84,11 @@ impl Zone {
         self.width_hz[link].ok_or_else(|| String::from("a zone without a maximum"))
     }
 
+    /// How many folds there are.
+    pub fn folds(&self) -> usize {
+        self.folds_hz.len()
+    }
+
     /// The bifurcations of a kind, Hz.
     pub fn bifurcations_hz(&self, kind: BifurcationKind) -> &[f64] {
         match kind {

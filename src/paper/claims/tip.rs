@@ -1,7 +1,8 @@
 //! Sections 4 and 5, Figs. 7 and 9: the arm driven by a force along x at the tip.
 
 use super::cases::{Judgement, Opinion, all_hold, number};
-use super::survey::{Driven, Seen, Survey, forces_n};
+use super::survey::{Driven, Seen, Survey, Zone, forces_n};
+use super::{Number, enough};
 use crate::analysis::Bending;
 
 /// "Significantly greater", and "so small" beside another: at least twice.
@@ -70,21 +71,34 @@ pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// Whether a width grows from each excitation to the next, as far as it can be computed: two at least.
+/// Whether a width grows from each excitation to the next, as far as it can be computed. If it does, enough must have been
+/// computed to say so; a width that falls decides at once.
 pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> Seen<f64>) -> Seen<Opinion> {
-    let mut numbers = Vec::new();
-    for excitation in excitations {
-        match width(*excitation) {
-            Ok(width) => numbers.push(number(format!("width at {excitation} {unit}"), width, "Hz")),
-            Err(why) if numbers.len() < 2 => return Err(why),
-            Err(_) => break,
-        }
+    let seen: Vec<Seen<f64>> = excitations.iter().map(|excitation| width(*excitation)).collect();
+    let computed = seen.iter().take_while(|width| width.is_ok()).count();
+    let numbers: Vec<Number> = excitations
+        .iter()
+        .zip(seen.iter().flatten())
+        .take(computed)
+        .map(|(excitation, width)| number(format!("width at {excitation} {unit}"), *width, "Hz"))
+        .collect();
+    let grows = numbers.windows(2).all(|pair| pair[1].value > pair[0].value);
+    if let (Some(Err(why)), true) = (seen.get(computed), grows && !enough(computed, seen.len())) {
+        return Err(why.clone());
     }
     let listed: Vec<String> = numbers.iter().map(|width| format!("{:.4}", width.value)).collect();
-    let under: Vec<String> = excitations.iter().take(numbers.len()).map(f64::to_string).collect();
     let ratio = numbers.last().zip(numbers.first()).map_or(f64::NAN, |(last, first)| last.value / first.value);
-    let value = format!("{} Hz ({ratio:.2} times) under {} {unit}", listed.join(", "), under.join(", "));
-    Ok(Opinion::new(numbers.windows(2).all(|pair| pair[1].value > pair[0].value), value, numbers))
+    let value =
+        format!("{} Hz ({ratio:.2} times) under {}", listed.join(", "), computed_at(excitations, computed, unit));
+    Ok(Opinion::new(grows, value, numbers))
+}
+
+/// The excitations, and from which on there is no result.
+fn computed_at(excitations: &[f64], computed: usize, unit: &str) -> String {
+    let words = |excitations: &[f64]| excitations.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+    let (seen, rest) = excitations.split_at(computed);
+    let missing = if rest.is_empty() { String::new() } else { format!(", not computed: {} {unit}", words(rest)) };
+    format!("{} {unit}{missing}", words(seen))
 }
 
 /// The widening of a zone for a link in the position of Figs. 7c and d.
@@ -116,14 +130,16 @@ pub(super) const PROMINENCE: f64 = 0.05;
 pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
     let beta2_deg = survey.settings.figure7.detail_beta2_deg;
     survey.over_heights(|height_m| {
+        let forces = forces_n(survey.settings);
+        let zones = forces.iter().map(|n| survey.zone(Driven::Force { n: *n, height_m }, beta2_deg, 0));
+        let zones: Vec<Seen<&Zone>> = zones.collect();
+        let computed = zones.iter().take_while(|zone| zone.is_ok()).count();
+        if let (Some(Err(why)), false) = (zones.get(computed), enough(computed, zones.len())) {
+            return Err(why.clone());
+        }
         let (mut counts, mut seconds, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
-        for n in forces_n(survey.settings) {
-            let maxima = match survey.zone(Driven::Force { n, height_m }, beta2_deg, 0) {
-                Ok(zone) => zone.maxima(1),
-                Err(why) if counts.len() < 2 => return Err(why),
-                Err(_) => break,
-            };
-            let mut prominences: Vec<f64> = maxima.iter().map(|maximum| maximum.prominence).collect();
+        for (n, zone) in forces.iter().zip(zones.iter().flatten()).take(computed) {
+            let mut prominences: Vec<f64> = zone.maxima(1).iter().map(|maximum| maximum.prominence).collect();
             prominences.sort_by(|a, b| b.total_cmp(a));
             let second = prominences.get(1).copied().unwrap_or(0.0);
             counts.push(prominences.iter().filter(|prominence| **prominence >= PROMINENCE).count());
@@ -131,8 +147,8 @@ pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
             numbers.push(number(format!("prominence of the second maximum at {n} N"), second, ""));
         }
         let holds = counts.first() == Some(&1) && counts.last().is_some_and(|count| *count > 1);
-        let under: Vec<String> = forces_n(survey.settings).iter().take(counts.len()).map(f64::to_string).collect();
-        let value = format!("second maximum of prominence {} % under {} N", seconds.join(", "), under.join(", "));
+        let under = computed_at(&forces, computed, "N");
+        let value = format!("second maximum of prominence {} % under {under}", seconds.join(", "));
         Ok(Opinion::new(holds, value, numbers))
     })
 }

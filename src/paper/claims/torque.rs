@@ -1,8 +1,11 @@
 //! Sections 4 and 6, Figs. 4 and 5: the arm driven by a torque at joint 1.
 
+use core::ops::Range;
+
 use super::super::figure::zone_hz;
 use super::super::{Drive, ForcedBranch, PaperError};
 use super::cases::{Judgement, Opinion, all_hold, number, once, over};
+use super::enough;
 use super::survey::{Driven, Seen, Survey, torques_nm};
 use super::tip::{PROMINENCE, widening};
 use crate::analysis::{BifurcationKind, modes};
@@ -45,14 +48,17 @@ const APART: f64 = 1e-6;
 
 /// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible, resulting in
 /// a slope of the characteristics in the resonance zones" (Section 4), "within the resonant zones there are instability areas"
-/// (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable motions share a frequency.
+/// (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable motions share a frequency, with the folds
+/// between which the branch runs back.
 pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
     let poses = &survey.settings.figure4.beta2_deg;
     survey.over_torques(0, |driven| {
         let count = |mode: usize| -> (usize, Option<String>) {
-            let seen: Vec<Seen<f64>> =
-                poses.iter().map(|pose| survey.zone(driven, *pose, mode).map(|zone| zone.ratio)).collect();
-            let bistable = seen.iter().filter(|ratio| ratio.as_ref().is_ok_and(|ratio| *ratio > 1.0 + APART)).count();
+            let seen: Vec<Seen<bool>> = poses
+                .iter()
+                .map(|pose| survey.zone(driven, *pose, mode).map(|zone| zone.ratio > 1.0 + APART && zone.folds() > 1))
+                .collect();
+            let bistable = seen.iter().filter(|bistable| **bistable == Ok(true)).count();
             (bistable, seen.into_iter().find_map(Result::err))
         };
         let zones = [count(0), count(1)];
@@ -70,19 +76,31 @@ pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
     })
 }
 
+/// What rounds to six.
+const SIX: Range<f64> = 5.5..6.5;
+
 /// "The amplitude values can vary by up to six times depending on the direction of changes in the forcing frequency" (Section 6):
-/// the largest ratio of stable amplitudes of link 1 at one frequency in Fig. 4 rounds to 6.
+/// the largest ratio of stable amplitudes of link 1 at one frequency in Fig. 4 rounds to 6. One zone with a larger ratio is
+/// enough to know that it does not.
 pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
-        let mut numbers = Vec::new();
+        let (mut numbers, mut unknown) = (Vec::new(), None);
         for beta2_deg in &survey.settings.figure4.beta2_deg {
             for mode in [0, 1] {
-                let ratio = survey.zone(driven, *beta2_deg, mode)?.ratio;
-                numbers.push(number(format!("zone {} at {beta2_deg}°", mode + 1), ratio, ""));
+                match survey.zone(driven, *beta2_deg, mode) {
+                    Ok(zone) => numbers.push(number(format!("zone {} at {beta2_deg}°", mode + 1), zone.ratio, "")),
+                    Err(why) => unknown = Some(why),
+                }
             }
         }
         let largest = numbers.iter().fold(0.0_f64, |largest, ratio| largest.max(ratio.value));
-        Ok(Opinion::new((5.5..6.5).contains(&largest), format!("up to {largest:.1} times"), numbers))
+        match unknown {
+            Some(why) if largest < SIX.end => Err(why),
+            unknown => {
+                let least = if unknown.is_some() { " at least" } else { "" };
+                Ok(Opinion::new(SIX.contains(&largest), format!("up to {largest:.1} times{least}"), numbers))
+            }
+        }
     })
 }
 
@@ -163,7 +181,9 @@ pub(super) fn folds_over_the_torque(survey: &Survey<'_>) -> Judgement {
         };
         let ends: Vec<String> = folded.first().into_iter().chain(folded.last()).map(of).collect();
         let (count, all) = (folded.len(), survey.over_torque.len());
-        let value = format!("folds at {count} of {all} poses, {}", ends.join(" to "));
+        let unknown = survey.over_torque.iter().filter(|(_, folds)| folds.is_err()).count();
+        let unknown = if unknown > 0 { format!("; not computed: {unknown}") } else { String::new() };
+        let value = format!("folds at {count} of {all} poses, {}{unknown}", ends.join(" to "));
         let numbers = folded.iter().flat_map(|(pose, folds)| {
             folds.iter().map(move |torque_nm| number(format!("fold at {pose:.1}°"), *torque_nm, "N·m"))
         });
@@ -186,7 +206,7 @@ pub(super) fn zones_widen(survey: &Survey<'_>) -> Judgement {
 }
 
 /// "For larger excitation amplitudes, period doubling, saddle-node points and Neimark–Sacker bifurcation were observed"
-/// (Section 6): found in one zone of the scans at least.
+/// (Section 6): found in one zone of the scans at least. That there is none takes enough of them.
 fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
     let found: Vec<_> = survey.zones().filter(|(_, zone)| !zone.bifurcations_hz(kind).is_empty()).collect();
     let least = |of: fn(Driven) -> Option<f64>| {
@@ -200,6 +220,9 @@ fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
         _ => format!("in {count} zones under {by}, from {least} {unit}"),
     };
     let (computed, all) = (survey.zones().count(), survey.zone_count());
+    if found.is_empty() && !enough(computed, all) {
+        return once(Err(format!("only {computed} of {all} zones could be computed")));
+    }
     let value = format!(
         "{}, {}; {computed} of {all} zones computed",
         from(torque, "N·m", "a torque"),

@@ -1,0 +1,107 @@
+//! Names of crowded peaks: side by side in a row above them, each with a line down to its peak.
+
+use super::Note;
+use super::font::{CAP_HEIGHT, Fonts};
+use super::notes::{GAP, LEADER, SIZE, words};
+use super::panel::Cell;
+use super::scene::{Point, Rect, Shape, Weight};
+
+/// Between names beside each other.
+const SPACE: f64 = 7.0;
+/// From the highest peak of a row to where its lines bend, and from there to the names.
+const KNEE: f64 = 5.0;
+const RISE: f64 = 17.0;
+
+/// A name, where its point is on the page, and which row it belongs to.
+struct Entry<'a> {
+    note: &'a Note,
+    at: Point,
+    row: usize,
+    width: f64,
+}
+
+/// Draws the rows of names and returns the areas that they take. Names of all rows keep out of each other's way.
+pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> Vec<Rect> {
+    let mut entries: Vec<Entry<'_>> = Vec::new();
+    for (row, notes) in cell.panel.rows.iter().enumerate() {
+        for note in notes {
+            let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
+            if cell.plot.contains(at) {
+                entries.push(Entry { note, at, row, width: fonts.width(&note.text, SIZE, Weight::Regular) });
+            }
+        }
+    }
+    entries.sort_by(|a, b| a.at[0].total_cmp(&b.at[0]));
+    let (wanted, widths): (Vec<f64>, Vec<f64>) = entries.iter().map(|entry| (entry.at[0], entry.width)).unzip();
+    let centres = spread(&wanted, &widths, sides(cell));
+    let mut taken = Vec::new();
+    for (entry, centre) in entries.iter().zip(centres) {
+        let of_row = entries.iter().filter(|other| other.row == entry.row);
+        let knee = of_row.fold(f64::INFINITY, |top, other| top.min(other.at[1])) - KNEE;
+        let height = SIZE * CAP_HEIGHT + GAP;
+        let bottom = (knee - RISE).max(cell.plot.top + GAP + height);
+        let (left, right) = (centre - entry.width / 2.0, centre + entry.width / 2.0);
+        let area = Rect { left, right, top: bottom - height, bottom };
+        let line = vec![[entry.at[0], entry.at[1] - GAP], [entry.at[0], knee.min(entry.at[1])], [centre, bottom]];
+        shapes.push(Shape::Lines { runs: vec![line], stroke: LEADER });
+        shapes.push(words(entry.note, &area));
+        taken.push(area);
+    }
+    taken
+}
+
+/// From where to where names may stand: inside of the plot, and beside the legend.
+fn sides(cell: &Cell<'_>) -> (f64, f64) {
+    let (mut left, mut right) = (cell.plot.left + GAP, cell.plot.right - GAP);
+    if let Some(legend) = cell.legend_at.map(|corner| cell.entries.area(corner)) {
+        let middle = (cell.plot.left + cell.plot.right) / 2.0;
+        if legend.left > middle {
+            right = right.min(legend.left - GAP);
+        } else if legend.right < middle {
+            left = left.max(legend.right + GAP);
+        }
+    }
+    (left, right)
+}
+
+/// The centres of names of these widths, in their order and apart, nearest to where they are wanted.
+///
+/// Centres c must obey c(i+1) − c(i) ≥ s(i+1) − s(i), with s the centres of the names packed side by side. So u = c − s must
+/// ascend, and Σ (c − wanted)² is least for the isotonic regression of wanted − s: neighbours that descend are pooled to their
+/// mean (Ayer et al. 1955). Bounds cut that off.
+fn spread(wanted: &[f64], widths: &[f64], (left, right): (f64, f64)) -> Vec<f64> {
+    let mut packed = Vec::with_capacity(widths.len());
+    let mut end = 0.0;
+    for width in widths {
+        packed.push(end + width / 2.0);
+        end += width + SPACE;
+    }
+    let mut pools: Vec<(f64, usize)> = Vec::new();
+    for (wanted, packed) in wanted.iter().zip(&packed) {
+        let mut pool = (wanted - packed, 1);
+        while let Some(last) = pools.pop_if(|last| last.0 > pool.0) {
+            let count = last.1 + pool.1;
+            pool = ((last.0 * last.1 as f64 + pool.0 * pool.1 as f64) / count as f64, count);
+        }
+        pools.push(pool);
+    }
+    let shifts = pools.into_iter().flat_map(|(mean, count)| core::iter::repeat_n(mean, count));
+    shifts.zip(&packed).map(|(shift, packed)| shift.min(right - end + SPACE).max(left) + packed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stand_where_they_are_wanted_or_as_near_as_can_be() {
+        let widths = [20.0, 20.0, 20.0];
+        assert_eq!(spread(&[50.0, 100.0, 150.0], &widths, (0.0, 200.0)), [50.0, 100.0, 150.0]);
+        // Three that want the same place stand about it, a space apart.
+        assert_eq!(spread(&[100.0; 3], &widths, (0.0, 200.0)), [73.0, 100.0, 127.0]);
+        // At a side they are pushed in, and keep their order.
+        assert_eq!(spread(&[0.0, 5.0, 190.0], &widths, (0.0, 200.0)), [10.0, 37.0, 190.0]);
+        assert_eq!(spread(&[195.0; 3], &widths, (0.0, 200.0)), [136.0, 163.0, 190.0]);
+        assert!(spread(&[], &[], (0.0, 200.0)).is_empty());
+    }
+}
