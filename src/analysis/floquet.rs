@@ -94,9 +94,19 @@ impl Stability {
     }
 }
 
+/// What stability has cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StabilityWork {
+    /// Motions whose multipliers were computed.
+    pub motions: usize,
+    /// Steps of the integration of their variations.
+    pub steps: usize,
+}
+
 /// Computes multipliers; keeps the tables of the last number of harmonics and steps.
 #[derive(Clone, Debug)]
 pub struct Floquet {
+    work: StabilityWork,
     tableau: Tableau,
     steps: usize,
     basis: Basis,
@@ -107,7 +117,14 @@ pub struct Floquet {
 impl Default for Floquet {
     fn default() -> Floquet {
         let basis = Basis::uniform(Harmonics::Integer(1), 0);
-        Floquet { tableau: Tableau::new(), steps: 0, basis, motion: Motion::default(), rates: Vec::new() }
+        Floquet {
+            work: StabilityWork::default(),
+            tableau: Tableau::new(),
+            steps: 0,
+            basis,
+            motion: Motion::default(),
+            rates: Vec::new(),
+        }
     }
 }
 
@@ -126,6 +143,11 @@ impl Floquet {
     /// The stability of the motion X of the balance.
     pub fn stability<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64]) -> Stability {
         self.stability_with(balance, x, Floquet::steps_for(balance))
+    }
+
+    /// What it has cost.
+    pub fn work(&self) -> StabilityWork {
+        self.work
     }
 
     /// The same with a number of steps that is not chosen here.
@@ -147,6 +169,8 @@ impl Floquet {
         self.prepare(Harmonics::Integer(balance.harmonics().max(balance.subharmonic())), steps);
         self.basis.synthesise(x, balance.base_rad_s(), &mut self.motion);
         self.linearise(balance);
+        self.work.motions += 1;
+        self.work.steps += steps;
         let h = TAU / steps as f64;
         let mut trace = 0.0;
         let mut flow = Matrix4::identity();
@@ -164,7 +188,7 @@ impl Floquet {
         if self.basis.harmonics() != harmonics || self.steps != steps {
             let c = self.tableau.c;
             let phases = (0..S * steps).map(|at| TAU * ((at / S) as f64 + c[at % S]) / steps as f64);
-            self.basis = Basis::new(harmonics, phases);
+            self.basis.set(harmonics, phases);
             self.steps = steps;
         }
     }
