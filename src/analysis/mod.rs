@@ -17,6 +17,7 @@ mod forced_arm;
 mod fourier;
 pub mod frf;
 mod harmonic_balance;
+mod hill;
 mod integrators;
 mod locate;
 pub mod modes;

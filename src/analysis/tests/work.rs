@@ -33,7 +33,7 @@ fn branches() {
     insta::assert_snapshot!(of_branch(&walk(60.0, 60.0, 80.0, 0.5)), @r"
     283 motions: 668 evaluations, 668 factorizations, 282 steps, 3 back
     2 bifurcations: 6 evaluations, 6 factorizations, 0 steps, 0 back
-    stability of 368 motions: 36339 steps
+    stability of 368 motions: 32894 steps
     ");
 }
 
