@@ -14,6 +14,7 @@ fn forced(beta2_deg: f64) -> Result<ForcedArm, ArmError> {
 
 fn branch(forced: &ForcedArm, from_hz: f64, to_hz: f64) -> Result<Branch, AnalysisError> {
     trace(forced.clone(), from_hz, Coordinate::FrequencyHz, &BranchOptions::new(from_hz, to_hz))
+        .map_err(AnalysisError::from)
 }
 
 /// The result and the time of a computation, s.
@@ -38,7 +39,7 @@ fn peer() -> Result<(), Box<dyn std::error::Error>> {
     let harmonics = best.0.orbits.iter().map(|orbit| orbit.harmonics()).max().unwrap_or(0);
     print!("RESONARM {harmonics} {:.6} {}", best.1, best.0.orbits.len());
     for fold in best.0.bifurcations.iter().filter(|b| b.kind == BifurcationKind::Fold) {
-        print!(" {:.7}", fold.orbit.frequency_hz);
+        print!(" {:.11}", fold.orbit.frequency_hz);
     }
     println!();
     Ok(())

@@ -43,20 +43,20 @@ fn a_table_with_its_reading() {
          22.157523         0.00156486         0.00122631         0.3161
          22.157521         0.00195618         0.00153342         0.3952
          22.157517         0.00244537         0.00191761         0.4940
-         22.157512         0.00305695         0.00239832         0.6175
+         22.157512         0.00305694         0.00239832         0.6175
          22.157503         0.00382154         0.00299993         0.7718
-         22.157489         0.00477749         0.00375309         0.9648
+         22.157489         0.00477749         0.00375308         0.9648
          22.157468         0.00597274         0.00469630         1.2060
-         22.157434         0.00746728         0.00587807         1.5076
+         22.157434         0.00746728         0.00587806         1.5076
          22.157381         0.00933620         0.00735955         1.8847
-         22.157299         0.01167348         0.00921804         2.3561
-         22.157171         0.01459681         0.01155141         2.9456
+         22.157299         0.01167347         0.00921804         2.3561
+         22.157171         0.01459680         0.01155141         2.9456
          22.156970         0.01825359         0.01448393         3.6830
-         22.156658         0.02282849         0.01817384         4.6056
-         22.156170         0.02855291         0.02282322         5.7606
-         22.155412         0.03571681         0.02869083         7.2078
-         22.154233         0.04468346         0.03610863         9.0233
-         22.152408         0.05590760         0.04550256        11.3053
+         22.156658         0.02282848         0.01817384         4.6056
+         22.156170         0.02855290         0.02282321         5.7606
+         22.155412         0.03571680         0.02869082         7.2078
+         22.154233         0.04468344         0.03610862         9.0233
+         22.152408         0.05590758         0.04550254        11.3053
 
     softening: -0.005120 Hz (-0.0231 %) at |α1| = 0.055908 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
     ");
@@ -186,9 +186,70 @@ fn bad_input_is_said() {
     insta::assert_snapshot!(says(2, "backbone --force-x-n=NaN"), @"resonarm: the excitation's amplitude is NaN: it must be a number other than 0");
     insta::assert_snapshot!(says(2, "backbone --largest-step=0"), @"resonarm: --largest-step is 0: it must be from 0.000001 to 1");
     insta::assert_snapshot!(says(2, "backbone --preset=none"), @"resonarm: there is no preset `none`: the presets are irb1600-table1, irb1600-fitted");
-    insta::assert_snapshot!(says(1, "backbone --most-harmonics=3"), @"resonarm: along the backbone, Hz: at 22.157518 the motion needs more than 3 harmonics; try to allow more, or less excitation (--most-harmonics)");
-    insta::assert_snapshot!(says(1, "backbone --most-points=5"), @"resonarm: along the backbone, Hz: the branch has more than 5 points and has come to 22.157521; try to allow more points or larger steps (--most-points, --largest-step)");
     insta::assert_snapshot!(says(2, "backbone --to-rad=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
+}
+
+/// What was walked is printed, why it is not all is said, and the exit code is that of a negative verdict.
+fn part(arguments: &str) -> (String, String) {
+    let output = resonarm(arguments);
+    assert_eq!(output.status.code(), Some(1), "{arguments}: {}", text(&output.stderr));
+    (text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn a_curve_that_ends_early_is_kept() {
+    let (table, reason) = part("backbone --most-points=5");
+    insta::assert_snapshot!(table, @r"
+    irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
+
+      frequency Hz   largest |α1| rad   largest |α2| rad            N·m
+         22.157526         0.00078754         0.00061679         0.1591
+         22.157526         0.00098446         0.00077113         0.1989
+         22.157525         0.00123061         0.00096412         0.2486
+         22.157523         0.00153832         0.00120548         0.3108
+         22.157521         0.00192299         0.00150737         0.3885
+
+    softening: -0.000005 Hz (-0.0000 %) at |α1| = 0.001923 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
+    ");
+    insta::assert_snapshot!(reason, @"resonarm: along the backbone: the branch has more than 5 points and has come to 22.157521 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 5 motions before that are in the results");
+    let (document, reason) = part("backbone --most-harmonics=3 --json");
+    insta::assert_snapshot!(reason, @"resonarm: along the backbone: at 22.157518 Hz the motion needs more than 3 harmonics; try to allow more, or less excitation (--most-harmonics); the 5 motions before that are in the results");
+    let document: Value = serde_json::from_str(&document).unwrap();
+    assert_eq!(document["points"].as_array().unwrap().len(), 5);
+    assert_eq!(format!("resonarm: {}", document["ended_early"][0].as_str().unwrap()), reason);
+}
+
+/// A branch too: its first motions and bifurcations are those of the whole one, and its figure is drawn.
+#[test]
+fn a_branch_that_ends_early_is_kept() {
+    let command = "continue --torque1-nm=60 --from-hz=21 --to-hz=23";
+    let whole = document(command);
+    assert!(whole["ended_early"].is_null());
+    let folder = tempfile::tempdir().unwrap();
+    let stem = folder.path().join("branch");
+    let (early, reason) = part(&format!("{command} --most-points=50 --json --plot={}", stem.display()));
+    insta::assert_snapshot!(reason, @"resonarm: along frequency_hz: the branch has more than 50 points and has come to 22.153542 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 50 motions before that are in the results");
+    let early: Value = serde_json::from_str(&early).unwrap();
+    assert_eq!(early["points"].as_array().unwrap()[..], whole["points"].as_array().unwrap()[..50]);
+    assert_eq!(early["bifurcations"], whole["bifurcations"]);
+    assert!(stem.with_extension("png").exists());
+    let (summary, _) = part(&format!("{command} --most-points=10"));
+    assert!(summary.starts_with("branch: 10 motions, 0 of them unstable"), "{summary}");
+}
+
+/// What is added to a branch leaves it as it is: of the curves of its folds each is kept as far as it came.
+#[test]
+fn curves_that_end_early_leave_the_branch() {
+    let command = "continue --torque1-nm=60 --from-hz=21 --to-hz=23 --curves-in=amplitude --curves-to=5";
+    let (early, reason) = part(&format!("{command} --most-points=60 --json"));
+    insta::assert_snapshot!(reason, @r"
+    resonarm: along frequency_hz: the branch has more than 60 points and has come to 22.244301 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
+    resonarm: along torque1_nm: the branch has more than 60 points and has come to 24.192237 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
+    resonarm: along torque1_nm: the branch has more than 60 points and has come to 24.506233 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
+    ");
+    let early: Value = serde_json::from_str(&early).unwrap();
+    assert_eq!(early["ended_early"].as_array().unwrap().len(), reason.lines().count());
+    assert_eq!(early["curves"].as_array().unwrap().len(), 2);
 }
 
 /// What `continue` says: an interval without a resonance is as good as any other, an impossible one is refused, and a walk that
@@ -201,17 +262,17 @@ fn continue_says_what_it_can_not_do() {
         assert_eq!(output.status.code(), Some(code), "{arguments}: {}", text(&output.stderr));
         text(&output.stderr)
     };
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 can't be walked: both ends must be numbers, different, and inside the positive frequencies");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 can't be walked: both ends must be numbers, different, and inside the positive frequencies");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=NaN"), @"resonarm: along frequency_hz: the interval from 22 to NaN can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=NaN"), @"resonarm: along frequency_hz: the interval from 22 to NaN Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --to-deg=3"), @"resonarm: --to-deg is not for --parameter frequency: its interval is --from-hz a --to-hz b");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
     insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
     insta::assert_snapshot!(says(2, "--parameter=amplitude --from-nm=1 --to-nm=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
     insta::assert_snapshot!(says(2, "--parameter=wind --torque1-nm=60"), @"resonarm: --parameter is `wind`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
-    insta::assert_snapshot!(says(2, "--parameter=mass2_kg --torque1-nm=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along mass2_kg: the interval from 36 to -1 can't be walked: both ends must be numbers, different, and inside the range of the parameter");
-    insta::assert_snapshot!(says(1, "--torque1-nm=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
-    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-harmonics=4"), @"resonarm: along frequency_hz: at 22.062334 the motion needs more than 4 harmonics; try to allow more, or less excitation (--most-harmonics)");
-    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch has more than 10 points and has come to 21.868289; try to allow more points or larger steps (--most-points, --largest-step)");
+    insta::assert_snapshot!(says(2, "--parameter=mass2_kg --torque1-nm=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along mass2_kg: the interval from 36 to -1 kg can't be walked: both ends must be numbers, different, and inside the range of the parameter");
+    insta::assert_snapshot!(says(1, "--torque1-nm=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000 Hz: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
+    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-harmonics=4"), @"resonarm: along frequency_hz: at 22.062334 Hz the motion needs more than 4 harmonics; try to allow more, or less excitation (--most-harmonics); the 14 motions before that are in the results");
+    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch has more than 10 points and has come to 21.868289 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 10 motions before that are in the results");
 }

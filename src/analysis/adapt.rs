@@ -40,7 +40,7 @@ pub(super) fn adapt<S: Spectral>(
         let error = balance.truncation_error_rad();
         if error > allowed {
             if harmonics >= options.most_harmonics * subharmonic {
-                return Err(AnalysisError::TooManyHarmonics { lambda: point.lambda, harmonics });
+                return Err(AnalysisError::TooManyHarmonics { at: system.place(point.lambda), harmonics });
             }
             system.set_harmonics(harmonics + 1 + harmonics / 8);
             walk.resize(system)?;

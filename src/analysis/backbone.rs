@@ -6,18 +6,18 @@
 //! the excitation and X, the equations R(X, Ω, A) = 0 and p·b₁ = 0, and Ω is the parameter of the walk. Without dampers A comes
 //! out as zero, and the curve is a family of free motions: a nonlinear normal mode. A then only makes the system square.
 
-use core::f64::consts::TAU;
-
+use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::Vector2;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{System, Walk};
+use super::continuation::{Settings, System, Walk, Work};
 use super::fourier::Harmonics;
 use super::orbit::BranchOptions;
-use super::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
+use super::quadrature::beginning;
+use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator};
 
 /// The equations of phase quadrature: unknowns z = (A/stiffness scale, X), parameter Ω/2π in Hz.
 #[derive(Clone, Debug)]
@@ -50,6 +50,10 @@ impl<O: Oscillator> System for Quadrature<O> {
         matrix[5 * stride + n] = self.direction.x;
         matrix[6 * stride + n] = self.direction.y;
         true
+    }
+
+    fn unit(&self) -> &'static str {
+        self.balance.unit(Coordinate::FrequencyHz)
     }
 }
 
@@ -113,10 +117,12 @@ impl Bending {
 }
 
 /// A backbone curve.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Backbone {
     /// Its motions, from small to large.
     pub points: Vec<BackbonePoint>,
+    /// What the walk has cost.
+    pub work: Work,
 }
 
 /// How far a backbone is walked.
@@ -136,43 +142,62 @@ pub struct BackboneOptions {
 /// multiplies the excitation. For the nonlinear normal mode give a system without dampers.
 ///
 /// # Errors
-/// [`AnalysisError::NoSolution`] if the mode can't be driven by this excitation; else as [`super::trace`].
+/// [`AnalysisError::NotDriven`] if the excitation can't bring the mode to quadrature; else as [`super::trace`].
 pub fn backbone<O: Oscillator>(
     mut oscillator: O,
     mode: usize,
     drive: O::Parameter,
     options: &BackboneOptions,
-) -> Result<Backbone, AnalysisError> {
-    let linear = oscillator.modes()[mode.min(1)];
-    let direction = oscillator.load_direction().normalize();
-    let frequency_hz = linear.frequency_rad_s / TAU;
+) -> Result<Backbone, EndedEarly<Backbone>> {
     if !oscillator.set_parameter(drive, 0.0) {
-        return Err(AnalysisError::Interval { from: 0.0, to: options.largest_drive, domain: "the range of the drive" });
+        let (unit, domain) = (oscillator.unit(drive), "the range of the drive");
+        return Err(AnalysisError::Interval { from: 0.0, to: options.largest_drive, unit, domain }.into());
     }
-    let balance = HarmonicBalance::new(oscillator, frequency_hz, 1, options.branch.least_harmonics);
+    let beginning = beginning(&oscillator, mode, drive)?;
+    let direction = oscillator.load_direction().normalize();
+    let balance = HarmonicBalance::new(oscillator, beginning.frequency_hz, 1, options.branch.least_harmonics);
     let mut system = Quadrature { balance, drive: Coordinate::Parameter(drive), direction };
-    let n = system.dimension();
-    let mut tangent = vec![0.0; n + 1];
-    // −cos Ωt lags the force by 90°.
-    (tangent[3], tangent[4]) = (-linear.shape.x, -linear.shape.y);
-    let walk = super::continuation::Settings { state_floor: options.smallest_rad, ..options.branch.walk };
-    let branch = BranchOptions { walk, ..options.branch };
-    let mut walk = Walk::start_along(&mut system, walk, &vec![0.0; n], frequency_hz, &tangent, 1.0)?;
-    let mut points = Vec::new();
+    let rest = vec![0.0; system.dimension()];
+    let mut tangent = vec![0.0; system.dimension() + 1];
+    tangent[0] = beginning.drive / system.balance.oscillator().stiffness_scale();
+    tangent[3..5].copy_from_slice(beginning.cosine.as_slice());
+    tangent[5..7].copy_from_slice(beginning.sine.as_slice());
+    let walk = Settings { state_floor: options.smallest_rad, ..options.branch.walk };
+    let options = BackboneOptions { branch: BranchOptions { walk, ..options.branch }, ..*options };
+    let mut walk = Walk::start_along(&mut system, walk, &rest, beginning.frequency_hz, &tangent, 1.0)?;
+    let mut curve = Backbone::default();
+    let reason = follow(&mut system, &mut walk, &options, &mut curve.points).err();
+    curve.work = walk.work();
+    match reason {
+        None => Ok(curve),
+        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    }
+}
+
+/// Walks until the motion or the drive is large enough, or the frequency outside.
+fn follow<O: Oscillator>(
+    system: &mut Quadrature<O>,
+    walk: &mut Walk,
+    options: &BackboneOptions,
+    points: &mut Vec<BackbonePoint>,
+) -> Result<(), AnalysisError> {
+    let branch = &options.branch;
     loop {
-        adapt(&mut system, &mut walk, &branch)?;
+        adapt(system, walk, branch)?;
         let point = walk.point();
-        points.push(measure(&mut system.balance, &point.x, point.lambda));
-        let last = &points[points.len() - 1];
+        let last = measure(&mut system.balance, &point.x, point.lambda);
         let large = last.amplitude_rad.iter().any(|value| *value > options.largest_rad);
-        let outside = last.frequency_hz < branch.from.min(branch.to) || last.frequency_hz > branch.from.max(branch.to);
-        if large || outside || last.drive.abs() > options.largest_drive {
-            return Ok(Backbone { points });
+        let outside = branch.left_at(last.frequency_hz).is_some();
+        let at = system.place(last.frequency_hz);
+        let driven = last.drive.abs() > options.largest_drive;
+        points.push(last);
+        if large || outside || driven {
+            return Ok(());
         }
         if points.len() >= branch.most_points {
-            return Err(AnalysisError::TooManyPoints { points: points.len(), lambda: last.frequency_hz });
+            return Err(AnalysisError::TooManyPoints { points: points.len(), at });
         }
-        walk.advance(&mut system)?;
+        walk.advance(system)?;
     }
 }
 

@@ -1,14 +1,14 @@
 //! Branches of periodic motions: walked from one value of a coordinate to another, with stability and bifurcations.
 
-use alloc::vec::Vec;
+use alloc::boxed::Box;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Point, Walk, Work, at_parameter};
+use super::continuation::{Point, System, Walk, at_parameter};
 use super::fourier::zeros;
 use super::locate::doubled;
 use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 use super::start::enter;
-use super::{AnalysisError, Coordinate, Floquet, ForcedResponse, HarmonicBalance, Oscillator};
+use super::{AnalysisError, Coordinate, EndedEarly, Floquet, ForcedResponse, HarmonicBalance, Oscillator};
 
 /// A point with what is tested on it.
 #[derive(Clone, Debug)]
@@ -20,13 +20,13 @@ pub(super) struct Marked {
 /// Walks a branch of motions with the period of the excitation from `options.from` to `options.to`.
 ///
 /// # Errors
-/// [`AnalysisError`], with the place, the reason and what to try.
+/// [`EndedEarly`], with the place, the reason, what to try, and the branch as far as it was walked.
 pub fn trace<O: Oscillator + Clone>(
     oscillator: O,
     frequency_hz: f64,
     coordinate: Coordinate<O::Parameter>,
     options: &BranchOptions,
-) -> Result<Branch, AnalysisError> {
+) -> Result<Branch, EndedEarly<Branch>> {
     let mut balance = HarmonicBalance::new(oscillator, frequency_hz, 1, options.least_harmonics);
     check(&mut balance, coordinate, options)?;
     let mut response = ForcedResponse::new(balance, coordinate);
@@ -47,9 +47,9 @@ pub fn trace_doubled<O: Oscillator + Clone>(
     bifurcation: &Bifurcation,
     coordinate: Coordinate<O::Parameter>,
     options: &BranchOptions,
-) -> Result<Branch, AnalysisError> {
+) -> Result<Branch, EndedEarly<Branch>> {
     if bifurcation.kind != BifurcationKind::PeriodDoubling {
-        return Err(AnalysisError::NotSingular { kind: bifurcation.kind.name() });
+        return Err(AnalysisError::NotSingular { kind: bifurcation.kind.name() }.into());
     }
     let (orbit, v) = (&bifurcation.orbit, &bifurcation.null_vector);
     let harmonics = 2 * orbit.harmonics() + 1;
@@ -85,7 +85,7 @@ fn check<O: Oscillator>(
         Coordinate::FrequencyHz => "the positive frequencies",
         Coordinate::Parameter(_) => "the range of the parameter",
     };
-    if exists { Ok(()) } else { Err(AnalysisError::Interval { from, to, domain }) }
+    if exists { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit: balance.unit(coordinate), domain }) }
 }
 
 /// The walk, with what is computed at each point.
@@ -100,29 +100,39 @@ pub(super) struct Tracer<'a, O: Oscillator> {
 
 impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
     fn new(response: ForcedResponse<O>, options: &'a BranchOptions) -> Tracer<'a, O> {
-        let branch = Branch { orbits: Vec::new(), bifurcations: Vec::new(), work: Work::default() };
-        Tracer { response, options, floquet: Floquet::default(), branch, rejoined: false }
+        Tracer { response, options, floquet: Floquet::default(), branch: Branch::default(), rejoined: false }
     }
 
-    fn run(mut self, mut walk: Walk) -> Result<Branch, AnalysisError> {
-        adapt(&mut self.response, &mut walk, self.options)?;
+    /// The branch, whole or as far as the walk came.
+    fn run(mut self, mut walk: Walk) -> Result<Branch, EndedEarly<Branch>> {
+        let reason = self.follow(&mut walk).err();
+        self.branch.work = walk.work();
+        self.branch.stability_work = self.floquet.work();
+        let branch = self.in_order();
+        match reason {
+            None => Ok(branch),
+            Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
+        }
+    }
+
+    fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
+        adapt(&mut self.response, walk, self.options)?;
         let mut older = None;
         let mut before = self.mark(walk.point());
         self.branch.orbits.push(before.orbit.clone());
         loop {
             if self.branch.orbits.len() >= self.options.most_points {
-                let points = self.options.most_points;
-                return Err(AnalysisError::TooManyPoints { points, lambda: before.point.lambda });
+                let at = self.response.place(before.point.lambda);
+                return Err(AnalysisError::TooManyPoints { points: self.options.most_points, at });
             }
             walk.advance(&mut self.response)?;
-            adapt(&mut self.response, &mut walk, self.options)?;
+            adapt(&mut self.response, walk, self.options)?;
             let end = self.end(&before.point, walk.point())?;
             let after = self.mark(end.as_ref().unwrap_or(walk.point()));
-            self.detect(older.as_ref(), &before, &after)?;
             self.branch.orbits.push(after.orbit.clone());
+            self.detect(older.as_ref(), &before, &after)?;
             if end.is_some() || self.rejoined {
-                self.branch.work = walk.work();
-                return Ok(self.in_order());
+                return Ok(());
             }
             older = Some(before);
             before = after;

@@ -1,11 +1,12 @@
 //! Curves of folds and of period doublings in two coordinates.
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::adapt;
-use super::continuation::{Point, Walk, at_parameter};
+use super::continuation::{Point, System, Walk, Work, at_parameter};
 use super::orbit::{Bifurcation, BifurcationKind, BranchOptions};
-use super::{AnalysisError, Coordinate, HarmonicBalance, Oscillator, SingularResponse, Singularity};
+use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator, SingularResponse, Singularity};
 
 /// A singular motion on a curve of them.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,15 @@ pub struct SingularPoint {
     pub coefficients: Vec<f64>,
 }
 
+/// A curve of singular motions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SingularCurve {
+    /// Its motions in order.
+    pub points: Vec<SingularPoint>,
+    /// What the walk has cost.
+    pub work: Work,
+}
+
 /// Follows a fold or a period doubling of a branch in `lambda` as `mu` goes from `options.from`, where it was found, to
 /// `options.to`. The curve may turn back (at a cusp it does so sharply); it ends where it leaves the interval.
 ///
@@ -31,7 +41,25 @@ pub fn trace_singular<O: Oscillator>(
     lambda: Coordinate<O::Parameter>,
     mu: Coordinate<O::Parameter>,
     options: &BranchOptions,
-) -> Result<Vec<SingularPoint>, AnalysisError> {
+) -> Result<SingularCurve, EndedEarly<SingularCurve>> {
+    let (mut singular, mut walk) = begin(oscillator, bifurcation, lambda, mu, options)?;
+    let mut curve = SingularCurve::default();
+    let reason = follow(&mut singular, &mut walk, options, &mut curve.points).err();
+    curve.work = walk.work();
+    match reason {
+        None => Ok(curve),
+        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    }
+}
+
+/// The equations, and a walk that begins at the bifurcation.
+fn begin<O: Oscillator>(
+    oscillator: O,
+    bifurcation: &Bifurcation,
+    lambda: Coordinate<O::Parameter>,
+    mu: Coordinate<O::Parameter>,
+    options: &BranchOptions,
+) -> Result<(SingularResponse<O>, Walk), AnalysisError> {
     let kind = match bifurcation.kind {
         BifurcationKind::Fold => Singularity::Fold,
         BifurcationKind::PeriodDoubling => Singularity::PeriodDoubling,
@@ -42,26 +70,36 @@ pub fn trace_singular<O: Oscillator>(
     let (from, to) = (options.from, options.to);
     let exists = from.is_finite() && to.is_finite() && from != to && balance.set_coordinate(mu, to);
     if !(exists && balance.set_coordinate(mu, from) && balance.set_coordinate(lambda, orbit.value)) {
-        return Err(AnalysisError::Interval { from, to, domain: "the range of the second coordinate" });
+        let unit = balance.unit(mu);
+        return Err(AnalysisError::Interval { from, to, unit, domain: "the range of the second coordinate" });
     }
     let x = &orbit.coefficients;
     let scale = options.walk.lambda_scale(orbit.value) / options.walk.size(x);
     let mut singular = SingularResponse::near(balance, kind, lambda, Some(mu), scale, x)?;
     let start = singular.join(orbit.value, x);
-    let mut walk = Walk::start(&mut singular, options.walk, &start, from, to - from)?;
-    let mut points = Vec::new();
+    let walk = Walk::start(&mut singular, options.walk, &start, from, to - from)?;
+    Ok((singular, walk))
+}
+
+/// Walks to the end of the interval.
+fn follow<O: Oscillator>(
+    singular: &mut SingularResponse<O>,
+    walk: &mut Walk,
+    options: &BranchOptions,
+    points: &mut Vec<SingularPoint>,
+) -> Result<(), AnalysisError> {
     loop {
-        adapt(&mut singular, &mut walk, options)?;
-        points.push(singular_point(&singular, walk.point()));
+        adapt(singular, walk, options)?;
+        points.push(singular_point(singular, walk.point()));
         let before = walk.point().clone();
         if points.len() >= options.most_points {
-            return Err(AnalysisError::TooManyPoints { points: points.len(), lambda: before.lambda });
+            return Err(AnalysisError::TooManyPoints { points: points.len(), at: singular.place(before.lambda) });
         }
-        let after = walk.advance(&mut singular)?;
+        let after = walk.advance(singular)?;
         if let Some(limit) = options.left_at(after.lambda) {
-            let last = at_parameter(&mut singular, &options.walk, [&before, after], limit)?;
-            points.push(singular_point(&singular, &last));
-            return Ok(points);
+            let last = at_parameter(singular, &options.walk, [&before, after], limit)?;
+            points.push(singular_point(singular, &last));
+            return Ok(());
         }
     }
 }

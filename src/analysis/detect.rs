@@ -12,7 +12,7 @@ use super::branch::{Marked, Tracer};
 use super::continuation::{Cut, Point, Slices, System};
 use super::extended::Singularity;
 use super::floquet::Stability;
-use super::locate::{COARSE, FINE, branch_point, null_vector, polish, rejoin, search};
+use super::locate::{COARSE, FINE, branch_point, not_located, null_vector, polish, rejoin, search};
 use super::orbit::{Bifurcation, BifurcationKind};
 use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
@@ -163,6 +163,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         for tolerance in [COARSE, FINE] {
             let guess = self.zero(kind, ends, values, tolerance)?;
             if let Ok(located) = polish(&self.response, settings, singularity, &guess) {
+                self.branch.location_work += located.work;
                 let null_vector = located.singular.null_vector().to_vec();
                 let point = Point { x: located.x, lambda: located.lambda, ..guess.clone() };
                 let size = self.response.dimension().max(point.x.len());
@@ -172,8 +173,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
             }
             last = Some(guess);
         }
-        let [lambda, to] = ends.map(|end| end.lambda);
-        let point = last.ok_or(AnalysisError::NotLocated { lambda, to })?;
+        let point = last.ok_or_else(|| not_located(&self.response, ends))?;
         let null_vector = null_vector(&self.response, settings, singularity, &point)?;
         Ok((point, null_vector))
     }

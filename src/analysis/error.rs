@@ -1,10 +1,38 @@
 //! What can go wrong in an analysis, and what to try.
 
+use alloc::boxed::Box;
+use core::fmt;
+
 use thiserror::Error;
 
 use super::continuation::Refusal;
 
-/// Why an analysis has no result.
+/// A value of what a walk goes along, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// λ.
+    pub value: f64,
+    /// Its unit, as in `22.1 Hz`; empty if it has none.
+    pub unit: &'static str,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.6}{}", self.value, Behind(self.unit))
+    }
+}
+
+/// A unit as it stands behind a number.
+struct Behind(&'static str);
+
+impl fmt::Display for Behind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let space = if self.0.is_empty() || self.0 == "°" { "" } else { " " };
+        write!(f, "{space}{}", self.0)
+    }
+}
+
+/// Why an analysis has no result, or ended early.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum AnalysisError {
@@ -15,23 +43,21 @@ pub enum AnalysisError {
         size: usize,
     },
     /// There is no solution where one was looked for.
-    #[error(
-        "no solution at {lambda:.6}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation"
-    )]
+    #[error("no solution at {at}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
     NoSolution {
         /// λ.
-        lambda: f64,
+        at: Place,
         /// Why.
         refusal: Refusal,
     },
     /// A branch could not be followed further.
     #[error(
-        "the branch could not be followed beyond {lambda:.6} (arclength {arclength:.3}, step {step:.1e}): {refusal}; \
+        "the branch could not be followed beyond {at} (arclength {arclength:.3}, step {step:.1e}): {refusal}; \
          try smaller steps, more harmonics, or to start from the other end"
     )]
     Stuck {
         /// λ at the last point.
-        lambda: f64,
+        at: Place,
         /// The arclength there.
         arclength: f64,
         /// The last step tried.
@@ -40,42 +66,54 @@ pub enum AnalysisError {
         refusal: Refusal,
     },
     /// A bifurcation that shows between two points could not be located.
-    #[error("a bifurcation between {lambda:.6} and {to:.6} could not be located; try smaller steps or more harmonics")]
+    #[error("a bifurcation between {from} and {to} could not be located; try smaller steps or more harmonics")]
     NotLocated {
         /// λ before it.
-        lambda: f64,
+        from: Place,
         /// λ after it.
-        to: f64,
+        to: Place,
     },
     /// The series of a motion does not end.
-    #[error("at {lambda:.6} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation")]
+    #[error("at {at} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation")]
     TooManyHarmonics {
         /// λ.
-        lambda: f64,
+        at: Place,
         /// The most that was allowed.
         harmonics: usize,
     },
     /// A branch has more points than were allowed.
-    #[error(
-        "the branch has more than {points} points and has come to {lambda:.6}; try to allow more points or larger steps"
-    )]
+    #[error("the branch has more than {points} points and has come to {at}; try to allow more points or larger steps")]
     TooManyPoints {
         /// The most that was allowed.
         points: usize,
         /// λ at the last point.
-        lambda: f64,
+        at: Place,
     },
     /// The interval is none.
     #[error(
-        "the interval from {from} to {to} can't be walked: both ends must be numbers, different, and inside {domain}"
+        "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
+        Behind(unit)
     )]
     Interval {
         /// Where the walk was to start.
         from: f64,
         /// Where it was to end.
         to: f64,
+        /// The unit of both.
+        unit: &'static str,
         /// What would do.
         domain: &'static str,
+    },
+    /// The excitation does not bring a mode to quadrature.
+    #[error(
+        "mode {mode}, {at}, is hardly driven by this excitation: nothing near its resonance is 90° behind it; \
+         try another excitation, or the mode without dampers"
+    )]
+    NotDriven {
+        /// The mode, 1 or 2.
+        mode: usize,
+        /// Its natural frequency.
+        at: Place,
     },
     /// Only folds and period doublings have curves, and only period doublings doubled branches.
     #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
@@ -83,4 +121,26 @@ pub enum AnalysisError {
         /// What was given.
         kind: &'static str,
     },
+}
+
+/// A walk that ended before its end: why, and everything it had found. Where the walk never began that is nothing.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{reason}")]
+pub struct EndedEarly<T: fmt::Debug> {
+    /// Why it went no further, where, and what to try.
+    pub reason: AnalysisError,
+    /// What it had found.
+    pub so_far: Box<T>,
+}
+
+impl<T: Default + fmt::Debug> From<AnalysisError> for EndedEarly<T> {
+    fn from(reason: AnalysisError) -> EndedEarly<T> {
+        EndedEarly { reason, so_far: Box::default() }
+    }
+}
+
+impl<T: fmt::Debug> From<EndedEarly<T>> for AnalysisError {
+    fn from(early: EndedEarly<T>) -> AnalysisError {
+        early.reason
+    }
 }

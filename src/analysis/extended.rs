@@ -21,7 +21,7 @@ use super::adapt::Spectral;
 use super::continuation::System;
 use super::dense::{Lu, norm};
 use super::fourier::Harmonics;
-use super::harmonic_balance::Forms;
+use super::harmonic_balance::{FormGradient, Forms};
 use super::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
 
 /// What is singular.
@@ -55,6 +55,7 @@ pub struct SingularResponse<O: Oscillator> {
     lambda_scale: f64,
     mu: Option<Coordinate<O::Parameter>>,
     forms: Forms,
+    gradient: FormGradient,
     bordered: Lu,
 }
 
@@ -92,7 +93,8 @@ impl<O: Oscillator> SingularResponse<O> {
         };
         let forms = Forms { harmonics, v: iterate(&|b| lu.solve(b)), w: iterate(&|b| lu.solve_transposed(b)) };
         let lambda_origin = balance.coordinate(lambda);
-        Ok(SingularResponse { balance, kind, lambda, lambda_origin, lambda_scale, mu, forms, bordered: lu })
+        let gradient = FormGradient::default();
+        Ok(SingularResponse { balance, kind, lambda, lambda_origin, lambda_scale, mu, forms, gradient, bordered: lu })
     }
 
     /// What is singular.
@@ -180,10 +182,9 @@ impl<O: Oscillator> System for SingularResponse<O> {
             None => last.fill(0.0),
         }
         residual[n] = self.border();
-        let mut by_x = vec![0.0; n];
         let coordinates = [self.lambda, self.mu.unwrap_or(self.lambda)];
-        let [by_lambda, by_mu] = self.balance.form_gradient(x, &self.forms, coordinates, &mut by_x);
-        for (column, value) in core::iter::once(&by_lambda).chain(&by_x).enumerate() {
+        let [by_lambda, by_mu] = self.gradient.compute(&mut self.balance, x, &self.forms, coordinates);
+        for (column, value) in core::iter::once(&by_lambda).chain(&self.gradient.by_x).enumerate() {
             matrix[column * stride + n] = -value;
         }
         matrix[(n + 1) * stride + n] = if self.mu.is_some() { -by_mu } else { 0.0 };
@@ -191,6 +192,10 @@ impl<O: Oscillator> System for SingularResponse<O> {
         normalise(&mut self.forms.v);
         normalise(&mut self.forms.w);
         residual[n].is_finite()
+    }
+
+    fn unit(&self) -> &'static str {
+        self.mu.map_or("", |mu| self.balance.unit(mu))
     }
 }
 

@@ -3,7 +3,8 @@
 //! A variation y of the motion obeys M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
 //! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of 1e-4
 //! the multipliers are within a thousandth of the unit circle, so the flow is integrated by Gauss–Legendre collocation with
-//! four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600.
+//! four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600. Where the excitation is so
+//! slow that this takes many thousands of steps, Hill's method has the multipliers ([`super::hill`]).
 //!
 //! With A(τᵢ) known at the stages the stage accelerations kᵢ solve a linear system, once for the four columns together:
 //!
@@ -16,13 +17,20 @@ use core::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix2, Matrix4};
 
-use super::fourier::{Basis, Harmonics, Motion};
+use super::fourier::{Basis, Harmonics, Motion, uniform};
+use super::hill::{Hill, Rates};
 use super::{HarmonicBalance, Instant, Oscillator};
 
 /// What rounding leaves of a product of multipliers that is 1.
 const ROUNDING: f64 = 1e-12;
 /// Stages.
 const S: usize = 4;
+/// Beyond this number of steps a period, Hill's method is quicker.
+const SLOW_STEPS: usize = 2048;
+/// Hill's method is believed if Liouville's formula holds this well.
+const LIOUVILLE: f64 = 1e-8;
+/// Steps whose tables are made at once.
+const CHUNK: usize = 2048;
 
 /// The collocation method: a, a², b, bᵀa and c of Butcher's tableau.
 #[derive(Clone, Debug)]
@@ -94,20 +102,40 @@ impl Stability {
     }
 }
 
+/// What stability has cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StabilityWork {
+    /// Motions whose multipliers were computed.
+    pub motions: usize,
+    /// Steps of the integration of their variations; none under an excitation so slow that Hill's method is used.
+    pub steps: usize,
+}
+
 /// Computes multipliers; keeps the tables of the last number of harmonics and steps.
 #[derive(Clone, Debug)]
 pub struct Floquet {
+    work: StabilityWork,
     tableau: Tableau,
-    steps: usize,
+    /// Steps a period of the tables, and the first of those that they are for.
+    tables: (usize, usize),
     basis: Basis,
     motion: Motion,
-    rates: Vec<(Matrix2<f64>, Matrix2<f64>)>,
+    rates: Vec<Rates<f64>>,
+    hill: Hill,
 }
 
 impl Default for Floquet {
     fn default() -> Floquet {
         let basis = Basis::uniform(Harmonics::Integer(1), 0);
-        Floquet { tableau: Tableau::new(), steps: 0, basis, motion: Motion::default(), rates: Vec::new() }
+        Floquet {
+            work: StabilityWork::default(),
+            tableau: Tableau::new(),
+            tables: (0, 0),
+            basis,
+            motion: Motion::default(),
+            rates: Vec::new(),
+            hill: Hill::default(),
+        }
     }
 }
 
@@ -125,14 +153,39 @@ impl Floquet {
 
     /// The stability of the motion X of the balance.
     pub fn stability<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64]) -> Stability {
-        self.stability_with(balance, x, Floquet::steps_for(balance))
+        self.work.motions += 1;
+        let steps = Floquet::steps_for(balance);
+        let slow = if steps > SLOW_STEPS { self.stability_by_hill(balance, x) } else { None };
+        slow.unwrap_or_else(|| self.stability_with(balance, x, steps))
+    }
+
+    /// The same by Hill's method: none where that has no answer.
+    fn stability_by_hill<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64]) -> Option<Stability> {
+        self.basis.set(frequencies(balance), uniform(Hill::SAMPLES));
+        self.tables = (0, 0);
+        self.basis.synthesise(x, balance.base_rad_s(), &mut self.motion);
+        self.linearise(balance);
+        let exponents = self.hill.exponents(&self.rates)?;
+        let trace = self.rates.iter().map(|(_, q)| q.trace()).sum::<f64>() / self.rates.len() as f64;
+        let sum: f64 = exponents.iter().map(|exponent| 2.0 * exponent.re).sum();
+        let liouville_defect = libm::exp(TAU * (sum - trace)) - 1.0;
+        let [a, b] = exponents.map(|exponent| {
+            let (sine, cosine) = libm::sincos(TAU * (exponent.im - libm::round(exponent.im)));
+            Complex::new(cosine, sine) * libm::exp(TAU * exponent.re)
+        });
+        let multipliers = largest_first([a, a.conj(), b, b.conj()]);
+        (liouville_defect.abs() < LIOUVILLE).then_some(Stability { multipliers, liouville_defect })
+    }
+
+    /// What it has cost.
+    pub fn work(&self) -> StabilityWork {
+        self.work
     }
 
     /// The same with a number of steps that is not chosen here.
     fn stability_with<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64], steps: usize) -> Stability {
         let (monodromy, log_determinant) = self.monodromy(balance, x, steps);
-        let mut multipliers = eigenvalues(&monodromy);
-        multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
+        let multipliers = largest_first(eigenvalues(&monodromy));
         let liouville_defect = monodromy.determinant() / libm::exp(log_determinant) - 1.0;
         Stability { multipliers, liouville_defect }
     }
@@ -144,28 +197,32 @@ impl Floquet {
         x: &[f64],
         steps: usize,
     ) -> (Matrix4<f64>, f64) {
-        self.prepare(Harmonics::Integer(balance.harmonics().max(balance.subharmonic())), steps);
-        self.basis.synthesise(x, balance.base_rad_s(), &mut self.motion);
-        self.linearise(balance);
+        self.work.steps += steps;
         let h = TAU / steps as f64;
         let mut trace = 0.0;
         let mut flow = Matrix4::identity();
-        for step in self.rates.chunks_exact(S) {
-            for (weight, (_, q)) in self.tableau.b.iter().zip(step) {
-                trace += h * weight * q.trace();
+        for first in (0..steps).step_by(CHUNK) {
+            self.prepare(frequencies(balance), steps, first);
+            self.basis.synthesise(x, balance.base_rad_s(), &mut self.motion);
+            self.linearise(balance);
+            for step in self.rates.chunks_exact(S) {
+                for (weight, (_, q)) in self.tableau.b.iter().zip(step) {
+                    trace += h * weight * q.trace();
+                }
+                flow = self.step(h, step, &flow);
             }
-            flow = self.step(h, step, &flow);
         }
         (flow, trace)
     }
 
-    /// The tables for the stages of all steps.
-    fn prepare(&mut self, harmonics: Harmonics, steps: usize) {
-        if self.basis.harmonics() != harmonics || self.steps != steps {
+    /// The tables for the stages of the steps from the first.
+    fn prepare(&mut self, harmonics: Harmonics, steps: usize, first: usize) {
+        if self.basis.harmonics() != harmonics || self.tables != (steps, first) {
             let c = self.tableau.c;
-            let phases = (0..S * steps).map(|at| TAU * ((at / S) as f64 + c[at % S]) / steps as f64);
-            self.basis = Basis::new(harmonics, phases);
-            self.steps = steps;
+            let stages = S * first..S * steps.min(first + CHUNK);
+            let phases = stages.map(|at| TAU * ((at / S) as f64 + c[at % S]) / steps as f64);
+            self.basis.set(harmonics, phases);
+            self.tables = (steps, first);
         }
     }
 
@@ -224,6 +281,16 @@ impl Floquet {
     }
 }
 
+/// The frequencies of the motion, and of the excitation.
+fn frequencies<O: Oscillator>(balance: &HarmonicBalance<O>) -> Harmonics {
+    Harmonics::Integer(balance.harmonics().max(balance.subharmonic()))
+}
+
+fn largest_first(mut multipliers: [Complex<f64>; 4]) -> [Complex<f64>; 4] {
+    multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
+    multipliers
+}
+
 /// Shifts σ with which eigenvalues are sought as those of M + σ less σ.
 const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
 /// Deflation tolerance and most iterations of the QR algorithm.
@@ -232,7 +299,7 @@ const QR_LIMITS: (f64, usize) = (1e-15, 200);
 /// Eigenvalues by the QR algorithm. Its double shift may go round in circles on a matrix that is nearly orthogonal, as the
 /// monodromy matrix of a lightly damped system is; so iterations are bounded, and a multiple of the identity is added if need be.
 /// NaN if all that fails.
-fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
+pub(super) fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
     for shift in SHIFTS {
         let shifted = matrix + Matrix4::identity() * shift;
         if let Some(schur) = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1) {
@@ -270,6 +337,9 @@ fn eliminate<const N: usize, const W: usize>(rows: &mut [[f64; W]; N]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
+    use crate::arm::tests::arm;
+    use crate::arm::{Load, Preset};
 
     /// Four stages have order 8: the sum of the weights times any polynomial of degree up to 7 is its integral.
     #[test]
@@ -282,6 +352,34 @@ mod tests {
         for i in 0..S {
             assert!((t.a[i].iter().sum::<f64>() - t.c[i]).abs() < 1e-15);
         }
+    }
+
+    /// Under a slow excitation, weak or so strong that the modes are modulated by many harmonics, Hill's method has the multipliers
+    /// of the flow.
+    #[test]
+    fn hills_method_has_the_multipliers_of_the_flow() {
+        for (hz, torque_nm) in [(0.5, 60.0), (0.2, 60.0), (0.2, 6e3), (0.1, 4e3), (0.05, 3e3)] {
+            let (balance, orbit) = slow_motion(hz, torque_nm);
+            let mut floquet = Floquet::default();
+            let x = &orbit.coefficients;
+            let flow = floquet.stability_with(&balance, x, Floquet::steps_for(&balance));
+            let hill = floquet.stability_by_hill(&balance, x).unwrap();
+            for (a, b) in flow.multipliers.iter().zip(&hill.multipliers) {
+                assert!((a - b).norm() < 1e-8, "{hz} Hz, {torque_nm} N·m: {flow:?} {hill:?}");
+            }
+            assert!(hill.liouville_defect.abs() < 1e-10, "{hill:?}");
+        }
+        // Where the modulation is stronger than the frequencies taken can describe, it has no answer.
+        let (balance, orbit) = slow_motion(0.1, 2e4);
+        assert_eq!(Floquet::default().stability_by_hill(&balance, &orbit.coefficients), None);
+    }
+
+    /// The motion under a slow torque, mostly at joint 2, which modulates the modes.
+    fn slow_motion(hz: f64, torque_nm: f64) -> (HarmonicBalance<ForcedArm>, Orbit) {
+        let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(0.3, 1.0), torque_nm);
+        let options = BranchOptions { most_points: 1, ..BranchOptions::new(hz, 2.0 * hz) };
+        let orbit = trace(forced.clone(), hz, Coordinate::FrequencyHz, &options).unwrap_err().so_far.orbits.remove(0);
+        (HarmonicBalance::new(forced, hz, 1, orbit.harmonics()), orbit)
     }
 
     /// Cyclic permutations are the classical matrices on which the double shift goes round in circles.

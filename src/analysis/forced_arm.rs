@@ -37,6 +37,9 @@ pub enum ArmParameter {
     Damping2,
 }
 
+/// The part of a parameter by which it is varied where r is not quadratic in it.
+const SMALL_PART: f64 = 1e-4;
+
 /// An arm and the load that shakes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForcedArm {
@@ -93,10 +96,12 @@ impl ForcedArm {
     }
 
     /// ∂r/∂p of a physical parameter: r is at most quadratic in each, so that the difference quotient
-    /// (−3 r(p) + 4 r(p+h) − r(p+2h)) / 2h is exact at any h. It looks to larger p, where the arm exists.
+    /// (−3 r(p) + 4 r(p+h) − r(p+2h)) / 2h is exact at any h. It looks to larger p, where the arm exists. With gravity the sag
+    /// depends on p, too, and the quotient has an error of the order of h².
     fn by_physical(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
         let value = self.parameter(which);
-        let h = if value == 0.0 { 1.0 } else { 0.25 * value };
+        let part = if self.arm.parameters().gravity.is_some() { SMALL_PART } else { 0.25 };
+        let h = part * if value == 0.0 { 1.0 } else { value };
         let (state, load) = self.split(at);
         let unbalance = |arm: &Arm| arm.unbalance_nm(&state, &at.acceleration, &load);
         match (self.arm_with(which, value + h), self.arm_with(which, value + 2.0 * h)) {
@@ -144,6 +149,21 @@ impl Oscillator for ForcedArm {
         self.arm_with(which, value).map(|arm| self.arm = arm).is_ok()
     }
 
+    fn unit(&self, which: ArmParameter) -> &'static str {
+        let (torque, force) = (self.direction.torque_nm.norm() > 0.0, self.direction.force_n.norm() > 0.0);
+        match which {
+            ArmParameter::Amplitude if torque && force => "times the load",
+            ArmParameter::Amplitude if force => "N",
+            ArmParameter::Amplitude => "N·m",
+            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => "°",
+            ArmParameter::Inertia1 | ArmParameter::Inertia2 => "kg·m²",
+            ArmParameter::Mass2 => "kg",
+            ArmParameter::Length1 | ArmParameter::Length2 | ArmParameter::Centre2 => "m",
+            ArmParameter::Stiffness1 | ArmParameter::Stiffness2 => "N·m/rad",
+            ArmParameter::Damping1 | ArmParameter::Damping2 => "N·m·s/rad",
+        }
+    }
+
     fn unbalance(&self, at: &Instant) -> Vector2<f64> {
         let (state, load) = self.split(at);
         self.arm.unbalance_nm(&state, &at.acceleration, &load)
@@ -160,11 +180,19 @@ impl Oscillator for ForcedArm {
         }
     }
 
-    /// β enters as β + α does, except in Kα: ∂r/∂βᵢ = (∂r/∂α − K) eᵢ.
+    /// The links' angles at rest θ enter as θ + α does, except in Kα and in the weight at rest: ∂r/∂θ = ∂r/∂α − K₀, K₀ being the
+    /// stiffness at rest. Without gravity θ = β and K₀ = K; with it, θ = β + α_st and K α_st + G(θ) = 0, so ∂θ/∂β = K₀⁻¹K.
     fn by_parameter(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
         let pose = |column: usize| {
-            let by_angle = self.linearise(at).by_position - self.arm.stiffness_matrix();
-            by_angle.column(column) * 1.0_f64.to_radians()
+            let at_rest = self.arm.tangent_stiffness_matrix(&Vector2::zeros());
+            let by_angle = self.linearise(at).by_position - at_rest;
+            let mut turn = Vector2::ith(column, 1.0);
+            if self.arm.parameters().gravity.is_some() {
+                // K₀ is positive definite, or there is no such arm.
+                let stiffness = self.arm.stiffness_matrix() * turn;
+                turn = at_rest.try_inverse().map_or(Vector2::from_element(f64::NAN), |inverse| inverse * stiffness);
+            }
+            by_angle * turn * 1.0_f64.to_radians()
         };
         match which {
             ArmParameter::Amplitude => -self.arm.generalised_force(&at.position, &self.direction) * at.sine,
@@ -181,7 +209,8 @@ impl Oscillator for ForcedArm {
 
     /// (K − ω²M) φ = 0 gives φ by the row that is further from zero; ζ = φᵀDφ / (2ω φᵀMφ).
     fn modes(&self) -> [LinearMode; 2] {
-        let (m, k) = (self.arm.mass_matrix(&Vector2::zeros()), self.arm.stiffness_matrix());
+        let rest = Vector2::zeros();
+        let (m, k) = (self.arm.mass_matrix(&rest), self.arm.tangent_stiffness_matrix(&rest));
         self.arm.angular_frequencies_rad_s().map(|frequency_rad_s| {
             let z = k - m * (frequency_rad_s * frequency_rad_s);
             let [first, second] = [Vector2::new(-z.m12, z.m11), Vector2::new(z.m22, -z.m21)];
@@ -200,13 +229,22 @@ impl Oscillator for ForcedArm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arm::Preset;
     use crate::arm::tests::arm;
+    use crate::arm::{Gravity, Preset};
 
     #[test]
     fn derivatives_by_every_parameter_are_exact() {
         let load = Load { torque_nm: [2.0, -1.0].into(), force_n: [0.5, 0.7].into() };
-        let mut forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 25.0, 70.0), load, 30.0);
+        let arm = arm(Preset::Irb1600Fitted, 25.0, 70.0);
+        // A gravity under which the joints sag by several degrees.
+        let gravity = Some(Gravity { gravity_m_s2: 50.0, mass1_kg: 20.0, centre1_m: 0.3 });
+        let soft = Parameters { stiffness1_nm_rad: 2e4, stiffness2_nm_rad: 5e3, gravity, ..*arm.parameters() };
+        for arm in [Arm::new(soft, arm.pose()).unwrap(), arm] {
+            assert_derivatives(ForcedArm::new(arm, load, 30.0));
+        }
+    }
+
+    fn assert_derivatives(mut forced: ForcedArm) {
         let at = Instant {
             position: [0.2, -0.3].into(),
             velocity: [20.0, -10.0].into(),

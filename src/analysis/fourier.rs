@@ -57,40 +57,49 @@ impl Harmonics {
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
     harmonics: Harmonics,
-    samples: usize,
     cosines: Vec<f64>,
     sines: Vec<f64>,
+    /// sin τⱼ and cos τⱼ.
+    turns: Vec<(f64, f64)>,
+}
+
+/// τⱼ = 2πj/N, j = 0 … N − 1.
+pub(super) fn uniform(samples: usize) -> impl Iterator<Item = f64> {
+    (0..samples).map(move |j| TAU * j as f64 / samples as f64)
 }
 
 impl Basis {
-    /// The basis on the points given, rad; frequency by frequency by rotation, cos (k+1)τ + i sin (k+1)τ = (cos kτ +
-    /// i sin kτ)(cos τ + i sin τ).
-    pub fn new(harmonics: Harmonics, phases_rad: impl Iterator<Item = f64>) -> Basis {
-        let lowest = harmonics.order(0);
-        let starts: Vec<_> = phases_rad.map(|phase| (libm::sincos(lowest * phase), libm::sincos(phase))).collect();
-        let samples = starts.len();
-        let size = harmonics.count() * samples;
-        let mut basis =
-            Basis { harmonics, samples, cosines: Vec::with_capacity(size), sines: Vec::with_capacity(size) };
-        for i in 0..harmonics.count() {
-            for (j, &((sine, cosine), (s, c))) in starts.iter().enumerate() {
-                let (next_cosine, next_sine) = if i == 0 {
-                    (cosine, sine)
-                } else {
-                    let before = (i - 1) * samples + j;
-                    let (x, y) = (basis.cosines[before], basis.sines[before]);
-                    (x * c - y * s, y * c + x * s)
-                };
-                basis.cosines.push(next_cosine);
-                basis.sines.push(next_sine);
-            }
-        }
+    /// The basis on τⱼ = 2πj/N, j = 0 … N − 1.
+    pub fn uniform(harmonics: Harmonics, samples: usize) -> Basis {
+        let mut basis = Basis { harmonics, cosines: Vec::new(), sines: Vec::new(), turns: Vec::new() };
+        basis.set(harmonics, uniform(samples));
         basis
     }
 
-    /// The basis on τⱼ = 2πj/N, j = 0 … N − 1.
-    pub fn uniform(harmonics: Harmonics, samples: usize) -> Basis {
-        Basis::new(harmonics, (0..samples).map(move |j| TAU * j as f64 / samples as f64))
+    /// Makes it the basis on the points given, rad, in the storage that there is; frequency by frequency by rotation,
+    /// cos (k+1)τ + i sin (k+1)τ = (cos kτ + i sin kτ)(cos τ + i sin τ).
+    pub fn set(&mut self, harmonics: Harmonics, phases_rad: impl Iterator<Item = f64>) {
+        self.harmonics = harmonics;
+        self.cosines.clear();
+        self.sines.clear();
+        self.turns.clear();
+        let lowest = harmonics.order(0);
+        for phase in phases_rad {
+            self.turns.push(libm::sincos(phase));
+            if harmonics.count() > 0 {
+                let (sine, cosine) = libm::sincos(lowest * phase);
+                self.cosines.push(cosine);
+                self.sines.push(sine);
+            }
+        }
+        for i in 1..harmonics.count() {
+            for (j, (s, c)) in self.turns.iter().enumerate() {
+                let before = (i - 1) * self.turns.len() + j;
+                let (x, y) = (self.cosines[before], self.sines[before]);
+                self.cosines.push(x * c - y * s);
+                self.sines.push(y * c + x * s);
+            }
+        }
     }
 
     /// Which frequencies.
@@ -100,19 +109,19 @@ impl Basis {
 
     /// N.
     pub fn samples(&self) -> usize {
-        self.samples
+        self.turns.len()
     }
 
     /// cos kτⱼ and sin kτⱼ of the i-th frequency for all j.
     pub fn tables(&self, i: usize) -> (&[f64], &[f64]) {
-        let range = i * self.samples..(i + 1) * self.samples;
+        let range = i * self.samples()..(i + 1) * self.samples();
         (&self.cosines[range.clone()], &self.sines[range])
     }
 
     /// The functions and their first two derivatives by time at the points; τ runs at `omega_rad_s`. The series may have
     /// fewer harmonics than the basis.
     pub fn synthesise(&self, coefficients: &[f64], omega_rad_s: f64, motion: &mut Motion) {
-        motion.reset(self.samples);
+        motion.reset(self.samples());
         let constants = self.harmonics.constants();
         for dof in 0..2 {
             let [position, velocity, acceleration] = &mut motion.0[dof];
@@ -138,7 +147,7 @@ impl Basis {
     /// 2/N Σⱼ f(τⱼ) cos kτⱼ and the same with sin kτⱼ, for the i-th frequency k.
     pub fn project(&self, i: usize, values: &[f64]) -> (f64, f64) {
         let (cosines, sines) = self.tables(i);
-        let scale = 2.0 / self.samples as f64;
+        let scale = 2.0 / self.samples() as f64;
         (scale * dot(values, cosines), scale * dot(values, sines))
     }
 }
@@ -178,7 +187,7 @@ pub(super) fn zeros(harmonics: usize) -> Vec<f64> {
 /// is polished by Newton's method on x′ = 0.
 pub(super) fn largest(basis: &Basis, coefficients: &[f64], motion: &mut Motion) -> [f64; 2] {
     basis.synthesise(coefficients, 1.0, motion);
-    let count = basis.samples;
+    let count = basis.samples();
     core::array::from_fn(|dof| {
         let position = &motion.0[dof][0];
         let highest = position[..count].iter().fold(0.0_f64, |highest, value| highest.max(value.abs()));

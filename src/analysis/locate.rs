@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
-use super::continuation::{Cut, Point, Settings, Slices, System, Walk};
+use super::continuation::{Cut, Point, Settings, Slices, System, Walk, Work};
 use super::extended::{SingularResponse, Singularity};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
@@ -58,7 +58,13 @@ pub(super) fn search<S: System>(
             side = -1;
         }
     }
-    Err(AnalysisError::NotLocated { lambda: ends[0].lambda, to: ends[1].lambda })
+    Err(not_located(system, ends))
+}
+
+/// That a bifurcation between two points could not be located.
+pub(super) fn not_located(system: &impl System, ends: [&Point; 2]) -> AnalysisError {
+    let [from, to] = ends.map(|end| system.place(end.lambda));
+    AnalysisError::NotLocated { from, to }
 }
 
 /// The solution of the extended system near a point of the branch.
@@ -69,6 +75,8 @@ pub(super) struct Located<O: Oscillator> {
     pub lambda: f64,
     /// The equations, with the null vector.
     pub singular: SingularResponse<O>,
+    /// What it has cost.
+    pub work: Work,
 }
 
 /// The largest error of a null vector; see [`SingularResponse::null_vector_error`].
@@ -84,7 +92,7 @@ pub(super) fn polish<O: Oscillator + Clone>(
     kind: Singularity,
     guess: &Point,
 ) -> Result<Located<O>, AnalysisError> {
-    let lost = AnalysisError::NotLocated { lambda: guess.lambda, to: guess.lambda };
+    let lost = not_located(response, [guess, guess]);
     let mut balance = response.balance().clone();
     let coordinate = response.coordinate();
     if !balance.set_coordinate(coordinate, guess.lambda) {
@@ -97,7 +105,7 @@ pub(super) fn polish<O: Oscillator + Clone>(
     for _ in 0..MORE_HARMONICS.1 {
         let (lambda, x) = singular.split(&walk.point().x);
         if singular.null_vector_error() < NULL_VECTOR_ERROR {
-            return Ok(Located { x: x.to_vec(), lambda, singular });
+            return Ok(Located { x: x.to_vec(), lambda, singular, work: walk.work() });
         }
         let harmonics = singular.balance().harmonics() + MORE_HARMONICS.0;
         singular.set_harmonics(harmonics);
@@ -115,7 +123,7 @@ pub(super) fn null_vector<O: Oscillator + Clone>(
 ) -> Result<Vec<f64>, AnalysisError> {
     let mut balance = response.balance().clone();
     if !balance.set_coordinate(response.coordinate(), point.lambda) {
-        return Err(AnalysisError::NotLocated { lambda: point.lambda, to: point.lambda });
+        return Err(not_located(response, [point, point]));
     }
     let scale = settings.lambda_scale(point.lambda);
     let singular = SingularResponse::near(balance, kind, response.coordinate(), None, scale, &point.x)?;
@@ -177,5 +185,5 @@ pub(super) fn branch_point<O: Oscillator + Clone>(
         let harmonics = response.balance().harmonics() + MORE_HARMONICS.0;
         response.set_harmonics(harmonics);
     }
-    Err(AnalysisError::NotLocated { lambda: ends[0].lambda, to: ends[1].lambda })
+    Err(not_located(&response, ends))
 }

@@ -6,7 +6,7 @@ use nalgebra::Complex;
 
 use super::HarmonicBalance;
 use super::continuation::{Settings, Work};
-use super::floquet::{Floquet, Stability};
+use super::floquet::{Floquet, Stability, StabilityWork};
 use super::{Coordinate, Oscillator};
 
 /// How far a branch is walked, and how well.
@@ -127,7 +127,7 @@ pub struct Bifurcation {
 }
 
 /// A branch.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Branch {
     /// Its motions in order.
     pub orbits: Vec<Orbit>,
@@ -135,6 +135,10 @@ pub struct Branch {
     pub bifurcations: Vec<Bifurcation>,
     /// What the walk has cost, without the location of bifurcations.
     pub work: Work,
+    /// What the extended systems of its folds and period doublings have cost.
+    pub location_work: Work,
+    /// What the stability of its motions has cost, and of those looked at between them.
+    pub stability_work: StabilityWork,
 }
 
 impl Orbit {

@@ -55,6 +55,11 @@ pub trait Oscillator {
     #[must_use]
     fn set_parameter(&mut self, which: Self::Parameter, value: f64) -> bool;
 
+    /// The unit of a parameter, for messages; empty if it has none.
+    fn unit(&self, _which: Self::Parameter) -> &'static str {
+        ""
+    }
+
     /// r.
     fn unbalance(&self, at: &Instant) -> Vector2<f64>;
 

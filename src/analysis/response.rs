@@ -54,6 +54,10 @@ impl<O: Oscillator> System for ForcedResponse<O> {
         true
     }
 
+    fn unit(&self) -> &'static str {
+        self.balance.unit(self.coordinate)
+    }
+
     /// Half the way to the nearest linear resonance, or, on top of it, half of its half-power bandwidth.
     fn parameter_step_limit(&self, lambda: f64) -> f64 {
         if self.coordinate != Coordinate::FrequencyHz {

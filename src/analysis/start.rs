@@ -1,7 +1,7 @@
 //! The first motion of a branch.
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Walk, at_parameter};
+use super::continuation::{System, Walk, at_parameter};
 use super::fourier::zeros;
 use super::orbit::BranchOptions;
 use super::{AnalysisError, Coordinate, ForcedResponse, Oscillator};
@@ -45,7 +45,8 @@ fn approach<O: Oscillator + Clone>(
     balance.set_harmonics(options.least_harmonics);
     let domain = "what the system allows";
     if !balance.set_coordinate(coordinate, options.from) {
-        return Err(AnalysisError::Interval { from: options.from, to: options.to, domain });
+        let unit = response.unit();
+        return Err(AnalysisError::Interval { from: options.from, to: options.to, unit, domain });
     }
     let wanted_hz = balance.coordinate(Coordinate::FrequencyHz);
     let mut swept = ForcedResponse::new(balance, Coordinate::FrequencyHz);
@@ -61,5 +62,5 @@ fn approach<O: Oscillator + Clone>(
             return Walk::start(response, options.walk, &point.x, options.from, options.to - options.from);
         }
     }
-    Err(AnalysisError::TooManyPoints { points: options.most_points, lambda: walk.point().lambda })
+    Err(AnalysisError::TooManyPoints { points: options.most_points, at: swept.place(walk.point().lambda) })
 }

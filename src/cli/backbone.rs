@@ -9,6 +9,7 @@ use serde_json::{Map, Value, json};
 
 use super::branch_plot;
 use super::continuation::DriveFlags;
+use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::motion_flags::degrees;
@@ -80,6 +81,8 @@ struct Document {
     frequency_shift_hz: f64,
     curvature_hz_rad2: [Option<f64>; 2],
     points: Vec<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ended_early: Option<Value>,
     wall_s: f64,
 }
 
@@ -93,20 +96,22 @@ impl Backbone {
         let clock = SystemClock;
         let start_ns = clock.now_ns();
         let damped = ForcedArm::new(arm, drive.direction, 0.0);
-        let curve = self.curve(&damped, &options)?;
+        let mut early = Early::default();
+        let curve = self.curve(&damped, &options, &mut early)?;
         let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         if let Some(stem) = &self.plot {
             let mut options = options;
             smooth(&mut options.branch);
-            self.plot(stem, &scenario, (&damped, &drive), &self.curve(&damped, &options)?)?;
+            let curve = self.curve(&damped, &options, &mut early)?;
+            self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
         }
-        let document = self.document(linear_hz, &drive, &curve, wall_s);
+        let document = Document { ended_early: early.document(), ..self.document(linear_hz, &drive, &curve, wall_s) };
         if self.json {
             output::print_json(&document)?;
         } else {
             output::print(&self.text(&scenario, &document, &drive, &curve))?;
         }
-        Ok(Verdict::Positive)
+        early.verdict()
     }
 
     /// The excitation; a torque at joint 1 if none is named.
@@ -135,10 +140,9 @@ impl Backbone {
         })
     }
 
-    fn curve(&self, damped: &ForcedArm, options: &BackboneOptions) -> Result<Curve, Failure> {
+    fn curve(&self, damped: &ForcedArm, options: &BackboneOptions, early: &mut Early) -> Result<Curve, Failure> {
         let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
-        backbone(forced, usize::from(self.mode - 1), ArmParameter::Amplitude, options)
-            .map_err(|source| Failure::Walk { along: "the backbone, Hz", source })
+        early.keep("the backbone", backbone(forced, usize::from(self.mode - 1), ArmParameter::Amplitude, options))
     }
 
     fn kind(&self) -> &'static str {
@@ -164,6 +168,7 @@ impl Backbone {
             frequency_shift_hz: curve.shift_hz(),
             curvature_hz_rad2: [0, 1].map(|joint| curve.curvature_hz_rad2(joint)),
             points: curve.points.iter().map(point).collect(),
+            ended_early: None,
             wall_s,
         }
     }
@@ -197,11 +202,12 @@ impl Backbone {
         scenario: &Scenario,
         forced: (&ForcedArm, &Drive),
         curve: &Curve,
+        early: &mut Early,
     ) -> Result<(), Failure> {
         let (arm, drive) = forced;
         let response = match drive.amplitude {
             Some(amplitude) => {
-                Some(self.response(&ForcedArm::new(arm.arm().clone(), drive.direction, amplitude), curve)?)
+                self.response(&ForcedArm::new(arm.arm().clone(), drive.direction, amplitude), curve, early)?
             }
             None => None,
         };
@@ -224,14 +230,14 @@ impl Backbone {
     }
 
     /// The forced response around the curve.
-    fn response(&self, forced: &ForcedArm, curve: &Curve) -> Result<Branch, Failure> {
+    fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
         let hz = curve.points.iter().map(|point| point.frequency_hz);
         let (low, high) = hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
         let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
         let mut options = self.walk.options(low - margin, high + margin)?;
         smooth(&mut options);
-        trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options)
-            .map_err(|source| Failure::Walk { along: "frequency_hz of the forced response", source })
+        let walked = trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options);
+        early.keep_any("frequency_hz of the forced response", walked)
     }
 }
 

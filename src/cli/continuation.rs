@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::branch_plot;
+use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::interval::{Ends, interval};
@@ -113,6 +114,7 @@ struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
     curves: Option<Curves>,
+    early: Early,
     wall_s: f64,
 }
 
@@ -126,6 +128,7 @@ impl Found {
             bifurcations: events(&self.branch),
             doubled: self.doubled.iter().map(doubled).collect(),
             curves: self.curves.as_ref().map(Curves::document),
+            ended_early: self.early.document(),
             wall_s: self.wall_s,
         }
     }
@@ -146,6 +149,8 @@ struct Document {
     doubled: Vec<DoubledBranch>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ended_early: Option<Value>,
     wall_s: f64,
 }
 
@@ -213,7 +218,7 @@ impl Continue {
         } else {
             output::print(&text(&varied, &found))?;
         }
-        Ok(Verdict::Positive)
+        found.early.verdict()
     }
 
     fn follow(&self, arm: Arm, varied: &Varied, second: Option<(Quantity, f64)>) -> Result<Found, Failure> {
@@ -221,19 +226,21 @@ impl Continue {
         let start_ns = clock.now_ns();
         let (forced, frequency_hz) = self.forced_arm(arm, varied)?;
         let options = self.walk.options(varied.from, varied.to)?;
-        let failed = |source| Failure::Walk { along: varied.quantity.name, source };
-        let coordinate = varied.quantity.coordinate;
-        let branch = trace(forced.clone(), frequency_hz, coordinate, &options).map_err(failed)?;
+        let Quantity { name, coordinate, .. } = varied.quantity;
+        let mut early = Early::default();
+        let branch = early.keep(name, trace(forced.clone(), frequency_hz, coordinate, &options))?;
         let mut doubled = Vec::new();
         if self.doubled {
             for bifurcation in branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::PeriodDoubling) {
-                doubled.push(trace_doubled(forced.clone(), bifurcation, coordinate, &options).map_err(failed)?);
+                let walked = trace_doubled(forced.clone(), bifurcation, coordinate, &options);
+                doubled.extend(early.keep_any(name, walked)?);
             }
         }
-        let curves =
-            second.map(|second| Curves::trace(&forced, &branch, varied.quantity, second, &self.walk)).transpose()?;
+        let curves = second
+            .map(|second| Curves::trace(&forced, &branch, varied.quantity, second, &self.walk, &mut early))
+            .transpose()?;
         let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
-        Ok(Found { branch, doubled, curves, wall_s })
+        Ok(Found { branch, doubled, curves, early, wall_s })
     }
 
     /// The forced arm at the start, and its excitation frequency.

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use thiserror::Error;
 
+use super::ended_early;
 use super::journal::JournalError;
 use super::walk_flags;
 use crate::analysis::AnalysisError;
@@ -62,8 +63,8 @@ pub(super) enum Failure {
     Plot(#[from] PlotError),
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
-    #[error("along {along}: {source}{}", walk_flags::hint(source))]
-    Walk { along: &'static str, source: AnalysisError },
+    #[error("along {along}: {source}{}{}", walk_flags::hint(source), ended_early::kept(kept))]
+    Walk { along: &'static str, source: AnalysisError, kept: usize },
     #[error(transparent)]
     Paper(#[from] PaperError),
     #[error(transparent)]

@@ -10,6 +10,7 @@ mod continuation;
 mod demo;
 mod demo_report;
 mod doctor;
+mod ended_early;
 mod exciter;
 mod failure;
 mod flags;

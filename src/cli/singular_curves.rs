@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 
 use super::continuation::DriveFlags;
+use super::ended_early::Early;
 use super::failure::Failure;
 use super::quantity::Quantity;
 use super::walk_flags::WalkFlags;
@@ -66,6 +67,7 @@ impl Curves {
         first: Quantity,
         (second, to): (Quantity, f64),
         walk: &WalkFlags,
+        early: &mut Early,
     ) -> Result<Curves, Failure> {
         let mut curves: Vec<Curve> = Vec::new();
         for bifurcation in branch.bifurcations.iter().filter(can_be_followed) {
@@ -84,9 +86,9 @@ impl Curves {
             }
             let mut options = walk.options(from, to)?;
             options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
-            let points = trace_singular(forced.clone(), bifurcation, first.coordinate, second.coordinate, &options)
-                .map_err(|source| Failure::Walk { along: second.name, source })?;
-            curves.push(Curve { kind: bifurcation.kind, points });
+            let walked = trace_singular(forced.clone(), bifurcation, first.coordinate, second.coordinate, &options);
+            let found = early.keep_any(second.name, walked)?;
+            curves.extend(found.map(|curve| Curve { kind: bifurcation.kind, points: curve.points }));
         }
         Ok(Curves { first, second, curves })
     }

@@ -4,7 +4,8 @@ use serde::{Serialize, Serializer};
 
 use super::{PaperError, Subject};
 use crate::analysis::{
-    ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, modes, trace,
+    AnalysisError, ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit,
+    modes, trace,
 };
 use crate::arm::{Arm, Load, Preset};
 
@@ -131,7 +132,8 @@ impl ForcedBranch {
         [from_hz, to_hz]: [f64; 2],
     ) -> Result<ForcedBranch, PaperError> {
         let forced = ForcedArm::new(arm.clone(), drive.direction(), amplitude);
-        let branch = trace(forced, from_hz, Coordinate::FrequencyHz, &options(from_hz, to_hz));
+        let branch =
+            trace(forced, from_hz, Coordinate::FrequencyHz, &options(from_hz, to_hz)).map_err(AnalysisError::from);
         ForcedBranch::of(subject, arm, drive, branch.map(|branch| joined(&branch, |_| amplitude)), amplitude)
     }
 
@@ -147,7 +149,7 @@ impl ForcedBranch {
     ) -> Result<ForcedBranch, PaperError> {
         let forced = ForcedArm::new(arm.clone(), drive.direction(), 0.0);
         let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
-        let branch = trace(forced, frequency_hz, amplitude, &options(0.0, largest));
+        let branch = trace(forced, frequency_hz, amplitude, &options(0.0, largest)).map_err(AnalysisError::from);
         ForcedBranch::of(subject, arm, drive, branch.map(|branch| joined(&branch, |orbit| orbit.value)), largest)
     }
 
@@ -155,7 +157,7 @@ impl ForcedBranch {
         subject: &Subject,
         arm: &Arm,
         drive: Drive,
-        motions: Result<Vec<Motion>, crate::analysis::AnalysisError>,
+        motions: Result<Vec<Motion>, AnalysisError>,
         amplitude: f64,
     ) -> Result<ForcedBranch, PaperError> {
         let (preset, pose) = (subject.preset(), arm.pose());

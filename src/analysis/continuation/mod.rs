@@ -23,10 +23,12 @@ mod slices;
 mod walk;
 
 use alloc::vec::Vec;
+use core::ops::AddAssign;
 
 pub(super) use slices::{Cut, Slices, at_parameter};
 pub use walk::Walk;
 
+use super::Place;
 use super::dense::norm;
 
 pub use super::dense::Determinant;
@@ -40,6 +42,16 @@ pub trait System {
     /// of which the last is left alone. Says whether the system exists at λ.
     #[must_use]
     fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool;
+
+    /// The unit of λ, for messages; empty if it has none.
+    fn unit(&self) -> &'static str {
+        ""
+    }
+
+    /// A value of λ with its unit.
+    fn place(&self, lambda: f64) -> Place {
+        Place { value: lambda, unit: self.unit() }
+    }
 
     /// The largest change of λ from here that is sure not to step over something, in the unit of λ.
     fn parameter_step_limit(&self, _lambda: f64) -> f64 {
@@ -106,6 +118,15 @@ pub struct Work {
     pub steps: usize,
     /// Steps taken back.
     pub rejections: usize,
+}
+
+impl AddAssign for Work {
+    fn add_assign(&mut self, other: Work) {
+        self.evaluations += other.evaluations;
+        self.factorizations += other.factorizations;
+        self.steps += other.steps;
+        self.rejections += other.rejections;
+    }
 }
 
 /// Why a step was not taken.

@@ -83,7 +83,7 @@ impl Slices {
         self.solver
             .correct_within(PATIENT_LIMIT, system, &plane, self.size)
             .and_then(|_| self.solver.tangent(&mut tangent, n))
-            .map_err(|refusal| AnalysisError::NoSolution { lambda: through[n] / sigma, refusal })?;
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(through[n] / sigma), refusal })?;
         Ok(Point {
             x: self.solver.z[..n].to_vec(),
             lambda: self.solver.z[n] / sigma,

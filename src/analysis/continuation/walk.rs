@@ -22,6 +22,9 @@ pub struct Walk {
     sigma: f64,
     step: f64,
     solver: Solver,
+    /// The prediction, and the tangent at the solution: storage of a step.
+    through: Vec<f64>,
+    tangent: Vec<f64>,
 }
 
 impl Walk {
@@ -50,15 +53,16 @@ impl Walk {
             through[n] = sigma * lambda;
             solver
                 .correct(system, &Plane { normal: &normal, through: &through, sigma }, size)
-                .map_err(|refusal| AnalysisError::NoSolution { lambda, refusal })?;
+                .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
             through[..n].copy_from_slice(&solver.z[..n]);
         }
         let mut tangent = Vec::new();
-        solver.tangent(&mut tangent, n).map_err(|refusal| AnalysisError::NoSolution { lambda, refusal })?;
+        solver
+            .tangent(&mut tangent, n)
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         let point =
             Point { x: through[..n].to_vec(), lambda, arclength: 0.0, determinant: solver.determinant(), tangent };
-        let step = 0.1 * settings.largest_step;
-        Ok(Walk { settings, point, curvature: vec![0.0; n + 1], sigma, step, solver })
+        Ok(Walk::at(settings, point, sigma, 0.1 * settings.largest_step, solver))
     }
 
     /// Starts from a point and a direction that are known: dx, and dλ as last element.
@@ -81,10 +85,15 @@ impl Walk {
         let length = norm(&tangent);
         tangent.iter_mut().for_each(|value| *value /= length);
         let point = Point { x: x.to_vec(), lambda, arclength: 0.0, determinant: Determinant::default(), tangent };
-        let solver = Solver::default();
-        let mut walk = Walk { settings, point, curvature: vec![0.0; n + 1], sigma, step, solver };
-        walk.attempt(system, step).map_err(|refusal| AnalysisError::NoSolution { lambda, refusal })?;
+        let mut walk = Walk::at(settings, point, sigma, step, Solver::default());
+        walk.attempt(system, step)
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         Ok(walk)
+    }
+
+    fn at(settings: Settings, point: Point, sigma: f64, step: f64, solver: Solver) -> Walk {
+        let curvature = vec![0.0; point.tangent.len()];
+        Walk { settings, point, curvature, sigma, step, solver, through: Vec::new(), tangent: Vec::new() }
     }
 
     /// Where the walk is.
@@ -110,8 +119,8 @@ impl Walk {
                     self.solver.work.rejections += 1;
                     self.step = 0.5 * step;
                     if self.step < self.settings.smallest_step {
-                        let (lambda, arclength) = (self.point.lambda, self.point.arclength);
-                        return Err(AnalysisError::Stuck { lambda, arclength, step: self.step, refusal });
+                        let (at, arclength) = (system.place(self.point.lambda), self.point.arclength);
+                        return Err(AnalysisError::Stuck { at, arclength, step: self.step, refusal });
                     }
                 }
             }
@@ -132,36 +141,41 @@ impl Walk {
         let n = system.dimension();
         let size = self.settings.size(&self.point.x);
         let length = step * size;
-        let mut through = self.point.x.clone();
-        through.push(self.sigma * self.point.lambda);
-        for ((z, t), k) in through.iter_mut().zip(&self.point.tangent).zip(&self.curvature) {
+        self.begin_at_point();
+        for ((z, t), k) in self.through.iter_mut().zip(&self.point.tangent).zip(&self.curvature) {
             *z += length * (t + 0.5 * length * k);
         }
-        let plane = Plane { normal: &self.point.tangent, through: &through, sigma: self.sigma };
+        let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
         let error = self.solver.correct(system, &plane, size)?;
         if error > CORRECTION_SHARE * step {
             return Err(Refusal::Correction);
         }
-        let mut tangent = Vec::new();
-        self.solver.tangent(&mut tangent, n)?;
-        let turn = libm::acos(dot(&tangent, &self.point.tangent).clamp(-1.0, 1.0));
+        self.solver.tangent(&mut self.tangent, n)?;
+        let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
         if turn.is_nan() || turn > self.settings.largest_turn_rad {
             return Err(Refusal::Turn);
         }
-        for ((k, new), old) in self.curvature.iter_mut().zip(&tangent).zip(&self.point.tangent) {
+        for ((k, new), old) in self.curvature.iter_mut().zip(&self.tangent).zip(&self.point.tangent) {
             *k = (new - old) / length;
         }
-        self.take(n, tangent, step);
+        self.take(n, step);
         self.choose_step(step, error, turn);
         Ok(())
     }
 
-    /// Makes the solution in the solver the point of the walk.
-    fn take(&mut self, n: usize, tangent: Vec<f64>, step: f64) {
+    /// Sets the prediction to the point of the walk.
+    fn begin_at_point(&mut self) {
+        self.through.clear();
+        self.through.extend_from_slice(&self.point.x);
+        self.through.push(self.sigma * self.point.lambda);
+    }
+
+    /// Makes the solution in the solver the point of the walk, and the tangent there its tangent.
+    fn take(&mut self, n: usize, step: f64) {
         self.solver.work.steps += 1;
         self.point.x.copy_from_slice(&self.solver.z[..n]);
         self.point.lambda = self.solver.z[n] / self.sigma;
-        self.point.tangent = tangent;
+        core::mem::swap(&mut self.point.tangent, &mut self.tangent);
         self.point.arclength += step;
         self.point.determinant = self.solver.determinant();
         self.rescale();
@@ -203,17 +217,15 @@ impl Walk {
         self.point.x.resize(n, 0.0);
         fit(&mut self.point.tangent);
         fit(&mut self.curvature);
-        let mut through = self.point.x.clone();
-        through.push(self.sigma * self.point.lambda);
+        self.begin_at_point();
         let size = self.settings.size(&self.point.x);
         let lambda = self.point.lambda;
-        let plane = Plane { normal: &self.point.tangent, through: &through, sigma: self.sigma };
-        let mut tangent = Vec::new();
+        let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
         self.solver
             .correct(system, &plane, size)
-            .and_then(|_| self.solver.tangent(&mut tangent, n))
-            .map_err(|refusal| AnalysisError::NoSolution { lambda, refusal })?;
-        self.take(n, tangent, 0.0);
+            .and_then(|_| self.solver.tangent(&mut self.tangent, n))
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
+        self.take(n, 0.0);
         self.solver.work.steps -= 1;
         Ok(())
     }

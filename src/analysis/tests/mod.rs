@@ -1,2 +1,5 @@
 mod arm;
+mod backbones;
+mod early;
 mod textbook;
+mod work;

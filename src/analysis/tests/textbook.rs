@@ -226,9 +226,9 @@ fn curvature_of_the_backbone_is_that_of_duffing() {
         assert!((curvature / expected - 1.0).abs() < 1e-4, "{curvature} {expected}");
         assert_eq!((curve.bending(), curve.curvature_hz_rad2(1)), (Some(bending), None));
         assert_eq!(curve.shift_hz() > 0.0, gamma > 0.0);
-        let short = Backbone { points: curve.points[..2].to_vec() };
+        let short = Backbone { points: curve.points[..2].to_vec(), ..curve.clone() };
         assert_eq!(short.curvature_hz_rad2(0), None);
-        let three = Backbone { points: curve.points[..3].to_vec() };
+        let three = Backbone { points: curve.points[..3].to_vec(), ..curve.clone() };
         assert!((three.curvature_hz_rad2(0).unwrap() / expected - 1.0).abs() < 1e-3);
     }
 }

@@ -54,7 +54,7 @@ pub(super) fn bent(subject: &Subject, arm: &Arm, mode: usize, drive: (Drive, f64
         preset: subject.preset(),
         beta2_deg: arm.pose().beta2_deg,
         drive: format!("backbone of mode {} to {}", mode + 1, drive.0.words(drive.1)),
-        source,
+        source: source.into(),
     })?;
     let ends =
         [curve.points.first(), curve.points.last()].map(|point| point.map_or(f64::NAN, |point| point.frequency_hz));

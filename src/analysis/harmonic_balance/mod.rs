@@ -9,15 +9,17 @@
 //! component k ≤ H comes from N − k ≥ 3H + 4, where the series of a smooth motion has long ended; the blocks of the Jacobian
 //! are needed up to component 2H + 1 < N/2.
 
+mod forms;
+
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix2, Vector2};
 
-use super::dense::norm;
-use super::fourier::{Basis, Harmonics, Motion, largest, mean};
+use super::fourier::{Basis, Harmonics, Motion, largest, mean, uniform};
 use super::spectrum::Spectrum;
 use super::{Instant, Linearisation, Oscillator};
+pub(super) use forms::{FormGradient, Forms};
 
 /// A quantity that can be varied along a branch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +83,7 @@ impl<O: Oscillator> HarmonicBalance<O> {
     pub fn set_harmonics(&mut self, harmonics: usize) {
         let samples = samples_for(harmonics);
         self.harmonics = harmonics;
-        self.basis = Basis::uniform(Harmonics::Integer(2 * harmonics + 1), samples);
+        self.basis.set(Harmonics::Integer(2 * harmonics + 1), uniform(samples));
         self.drive.clear();
         let phase = |j: usize| TAU * ((j * self.subharmonic) % samples) as f64 / samples as f64;
         self.drive.extend((0..samples).map(|j| libm::sincos(phase(j))));
@@ -112,6 +114,14 @@ impl<O: Oscillator> HarmonicBalance<O> {
         match which {
             Coordinate::FrequencyHz => self.frequency_hz,
             Coordinate::Parameter(parameter) => self.oscillator.parameter(parameter),
+        }
+    }
+
+    /// The unit of a coordinate; empty if it has none.
+    pub fn unit(&self, which: Coordinate<O::Parameter>) -> &'static str {
+        match which {
+            Coordinate::FrequencyHz => "Hz",
+            Coordinate::Parameter(parameter) => self.oscillator.unit(parameter),
         }
     }
 
@@ -218,28 +228,6 @@ impl<O: Oscillator> HarmonicBalance<O> {
         self.missing(&self.basis, orders.map(|k| k - 1), &self.unbalance)
     }
 
-    /// The same for a variation, the null vector of a matrix of [`HarmonicBalance::jacobian`], relative to its size: how far
-    /// S v + G v̇ + M v̈ is from zero in the frequencies beyond those of v.
-    pub(super) fn variation_error(&self, forms: &Forms) -> f64 {
-        let count = forms.harmonics.count();
-        let wide = match forms.harmonics {
-            Harmonics::Integer(_) => Harmonics::Integer(2 * count),
-            Harmonics::HalfOdd(_) => Harmonics::HalfOdd(2 * count),
-        };
-        let basis = Basis::uniform(wide, self.basis.samples());
-        let mut motion = Motion::default();
-        basis.synthesise(&forms.v, self.base_rad_s(), &mut motion);
-        let mut signal = [Vec::new(), Vec::new()];
-        for (j, linear) in self.linear.iter().enumerate() {
-            let value = linear.by_position * motion.at(0, j)
-                + linear.by_velocity * motion.at(1, j)
-                + linear.by_acceleration * motion.at(2, j);
-            signal[0].push(value.x);
-            signal[1].push(value.y);
-        }
-        self.missing(&basis, count..2 * count, &signal) / norm(&forms.v)
-    }
-
     /// The largest |Z(kω)⁻¹ r̂ₖ| over the frequencies of the basis with these indices.
     fn missing(&self, basis: &Basis, indices: impl Iterator<Item = usize>, signal: &[Vec<f64>; 2]) -> f64 {
         let [s, g, m] = self.spectrum.means();
@@ -263,92 +251,6 @@ impl<O: Oscillator> HarmonicBalance<O> {
     pub fn largest_rad(&mut self, x: &[f64]) -> [f64; 2] {
         largest(&self.basis, x, &mut self.motion)
     }
-
-    /// For fixed series w and v of the same frequencies as `forms`, the derivatives of wᵀA v, A being the matrix of
-    /// [`HarmonicBalance::jacobian`], by X (into `by_x`) and by the coordinates (returned in their order).
-    ///
-    /// wᵀA v is the mean over the period of W(t)·(S v + G v̇ + M v̈), W being w with the factors of the rows, and
-    /// (S, G, M) change with the motion as the second derivative of r, which is symmetric. So its gradient is the mean of
-    /// W·(∂S φ + ∂G φ̇ + ∂M φ̈) for each φ of X, where ∂ is the derivative along v: a central difference of the analytic
-    /// S, G, M with a step of 1e-5 rad, good to ten digits.
-    pub(super) fn form_gradient<const C: usize>(
-        &mut self,
-        x: &[f64],
-        forms: &Forms,
-        coordinates: [Coordinate<O::Parameter>; C],
-        by_x: &mut [f64],
-    ) -> [f64; C] {
-        let (mut w, mut v) = (Motion::default(), Motion::default());
-        let basis = Basis::uniform(forms.harmonics, self.basis.samples());
-        basis.synthesise(&self.weights(forms), 1.0, &mut w);
-        basis.synthesise(&forms.v, self.base_rad_s(), &mut v);
-        self.basis.synthesise(x, self.base_rad_s(), &mut self.motion);
-        let size = forms.v.iter().fold(f64::MIN_POSITIVE, |size: f64, value| size.max(value.abs()));
-        let step = 1e-5 / size;
-        let mut rows: [Vec<f64>; 6] = Default::default();
-        let mut by_coordinates = [0.0; C];
-        for j in 0..self.basis.samples() {
-            let weight = w.at(0, j);
-            let [above, below] = [step, -step].map(|h| {
-                let mut at = self.instant(j);
-                at.position += v.at(0, j) * h;
-                at.velocity += v.at(1, j) * h;
-                at.acceleration += v.at(2, j) * h;
-                (self.oscillator.linearise(&at), at)
-            });
-            let difference =
-                |f: fn(&Linearisation) -> &Matrix2<f64>| (f(&above.0) - f(&below.0)).tr_mul(&weight) / (2.0 * step);
-            let parts =
-                [difference(|l| &l.by_position), difference(|l| &l.by_velocity), difference(|l| &l.by_acceleration)];
-            for (row, value) in rows.iter_mut().zip(parts.iter().flat_map(|part| part.iter())) {
-                row.push(*value);
-            }
-            for (sum, which) in by_coordinates.iter_mut().zip(coordinates) {
-                let [above, below] = [&above, &below].map(|(linear, at)| self.by_coordinate_at(which, at, linear));
-                *sum += weight.dot(&(above - below)) / (2.0 * step) / self.basis.samples() as f64;
-            }
-        }
-        self.gradient(&rows, by_x);
-        by_coordinates
-    }
-
-    /// The mean of s·φ + g·φ̇ + m·φ̈ for each function φ of X; `rows` are s, g, m, each by degree of freedom.
-    fn gradient(&self, rows: &[Vec<f64>; 6], by_x: &mut [f64]) {
-        for dof in 0..2 {
-            let [s, g, m] = [&rows[dof], &rows[2 + dof], &rows[4 + dof]];
-            by_x[dof] = mean(s);
-            for k in 1..=self.harmonics {
-                let rate = k as f64 * self.base_rad_s();
-                let [s, g, m] = [s, g, m].map(|signal| self.basis.project(k - 1, signal));
-                by_x[4 * k - 2 + dof] = 0.5 * (s.0 - rate * g.1 - rate * rate * m.0);
-                by_x[4 * k + dof] = 0.5 * (s.1 + rate * g.0 - rate * rate * m.1);
-            }
-        }
-    }
-
-    /// w with the factors that its rows carry: the row's scale, and 2 for what is projected on cosines and sines.
-    fn weights(&self, forms: &Forms) -> Vec<f64> {
-        let constants = forms.harmonics.constants();
-        let factor = |row: usize| {
-            if row < constants {
-                self.row_scale(0.0)
-            } else {
-                2.0 * self.row_scale(forms.harmonics.order((row - constants) / 2))
-            }
-        };
-        forms.w.iter().enumerate().map(|(at, value)| value * factor(at / 2)).collect()
-    }
-}
-
-/// Two series of the same frequencies, on the left and on the right of a matrix.
-#[derive(Clone, Debug)]
-pub(super) struct Forms {
-    /// Their frequencies.
-    pub harmonics: Harmonics,
-    /// On the left.
-    pub w: Vec<f64>,
-    /// On the right.
-    pub v: Vec<f64>,
 }
 
 #[cfg(test)]
@@ -460,9 +362,9 @@ mod tests {
                 / (2.0 * h);
             let by = [[h, 0.0], [0.0, h]].map(|s| (form(&x, s) - form(&x, s.map(|s| -s))) / (2.0 * h));
             form(&x, [0.0; 2]);
-            let mut gradient = vec![0.0; n];
-            let exact = balance.form_gradient(&x, &forms, coordinates, &mut gradient);
-            let product: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+            let mut gradient = FormGradient::default();
+            let exact = gradient.compute(&mut balance, &x, &forms, coordinates);
+            let product: f64 = gradient.by_x.iter().zip(&direction).map(|(g, d)| g * d).sum();
             assert!((product - along).abs() < 1e-6 * (1e-3 + along.abs()), "{product} {along}");
             for (exact, seen) in exact.iter().zip(by) {
                 assert!((exact - seen).abs() < 1e-6 * (1e-3 + seen.abs()), "{exact} {seen}");

@@ -1,0 +1,96 @@
+//! The inner loop of the continuation takes no memory: the steps of a walk with all their Newton iterations, along a branch and
+//! along a curve of folds, and the stability of each motion. The guard aborts the process at the first allocation.
+#![cfg(debug_assertions)]
+#![allow(clippy::unwrap_used)]
+
+use std::process::Command;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use resonarm::analysis::continuation::{Settings, Walk};
+use resonarm::analysis::{
+    ArmParameter, BranchOptions, Coordinate, Floquet, ForcedArm, ForcedResponse, HarmonicBalance, SingularResponse,
+    Singularity, trace,
+};
+use resonarm::arm::{Arm, Load, Pose, Preset};
+
+#[global_allocator]
+static GUARD: AllocDisabler = AllocDisabler;
+
+const HARMONICS: usize = 9;
+
+/// 60 N·m at joint 1, β2 = 60°.
+fn forced() -> ForcedArm {
+    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
+    let arm = Arm::new(parameters, Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
+    ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 60.0)
+}
+
+/// From 21.5 Hz up, around both folds, where steps are taken back, too.
+#[test]
+fn a_walk_around_two_folds_allocates_nothing() {
+    let balance = HarmonicBalance::new(forced(), 21.5, 1, HARMONICS);
+    let mut response = ForcedResponse::new(balance, Coordinate::FrequencyHz);
+    let settings = Settings { largest_step: 2.0, largest_turn_rad: 0.5, predictor_error: 0.1, ..Settings::default() };
+    let unknowns = response.balance().dimension();
+    let mut walk = Walk::start(&mut response, settings, &vec![0.0; unknowns], 21.5, 1.0).unwrap();
+    let mut floquet = Floquet::default();
+    // The first step, and the first stability, take the storage of all that follow: the tables of fewer steps fit in, too.
+    walk.advance(&mut response).unwrap();
+    floquet.stability(response.balance(), &walk.point().x);
+    let (mut turns, mut unstable) = (0, 0);
+    assert_no_alloc(|| {
+        let mut rising = true;
+        while walk.point().lambda < 22.5 {
+            let before = walk.point().lambda;
+            if walk.advance(&mut response).is_err() {
+                return;
+            }
+            turns += usize::from((walk.point().lambda > before) != rising);
+            rising = walk.point().lambda > before;
+            unstable += usize::from(!floquet.stability(response.balance(), &walk.point().x).is_stable());
+        }
+    });
+    assert!(turns == 2 && unstable > 2 && walk.point().lambda >= 22.5, "{turns} turns, {unstable} unstable");
+    assert!(walk.work().evaluations > 100 && walk.work().rejections > 0, "{:?}", walk.work());
+}
+
+/// From the first fold at 60 N·m to weaker excitation, around the cusp, and back at the other fold.
+#[test]
+fn a_curve_of_folds_allocates_nothing() {
+    let branch = trace(forced(), 21.0, Coordinate::FrequencyHz, &BranchOptions::new(21.0, 23.5)).unwrap();
+    let fold = &branch.bifurcations[0].orbit;
+    let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
+    let balance = HarmonicBalance::new(forced(), fold.frequency_hz, 1, fold.harmonics());
+    let settings = BranchOptions::new(60.0, 5.0).walk;
+    let x = &fold.coefficients;
+    let mut folds =
+        SingularResponse::near(balance, Singularity::Fold, Coordinate::FrequencyHz, Some(amplitude), 1.0, x).unwrap();
+    let start = folds.join(fold.frequency_hz, x);
+    let mut walk = Walk::start(&mut folds, settings, &start, 60.0, -1.0).unwrap();
+    walk.advance(&mut folds).unwrap();
+    let mut least_nm = f64::INFINITY;
+    assert_no_alloc(|| {
+        while walk.point().lambda < 60.0 {
+            if walk.advance(&mut folds).is_err() {
+                return;
+            }
+            least_nm = walk.point().lambda.min(least_nm);
+        }
+    });
+    assert!(least_nm > 5.0 && least_nm < 50.0 && walk.point().lambda >= 60.0, "{least_nm} N·m");
+}
+
+/// In a child process that the guard must abort: without this the tests above could pass with a guard that guards nothing.
+#[test]
+fn the_guard_bites() {
+    const CHILD: &str = "RESONARM_TEST_ALLOCATE";
+    if std::env::var_os(CHILD).is_some() {
+        assert_no_alloc(|| drop(std::hint::black_box(vec![0_u8; 64])));
+        return;
+    }
+    let mut child = Command::new(std::env::current_exe().unwrap());
+    let output = child.args(["--exact", "the_guard_bites"]).env(CHILD, "1").output().unwrap();
+    assert!(!output.status.success());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("memory allocation of 64 bytes failed"), "{said}");
+}
