@@ -14,16 +14,16 @@
 //! Length included, with h = sin β and t = cos β times the length, the code sums
 //!
 //! ```text
-//! sin:  (h + t α) + ((z h) q + (z (t α)) p)        cos:  (t − h α) + ((z t) q − (z (h α)) p)
+//! S = α + (z α) p    C = 1 + z q    sin: h C + t S    cos: t C − h S
 //! ```
 //!
 //! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out less than
 //! its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) < 2.2e-18 and
 //! α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of sin α and 0.92 u of cos α. Of the constants: `libm` gives sin β and cos β to
 //! 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of rounding: p and q are sums whose first
-//! term dominates, exact to 6 u relative; so the last two products err by at most 9 u α²/2 < 0.72 u and 10 u |α|³/6 < 0.11 u, and their
-//! sum, of a number below 0.1, by 0.1 u; t α errs by 0.4 u, h + t α, at most √(1 + α²), by 1.08 u, and the whole, at most 1, by u.
-//! Together 0.95 u + 3 u + 3.41 u < 8 u = 8.9e-16. Beyond 0.4 `libm` computes the sine of the rounded sum β + α, which is off by no
+//! term dominates, exact to 6 u relative; so z q errs by 8 u α²/2 < 0.64 u and C by 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S,
+//! at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u.
+//! Together 0.95 u + 3 u + 3.72 u < 8 u = 8.9e-16. Beyond 0.4 `libm` computes the sine of the rounded sum β + α, which is off by no
 //! more than u |β + α| and one unit in the last place.
 
 use super::real::Real;
@@ -85,9 +85,8 @@ impl<T: Real> Angle<T> {
         let z = small_rad * small_rad;
         let z2 = z * z;
         let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
-        // The polynomials come last: all else is ready before.
-        let (h_small, t_small) = (h * small_rad, t * small_rad);
-        ((h + t_small) + ((z * h) * q + (z * t_small) * p), (t - h_small) + ((z * t) * q - (z * h_small) * p))
+        let (sine, cosine) = (small_rad + (z * small_rad) * p, T::splat(1.0) + z * q);
+        (h * cosine + t * sine, t * cosine - h * sine)
     }
 }
 

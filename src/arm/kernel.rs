@@ -172,8 +172,8 @@ impl<T: Real> Coefficients<T> {
     pub fn torques(&self, motion: &Motion<T>, h: T, force: [T; 2]) -> [T; 2] {
         let ([x1, x2], [v1, v2]) = (motion.x, motion.v);
         [
-            ((force[0] - self.k[0] * x1) - self.d[0] * v1) + (h * v2) * (v1 + v1 + v2),
-            ((force[1] - self.k[1] * x2) - self.d[1] * v2) - (h * v1) * v1,
+            ((force[0] - self.k[0] * x1) - self.d[0] * v1) + h * (v2 * (v1 + v1 + v2)),
+            ((force[1] - self.k[1] * x2) - self.d[1] * v2) - h * (v1 * v1),
         ]
     }
 

@@ -4,13 +4,14 @@ use super::Stretch;
 use crate::arm::Load;
 use crate::arm::kernel::{Coefficients, Loads, Motion};
 use crate::arm::real::{Lanes, Real, Two};
-use crate::integrate::{Excitation, explicit};
+use crate::integrate::Excitation;
+use crate::integrate::explicit::{self, Rk4};
 
 /// The most arms side by side.
 pub(super) const WIDEST: usize = Two::<Lanes>::WIDTH;
 
-/// Takes a group of arms through some steps of `h_s` under the same loads.
-pub(super) type Kernel<T> = fn(&Coefficients<T>, &mut Motion<T>, &StepLoads<T>, f64, u32);
+/// Takes a group of arms through some steps under the same loads.
+pub(super) type Kernel<T> = fn(&Coefficients<T>, &mut Motion<T>, &StepLoads<T>, &Rk4<T>, u32);
 
 /// The loads at 0, ½ and 1 of a step.
 type StepLoads<T> = [Loads<T>; 3];
@@ -38,17 +39,18 @@ impl Stretch {
         excitations: &[E],
         kernel: Kernel<T>,
     ) {
+        let h = Rk4::new(self.step_s);
         let groups = arms.chunks(T::WIDTH).zip(motions.chunks_mut(T::WIDTH)).zip(excitations.chunks(T::WIDTH));
         for ((arms, motions), excitations) in groups {
             let last = arms.len() - 1;
             let arm = Coefficients::gather(|i| &arms[i.min(last)]);
             let mut motion = Motion::gather(|i| motions[i.min(last)]);
             if excitations.iter().all(Excitation::is_constant) {
-                kernel(&arm, &mut motion, &[loads_at(excitations, self.time_s(0)); 3], self.step_s, self.steps);
+                kernel(&arm, &mut motion, &[loads_at(excitations, self.time_s(0)); 3], &h, self.steps);
             } else {
                 for k in 0..self.steps {
                     let at = |part: f64| loads_at(excitations, self.time_s(k) + part * self.step_s);
-                    kernel(&arm, &mut motion, &[at(0.0), at(0.5), at(1.0)], self.step_s, 1);
+                    kernel(&arm, &mut motion, &[at(0.0), at(0.5), at(1.0)], &h, 1);
                 }
             }
             for (i, own) in motions.iter_mut().enumerate() {
@@ -76,12 +78,12 @@ pub(super) fn portable<T: Real>(
     arm: &Coefficients<T>,
     motion: &mut Motion<T>,
     loads: &StepLoads<T>,
-    h_s: f64,
+    h: &Rk4<T>,
     steps: u32,
 ) {
     let (arm, loads, mut moving) = (*arm, *loads, *motion);
     for _ in 0..steps {
-        moving = explicit::rk4(&arm, h_s, &moving, &loads);
+        moving = explicit::rk4(&arm, h, &moving, &loads);
     }
     *motion = moving;
 }
@@ -89,7 +91,7 @@ pub(super) fn portable<T: Real>(
 /// The kernel for wider registers of x86-64. FMA stays off: a·b + c is two roundings everywhere.
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 mod x86 {
-    use super::{Coefficients, Lanes, Motion, StepLoads, Two, portable};
+    use super::{Coefficients, Lanes, Motion, Rk4, StepLoads, Two, portable};
 
     type Pair = Two<Lanes>;
 
@@ -98,16 +100,16 @@ mod x86 {
         arm: &Coefficients<Pair>,
         motion: &mut Motion<Pair>,
         loads: &StepLoads<Pair>,
-        h_s: f64,
+        h: &Rk4<Pair>,
         steps: u32,
     ) {
         // SAFETY: `Stretch::advance` takes this kernel only where the processor says that it has AVX-512 F.
-        unsafe { avx512(arm, motion, loads, h_s, steps) }
+        unsafe { avx512(arm, motion, loads, h, steps) }
     }
 
     #[target_feature(enable = "avx512f")]
-    fn avx512(arm: &Coefficients<Pair>, motion: &mut Motion<Pair>, loads: &StepLoads<Pair>, h_s: f64, steps: u32) {
-        portable(arm, motion, loads, h_s, steps);
+    fn avx512(arm: &Coefficients<Pair>, motion: &mut Motion<Pair>, loads: &StepLoads<Pair>, h: &Rk4<Pair>, steps: u32) {
+        portable(arm, motion, loads, h, steps);
     }
 
     #[allow(unsafe_code)]
@@ -115,15 +117,21 @@ mod x86 {
         arm: &Coefficients<Lanes>,
         motion: &mut Motion<Lanes>,
         loads: &StepLoads<Lanes>,
-        h_s: f64,
+        h: &Rk4<Lanes>,
         steps: u32,
     ) {
         // SAFETY: `Stretch::advance` takes this kernel only where the processor says that it has AVX2.
-        unsafe { avx2(arm, motion, loads, h_s, steps) }
+        unsafe { avx2(arm, motion, loads, h, steps) }
     }
 
     #[target_feature(enable = "avx2")]
-    fn avx2(arm: &Coefficients<Lanes>, motion: &mut Motion<Lanes>, loads: &StepLoads<Lanes>, h_s: f64, steps: u32) {
-        portable(arm, motion, loads, h_s, steps);
+    fn avx2(
+        arm: &Coefficients<Lanes>,
+        motion: &mut Motion<Lanes>,
+        loads: &StepLoads<Lanes>,
+        h: &Rk4<Lanes>,
+        steps: u32,
+    ) {
+        portable(arm, motion, loads, h, steps);
     }
 }

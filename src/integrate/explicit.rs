@@ -12,6 +12,34 @@ pub(crate) struct Tableau<const S: usize> {
     pub c: [f64; S],
 }
 
+/// A step h and what the classical method makes of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rk4<T> {
+    /// h, ½h, ⅙h, s.
+    full: T,
+    half: T,
+    sixth: T,
+    /// ½h², ¼h², ⅙h², s².
+    half_square: T,
+    quarter_square: T,
+    sixth_square: T,
+}
+
+impl<T: Real> Rk4<T> {
+    /// For steps of `h_s`, the same in every lane.
+    #[inline(always)]
+    pub fn new(h_s: f64) -> Rk4<T> {
+        Rk4 {
+            full: T::splat(h_s),
+            half: T::splat(0.5 * h_s),
+            sixth: T::splat(h_s / 6.0),
+            half_square: T::splat(0.5 * h_s * h_s),
+            quarter_square: T::splat(0.25 * h_s * h_s),
+            sixth_square: T::splat(h_s * h_s / 6.0),
+        }
+    }
+}
+
 /// One step of the classical method (W. Kutta 1901): nodes 0, ½, ½, 1, each stage from the slope before it alone, weights
 /// 1/6, 1/3, 1/3, 1/6. For x' = v, v' = a the velocities in it can be written out, which leaves
 ///
@@ -24,38 +52,38 @@ pub(crate) struct Tableau<const S: usize> {
 ///
 /// The step is made as if all angles were small; if one was not, it is made again with the sines of large angles.
 #[inline(always)]
-pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
+pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h: &Rk4<T>, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
     let (next, small) = if needs_links(arm, loads) {
-        rk4_step::<T, false, true>(arm, h_s, motion, loads)
+        rk4_step::<T, false, true>(arm, h, motion, loads)
     } else {
-        rk4_step::<T, false, false>(arm, h_s, motion, loads)
+        rk4_step::<T, false, false>(arm, h, motion, loads)
     };
-    if small { next } else { rk4_far(arm, h_s, motion, loads) }
+    if small { next } else { rk4_far(arm, h, motion, loads) }
 }
 
 /// [`rk4`] of a single arm: short enough to stand where it is called when only torques act on it.
 #[inline(always)]
 pub(crate) fn rk4_single(
     arm: &Coefficients<f64>,
-    h_s: f64,
+    h: &Rk4<f64>,
     motion: &Motion<f64>,
     loads: &[Loads<f64>; 3],
 ) -> Motion<f64> {
     if needs_links(arm, loads) {
-        return rk4_single_with_links(arm, h_s, motion, loads);
+        return rk4_single_with_links(arm, h, motion, loads);
     }
-    let (next, small) = rk4_step::<f64, false, false>(arm, h_s, motion, loads);
-    if small { next } else { rk4_far(arm, h_s, motion, loads) }
+    let (next, small) = rk4_step::<f64, false, false>(arm, h, motion, loads);
+    if small { next } else { rk4_far(arm, h, motion, loads) }
 }
 
 #[inline(never)]
 fn rk4_single_with_links(
     arm: &Coefficients<f64>,
-    h_s: f64,
+    h: &Rk4<f64>,
     motion: &Motion<f64>,
     loads: &[Loads<f64>; 3],
 ) -> Motion<f64> {
-    rk4(arm, h_s, motion, loads)
+    rk4(arm, h, motion, loads)
 }
 
 #[inline(always)]
@@ -65,33 +93,31 @@ fn needs_links<T: Real>(arm: &Coefficients<T>, loads: &[Loads<T>; 3]) -> bool {
 
 #[cold]
 #[inline(never)]
-fn rk4_far<T: Real>(arm: &Coefficients<T>, h_s: f64, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
-    rk4_step::<T, true, true>(arm, h_s, motion, loads).0
+fn rk4_far<T: Real>(arm: &Coefficients<T>, h: &Rk4<T>, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
+    rk4_step::<T, true, true>(arm, h, motion, loads).0
 }
 
 /// The state after the step, and whether all its angles were small.
 #[inline(always)]
 fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     arm: &Coefficients<T>,
-    h_s: f64,
+    h: &Rk4<T>,
     motion: &Motion<T>,
     loads: &[Loads<T>; 3],
 ) -> (Motion<T>, bool) {
     let [x, v] = [motion.x, motion.v];
-    let half = moved(x, 0.5 * h_s, v);
-    let full = moved(x, h_s, v);
+    let half = moved(x, h.half, v);
+    let full = moved(x, h.full, v);
     let a1 = arm.acceleration::<FAR, LINKS>(motion, &loads[0]);
-    let a2 = arm.acceleration::<FAR, LINKS>(&Motion { x: half, v: moved(v, 0.5 * h_s, a1) }, &loads[1]);
-    let third = Motion { x: moved(half, 0.25 * h_s * h_s, a1), v: moved(v, 0.5 * h_s, a2) };
+    let a2 = arm.acceleration::<FAR, LINKS>(&Motion { x: half, v: moved(v, h.half, a1) }, &loads[1]);
+    let third = Motion { x: moved(half, h.quarter_square, a1), v: moved(v, h.half, a2) };
     let a3 = arm.acceleration::<FAR, LINKS>(&third, &loads[1]);
-    let fourth = Motion { x: moved(full, 0.5 * h_s * h_s, a2), v: moved(v, h_s, a3) };
+    let fourth = Motion { x: moved(full, h.half_square, a2), v: moved(v, h.full, a3) };
     let a4 = arm.acceleration::<FAR, LINKS>(&fourth, &loads[2]);
     let inner = sum(a2, a3);
     let first_three = sum(a1, inner);
-    let next = Motion {
-        x: moved(full, h_s * h_s / 6.0, first_three),
-        v: moved(v, h_s / 6.0, sum(first_three, sum(inner, a4))),
-    };
+    let next =
+        Motion { x: moved(full, h.sixth_square, first_three), v: moved(v, h.sixth, sum(first_three, sum(inner, a4))) };
     let small = arm.within_reach::<LINKS>(x)
         & arm.within_reach::<LINKS>(half)
         & arm.within_reach::<LINKS>(third.x)
@@ -141,16 +167,17 @@ fn combined<T: Real, const S: usize>(
     let mut total = Motion { x: zero, v: zero };
     for (weight, slope) in weights.iter().zip(slopes) {
         if *weight != 0.0 {
-            total = Motion { x: moved(total.x, *weight, slope.x), v: moved(total.v, *weight, slope.v) };
+            total =
+                Motion { x: moved(total.x, T::splat(*weight), slope.x), v: moved(total.v, T::splat(*weight), slope.v) };
         }
     }
-    Motion { x: moved(y.x, h_s, total.x), v: moved(y.v, h_s, total.v) }
+    Motion { x: moved(y.x, T::splat(h_s), total.x), v: moved(y.v, T::splat(h_s), total.v) }
 }
 
 /// p + h q.
 #[inline(always)]
-fn moved<T: Real>(p: [T; 2], h: f64, q: [T; 2]) -> [T; 2] {
-    [p[0] + T::splat(h) * q[0], p[1] + T::splat(h) * q[1]]
+fn moved<T: Real>(p: [T; 2], h: T, q: [T; 2]) -> [T; 2] {
+    [p[0] + h * q[0], p[1] + h * q[1]]
 }
 
 #[inline(always)]

@@ -19,6 +19,7 @@ pub use scheme::{Scheme, UnknownScheme};
 use alloc::boxed::Box;
 
 use collocation::Collocation;
+use explicit::Rk4;
 
 use crate::arm::kernel::{Coefficients, Loads, Motion};
 use crate::arm::{Arm, Load, State};
@@ -71,7 +72,7 @@ pub struct Integrator {
 /// What a scheme computes once.
 #[derive(Clone, Debug, PartialEq)]
 enum Method {
-    Rk4,
+    Rk4(Rk4<f64>),
     Dop853,
     TwoStages(Box<Collocation<2>>),
     ThreeStages(Box<Collocation<3>>),
@@ -80,7 +81,7 @@ enum Method {
 impl Method {
     fn new(scheme: Scheme, arm: &Arm, step_s: f64) -> Method {
         match scheme {
-            Scheme::Rk4 => Method::Rk4,
+            Scheme::Rk4 => Method::Rk4(Rk4::new(step_s)),
             Scheme::Dop853 => Method::Dop853,
             Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(step_s))),
             Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(step_s))),
@@ -137,10 +138,10 @@ impl Integrator {
     ) -> Result<State, IntegrateError> {
         let h_s = self.step_s;
         let next = match &self.method {
-            Method::Rk4 => {
+            Method::Rk4(h) => {
                 let loads_at = |part: f64| Loads::from(&excitation.load(t_s + part * h_s));
                 let loads = [loads_at(0.0), loads_at(0.5), loads_at(1.0)];
-                explicit::rk4_single(&arm.coefficients, h_s, &state.into(), &loads)
+                explicit::rk4_single(&arm.coefficients, h, &state.into(), &loads)
             }
             Method::Dop853 => {
                 let loads = dop853::DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
