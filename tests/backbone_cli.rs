@@ -133,6 +133,27 @@ fn a_figure_over_the_forced_response() {
     assert!(stem.with_extension("png").exists());
 }
 
+/// The examples at the end of a help text do what they say: each ends well, and those with a folder or a figure leave one.
+#[test]
+fn examples_of_the_help_run() {
+    for command in ["continue", "backbone", "sweep", "poincare"] {
+        let help = done(&format!("{command} --help"));
+        let folder = tempfile::tempdir().unwrap();
+        let examples: Vec<&str> = help.lines().filter_map(|line| line.strip_prefix("  resonarm ")).collect();
+        assert!(examples.len() >= 3, "{command}: {help}");
+        for example in examples {
+            let mut program = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+            let output = program.args(example.split(' ')).current_dir(&folder).stdin(Stdio::null()).output().unwrap();
+            assert!(output.status.success(), "{example}: {}", text(&output.stderr));
+            let mut words = example.split(' ').skip_while(|word| !["--out", "--plot"].contains(word));
+            if let (Some(flag), Some(name)) = (words.next(), words.next()) {
+                let name = if flag == "--plot" { format!("{name}.svg") } else { String::from(name) };
+                assert!(folder.path().join(&name).exists(), "{example}: no {name}");
+            }
+        }
+    }
+}
+
 #[test]
 fn help_says_what_there_is() {
     insta::assert_snapshot!(done("backbone -h"), @r"
@@ -269,6 +290,7 @@ fn continue_says_what_it_can_not_do() {
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --to-deg=3"), @"resonarm: --to-deg is not for --parameter frequency: its interval is --from-hz a --to-hz b");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
     insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
+    insta::assert_snapshot!(says(2, "--parameter=amplitude --torque1-nm=60 --frequency-hz=22 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what varies: leave --torque1-nm out");
     insta::assert_snapshot!(says(2, "--parameter=amplitude --from-nm=1 --to-nm=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
     insta::assert_snapshot!(says(2, "--parameter=wind --torque1-nm=60"), @"resonarm: --parameter is `wind`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
     insta::assert_snapshot!(says(2, "--parameter=mass2_kg --torque1-nm=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along mass2_kg: the interval from 36 to -1 kg can't be walked: both ends must be numbers, different, and inside the range of the parameter");
