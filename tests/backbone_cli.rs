@@ -56,9 +56,9 @@ fn a_table_with_its_reading() {
          22.156170         0.02855290         0.02282321         5.7606
          22.155412         0.03571680         0.02869082         7.2078
          22.154233         0.04468344         0.03610862         9.0233
-         22.152408         0.05590758         0.04550254        11.3053
+         22.153498         0.04949438         0.04012078        10.0000
 
-    softening: -0.005120 Hz (-0.0231 %) at |α1| = 0.055908 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
+    softening: -0.004030 Hz (-0.0182 %) at |α1| = 0.049494 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
     ");
     insta::assert_snapshot!(done("backbone --undamped --mode=2 --beta2-deg=120 --to-rad=0.01"), @r"
     irb1600-fitted, β1 = 0°, β2 = 120°, mode 2 from 40.363745 Hz: nonlinear normal mode of the arm without dampers
@@ -90,9 +90,9 @@ fn a_table_with_its_reading() {
          40.363814         0.00021641         0.00564298
          40.363853         0.00027089         0.00705379
          40.363914         0.00033919         0.00881734
-         40.364010         0.00042489         0.01102183
+         40.363963         0.00038512         0.01000000
 
-    hardening: +0.000265 Hz (+0.0007 %) at |α2| = 0.011022 rad; at small amplitudes a of α2, df/d(a²) = +2.18148 Hz/rad²
+    hardening: +0.000218 Hz (+0.0005 %) at |α2| = 0.010000 rad; at small amplitudes a of α2, df/d(a²) = +2.18148 Hz/rad²
     ");
 }
 
@@ -104,7 +104,7 @@ fn a_document_that_the_forced_response_passes_through() {
     assert!(curve["frequency_shift_hz"].as_f64().unwrap() < 0.0);
     let points = curve["points"].as_array().unwrap();
     let number = |point: &Value, key: &str| point[key].as_f64().unwrap();
-    assert!(number(&points[points.len() - 1], "force_n") >= 60.0);
+    assert!((number(&points[points.len() - 1], "force_n") / 60.0 - 1.0).abs() < 1e-9);
     for point in [&points[points.len() / 2], &points[points.len() - 2]] {
         let (hz, force) = (number(point, "frequency_hz"), number(point, "force_n"));
         let arguments = format!(
@@ -175,8 +175,8 @@ fn help_says_what_there_is() {
           --torque1-nm <A>      Amplitude of a torque at joint 1, N·m
           --force-x-n <A>       Amplitude of a force at point C along x, N
           --force-y-n <A>       Amplitude of a force at point C along y, N
-          --to-rad <RAD>        The curve ends where |α1| or |α2| passes this, rad; or where the
-                                excitation passes the amplitude given [default: 0.3]
+          --to-rad <RAD>        The curve ends where |α1| or |α2| is this, rad; or where the excitation
+                                has the amplitude given [default: 0.3]
           --most-harmonics <N>  Most harmonics that a motion may take [default: 64]
           --most-points <N>     Most points of a branch [default: 20000]
           --largest-step <X>    Largest step along a branch, as part of the motion's size [default:

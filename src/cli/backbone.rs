@@ -50,7 +50,7 @@ pub(super) struct Backbone {
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
-    /// The curve ends where |α1| or |α2| passes this, rad; or where the excitation passes the amplitude given.
+    /// The curve ends where |α1| or |α2| is this, rad; or where the excitation has the amplitude given.
     #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
     to_rad: f64,
     #[command(flatten)]
