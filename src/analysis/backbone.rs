@@ -13,8 +13,9 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Settings, System, Walk, Work};
+use super::continuation::{Point, Settings, System, Walk, Work};
 use super::fourier::Harmonics;
+use super::locate::{FINE, search};
 use super::orbit::BranchOptions;
 use super::quadrature::beginning;
 use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator};
@@ -130,9 +131,9 @@ pub struct Backbone {
 pub struct BackboneOptions {
     /// The amplitude of the first point, rad: small against the nonlinearity.
     pub smallest_rad: f64,
-    /// The walk ends when |α1| or |α2| passes this, rad.
+    /// The walk ends where |α1| or |α2| is this, rad.
     pub largest_rad: f64,
-    /// Or when the drive passes this, in its unit.
+    /// Or where the drive is this, in its unit.
     pub largest_drive: f64,
     /// Harmonics, points and steps; `from` and `to` bound the frequency, Hz.
     pub branch: BranchOptions,
@@ -174,7 +175,7 @@ pub fn backbone<O: Oscillator>(
     }
 }
 
-/// Walks until the motion or the drive is large enough, or the frequency outside.
+/// Walks to where the motion or the drive is large enough, or the frequency outside.
 fn follow<O: Oscillator>(
     system: &mut Quadrature<O>,
     walk: &mut Walk,
@@ -182,22 +183,37 @@ fn follow<O: Oscillator>(
     points: &mut Vec<BackbonePoint>,
 ) -> Result<(), AnalysisError> {
     let branch = &options.branch;
+    let mut before: Option<(Point, f64)> = None;
     loop {
         adapt(system, walk, branch)?;
-        let point = walk.point();
-        let last = measure(&mut system.balance, &point.x, point.lambda);
-        let large = last.amplitude_rad.iter().any(|value| *value > options.largest_rad);
-        let outside = branch.left_at(last.frequency_hz).is_some();
-        let at = system.place(last.frequency_hz);
-        let driven = last.drive.abs() > options.largest_drive;
-        points.push(last);
-        if large || outside || driven {
+        let here = walk.point().clone();
+        let motion = measure(&mut system.balance, &here.x, here.lambda);
+        let over = motion.beyond(options);
+        if let Some((last, short)) = before.as_ref().filter(|_| over > 0.0) {
+            let test = |system: &mut Quadrature<O>, point: &Point| {
+                measure(&mut system.balance, &point.x, point.lambda).beyond(options)
+            };
+            let end = search(system, &branch.walk, [last, &here], [*short, over], FINE, test)?;
+            points.push(measure(&mut system.balance, &end.x, end.lambda));
+            return Ok(());
+        }
+        points.push(motion);
+        if over >= 0.0 || branch.left_at(here.lambda).is_some() {
             return Ok(());
         }
         if points.len() >= branch.most_points {
-            return Err(AnalysisError::TooManyPoints { points: points.len(), at });
+            return Err(AnalysisError::TooManyPoints { points: points.len(), at: system.place(here.lambda) });
         }
+        before = Some((here, over));
         walk.advance(system)?;
+    }
+}
+
+impl BackbonePoint {
+    /// How far the motion or its drive is beyond the end of the walk, relative to it: negative before the end.
+    fn beyond(&self, options: &BackboneOptions) -> f64 {
+        let amplitude = self.amplitude_rad[0].max(self.amplitude_rad[1]) / options.largest_rad;
+        amplitude.max(self.drive.abs() / options.largest_drive) - 1.0
     }
 }
 

@@ -109,7 +109,7 @@ impl Hill {
         for _ in 0..NEWTON.0 {
             let change = self.improve(lambda, width)?;
             lambda -= change;
-            if change.norm() <= NEWTON.1 * lambda.norm() {
+            if change.norm_sqr() <= NEWTON.1 * NEWTON.1 * lambda.norm_sqr() {
                 let edge = self.v[0].norm().max(self.v[2 * width].norm());
                 return (edge < EDGE).then_some(lambda);
             }

@@ -24,11 +24,21 @@ use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
 
+const EXAMPLES: &str = "\
+Examples:
+  resonarm backbone
+  resonarm backbone --torque1-nm 60 --plot backbone
+  resonarm backbone --mode 2 --undamped --beta2-deg 120
+  resonarm backbone --force-x-n 60 --beta1-deg 30 --beta2-deg 120 --json
+
+A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
+
 /// Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it hardens or softens.
 ///
 /// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is where the peak of the forced
 /// response lies. Without dampers it is a free motion, and the curve a nonlinear normal mode.
 #[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
 pub(super) struct Backbone {
     #[command(flatten)]
     arm: ArmFlags,
@@ -40,7 +50,7 @@ pub(super) struct Backbone {
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
-    /// The curve ends where |α1| or |α2| passes this, rad; or where the excitation passes the amplitude given.
+    /// The curve ends where |α1| or |α2| is this, rad; or where the excitation has the amplitude given.
     #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
     to_rad: f64,
     #[command(flatten)]

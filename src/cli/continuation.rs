@@ -23,8 +23,20 @@ use crate::arm::{Arm, Load};
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
 
+const EXAMPLES: &str = "\
+Examples:
+  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --plot branch
+  resonarm continue --force-x-n 20 --beta1-deg 30 --beta2-deg 120 --from-hz 60 --to-hz 20
+  resonarm continue --parameter amplitude --frequency-hz 22.1 --from-nm 0 --to-nm 300
+  resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 --from 40 --to 60
+  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --curves-in amplitude --curves-to 5
+  resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 --doubled
+
+A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
+
 /// Follows periodic motions of the forced arm in a parameter, with stability and bifurcations, around folds.
 #[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
 pub(super) struct Continue {
     #[command(flatten)]
     arm: ArmFlags,
@@ -245,6 +257,11 @@ impl Continue {
 
     /// The forced arm at the start, and its excitation frequency.
     fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
+        let amplitude_varies = varied.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude);
+        if amplitude_varies && self.drive.torque1_nm.is_some() {
+            let refusal = "the amplitude is what varies: leave --torque1-nm out";
+            return Err(Failure::Usage(String::from(refusal)));
+        }
         let drive = match (&self.drive, varied.quantity.coordinate) {
             // An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
             (drive, Coordinate::Parameter(ArmParameter::Amplitude)) if !drive.is_force() => {

@@ -15,9 +15,16 @@ use crate::arm::{Arm, Load, Pose};
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
 
+const EXAMPLES: &str = "\
+Examples:
+  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --out sweep
+  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --direction down
+  resonarm sweep --force-x-n 20 --over-beta2-deg 60,120 --from-hz 21 --to-hz 28 --out poses";
+
 /// Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does: jumps and hysteresis
 /// included. Every motion is followed until its end is proved.
 #[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
 pub(super) struct Sweep {
     #[command(flatten)]
     motion: MotionFlags,

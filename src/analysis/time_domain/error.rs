@@ -33,7 +33,9 @@ pub enum TimeDomainError {
     #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
     Load,
     /// Both ends of a sweep must be numbers, different ones.
-    #[error("a sweep from {from} to {to}: both ends must be numbers, the second above the first")]
+    #[error(
+        "a sweep from {from} to {to}: both ends must be numbers, the second above the first; its direction says which way it steps"
+    )]
     Interval {
         /// Lower end.
         from: f64,

@@ -324,8 +324,8 @@ fn says_what_can_not_be_swept() {
     insta::assert_snapshot!(says(1.0, f64::NAN), @"excitation frequency NaN Hz: it must be a positive number");
     insta::assert_snapshot!(says(1.0, 1e-6), @"excitation frequency 0.000001 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
     insta::assert_snapshot!(says(f64::INFINITY, 20.0), @"the amplitude of the excitation is not finite: torque and force must be numbers");
-    insta::assert_snapshot!(Grid::new(23.0, 21.0, 10).unwrap_err(), @"a sweep from 23 to 21: both ends must be numbers, the second above the first");
-    insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"a sweep from NaN to 21: both ends must be numbers, the second above the first");
+    insta::assert_snapshot!(Grid::new(23.0, 21.0, 10).unwrap_err(), @"a sweep from 23 to 21: both ends must be numbers, the second above the first; its direction says which way it steps");
+    insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"a sweep from NaN to 21: both ends must be numbers, the second above the first; its direction says which way it steps");
     insta::assert_snapshot!(Grid::new(21.0, 23.0, 1).unwrap_err(), @"a sweep of 1 points: it must have from 2, one at each end, to 1000000");
     let preset = Preset::Irb1600Fitted.parameters().unwrap();
     let parameters = Parameters { damping1_nm_s_rad: 0.0, damping2_nm_s_rad: 0.0, ..preset };
