@@ -8,11 +8,11 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::branch_plot;
+use super::captions;
 use super::continuation::DriveFlags;
 use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
-use super::motion_flags::degrees;
 use super::output;
 use super::walk_flags::WalkFlags;
 use crate::analysis::{
@@ -189,10 +189,13 @@ impl Backbone {
         } else {
             format!("in phase quadrature with a {}", drive.what())
         };
+        let arm = &scenario.arm;
         let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
         let mut text = format!(
-            "{}, mode {} from {:.6} Hz: {what}\n\n  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n",
-            title(scenario),
+            "{}, β1 = {}, β2 = {}, mode {} from {:.6} Hz: {what}\n\n  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n",
+            arm.preset,
+            captions::degrees(arm.beta1_deg),
+            captions::degrees(arm.beta2_deg),
             self.mode,
             document.linear_frequency_hz
         );
@@ -225,10 +228,10 @@ impl Backbone {
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
         let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);
         let with = drive.amplitude.map_or(String::new(), response_to);
-        let mut figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(title(scenario) + &with);
+        let mut figure =
+            Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(captions::pose(&scenario.arm) + &with);
         for joint in 0..2 {
-            let label = format!("largest |α{}| (rad)", joint + 1);
-            let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(label));
+            let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
             let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
             let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Dashed };
             let panel = branch_plot::with_branches(panel, &branches, joint);
@@ -260,11 +263,6 @@ impl Drive {
 /// Steps so small that the points lie on a smooth line.
 fn smooth(options: &mut BranchOptions) {
     options.walk.largest_step = options.walk.largest_step.min(SMOOTH_STEP);
-}
-
-fn title(scenario: &Scenario) -> String {
-    let arm = &scenario.arm;
-    format!("{}, β1 = {}, β2 = {}", arm.preset, degrees(arm.beta1_deg), degrees(arm.beta2_deg))
 }
 
 /// What the curve says: its bending, and by how much.

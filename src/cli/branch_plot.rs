@@ -1,17 +1,15 @@
 //! Branches as figures: stable blue, unstable red, as the paper has them.
 
+use super::captions;
 use crate::analysis::{Branch, Orbit};
 use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 use crate::scenario::Scenario;
 
 /// Two panels, |α1| and |α2| over what varies.
 pub(super) fn figure(scenario: &Scenario, axis_label: &str, branches: &[&Branch]) -> Figure {
-    let arm = &scenario.arm;
-    let mut figure = Figure::new("Periodic motions of the forced arm")
-        .subtitle(format!("{}, β1 = {}°, β2 = {}°", arm.preset, arm.beta1_deg, arm.beta2_deg));
+    let mut figure = Figure::new("Periodic motions of the forced arm").subtitle(captions::pose(&scenario.arm));
     for joint in 0..2 {
-        let label = format!("largest |α{}| (rad)", joint + 1);
-        let panel = Panel::new(Axis::linear(axis_label), Axis::linear(label));
+        let panel = Panel::new(Axis::linear(axis_label), Axis::linear(captions::largest(joint)));
         let panel = if joint == 1 { panel.legend(Legend::None) } else { panel };
         figure = figure.with(with_branches(panel, branches, joint));
     }

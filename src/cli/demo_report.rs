@@ -2,6 +2,7 @@
 
 use core::fmt::Write;
 
+use super::captions;
 use super::exciter::magnitude;
 use super::failure::Failure;
 use crate::analysis::{Drive, FrequencyResponse, FrfError, Quantity, Response, modes};
@@ -123,10 +124,8 @@ pub(super) fn figure(scenario: &Scenario, responses: &[ResponsePoint]) -> Result
         .collect::<Result<_, Failure>>()?;
 
     let mut figure = Figure::new("Stepped sine through the first resonance").subtitle(format!(
-        "{}, β1 = {}°, β2 = {}°{}",
-        scenario.arm.preset,
-        scenario.arm.beta1_deg,
-        scenario.arm.beta2_deg,
+        "{}{}",
+        captions::pose(&scenario.arm),
         own_parameters(scenario)
     ));
     for (index, name) in ["B", "C"].into_iter().enumerate() {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use super::captions;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output;
@@ -246,9 +247,8 @@ impl Frf {
                 |re: f64, im: f64| if size(re, im).is_nan() { f64::NAN } else { libm::atan2(im, re).to_degrees() };
             phase = phase.with(Series::line(flag.label(), color, broken_at_wraps(points(&angle))));
         }
-        let arm = &scenario.arm;
         Figure::new(format!("Frequency response to {}", self.drive.label()))
-            .subtitle(format!("{}, β1 = {}°, β2 = {}°", arm.preset, arm.beta1_deg, arm.beta2_deg))
+            .subtitle(captions::pose(&scenario.arm))
             .with(modulus)
             .with(phase.legend(crate::plot::Legend::None))
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::captions;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output;
@@ -139,7 +140,7 @@ impl RangeDocument {
             panel = panel.with(Series::line(format!("mode {}", k + 1), color, points));
         }
         Figure::new("Natural frequencies of the arm against the angle of link 2")
-            .subtitle(format!("{}, β1 = {}°", arm.preset, arm.beta1_deg))
+            .subtitle(format!("{}, β₁ = {}", arm.preset, captions::degrees(arm.beta1_deg)))
             .with(panel)
     }
 }

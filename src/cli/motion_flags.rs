@@ -134,11 +134,6 @@ pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
     }
 }
 
-/// An angle in degrees, with a minus sign where it is negative.
-pub(super) fn degrees(value: f64) -> String {
-    format!("{value}°").replace('-', "−")
-}
-
 /// A number of a table where there may be none.
 pub(super) fn or_empty(value: Option<impl ToString>) -> String {
     value.map_or(String::new(), |value| value.to_string())

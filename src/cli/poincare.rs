@@ -7,11 +7,12 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::captions;
 use super::chains::{Chain, Chains, Point};
 use super::continuation::DriveFlags;
 use super::failure::{Failure, Verdict};
 use super::interval::{Ends, interval};
-use super::motion_flags::{DirectionFlag, MotionFlags, degrees, direction_name, load_text, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, load_text, or_empty, write};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
 use crate::arm::Load;
@@ -275,8 +276,7 @@ impl Poincare {
             write(out.join("poincare.csv"), &document.csv(stepped.name))?,
             write(out.join("poincare.json"), &(serde_json::to_string(document)? + "\n"))?,
         ];
-        let arm = &scenario.arm;
-        let pose = format!("{}, β1 = {}, β2 = {}", arm.preset, degrees(arm.beta1_deg), degrees(arm.beta2_deg));
+        let pose = captions::pose(&scenario.arm);
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
         let figure = match self.parameter {
             None => section_figure(document).subtitle(format!("{pose}, {}{hz}", load_text(&stepped.load))),
@@ -334,7 +334,8 @@ fn section_figure(document: &Document) -> Figure {
         let points: Vec<_> = points.map(|state| (state[joint], state[2 + joint])).collect();
         let size = if points.len() > 20 { 2.0 } else { 6.0 };
         let style = Style::Markers { color: Color::Blue, shape: Marker::Circle, size, filled: true };
-        let [x, y] = [format!("α{} (rad)", joint + 1), format!("dα{}/dt (rad/s)", joint + 1)].map(Axis::linear);
+        let alpha = captions::ALPHA[joint];
+        let [x, y] = [format!("{alpha} (rad)"), format!("d{alpha}/dt (rad/s)")].map(Axis::linear);
         let series = Series::markers("section", Color::Blue, Marker::Circle, points).unlabelled().style(style);
         figure = figure.with(Panel::new(x, y).with(series).legend(Legend::None));
     }
@@ -345,7 +346,7 @@ fn section_figure(document: &Document) -> Figure {
 fn diagram(document: &Document, stepped: &Stepped) -> Figure {
     let mut figure = Figure::new("Bifurcation diagram: the section at phase 0 of the excitation");
     for joint in 0..2 {
-        let axis = Axis::linear(format!("α{} (rad)", joint + 1));
+        let axis = Axis::linear(format!("{} (rad)", captions::ALPHA[joint]));
         let mut panel = Panel::new(Axis::linear(stepped.axis), axis);
         for sweep in &stepped.sweeps {
             let (color, size) = match sweep.direction {

@@ -5,6 +5,7 @@ use core::fmt::Write;
 use clap::Args;
 use serde_json::{Map, Value, json};
 
+use super::captions;
 use super::continuation::DriveFlags;
 use super::ended_early::Early;
 use super::failure::Failure;
@@ -37,6 +38,19 @@ pub(super) struct Curves {
 struct Curve {
     kind: BifurcationKind,
     points: Vec<SingularPoint>,
+}
+
+impl Curve {
+    /// Its points at the second quantity's value on the branch.
+    fn on_the_branch(&self) -> impl Iterator<Item = &SingularPoint> {
+        let first = self.points.first();
+        let back = self.points.last().filter(|last| first.is_some_and(|first| near(last.mu, first.mu)));
+        first.into_iter().chain(back)
+    }
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME * b.abs()
 }
 
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
@@ -76,7 +90,6 @@ impl Curves {
                 Coordinate::Parameter(which) => forced.parameter(which),
             };
             let ends_here = |curve: &Curve| {
-                let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
                 let last = curve.points.last();
                 curve.kind == bifurcation.kind
                     && last.is_some_and(|end| near(end.mu, from) && near(end.lambda, bifurcation.orbit.value))
@@ -130,7 +143,6 @@ impl Curves {
 
     /// The plane of both quantities with the curves in it.
     pub fn figure(&self, scenario: &Scenario) -> Figure {
-        let arm = &scenario.arm;
         let mut panel = Panel::new(Axis::linear(self.first.label), Axis::linear(self.second.label));
         for (kind, label, color) in [
             (BifurcationKind::Fold, "fold", Color::Black),
@@ -142,12 +154,13 @@ impl Curves {
                 panel = panel.with(if k == 0 { line } else { line.unlabelled() });
             }
         }
-        let starts: Vec<_> = self.curves.iter().flat_map(|c| c.points.first()).map(|p| (p.lambda, p.mu)).collect();
+        // Where a curve comes back to the branch it ends on it, too.
+        let starts: Vec<_> = self.curves.iter().flat_map(Curve::on_the_branch).map(|p| (p.lambda, p.mu)).collect();
         if !starts.is_empty() {
             panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
         }
         Figure::new("Bifurcations of the forced arm in two parameters")
-            .subtitle(format!("{}, β1 = {}°, β2 = {}°", arm.preset, arm.beta1_deg, arm.beta2_deg))
+            .subtitle(captions::pose(&scenario.arm))
             .with(panel)
     }
 }

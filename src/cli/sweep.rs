@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::captions::{self, degrees};
 use super::chains::{Chain, Chains, Point};
 use super::failure::{Failure, Verdict};
-use super::motion_flags::{DirectionFlag, MotionFlags, degrees, direction_name, load_text, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, load_text, or_empty, write};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter};
 use crate::arm::{Arm, Load, Pose};
@@ -267,8 +268,8 @@ impl Document {
         let arm = &scenario.arm;
         let (one, load) = (self.by_pose().count() == 1, load_text(load));
         let pose = match self.sweeps.first() {
-            Some(sweep) if one => format!("β1 = {}, β2 = {}", degrees(arm.beta1_deg), degrees(sweep.beta2_deg)),
-            _ => format!("β1 = {}", degrees(arm.beta1_deg)),
+            Some(sweep) if one => format!("β₁ = {}, β₂ = {}", degrees(arm.beta1_deg), degrees(sweep.beta2_deg)),
+            _ => format!("β₁ = {}", degrees(arm.beta1_deg)),
         };
         let mut figure = Figure::new("Stepped-sine response, settled at each frequency")
             .subtitle(format!("{}, {pose}, {load}", arm.preset));
@@ -277,7 +278,7 @@ impl Document {
             for joint in 0..2 {
                 // The legend stands in the last panel of the first row: where it needs a place of its own, at the edge.
                 let panel = match same.first() {
-                    Some(first) if !one => panel(same, joint).title(format!("β2 = {}", degrees(first.beta2_deg))),
+                    Some(first) if !one => panel(same, joint).title(format!("β₂ = {}", degrees(first.beta2_deg))),
                     _ => panel(same, joint),
                 };
                 let legend = figure.panels.len() + 1 == figure.columns;
@@ -300,7 +301,7 @@ impl Document {
 
 /// The sweeps of one pose.
 fn panel(sweeps: &[SweepDocument], joint: usize) -> Panel {
-    let label = format!("largest |α{}| (rad)", joint + 1);
+    let label = captions::largest(joint);
     let mut panel = Panel::new(Axis::linear("excitation frequency (Hz)"), Axis::linear(label));
     for sweep in sweeps {
         let (color, shape) = match sweep.direction {
