@@ -1,10 +1,11 @@
 //! Backbone curves by phase quadrature, and nonlinear normal modes (Krack & Gross 2019, Ch. 4; Peeters, Kerschen & Golinval
 //! 2011 for the quadrature).
 //!
-//! At resonance the work of the excitation's first harmonic meets that of the dampers: the displacement lags the force by 90°.
-//! With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is p·b₁ = 0. The unknowns are the amplitude A of
-//! the excitation and X, the equations R(X, Ω, A) = 0 and p·b₁ = 0, and Ω is the parameter of the walk. Without dampers A comes
-//! out as zero, and the curve is a family of free motions: a nonlinear normal mode. A then only makes the system square.
+//! At resonance the work of the excitation's first harmonic meets that of the dampers: the mode lags the force by 90°. With the
+//! force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the coordinate of the linear mode φ.
+//! The unknowns are the amplitude A of the excitation and X, the equations R(X, Ω, A) = 0 and φᵀM b₁ = 0, and Ω is the
+//! parameter of the walk. Without dampers A comes out as zero, and the curve is a family of free motions: a nonlinear normal
+//! mode. A then only makes the system square.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -25,7 +26,8 @@ use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator};
 struct Quadrature<O: Oscillator> {
     balance: HarmonicBalance<O>,
     drive: Coordinate<O::Parameter>,
-    direction: Vector2<f64>,
+    /// φᵀM, of unit length.
+    modal: Vector2<f64>,
 }
 
 impl<O: Oscillator> System for Quadrature<O> {
@@ -47,9 +49,9 @@ impl<O: Oscillator> System for Quadrature<O> {
         self.balance.jacobian(Harmonics::Integer(self.balance.harmonics()), &mut matrix[stride..], stride);
         self.balance.by_coordinate(Coordinate::FrequencyHz, &mut matrix[(n + 1) * stride..]);
         // b₁ is z[5], z[6]: after A, two constants and two cosines.
-        residual[n] = self.direction.x * z[5] + self.direction.y * z[6];
-        matrix[5 * stride + n] = self.direction.x;
-        matrix[6 * stride + n] = self.direction.y;
+        residual[n] = self.modal.x * z[5] + self.modal.y * z[6];
+        matrix[5 * stride + n] = self.modal.x;
+        matrix[6 * stride + n] = self.modal.y;
         true
     }
 
@@ -129,7 +131,8 @@ pub struct Backbone {
 /// How far a backbone is walked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackboneOptions {
-    /// The amplitude of the first point, rad: small against the nonlinearity.
+    /// The amplitude of the first point, rad: small against the nonlinearity. Where the drive ends the walk at less than ten times
+    /// this, the curve begins at a tenth of that.
     pub smallest_rad: f64,
     /// The walk ends where |α1| or |α2| is this, rad.
     pub largest_rad: f64,
@@ -138,6 +141,9 @@ pub struct BackboneOptions {
     /// Harmonics, points and steps; `from` and `to` bound the frequency, Hz.
     pub branch: BranchOptions,
 }
+
+/// The first motion is at most this part of that at which the drive ends the walk.
+const START_PART: f64 = 0.1;
 
 /// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter that
 /// multiplies the excitation. For the nonlinear normal mode give a system without dampers.
@@ -150,20 +156,22 @@ pub fn backbone<O: Oscillator>(
     drive: O::Parameter,
     options: &BackboneOptions,
 ) -> Result<Backbone, EndedEarly<Backbone>> {
-    if !oscillator.set_parameter(drive, 0.0) {
+    let reach = options.largest_drive;
+    if reach.is_nan() || reach <= 0.0 || !oscillator.set_parameter(drive, 0.0) {
         let (unit, domain) = (oscillator.unit(drive), "the range of the drive");
-        return Err(AnalysisError::Interval { from: 0.0, to: options.largest_drive, unit, domain }.into());
+        return Err(AnalysisError::Interval { from: 0.0, to: reach, unit, domain }.into());
     }
     let beginning = beginning(&oscillator, mode, drive)?;
-    let direction = oscillator.load_direction().normalize();
     let balance = HarmonicBalance::new(oscillator, beginning.frequency_hz, 1, options.branch.least_harmonics);
-    let mut system = Quadrature { balance, drive: Coordinate::Parameter(drive), direction };
+    let mut system = Quadrature { balance, drive: Coordinate::Parameter(drive), modal: beginning.modal };
     let rest = vec![0.0; system.dimension()];
     let mut tangent = vec![0.0; system.dimension() + 1];
     tangent[0] = beginning.drive / system.balance.oscillator().stiffness_scale();
     tangent[3..5].copy_from_slice(beginning.cosine.as_slice());
     tangent[5..7].copy_from_slice(beginning.sine.as_slice());
-    let walk = Settings { state_floor: options.smallest_rad, ..options.branch.walk };
+    // Without the nonlinearity the walk would end at this size of the motion.
+    let end_rad = options.largest_drive / beginning.drive;
+    let walk = Settings { state_floor: options.smallest_rad.min(START_PART * end_rad), ..options.branch.walk };
     let options = BackboneOptions { branch: BranchOptions { walk, ..options.branch }, ..*options };
     let mut walk = Walk::start_along(&mut system, walk, &rest, beginning.frequency_hz, &tangent, 1.0)?;
     let mut curve = Backbone::default();

@@ -106,8 +106,7 @@ pub enum AnalysisError {
     },
     /// The excitation does not bring a mode to quadrature.
     #[error(
-        "mode {mode}, {at}, is hardly driven by this excitation: nothing near its resonance is 90° behind it; \
-         try another excitation, or the mode without dampers"
+        "mode {mode}, {at}, is not driven by this excitation: the mode is nowhere 90° behind it; try another excitation"
     )]
     NotDriven {
         /// The mode, 1 or 2.

@@ -220,10 +220,6 @@ impl Oscillator for ForcedArm {
             LinearMode { frequency_rad_s, damping_ratio, shape }
         })
     }
-
-    fn load_direction(&self) -> Vector2<f64> {
-        self.arm.generalised_force(&Vector2::zeros(), &self.direction)
-    }
 }
 
 #[cfg(test)]

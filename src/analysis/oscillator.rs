@@ -74,7 +74,4 @@ pub trait Oscillator {
 
     /// The modes of the linear part, the slower first.
     fn modes(&self) -> [LinearMode; 2];
-
-    /// The generalised force of the excitation about rest, up to a positive factor: the crest of the sine.
-    fn load_direction(&self) -> Vector2<f64>;
 }

@@ -1,14 +1,15 @@
 //! Phase quadrature of the linear system: where backbones begin.
 //!
-//! About rest, M ẍ + G ẋ + S x = A p sin Ωt has the response x = A (Im h cos Ωt + Re h sin Ωt), h = (S + iΩG − Ω²M)⁻¹ p, and
-//! quadrature asks that p·Re h = 0. Near a mode of natural frequency ω and damping ratio ζ
+//! About rest, M ẍ + G ẋ + S x = A p sin Ωt has the response x = A (Im h cos Ωt + Re h sin Ωt), h = (S + iΩG − Ω²M)⁻¹ p. A mode
+//! φ is in quadrature where its modal coordinate φᵀM x is, φᵀM Re h = 0. Without the coupling of the modes by the dampers
 //!
 //! ```text
-//! p·Re h = c (ω² − Ω²)/((ω² − Ω²)² + (2ζωΩ)²) + what the other mode adds,
+//! φᵀM h = φᵀp / (ω² − Ω² + 2iζωΩ)        Re: zero at Ω = ω
 //! ```
 //!
-//! whose first part is largest at Ω = ω (1 − ζ) and smallest at ω (1 + ζ), up to ζ² (the half-power points). The zero lies in
-//! between; if there is none, what the other mode adds is more than the resonance, and the excitation does not drive the mode.
+//! whatever else the excitation moves (at the point where it acts, the other mode can be most of the motion). The real part has its
+//! extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero still lies in between unless
+//! the excitation drives the other mode so much more that the mode answers to the dampers rather than to it.
 
 use core::f64::consts::TAU;
 
@@ -30,6 +31,8 @@ pub(super) struct Beginning {
     pub cosine: Vector2<f64>,
     /// The components along sin Ωt.
     pub sine: Vector2<f64>,
+    /// φᵀM, of unit length.
+    pub modal: Vector2<f64>,
 }
 
 /// S, G and M about rest, and p.
@@ -64,20 +67,22 @@ impl AtRest {
         matrix.try_inverse().map_or(Vector2::from_element(Complex::new(f64::NAN, f64::NAN)), |inverse| inverse * load)
     }
 
-    /// p·Re h.
-    fn in_phase(&self, omega_rad_s: f64) -> f64 {
-        self.response(omega_rad_s).map(|value| value.re).dot(&self.load)
+    /// φᵀM, of unit length: what measures the modal coordinate.
+    fn modal(&self, mode: &LinearMode) -> Vector2<f64> {
+        self.mass.tr_mul(&mode.shape).normalize()
     }
 
     /// Ω of quadrature near a mode.
     fn quadrature_rad_s(&self, mode: &LinearMode) -> Option<f64> {
+        let weights = self.modal(mode) * self.load.dot(&mode.shape).signum();
+        let in_phase = |omega_rad_s: f64| self.response(omega_rad_s).map(|value| value.re).dot(&weights);
         let [mut low, mut high] = [-1.0, 1.0].map(|side| mode.frequency_rad_s * (1.0 + side * mode.damping_ratio));
-        if !(self.in_phase(low) > 0.0 && self.in_phase(high) < 0.0) {
+        if !(in_phase(low) > 0.0 && in_phase(high) < 0.0) {
             return None;
         }
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (low + high);
-            if self.in_phase(middle) > 0.0 {
+            if in_phase(middle) > 0.0 {
                 low = middle;
             } else {
                 high = middle;
@@ -100,14 +105,15 @@ pub(super) fn beginning<O: Oscillator>(
     let frequency_hz = linear.frequency_rad_s / TAU;
     let refusal = AnalysisError::NotDriven { mode: mode + 1, at: Place { value: frequency_hz, unit: "Hz" } };
     let at_rest = AtRest::of(oscillator, drive);
+    let modal = at_rest.modal(&linear);
     if linear.damping_ratio == 0.0 {
         let driven = at_rest.load.dot(&linear.shape) != 0.0;
-        let free = Beginning { frequency_hz, drive: 0.0, cosine: -linear.shape, sine: Vector2::zeros() };
+        let free = Beginning { frequency_hz, drive: 0.0, cosine: -linear.shape, sine: Vector2::zeros(), modal };
         return if driven { Ok(free) } else { Err(refusal) };
     }
     let Some(omega_rad_s) = at_rest.quadrature_rad_s(&linear) else { return Err(refusal) };
     let response = at_rest.response(omega_rad_s);
     let (cosine, sine) = (response.map(|value| value.im), response.map(|value| value.re));
     let drive = 1.0 / libm::sqrt(cosine.norm_squared() + sine.norm_squared());
-    Ok(Beginning { frequency_hz: omega_rad_s / TAU, drive, cosine: cosine * drive, sine: sine * drive })
+    Ok(Beginning { frequency_hz: omega_rad_s / TAU, drive, cosine: cosine * drive, sine: sine * drive, modal })
 }

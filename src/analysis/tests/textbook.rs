@@ -86,10 +86,6 @@ impl Oscillator for Textbook {
             LinearMode { frequency_rad_s: libm::sqrt(7.0), damping_ratio: 0.5 / libm::sqrt(7.0), shape: Vector2::y() },
         ]
     }
-
-    fn load_direction(&self) -> Vector2<f64> {
-        Vector2::x()
-    }
 }
 
 const TAU: f64 = core::f64::consts::TAU;
