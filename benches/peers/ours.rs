@@ -11,7 +11,7 @@ use resonarm::integrate::{IntegrateError, Integrator, Scheme};
 
 const RATE_HZ: f64 = 8000.0;
 /// Rounds are short, so that some of them run undisturbed.
-const ROUNDS: u32 = 300;
+const ROUNDS: u32 = 100;
 const ARMS: usize = 64;
 
 fn main() -> Result<(), Box<dyn Error>> {

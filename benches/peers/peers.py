@@ -18,8 +18,8 @@ K1, K2, D1, D2 = 555e3, 128e3, 0.9, 0.9
 BETA2 = math.radians(60.0)
 STATE = (0.02, -0.03, 0.0, 0.0)
 STEP_S = 1.0 / 8000.0
-ROUNDS = 300
-REPEATS = 5
+ROUNDS = 100
+REPEATS = 15
 
 A1 = I_A1 + I_S2 + M2 * (L1 * L1 + LC2 * LC2)
 A2 = M2 * L1 * LC2

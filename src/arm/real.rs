@@ -17,7 +17,7 @@ pub(crate) trait Real:
     fn lane(self, i: usize) -> f64;
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
-    /// Whether every lane is within ± `limit`; NaN is not.
+    /// Whether every lane is within ± `limit`, as its square says, which the polynomials need anyway; NaN is not.
     fn all_within(self, limit: f64) -> bool;
     /// Whether every lane is zero.
     fn all_zero(self) -> bool;
@@ -53,7 +53,7 @@ impl Real for f64 {
 
     #[inline(always)]
     fn all_within(self, limit: f64) -> bool {
-        libm::fabs(self) <= limit
+        self * self <= limit * limit
     }
 
     #[inline(always)]
@@ -184,7 +184,7 @@ impl Real for Lanes {
         // Without a short cut, so that the lanes stay together.
         let mut all = true;
         for i in 0..LANES {
-            all &= libm::fabs(self.0[i]) <= limit;
+            all &= self.0[i].all_within(limit);
         }
         all
     }
