@@ -5,13 +5,13 @@ use crate::arm::Load;
 use crate::arm::kernel::{Coefficients, Loads, Motion};
 use crate::arm::real::{Lanes, Real, Two};
 use crate::integrate::Excitation;
-use crate::integrate::explicit::{self, Rk4};
+use crate::integrate::explicit::{self, Rk4Step};
 
 /// The most arms side by side.
 pub(super) const WIDEST: usize = Two::<Lanes>::WIDTH;
 
 /// Takes a group of arms through some steps under the same loads.
-pub(super) type Kernel<T> = fn(&Coefficients<T>, &mut Motion<T>, &StepLoads<T>, &Rk4<T>, u32);
+pub(super) type Kernel<T> = fn(&Coefficients<T>, &mut Motion<T>, &StepLoads<T>, &Rk4Step<T>, u32);
 
 /// The loads at 0, ½ and 1 of a step.
 type StepLoads<T> = [Loads<T>; 3];
@@ -39,7 +39,7 @@ impl Stretch {
         excitations: &[E],
         kernel: Kernel<T>,
     ) {
-        let h = Rk4::new(self.step_s);
+        let h = Rk4Step::new(self.step_s);
         let groups = arms.chunks(T::WIDTH).zip(motions.chunks_mut(T::WIDTH)).zip(excitations.chunks(T::WIDTH));
         for ((arms, motions), excitations) in groups {
             let last = arms.len() - 1;
@@ -78,7 +78,7 @@ pub(super) fn portable<T: Real>(
     arm: &Coefficients<T>,
     motion: &mut Motion<T>,
     loads: &StepLoads<T>,
-    h: &Rk4<T>,
+    h: &Rk4Step<T>,
     steps: u32,
 ) {
     let (arm, loads, mut moving) = (*arm, *loads, *motion);
@@ -91,7 +91,7 @@ pub(super) fn portable<T: Real>(
 /// The kernel for wider registers of x86-64. FMA stays off: a·b + c is two roundings everywhere.
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 mod x86 {
-    use super::{Coefficients, Lanes, Motion, Rk4, StepLoads, Two, portable};
+    use super::{Coefficients, Lanes, Motion, Rk4Step, StepLoads, Two, portable};
 
     type Pair = Two<Lanes>;
 
@@ -100,7 +100,7 @@ mod x86 {
         arm: &Coefficients<Pair>,
         motion: &mut Motion<Pair>,
         loads: &StepLoads<Pair>,
-        h: &Rk4<Pair>,
+        h: &Rk4Step<Pair>,
         steps: u32,
     ) {
         // SAFETY: `Stretch::advance` takes this kernel only where the processor says that it has AVX-512 F.
@@ -108,7 +108,13 @@ mod x86 {
     }
 
     #[target_feature(enable = "avx512f")]
-    fn avx512(arm: &Coefficients<Pair>, motion: &mut Motion<Pair>, loads: &StepLoads<Pair>, h: &Rk4<Pair>, steps: u32) {
+    fn avx512(
+        arm: &Coefficients<Pair>,
+        motion: &mut Motion<Pair>,
+        loads: &StepLoads<Pair>,
+        h: &Rk4Step<Pair>,
+        steps: u32,
+    ) {
         portable(arm, motion, loads, h, steps);
     }
 
@@ -117,7 +123,7 @@ mod x86 {
         arm: &Coefficients<Lanes>,
         motion: &mut Motion<Lanes>,
         loads: &StepLoads<Lanes>,
-        h: &Rk4<Lanes>,
+        h: &Rk4Step<Lanes>,
         steps: u32,
     ) {
         // SAFETY: `Stretch::advance` takes this kernel only where the processor says that it has AVX2.
@@ -129,7 +135,7 @@ mod x86 {
         arm: &Coefficients<Lanes>,
         motion: &mut Motion<Lanes>,
         loads: &StepLoads<Lanes>,
-        h: &Rk4<Lanes>,
+        h: &Rk4Step<Lanes>,
         steps: u32,
     ) {
         portable(arm, motion, loads, h, steps);

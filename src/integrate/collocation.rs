@@ -67,7 +67,7 @@ impl<const C: usize> Matrix<C> {
 
     /// sum += matrix · y.
     #[inline(always)]
-    fn add_times(&self, y: &[f64; C], sum: &mut [f64; 4]) {
+    fn add_product(&self, y: &[f64; C], sum: &mut [f64; 4]) {
         for (value, (high, low)) in sum.iter_mut().zip(self.high.iter().zip(&self.low)) {
             *value += dot(high, y) + dot(low, y);
         }
@@ -140,7 +140,7 @@ impl<const S: usize> Step<S> {
         let mut slopes = [[first.x - low1, first.y - low2]; S];
         let from_start: [[f64; 4]; S] = array::from_fn(|i| {
             let mut change = [0.0; 4];
-            self.start[i].add_times(&y, &mut change);
+            self.start[i].add_product(&y, &mut change);
             change
         });
         let mut correction = f64::INFINITY;
@@ -158,7 +158,7 @@ impl<const S: usize> Step<S> {
     fn stage_state(&self, i: usize, y: &[f64; 4], from_start: &[f64; 4], slopes: &Slopes<S>) -> State {
         let mut change = *from_start;
         for (matrix, slope) in self.stage[i].iter().zip(slopes) {
-            matrix.add_times(slope, &mut change);
+            matrix.add_product(slope, &mut change);
         }
         moved(y, &change)
     }

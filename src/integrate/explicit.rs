@@ -14,7 +14,7 @@ pub(crate) struct Tableau<const S: usize> {
 
 /// A step h and what the classical method makes of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rk4<T> {
+pub(crate) struct Rk4Step<T> {
     /// h, ½h, ⅙h, s.
     full: T,
     half: T,
@@ -25,11 +25,11 @@ pub(crate) struct Rk4<T> {
     sixth_square: T,
 }
 
-impl<T: Real> Rk4<T> {
+impl<T: Real> Rk4Step<T> {
     /// For steps of `h_s`, the same in every lane.
     #[inline(always)]
-    pub fn new(h_s: f64) -> Rk4<T> {
-        Rk4 {
+    pub fn new(h_s: f64) -> Rk4Step<T> {
+        Rk4Step {
             full: T::splat(h_s),
             half: T::splat(0.5 * h_s),
             sixth: T::splat(h_s / 6.0),
@@ -52,7 +52,12 @@ impl<T: Real> Rk4<T> {
 ///
 /// The step is made as if all angles were small; if one was not, it is made again with the sines of large angles.
 #[inline(always)]
-pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h: &Rk4<T>, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
+pub(crate) fn rk4<T: Real>(
+    arm: &Coefficients<T>,
+    h: &Rk4Step<T>,
+    motion: &Motion<T>,
+    loads: &[Loads<T>; 3],
+) -> Motion<T> {
     let (next, small) = if needs_links(arm, loads) {
         rk4_step::<T, false, true>(arm, h, motion, loads)
     } else {
@@ -65,7 +70,7 @@ pub(crate) fn rk4<T: Real>(arm: &Coefficients<T>, h: &Rk4<T>, motion: &Motion<T>
 #[inline(always)]
 pub(crate) fn rk4_single(
     arm: &Coefficients<f64>,
-    h: &Rk4<f64>,
+    h: &Rk4Step<f64>,
     motion: &Motion<f64>,
     loads: &[Loads<f64>; 3],
 ) -> Motion<f64> {
@@ -79,7 +84,7 @@ pub(crate) fn rk4_single(
 #[inline(never)]
 fn rk4_single_with_links(
     arm: &Coefficients<f64>,
-    h: &Rk4<f64>,
+    h: &Rk4Step<f64>,
     motion: &Motion<f64>,
     loads: &[Loads<f64>; 3],
 ) -> Motion<f64> {
@@ -93,7 +98,7 @@ fn needs_links<T: Real>(arm: &Coefficients<T>, loads: &[Loads<T>; 3]) -> bool {
 
 #[cold]
 #[inline(never)]
-fn rk4_far<T: Real>(arm: &Coefficients<T>, h: &Rk4<T>, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
+fn rk4_far<T: Real>(arm: &Coefficients<T>, h: &Rk4Step<T>, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
     rk4_step::<T, true, true>(arm, h, motion, loads).0
 }
 
@@ -101,7 +106,7 @@ fn rk4_far<T: Real>(arm: &Coefficients<T>, h: &Rk4<T>, motion: &Motion<T>, loads
 #[inline(always)]
 fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     arm: &Coefficients<T>,
-    h: &Rk4<T>,
+    h: &Rk4Step<T>,
     motion: &Motion<T>,
     loads: &[Loads<T>; 3],
 ) -> (Motion<T>, bool) {

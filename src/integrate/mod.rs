@@ -19,7 +19,7 @@ pub use scheme::{Scheme, UnknownScheme};
 use alloc::boxed::Box;
 
 use collocation::Collocation;
-use explicit::Rk4;
+use explicit::Rk4Step;
 
 use crate::arm::kernel::{Coefficients, Loads, Motion};
 use crate::arm::{Arm, Load, State};
@@ -72,7 +72,7 @@ pub struct Integrator {
 /// What a scheme computes once.
 #[derive(Clone, Debug, PartialEq)]
 enum Method {
-    Rk4(Rk4<f64>),
+    Rk4(Rk4Step<f64>),
     Dop853,
     TwoStages(Box<Collocation<2>>),
     ThreeStages(Box<Collocation<3>>),
@@ -81,7 +81,7 @@ enum Method {
 impl Method {
     fn new(scheme: Scheme, arm: &Arm, step_s: f64) -> Method {
         match scheme {
-            Scheme::Rk4 => Method::Rk4(Rk4::new(step_s)),
+            Scheme::Rk4 => Method::Rk4(Rk4Step::new(step_s)),
             Scheme::Dop853 => Method::Dop853,
             Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(step_s))),
             Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(step_s))),
