@@ -1,11 +1,12 @@
 """Steps per second of the same arm in MuJoCo, in hand-written numba and in Resonarm, and the ratios.
 
 Every one steps irb1600-fitted at beta2 = 60 degrees from the same state, without load, and must arrive at the same state. The
-three are measured in turn, several times over, and the best short round
-of each counts: what else the machine does then weighs little.
+three are measured in turn, several times over: in each turn the best short round of each counts, and the ratios are the
+medians of those in a turn, because the clock of a shared machine changes between turns.
 """
 import json
 import math
+import statistics
 import subprocess
 import time
 
@@ -19,7 +20,7 @@ BETA2 = math.radians(60.0)
 STATE = (0.02, -0.03, 0.0, 0.0)
 STEP_S = 1.0 / 8000.0
 ROUNDS = 100
-REPEATS = 15
+REPEATS = 25
 
 A1 = I_A1 + I_S2 + M2 * (L1 * L1 + LC2 * LC2)
 A2 = M2 * L1 * LC2
@@ -108,18 +109,20 @@ def ours():
 def main():
     expected = rk4(STATE, 800, STEP_S, 0.0, 0.0)
     step_mujoco = mujoco_runner()
-    best = {}
+    turns = []
     for _ in range(REPEATS):
         state, rates = ours()
         assert np.allclose(state, expected, rtol=1e-10, atol=1e-14), (state, expected)
         rates["numba RK4"] = rate(lambda n: rk4(STATE, n, STEP_S, 0.0, 0.0), 2_000)
         rates["MuJoCo RK4"] = rate(step_mujoco, 40)
-        for name, value in rates.items():
-            best[name] = max(best.get(name, 0.0), value)
-    numba_rate, mujoco_rate = best["numba RK4"], best["MuJoCo RK4"]
+        turns.append(rates)
     print(f"{'':24} {'steps/s':>12} {'x numba':>9} {'x MuJoCo':>9}")
-    for name, value in best.items():
-        print(f"{name:24} {value:12.4g} {value / numba_rate:9.2f} {value / mujoco_rate:9.1f}")
+    for name in turns[0]:
+        over_numba, over_mujoco = (
+            statistics.median(turn[name] / turn[peer] for turn in turns) for peer in ("numba RK4", "MuJoCo RK4")
+        )
+        typical = statistics.median(turn[name] for turn in turns)
+        print(f"{name:24} {typical:12.4g} {over_numba:9.2f} {over_mujoco:9.1f}")
 
 
 main()
