@@ -16,7 +16,7 @@ fn memory_keeps_the_contract() {
         let mut ends = memory::hub(2, 64).into_iter().map(|end| Box::new(end) as Box<dyn Bus>);
         (ends.next().unwrap(), ends.next().unwrap())
     };
-    contract::contract(make, contract::Formats::All);
+    contract::contract(make, contract::Formats::All, || 0);
 }
 
 #[test]

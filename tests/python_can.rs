@@ -98,7 +98,7 @@ fn virtual_keeps_the_contract() {
         let end = || bus::open(&address).unwrap();
         (end(), end())
     };
-    contract::contract(make, contract::Formats::All);
+    contract::contract(make, contract::Formats::All, || 0);
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn slcan_keeps_the_contract() {
         modems.borrow_mut().push(modem);
         pair
     };
-    contract::contract(make, contract::Formats::All);
+    contract::contract(make, contract::Formats::All, || 0);
 }
 
 #[test]

@@ -55,6 +55,27 @@ fn run(command: &str) {
     assert!(status.success(), "`{command}` ended with {status}");
 }
 
+/// Frames, of all interfaces, that the kernel dropped between sender and receiver, because too many (sysctl
+/// `net.core.netdev_max_backlog`) waited for their CPU: the second column of a line for each CPU. A vcan sends through
+/// this queue as a real adapter receives through it, and a busy machine does overflow it.
+fn lost_by_the_backlog() -> u64 {
+    let table = std::fs::read_to_string("/proc/net/softnet_stat").unwrap();
+    table.lines().map(|cpu| u64::from_str_radix(cpu.split(' ').nth(1).unwrap(), 16).unwrap()).sum()
+}
+
+/// A count that the kernel may still be adding to, once it has stood still for a while.
+#[allow(clippy::disallowed_methods, reason = "a test waits in real time")]
+fn settled(count: impl Fn() -> u64) -> u64 {
+    let mut last = count();
+    let steady = (0..50).any(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        let before = std::mem::replace(&mut last, count());
+        before == last
+    });
+    assert!(steady, "still counting: {last}");
+    last
+}
+
 fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::classic(Id::Standard(id), data).unwrap()
 }
@@ -71,7 +92,7 @@ fn refusal(interface: &str) -> BusError {
 #[test]
 fn socketcan_keeps_the_contract() {
     let end = || Box::new(SocketCan::open(&vcan(), Options::default()).unwrap()) as Box<dyn Bus>;
-    contract::contract(|| (end(), end()), contract::Formats::All);
+    contract::contract(|| (end(), end()), contract::Formats::All, lost_by_the_backlog);
 }
 
 /// Two ends that python-can opens on the same interface.
@@ -80,7 +101,7 @@ fn socketcan_keeps_the_contract() {
 fn socketcan_of_python_can_keeps_the_contract() {
     let address = format!("python-can:interface=socketcan,channel={},fd=true", vcan()).parse().unwrap();
     let end = || resonarm::bus::open(&address).unwrap();
-    contract::contract(|| (end(), end()), contract::Formats::All);
+    contract::contract(|| (end(), end()), contract::Formats::All, lost_by_the_backlog);
 }
 
 #[test]
@@ -236,10 +257,12 @@ fn the_receive_buffer_bounds_what_is_kept() {
         let options = Options { receive_buffer_bytes, ..Options::default() };
         let (mut near, mut far) = (interface.open(), SocketCan::open(interface.0, options).unwrap());
         assert_eq!(far.buffers(), options, "a privileged process gets what it asks for");
+        let lost_before = lost_by_the_backlog();
         (0..20_000).for_each(|_| _ = near.send(&frame(1, &[0; 8])).unwrap());
-        let dropped = far.statistics().dropped;
+        let dropped = settled(|| far.statistics().dropped);
         let received = std::iter::from_fn(|| far.receive().unwrap()).count() as u64;
-        assert_eq!(received + dropped, near.statistics().sent);
+        let (counted, lost) = (received + dropped, lost_by_the_backlog() - lost_before);
+        assert!((counted..=counted + lost).contains(&near.statistics().sent), "{received} + {dropped}, {lost} lost");
         assert_eq!(far.statistics().dropped, dropped);
         far.close().unwrap();
         assert_eq!(far.statistics().dropped, dropped, "the count outlives the socket");

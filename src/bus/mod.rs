@@ -121,7 +121,9 @@ pub struct Statistics {
     pub received: u64,
     /// Frames queued for sending.
     pub sent: u64,
-    /// Incoming frames lost because the receive queue was full.
+    /// Incoming frames lost because the receive queue was full. What the kernel drops before a frame reaches any socket
+    /// (`net.core.netdev_max_backlog`, counted for all interfaces in the second column of `/proc/net/softnet_stat`) is
+    /// not in it; there the counters within the frames tell.
     pub dropped: u64,
     /// Calls of [`Bus::send`] that met a full transmit queue.
     pub queue_full: u64,

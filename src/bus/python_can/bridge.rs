@@ -36,8 +36,10 @@ pub(super) const ATTEMPTS_WHEN_CLOSING: u32 = 1000;
 pub(super) struct Shared {
     /// This end is leaving.
     pub(super) closing: AtomicBool,
-    /// Frames that met a full receive queue.
-    pub(super) dropped: AtomicU64,
+    /// Frames that met a full receive queue here.
+    dropped: AtomicU64,
+    /// Frames that met a full receive queue in the kernel.
+    dropped_beneath: AtomicU64,
     /// Error frames, and messages that are no frame.
     pub(super) discarded: AtomicU64,
     guard: Mutex<()>,
@@ -45,6 +47,11 @@ pub(super) struct Shared {
 }
 
 impl Shared {
+    /// Frames that met a full receive queue.
+    pub(super) fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed) + self.dropped_beneath.load(Ordering::Relaxed)
+    }
+
     /// Wakes whoever waits in [`Shared::wait_while`]. The lock is what makes the wake-up impossible to miss.
     fn announce(&self) {
         drop(self.guard.lock().unwrap_or_else(PoisonError::into_inner));
@@ -125,6 +132,8 @@ fn is_queue_full(py: Python<'_>, error: &PyErr) -> bool {
 /// The receiver: takes messages from python-can and puts frames into the queue.
 pub(super) struct Receiver {
     pub(super) bus: Arc<Py<PyAny>>,
+    /// The Python socket that the driver reads from, where the kernel counts what it lost on it.
+    pub(super) socket: Option<Py<PyAny>>,
     pub(super) incoming: Producer<Received>,
     pub(super) failures: Producer<PythonCanError>,
     pub(super) requests: mpsc::Receiver<FilterRequest>,
@@ -161,6 +170,10 @@ impl Receiver {
     /// Waits for one message. `true` if a frame was queued.
     fn receive(&mut self, bus: &Bound<'_, PyAny>) -> PyResult<bool> {
         let message = bus.call_method1("recv", (RECEIVE_TIMEOUT_S,))?;
+        if let Some(socket) = &self.socket {
+            let dropped = kernel_drops(socket.bind(bus.py()))?;
+            self.shared.dropped_beneath.store(dropped, Ordering::Relaxed);
+        }
         if message.is_none() {
             return Ok(false);
         }
@@ -174,6 +187,16 @@ impl Receiver {
         }
         Ok(true)
     }
+}
+
+/// What a socket lost at its receive queue: a place among the `u32` counters of the option `SO_MEMINFO` (Linux 4.12).
+fn kernel_drops(socket: &Bound<'_, PyAny>) -> PyResult<u64> {
+    const PLACE: usize = libc::SK_MEMINFO_DROPS as usize;
+    let option = (libc::SOL_SOCKET, libc::SO_MEMINFO, 4 * (PLACE + 1));
+    let counters: Vec<u8> = socket.call_method1("getsockopt", option)?.extract()?;
+    let drops = counters.chunks_exact(4).nth(PLACE).and_then(|bytes| bytes.try_into().ok()).map(u32::from_ne_bytes);
+    // A kernel that is older counts them, but does not tell.
+    Ok(drops.map_or(0, u64::from))
 }
 
 #[cfg(test)]

@@ -5,6 +5,9 @@
 //! is one.
 //!
 //! Error frames are not frames of the bus: they are left out and counted in [`PythonCan::discarded`].
+//!
+//! Of the frames that are lost before python-can has them, those that found the kernel's receive queue of its `socketcan`
+//! full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
 
 mod bridge;
 mod discovery;
@@ -72,11 +75,15 @@ impl PythonCan {
         let options = Options::parse(options)?;
         start_python()?;
         let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
-        Ok(PythonCan::start(bus, message_class)?)
+        let socket = match options.interface.as_str() {
+            "socketcan" => Python::attach(|py| bus.getattr(py, "socket").ok()),
+            _ => None,
+        };
+        Ok(PythonCan::start(bus, message_class, socket)?)
     }
 
-    /// Starts the bridge threads on an open python-can bus.
-    fn start(bus: Py<PyAny>, message_class: Py<PyAny>) -> Result<PythonCan, PythonCanError> {
+    /// Starts the bridge threads on an open python-can bus; `socket` is what it reads from, if that counts losses.
+    fn start(bus: Py<PyAny>, message_class: Py<PyAny>, socket: Option<Py<PyAny>>) -> Result<PythonCan, PythonCanError> {
         let shared = Arc::new(Shared::default());
         let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
         let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
@@ -95,6 +102,7 @@ impl PythonCan {
         };
         let receiver = Receiver {
             bus,
+            socket,
             incoming: came_in,
             failures: receive_failed,
             requests: requested,
@@ -186,7 +194,7 @@ impl Bus for PythonCan {
     }
 
     fn statistics(&self) -> Statistics {
-        Statistics { dropped: self.shared.dropped.load(Ordering::Relaxed), ..self.statistics }
+        Statistics { dropped: self.shared.dropped(), ..self.statistics }
     }
 
     fn close(&mut self) -> Result<(), BusError> {
@@ -214,7 +222,6 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<(
     thread::Builder::new().name(name.to_string()).spawn(run).map_err(PythonCanError::Thread)
 }
 
-/// Imports python-can and opens the bus: the bus, and the class `can.Message`.
 /// The release of the python-can that [`PythonCan::open`] would take, as "4.5.0".
 ///
 /// # Errors
@@ -231,6 +238,7 @@ fn start_python() -> Result<(), PythonCanError> {
     signals::start_python().map_err(|error| Python::attach(|py| exception(py, Operation::Import, error)))
 }
 
+/// Imports python-can and opens the bus: the bus, and the class `can.Message`.
 fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>), PythonCanError> {
     let can = discovery::import_can(py)?;
     check_interface(&can, &options.interface)?;
