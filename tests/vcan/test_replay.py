@@ -58,12 +58,13 @@ def test_the_timing_is_the_recorded_one(programs, tmp_path):
     for speed in (1, 2):
         played, frames = replayed(programs, path, "--speed", speed)
         assert played["recorded_s"] == pytest.approx(recorded_s[-1] - recorded_s[0])
-        # How late each frame was, which is what the machine holds it up; half of them by less than 10 ms.
+        # How late each frame was, which is what the machine holds it up; half of them by less than 50 ms;
+        # at a wrong speed it would be a quarter of a second and more.
         late_s = [
             frame.time_s - frames[0].time_s - (at_s - recorded_s[0]) / speed
             for frame, at_s in zip(frames, recorded_s, strict=True)
         ]
-        assert abs(statistics.median(late_s)) < 0.01, late_s
+        assert abs(statistics.median(late_s)) < 0.05, late_s
 
 
 def test_an_impossible_speed_is_said(short, programs):
