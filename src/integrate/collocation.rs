@@ -50,7 +50,8 @@ pub(super) struct Step<const S: usize> {
     pub weights: [Matrix<2>; S],
 }
 
-/// A matrix of four rows and C columns, as its entries rounded to `f64` and what that lost.
+/// A matrix of four rows and C columns. Each entry is the sum of its first 26 bits and the next 53: were the first part all
+/// that `f64` holds, its product would be rounded to where the other part is lost, in every step the same way.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Matrix<const C: usize> {
     high: [[f64; C]; 4],
@@ -60,9 +61,10 @@ pub(super) struct Matrix<const C: usize> {
 impl<const C: usize> Matrix<C> {
     /// The matrix with these entries by row and column.
     pub fn new(entry: impl Fn(usize, usize) -> DoubleDouble) -> Matrix<C> {
-        let part =
-            |part: fn(DoubleDouble) -> f64| array::from_fn(|row| array::from_fn(|column| part(entry(row, column))));
-        Matrix { high: part(|entry| entry.high), low: part(|entry| entry.low) }
+        let part = |part: fn([f64; 2]) -> f64| {
+            array::from_fn(|row| array::from_fn(|column| part(entry(row, column).halves())))
+        };
+        Matrix { high: part(|[high, _]| high), low: part(|[_, low]| low) }
     }
 
     /// sum += matrix · y.
@@ -81,6 +83,8 @@ pub(super) struct Collocation<const S: usize> {
     pub linear: [[f64; 4]; 2],
     /// The step lengths h, h/2, h/4 …
     pub levels: Vec<Step<S>>,
+    /// The level that every step starts from.
+    pub least_level: usize,
     /// The largest ωh of a part, rad, with ω at the deflection where the step starts.
     pub phase_per_part_rad: f64,
 }
@@ -114,11 +118,11 @@ impl<const S: usize> Collocation<S> {
     /// The first level whose parts keep the phase limit, or else the last.
     fn first_level(&self, arm: &Arm, state: &State) -> usize {
         if self.phase_per_part_rad == f64::INFINITY {
-            return 0;
+            return self.least_level;
         }
         let frequency_rad_s = arm.angular_frequency_bound_rad_s(&state.alpha_rad);
         let within = |step: &Step<S>| frequency_rad_s * step.h_s <= self.phase_per_part_rad;
-        self.levels.iter().position(within).unwrap_or(LEVELS - 1)
+        self.levels.iter().position(within).unwrap_or(LEVELS - 1).max(self.least_level)
     }
 }
 
@@ -196,7 +200,7 @@ impl<const S: usize> Step<S> {
                 ];
                 for (j, block) in self.stage[i].iter().enumerate() {
                     for (column, entry) in matrix[i][row][j].iter_mut().enumerate() {
-                        let slope: f64 = (0..4).map(|n| by_y[n] * block.high[n][column]).sum();
+                        let slope: f64 = (0..4).map(|n| by_y[n] * (block.high[n][column] + block.low[n][column])).sum();
                         let unit = if i == j && row == column { 1.0 } else { 0.0 };
                         *entry = unit - slope;
                     }

@@ -15,6 +15,12 @@ impl DoubleDouble {
         DoubleDouble { high, low: 0.0 }
     }
 
+    /// The number as its first 26 bits and the next 53.
+    pub fn halves(self) -> [f64; 2] {
+        let (high, rest) = halves(self.high);
+        [high, rest + self.low]
+    }
+
     /// √x: the rounded root s, and (x − s²)/(2s).
     pub fn sqrt(x: f64) -> DoubleDouble {
         let high = libm::sqrt(x);
@@ -30,13 +36,15 @@ fn two_sum(a: f64, b: f64) -> DoubleDouble {
     DoubleDouble { high, low: (a - (high - part)) + (b - part) }
 }
 
-/// a b as its rounded value and the rounding error (Dekker, with the halves of G. W. Veltkamp).
+/// A number as its first 26 bits and the rest (G. W. Veltkamp).
+fn halves(x: f64) -> (f64, f64) {
+    let scaled = x * 134_217_729.0;
+    let high = scaled - (scaled - x);
+    (high, x - high)
+}
+
+/// a b as its rounded value and the rounding error (Dekker, with Veltkamp's halves).
 fn two_product(a: f64, b: f64) -> DoubleDouble {
-    let halves = |x: f64| {
-        let scaled = x * 134_217_729.0;
-        let high = scaled - (scaled - x);
-        (high, x - high)
-    };
     let high = a * b;
     let ((a_high, a_low), (b_high, b_low)) = (halves(a), halves(b));
     DoubleDouble { high, low: a_low * b_low - (((high - a_high * b_high) - a_low * b_high) - a_high * b_low) }

@@ -57,7 +57,7 @@ pub(super) fn collocation(arm: &Arm, h_s: f64) -> Collocation<STAGES> {
         let h_level_s = h_s / f64::from(1_u32 << level);
         step(array::from_fn(|i| &nodes[i][level]), &whole[level], h_level_s, unit_rad_s)
     });
-    Collocation { linear, levels: levels.collect(), phase_per_part_rad: f64::INFINITY }
+    Collocation { linear, levels: levels.collect(), least_level: 0, phase_per_part_rad: f64::INFINITY }
 }
 
 /// The block matrix above, in units of 1/`unit_rad_s`.

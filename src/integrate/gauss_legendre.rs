@@ -6,10 +6,12 @@
 //! vᵢ = v + h Σⱼ aᵢⱼ Aⱼ      xᵢ = x + cᵢ h v + h² Σⱼ (a²)ᵢⱼ Aⱼ      v⁺ = v + h Σ bⱼ Aⱼ      x⁺ = x + h v + h² Σ (bᵀa)ⱼ Aⱼ
 //! ```
 
+use alloc::vec::Vec;
 use core::array;
 
 use super::collocation::{Collocation, LEVELS, Matrix, Step};
 use super::double_double::DoubleDouble;
+use crate::arm::Arm;
 
 /// A Gauss–Legendre method of S stages; its coefficients are p + q √n with rational p and q.
 pub(super) struct Tableau<const S: usize> {
@@ -17,6 +19,9 @@ pub(super) struct Tableau<const S: usize> {
     a: [[Coefficient; S]; S],
     b: [Coefficient; S],
     c: [Coefficient; S],
+    /// The largest ωh of a part in small vibration, rad. Where it is larger, strong vibration swings the energy so far that some
+    /// steps have to be divided again and others not; a step that follows the state does not keep the energy.
+    phase_at_rest_rad: f64,
 }
 
 /// p and q, each as numerator and denominator.
@@ -32,6 +37,7 @@ pub(super) const GL4: Tableau<2> = Tableau {
     a: [[rational(1.0, 4.0), [[1.0, 4.0], [-1.0, 6.0]]], [[[1.0, 4.0], [1.0, 6.0]], rational(1.0, 4.0)]],
     b: [rational(1.0, 2.0), rational(1.0, 2.0)],
     c: [[[1.0, 2.0], [-1.0, 6.0]], [[1.0, 2.0], [1.0, 6.0]]],
+    phase_at_rest_rad: 0.5,
 };
 
 /// Three stages, order 6.
@@ -44,16 +50,20 @@ pub(super) const GL6: Tableau<3> = Tableau {
     ],
     b: [rational(5.0, 18.0), rational(4.0, 9.0), rational(5.0, 18.0)],
     c: [[[1.0, 2.0], [-1.0, 10.0]], rational(1.0, 2.0), [[1.0, 2.0], [1.0, 10.0]]],
+    phase_at_rest_rad: 1.0,
 };
 
 /// Beyond ωh of about 2 the method, though stable for a linear arm, gains energy from the nonlinearity or finds no stages.
 const PHASE_PER_PART_RAD: f64 = 1.5;
 
 impl<const S: usize> Tableau<S> {
-    /// The method for steps of `h_s` and their parts.
-    pub fn collocation(&self, h_s: f64) -> Collocation<S> {
-        let levels = (0..LEVELS).map(|level| self.step(h_s / f64::from(1_u32 << level))).collect();
-        Collocation { linear: [[0.0; 4]; 2], levels, phase_per_part_rad: PHASE_PER_PART_RAD }
+    /// The method for steps of `h_s` of `arm`, and their parts.
+    pub fn collocation(&self, arm: &Arm, h_s: f64) -> Collocation<S> {
+        let levels: Vec<Step<S>> = (0..LEVELS).map(|level| self.step(h_s / f64::from(1_u32 << level))).collect();
+        let [_, fastest_rad_s] = arm.angular_frequencies_rad_s();
+        let fine = |step: &Step<S>| fastest_rad_s * step.h_s <= self.phase_at_rest_rad;
+        let least_level = levels.iter().position(fine).unwrap_or(LEVELS - 1);
+        Collocation { linear: [[0.0; 4]; 2], levels, least_level, phase_per_part_rad: PHASE_PER_PART_RAD }
     }
 
     /// The weights.

@@ -83,8 +83,8 @@ impl Method {
         match scheme {
             Scheme::Rk4 => Method::Rk4(Rk4Step::new(step_s)),
             Scheme::Dop853 => Method::Dop853,
-            Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(step_s))),
-            Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(step_s))),
+            Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(arm, step_s))),
+            Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(arm, step_s))),
             Scheme::Exponential => Method::ThreeStages(Box::new(exponential::collocation(arm, step_s))),
         }
     }
