@@ -14,8 +14,7 @@
 //!
 //! Rounding in a step is as good as random, and the energy walks with its square root; an error of a matrix is the same in every
 //! step, and moves the energy steadily: rounded to 2⁻⁵³, by 1e-12 to 1e-10 of itself in 1e7 steps (E. Hairer, R. I. McLachlan,
-//! A. Razakarivony, "Achieving Brouwer's law with implicit Runge–Kutta methods", BIT 48 (2008)). So a [`Matrix`] keeps what its
-//! rounding lost.
+//! A. Razakarivony, "Achieving Brouwer's law with implicit Runge–Kutta methods", BIT 48 (2008)). So a [`Matrix`] has 79 bits.
 
 use alloc::vec::Vec;
 use core::array;
