@@ -36,6 +36,7 @@
 //! | [`protocol`] | the CAN protocol, a crate of its own |
 //! | `bus`, `realtime`, `recording` | buses; clocks and threads; MCAP files |
 //! | `scenario`, `run`, `replay` | a run in one file; the three run loops; recordings played and simulated again |
+//! | `paper` | the paper's figures and statements, computed |
 //! | `plot`, `cli` | figures; the program |
 //!
 //! Down to `node` they are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI units
@@ -71,6 +72,8 @@ pub mod replay;
 pub mod run;
 #[cfg(feature = "std")]
 pub mod scenario;
+#[cfg(feature = "std")]
+pub mod toml_error;
 
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::Preset;
-use crate::scenario::error::suggestion;
+use crate::toml_error::TomlError;
 
 /// Everything that the paper states or leaves open about its figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -163,15 +163,8 @@ pub enum SettingsError {
         source: std::io::Error,
     },
     /// The text is no settings file.
-    #[error("{origin}: {message}{}", suggestion.as_ref().map_or(String::new(), |s| format!("\nDid you mean `{s}`?")))]
-    Parse {
-        /// Where the text is from.
-        origin: String,
-        /// What the TOML reader says, with the place.
-        message: String,
-        /// The known key that is nearest to an unknown one.
-        suggestion: Option<String>,
-    },
+    #[error(transparent)]
+    Parse(#[from] TomlError),
     /// A number is impossible.
     #[error("{key} has {got}: it must be {expected}")]
     Value {
@@ -245,11 +238,7 @@ impl Settings {
     /// # Errors
     /// [`SettingsError`] names the key that is unknown, missing or impossible.
     pub fn parse(text: &str, origin: &str) -> Result<Settings, SettingsError> {
-        let settings: Settings = toml::from_str(text).map_err(|error| SettingsError::Parse {
-            origin: origin.to_string(),
-            message: error.to_string().trim_end().to_string(),
-            suggestion: suggestion(error.message()),
-        })?;
+        let settings: Settings = toml::from_str(text).map_err(|error| TomlError::new(origin, &error))?;
         settings.check()?;
         Ok(settings)
     }

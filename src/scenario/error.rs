@@ -7,6 +7,7 @@ use thiserror::Error;
 use crate::arm::ArmError;
 use crate::excitation::ExcitationError;
 use crate::protocol::NetworkError;
+use crate::toml_error::TomlError;
 
 /// Why a scenario can't be used.
 #[derive(Debug, Error)]
@@ -21,15 +22,8 @@ pub enum ScenarioError {
         source: std::io::Error,
     },
     /// The text is no scenario.
-    #[error("{origin}: {message}{}", suggestion.as_ref().map_or(String::new(), |s| format!("\nDid you mean `{s}`?")))]
-    Parse {
-        /// Where the text is from.
-        origin: String,
-        /// What the TOML reader says, with the place.
-        message: String,
-        /// The known key that is nearest to an unknown one.
-        suggestion: Option<String>,
-    },
+    #[error(transparent)]
+    Parse(#[from] TomlError),
     /// The scenario can't be written as TOML.
     #[error("the scenario can't be written as TOML: {reason}")]
     Write {
@@ -67,22 +61,4 @@ pub enum ScenarioError {
     /// The recording says nothing of a scenario.
     #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
     NotInRecording,
-}
-
-impl ScenarioError {
-    /// What the TOML reader says, and for an unknown key or variant the nearest known one.
-    pub(super) fn parse(origin: &str, error: &toml::de::Error) -> ScenarioError {
-        let message = error.to_string().trim_end().to_string();
-        ScenarioError::Parse { origin: origin.to_string(), suggestion: suggestion(error.message()), message }
-    }
-}
-
-/// Reads serde's ``unknown field `x`, expected one of `a`, `b` `` and finds the name nearest to x.
-pub(crate) fn suggestion(message: &str) -> Option<String> {
-    let (unknown, expected) = message.split_once(", expected ")?;
-    let got = unknown.strip_prefix("unknown field ").or(unknown.strip_prefix("unknown variant "))?.trim_matches('`');
-    let known = expected.split('`').skip(1).step_by(2);
-    let near = known.map(|name| (strsim::normalized_damerau_levenshtein(got, name), name));
-    let (similarity, name) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (similarity > 0.5).then(|| name.to_string())
 }

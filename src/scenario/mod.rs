@@ -3,7 +3,7 @@
 //! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
 //! nearest known one. The whole scenario, defaults written out, goes into the recording.
 
-pub(crate) mod error;
+mod error;
 mod provenance;
 
 pub use error::ScenarioError;
@@ -19,6 +19,7 @@ use crate::node::Timing;
 use crate::plant::PlantSpec;
 use crate::protocol::{Network, timing};
 use crate::rig::RigSpec;
+use crate::toml_error::TomlError;
 
 /// Everything about a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -134,7 +135,7 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Parse`] if it is no scenario.
     pub fn parse(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
-        toml::from_str(text).map_err(|error| ScenarioError::parse(origin, &error))
+        toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
     }
 
     /// The scenario as TOML, with every default written out.
@@ -154,7 +155,7 @@ impl Scenario {
         let mut table =
             toml::Table::try_from(preset).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
         table.extend(self.arm.parameters.clone());
-        table.try_into().map_err(|error: toml::de::Error| ScenarioError::parse("[arm.parameters]", &error))
+        table.try_into().map_err(|error: toml::de::Error| TomlError::new("[arm.parameters]", &error).into())
     }
 
     /// The pose.
