@@ -21,6 +21,7 @@ mod batch;
 mod build_info;
 mod decode;
 mod error;
+mod lengths;
 mod options;
 mod reader;
 mod record;

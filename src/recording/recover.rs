@@ -7,7 +7,7 @@ use super::scan::scan;
 use super::schema::{Topic, metadata};
 use super::sink::Sink;
 use super::walk::{Part, Walk};
-use super::{Compression, Existing, Integrity, RecordingError};
+use super::{Compression, Existing, Integrity, Origin, RecordingError};
 
 /// What was recovered.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -28,8 +28,9 @@ pub struct Recovered {
 /// and opens as [`Integrity::Unfinished`] unless the end of the run could be read.
 ///
 /// # Errors
-/// [`RecordingError::Whole`] if nothing is wrong with `input`, [`RecordingError::SameFile`] if `output` is `input`; else
-/// as for opening the one and creating the other.
+/// [`RecordingError::Whole`] if nothing is wrong with `input`, [`RecordingError::SameFile`] if `output` is `input`,
+/// [`RecordingError::Metadata`] if `input` does not say any more when and by what it was made; else as for opening the one
+/// and creating the other.
 pub fn recover(
     input: impl AsRef<Path>,
     output: impl AsRef<Path>,
@@ -43,6 +44,8 @@ pub fn recover(
     if output.canonicalize().is_ok_and(|output| input.canonicalize().is_ok_and(|input| input == output)) {
         return Err(RecordingError::SameFile { path: input.to_path_buf() });
     }
+    // What can't be opened afterwards is not recovered.
+    Origin::of(input, &scan)?;
     let head = [metadata::RECORDING, metadata::CONFIGURATION]
         .map(|name| scan.required(input, name).map(|content| (name, content)));
     let [recording, configuration] = head;

@@ -11,8 +11,8 @@ use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError, parse_record};
 
-use super::RecordingError;
 use super::schema::Topic;
+use super::{RecordingError, lengths};
 
 /// Longest record, and longest chunk once decompressed, that is believed: 256 MiB, far above what a recorder writes.
 const LONGEST: usize = 1 << 28;
@@ -190,7 +190,7 @@ impl Walk {
     fn part(&mut self, opcode: u8, body: &[u8]) -> Result<Part, Fault> {
         match opcode {
             op::CHUNK => self.read_chunk(body).map(|()| Part::Chunk),
-            op::METADATA => match parse_record(opcode, body)? {
+            op::METADATA => match parse(opcode, body)? {
                 McapRecord::Metadata(metadata) => Ok(Part::Metadata(metadata.name, metadata.metadata)),
                 _ => Ok(Part::Other),
             },
@@ -202,7 +202,7 @@ impl Walk {
 
     /// Decompresses a chunk, compares its checksum, and gathers its messages.
     fn read_chunk(&mut self, body: &[u8]) -> Result<(), Fault> {
-        if let McapRecord::Chunk { header, data } = parse_record(op::CHUNK, body)? {
+        if let McapRecord::Chunk { header, data } = parse(op::CHUNK, body)? {
             let expected = CHUNK_HEAD + header.compression.len() + data.len();
             if expected != body.len() {
                 return Err(Fault::Damaged(format!("a chunk of {} bytes states {expected}", body.len())));
@@ -235,7 +235,7 @@ impl Walk {
         if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
             return Ok(());
         }
-        match parse_record(opcode, body)? {
+        match parse(opcode, body)? {
             McapRecord::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);
             }
@@ -262,6 +262,14 @@ impl Walk {
         }
         Ok(())
     }
+}
+
+/// The fields of a record.
+fn parse(opcode: u8, body: &[u8]) -> Result<McapRecord<'_>, Fault> {
+    if !lengths::fit(opcode, body) {
+        return Err(Fault::Damaged(String::from("a length that is longer than its record")));
+    }
+    Ok(parse_record(opcode, body)?)
 }
 
 /// What an error inside a chunk means. The chunk is there to its last byte, so it can't be cut short.

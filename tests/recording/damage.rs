@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use proptest::prelude::*;
-use resonarm::recording::{Existing, FlushPolicy, Integrity, Options, Recording, StepRecord, recover};
+use resonarm::recording::{Existing, FlushPolicy, Integrity, Options, Recording, RecordingError, StepRecord, recover};
 
 use crate::{Outcome, options, record, run};
 
@@ -115,5 +115,22 @@ fn a_cut_recording_is_recovered_whole() -> Outcome {
     assert_eq!(after.summary().topics, before.summary().topics);
     let steps = after.steps()?.collect::<Result<Vec<_>, _>>()?;
     assert!(steps.len() >= 100 && steps_recorded()?.starts_with(&steps));
+    Ok(())
+}
+
+/// Metadata carry no checksum: a wrong character in them is seen only when they are read.
+#[test]
+fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let mut whole = bytes(directory.path())?;
+    let (cut, mended) = (directory.path().join("cut.mcap"), directory.path().join("mended.mcap"));
+    let key = b"start_unix_ns";
+    let place = whole.windows(key.len()).position(|bytes| bytes == key).ok_or("no such key")?;
+    whole[place + key.len() + 4] = b'x';
+    fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
+    let message = |error: RecordingError| error.to_string().replace(&directory.path().display().to_string(), "DIR");
+    let refused = recover(&cut, &mended, Existing::Refuse).map_err(message);
+    assert_eq!(refused.as_ref().err(), Recording::open(&cut).map_err(message).err().as_ref());
+    assert!(refused.is_err_and(|message| message.contains("start_unix_ns")) && !mended.exists());
     Ok(())
 }

@@ -1,0 +1,24 @@
+//! Any text as a scenario: it is refused, or all that a run takes from it is made or refused, and it is the same after
+//! it is written and read again.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use resonarm::plant::Plant;
+use resonarm::scenario::{Scenario, ScenarioError};
+
+fuzz_target!(|text: &str| {
+    let Ok(scenario) = Scenario::parse(text, "fuzz") else { return };
+    if let Ok(spec) = scenario.plant_spec() {
+        let _ = Plant::new(&spec).map(|mut plant| plant.measure());
+    }
+    let _ = (scenario.profile(), scenario.duration_samples(), scenario.network());
+    let _ = (scenario.real_time_timing(), scenario.lockstep_timing(), scenario.wire_rate_hz());
+    match scenario.to_toml() {
+        // Compared as text: a scenario with NaN, which the parts above refuse, equals nothing.
+        Ok(written) => {
+            let again = Scenario::parse(&written, "written").and_then(|scenario| scenario.to_toml());
+            assert_eq!(again.ok(), Some(written));
+        }
+        Err(error) => assert!(matches!(error, ScenarioError::Write { .. }), "{error}"),
+    }
+});

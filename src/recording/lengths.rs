@@ -1,0 +1,68 @@
+//! Lengths inside a record, checked before the MCAP library takes memory for as much as a damaged one says, up to 4 GiB.
+
+use mcap::records::op;
+
+/// Whether every length in the record fits into it (MCAP specification, "Records"): after fields of fixed size stand texts and
+/// the like, each as its length (`u32`) and that many bytes; the last may be a map, a row of texts in its turn.
+pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
+    let rest = match opcode {
+        op::SCHEMA => after_texts(3, body.get(2..)),
+        op::CHANNEL => after_texts(2, body.get(4..)).and_then(after_map),
+        op::CHUNK => after_texts(1, body.get(8 + 8 + 8 + 4..)),
+        op::METADATA => after_texts(1, Some(body)).and_then(after_map),
+        _ => Some(body),
+    };
+    rest.is_some()
+}
+
+/// The first text, and what follows it.
+fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
+fn after_texts(count: usize, bytes: Option<&[u8]>) -> Option<&[u8]> {
+    (0..count).fold(bytes, |rest, _| Some(split(rest?)?.1))
+}
+
+fn after_map(bytes: &[u8]) -> Option<&[u8]> {
+    let (mut row, rest) = split(bytes)?;
+    while !row.is_empty() {
+        row = split(row)?.1;
+    }
+    Some(rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(text: &[u8]) -> Vec<u8> {
+        [&(text.len() as u32).to_le_bytes()[..], text].concat()
+    }
+
+    #[test]
+    fn every_cut_and_every_longer_length_is_seen() {
+        let map = || text(&[text(b"key"), text(b"value")].concat());
+        let records = [
+            (op::SCHEMA, vec![vec![1, 0], text(b"name"), text(b"protobuf"), text(b"data")]),
+            (op::CHANNEL, vec![vec![1, 0, 1, 0], text(b"topic"), text(b"protobuf"), map()]),
+            (op::CHUNK, vec![vec![0; 28], text(b"lz4")]),
+            (op::METADATA, vec![vec![], text(b"name"), map()]),
+        ];
+        for (opcode, fields) in records {
+            let body = fields.concat();
+            assert!(fit(opcode, &body), "{opcode}");
+            assert!((0..body.len()).all(|length| !fit(opcode, &body[..length])), "{opcode}");
+            for field in 1..fields.len() {
+                let mut longer = body.clone();
+                longer[fields[..field].concat().len() + 3] = 0xFF;
+                assert!(!fit(opcode, &longer), "{opcode}, field {field}");
+            }
+        }
+        let mut longer = [text(b"name"), map()].concat();
+        let inner = longer.len() - text(b"value").len();
+        longer[inner] += 1;
+        assert!(!fit(op::METADATA, &longer));
+    }
+}
