@@ -26,6 +26,7 @@ mod output;
 mod paper;
 mod poincare;
 mod quantity;
+mod recover;
 mod replay;
 mod resim;
 mod run;
@@ -77,6 +78,7 @@ enum Command {
     Replay(replay::Replay),
     Resim(resim::Resim),
     Inspect(inspect::Inspect),
+    Recover(recover::Recover),
     Doctor(doctor::Doctor),
 }
 
@@ -100,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
         Command::Inspect(command) => command.execute(),
+        Command::Recover(command) => command.execute(),
         Command::Doctor(command) => command.execute(),
     };
     match result {

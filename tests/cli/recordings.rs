@@ -53,15 +53,29 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let resim = resonarm(folder.path(), &["resim", "run.mcap"]);
     assert_eq!((resim.code, resim.stdout), (0, format!("identical: {steps} steps, bit for bit\n")));
     assert!(resim.stderr.contains("WARN the recording is truncated: "), "{}", resim.stderr);
+
+    let recovered = resonarm(folder.path(), &["recover", "run.mcap", "whole.mcap"]);
+    assert_eq!((recovered.code, recovered.stderr.as_str()), (0, ""));
+    assert!(recovered.stdout.starts_with("the recording is truncated: "), "{}", recovered.stdout);
+    let mended = document(folder.path(), 1, &["inspect", "whole.mcap", "--json"]);
+    assert_eq!((&mended["integrity"]["state"], &mended["topics"]), (&"unfinished".into(), &cut["topics"]));
+    let resim = resonarm(folder.path(), &["resim", "whole.mcap"]);
+    assert_eq!((resim.code, resim.stdout), (0, format!("identical: {steps} steps, bit for bit\n")));
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "whole.mcap"]), @"resonarm: recording `whole.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "whole.mcap", "again.mcap"]), @"resonarm: recording `whole.mcap` is whole: there is nothing to recover");
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "run.mcap"]), @"resonarm: recording `run.mcap` can't be recovered onto itself: name another file for the result");
+    let again = document(folder.path(), 0, &["recover", "run.mcap", "whole.mcap", "--overwrite", "--json"]);
+    assert_eq!(again["source"], cut["integrity"]);
 }
 
 #[test]
 fn files_that_are_no_recordings() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("notes.txt"), "no recording").unwrap();
-    for command in ["inspect", "resim"] {
+    for command in [["inspect", "notes.txt"].as_slice(), &["resim", "notes.txt"], &["recover", "notes.txt", "new.mcap"]]
+    {
         assert_eq!(
-            complaint(folder.path(), 2, &[command, "notes.txt"]),
+            complaint(folder.path(), 2, command),
             "resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`\n"
         );
     }
