@@ -8,11 +8,13 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::branch_plot;
+use super::branch_table::{beside, csv};
 use super::captions;
 use super::continuation::DriveFlags;
 use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
+use super::motion_flags::{configuration, write};
 use super::output;
 use super::walk_flags::WalkFlags;
 use crate::analysis::{
@@ -55,7 +57,8 @@ pub(super) struct Backbone {
     to_rad: f64,
     #[command(flatten)]
     walk: WalkFlags,
-    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given.
+    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; CSV and JSON beside
+    /// them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     /// Print one JSON document.
@@ -84,6 +87,8 @@ struct Drive {
 
 #[derive(Serialize)]
 struct Document {
+    /// What the results depend on; without an amplitude of the excitation the load is that of the value 1.
+    configuration: Value,
     mode: u8,
     kind: &'static str,
     linear_frequency_hz: f64,
@@ -115,7 +120,13 @@ impl Backbone {
             let curve = self.curve(&damped, &options, &mut early)?;
             self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
         }
-        let document = Document { ended_early: early.document(), ..self.document(linear_hz, &drive, &curve, wall_s) };
+        let configuration = self.configuration(&scenario, &drive)?;
+        let document = self.document(configuration, linear_hz, &drive, &curve, wall_s);
+        let document = Document { ended_early: early.document(), ..document };
+        if let Some(stem) = &self.plot {
+            write(beside(stem, ".csv"), &self.csv(&drive, &curve))?;
+            write(beside(stem, ".json"), &(serde_json::to_string(&document)? + "\n"))?;
+        }
         if self.json {
             output::print_json(&document)?;
         } else {
@@ -159,7 +170,35 @@ impl Backbone {
         if self.undamped { "nonlinear-normal-mode" } else { "phase-quadrature" }
     }
 
-    fn document(&self, linear_frequency_hz: f64, drive: &Drive, curve: &Curve, wall_s: f64) -> Document {
+    /// What the results depend on.
+    fn configuration(&self, scenario: &Scenario, drive: &Drive) -> Result<Value, Failure> {
+        let load = if drive.amplitude.is_some() { self.drive.load()? } else { drive.direction };
+        let mut configuration = configuration(scenario, &load)?;
+        configuration["backbone"] = json!({ "undamped": self.undamped, "to_rad": self.to_rad });
+        Ok(configuration)
+    }
+
+    /// A line for each point, with the units in the names of the columns.
+    fn csv(&self, drive: &Drive, curve: &Curve) -> String {
+        let head = if self.undamped { String::new() } else { format!(",{}", drive.name) };
+        let mut text =
+            format!("frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad{head}\n");
+        for point in &curve.points {
+            let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
+            let amount = if self.undamped { String::new() } else { format!(",{}", point.drive.abs()) };
+            let _infallible = writeln!(text, "{},{a1},{a2},{h1},{h2}{amount}", point.frequency_hz);
+        }
+        text
+    }
+
+    fn document(
+        &self,
+        configuration: Value,
+        linear_frequency_hz: f64,
+        drive: &Drive,
+        curve: &Curve,
+        wall_s: f64,
+    ) -> Document {
         let point = |point: &BackbonePoint| {
             let mut map = Map::new();
             map.insert(String::from("frequency_hz"), json!(point.frequency_hz));
@@ -171,6 +210,7 @@ impl Backbone {
             Value::Object(map)
         };
         Document {
+            configuration,
             mode: self.mode,
             kind: self.kind(),
             linear_frequency_hz,
@@ -225,6 +265,9 @@ impl Backbone {
             None => None,
         };
         let branches: Vec<&Branch> = response.iter().collect();
+        if response.is_some() {
+            write(beside(stem, "-response.csv"), &csv("frequency_hz", &branches))?;
+        }
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
         let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);
         let with = drive.amplitude.map_or(String::new(), response_to);

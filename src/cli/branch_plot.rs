@@ -1,13 +1,14 @@
 //! Branches as figures: stable blue, unstable red, as the paper has them.
 
-use super::captions;
-use crate::analysis::{Branch, Orbit};
+use crate::analysis::{BifurcationKind, Branch};
 use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
-use crate::scenario::Scenario;
+
+use super::branch_table::{Row, rows};
+use super::captions;
 
 /// Two panels, |α1| and |α2| over what varies.
-pub(super) fn figure(scenario: &Scenario, axis_label: &str, branches: &[&Branch]) -> Figure {
-    let mut figure = Figure::new("Periodic motions of the forced arm").subtitle(captions::pose(&scenario.arm));
+pub(super) fn figure(conditions: String, axis_label: &str, branches: &[&Branch]) -> Figure {
+    let mut figure = Figure::new("Periodic motions of the forced arm").subtitle(conditions);
     for joint in 0..2 {
         let panel = Panel::new(Axis::linear(axis_label), Axis::linear(captions::largest(joint)));
         let panel = if joint == 1 { panel.legend(Legend::None) } else { panel };
@@ -20,34 +21,61 @@ pub(super) fn figure(scenario: &Scenario, axis_label: &str, branches: &[&Branch]
 pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize) -> Panel {
     for (k, branch) in branches.iter().enumerate() {
         for (label, color, stable) in [("stable", Color::Stable, true), ("unstable", Color::Unstable, false)] {
-            let series = Series::line(label, color, pieces(&branch.orbits, joint, stable));
+            let series = Series::line(label, color, stretches(branch, joint, stable));
             panel = panel.with(if k == 0 { series } else { series.unlabelled() });
         }
     }
-    for (name, shape) in [
-        ("fold", Marker::Circle),
-        ("period-doubling", Marker::Square),
-        ("neimark-sacker", Marker::Triangle),
-        ("branch-point", Marker::Diamond),
+    for (kind, label, shape) in [
+        (BifurcationKind::Fold, "fold", Marker::Circle),
+        (BifurcationKind::PeriodDoubling, "period doubling", Marker::Square),
+        (BifurcationKind::NeimarkSacker, "Neimark–Sacker", Marker::Triangle),
+        (BifurcationKind::BranchPoint, "branch point", Marker::Diamond),
     ] {
-        let events = branches.iter().flat_map(|branch| &branch.bifurcations).filter(|event| event.kind.name() == name);
+        let events = branches.iter().flat_map(|branch| &branch.bifurcations).filter(|event| event.kind == kind);
         let points: Vec<_> = events.map(|event| (event.orbit.value, event.orbit.amplitude_rad[joint])).collect();
         if !points.is_empty() {
-            panel = panel.with(Series::markers(name.replace('-', " "), Color::Black, shape, points));
+            panel = panel.with(Series::markers(label, Color::Black, shape, points));
         }
     }
     panel
 }
 
-/// The stretches of one stability, with gaps between them. Each reaches to its neighbour, so that no gap shows at a change.
-fn pieces(orbits: &[Orbit], joint: usize, stable: bool) -> Vec<(f64, f64)> {
-    let is = |k: usize| orbits.get(k).is_some_and(|orbit| orbit.is_stable() == stable);
-    let mut points = Vec::new();
-    for (k, orbit) in orbits.iter().enumerate() {
-        // The unstable stretch takes the segments at its ends.
-        let drawn = is(k) || (!stable && (is(k + 1) || (k > 0 && is(k - 1))));
-        let value = if drawn { orbit.amplitude_rad[joint] } else { f64::NAN };
-        points.push((orbit.value, value));
+/// The stretches of one stability, with gaps between them. They end at the bifurcations themselves, not at the motions next to
+/// them. A segment between two bifurcations is drawn as unstable.
+fn stretches(branch: &Branch, joint: usize, stable: bool) -> Vec<(f64, f64)> {
+    let at = |row: &Row| (row.orbit.value, row.orbit.amplitude_rad[joint]);
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for pair in rows(branch).windows(2) {
+        let has = |stable| pair.iter().any(|row| row.stable() == Some(stable));
+        if stable != (has(true) && !has(false)) {
+            continue;
+        }
+        let [a, b] = [at(&pair[0]), at(&pair[1])];
+        if points.last() != Some(&a) {
+            points.extend([(f64::NAN, f64::NAN), a]);
+        }
+        points.push(b);
     }
     points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::{BranchOptions, Coordinate, ForcedArm, trace};
+    use crate::arm::{Arm, Load, Pose, Preset};
+
+    /// Strong excitation at the 1:2 resonance: the colours change at the period doublings, although no motion of the walk is there.
+    #[test]
+    fn colours_change_at_the_bifurcations() {
+        let pose = Pose { beta1_deg: 0.0, beta2_deg: 75.0 };
+        let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), pose).unwrap();
+        let forced = ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 800.0);
+        let branch = trace(forced, 46.0, Coordinate::FrequencyHz, &BranchOptions::new(46.0, 50.0)).unwrap();
+        let doublings: Vec<f64> = branch.bifurcations.iter().map(|event| event.orbit.value).collect();
+        assert!((doublings[0] - 46.1742).abs() < 1e-3 && (doublings[1] - 46.3572).abs() < 1e-3, "{doublings:?}");
+        let unstable = stretches(&branch, 1, false);
+        let hz: Vec<f64> = unstable.iter().map(|point| point.0).filter(|hz| hz.is_finite()).collect();
+        assert_eq!((hz.first(), hz.last()), (doublings.first(), doublings.last()));
+    }
 }

@@ -1,5 +1,6 @@
 //! What stands on figures: symbols as print has them, with a minus sign and subscripts.
 
+use crate::arm::Load;
 use crate::scenario::ArmSection;
 
 /// α of each joint.
@@ -12,7 +13,33 @@ pub(super) fn degrees(value: f64) -> String {
 
 /// The preset of an arm and its pose.
 pub(super) fn pose(arm: &ArmSection) -> String {
-    format!("{}, β₁ = {}, β₂ = {}", arm.preset, degrees(arm.beta1_deg), degrees(arm.beta2_deg))
+    pose_without(arm, &[])
+}
+
+/// The same without the angles that vary, as `beta2_deg`.
+pub(super) fn pose_without(arm: &ArmSection, varied: &[&str]) -> String {
+    let angles = [("beta1_deg", "β₁", arm.beta1_deg), ("beta2_deg", "β₂", arm.beta2_deg)];
+    let fixed = angles.iter().filter(|(name, ..)| !varied.contains(name));
+    fixed.fold(arm.preset.clone(), |text, (_, symbol, value)| format!("{text}, {symbol} = {}", degrees(*value)))
+}
+
+/// The excitation in words.
+pub(super) fn load(load: &Load) -> String {
+    let ([u1, u2], [fx, fy]) = (<[f64; 2]>::from(load.torque_nm), <[f64; 2]>::from(load.force_n));
+    let parts = [(u1, "N·m at joint 1"), (u2, "N·m at joint 2"), (fx, "N at C along x"), (fy, "N at C along y")];
+    let parts: Vec<String> =
+        parts.iter().filter(|(value, _)| *value != 0.0).map(|(value, what)| format!("{value} {what}")).collect();
+    parts.join(", ").replace('-', "−")
+}
+
+/// Where an excitation acts whose amplitude varies.
+pub(super) fn direction(load: &Load) -> String {
+    match <[f64; 2]>::from(load.force_n) {
+        [0.0, 0.0] => String::from("torque at joint 1"),
+        [_, 0.0] => String::from("force at C along x"),
+        [0.0, _] => String::from("force at C along y"),
+        [x, y] => format!("force at C at {:.1}° to x", libm::atan2(y, x).to_degrees()).replace('-', "−"),
+    }
 }
 
 /// The axis of the largest |α| over a period.

@@ -8,10 +8,13 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::branch_plot;
+use super::branch_table::{beside, csv};
+use super::captions;
 use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::interval::{Ends, interval};
+use super::motion_flags::{configuration, write};
 use super::output;
 use super::quantity::Quantity;
 use super::singular_curves::{CurveFlags, Curves};
@@ -57,7 +60,7 @@ pub(super) struct Continue {
     doubled: bool,
     #[command(flatten)]
     curves: CurveFlags,
-    /// Plot to STEM.svg and STEM.png; the curves to STEM-curves.svg and STEM-curves.png.
+    /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     /// Print one JSON document.
@@ -121,6 +124,12 @@ struct Varied {
     to: f64,
 }
 
+impl Varied {
+    fn is_amplitude(&self) -> bool {
+        self.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude)
+    }
+}
+
 /// What was found.
 struct Found {
     branch: Branch,
@@ -131,11 +140,25 @@ struct Found {
 }
 
 impl Found {
-    fn document(&self, varied: &Varied) -> Document {
+    /// Writes the figures and their data.
+    fn plot(&self, stem: &Path, varied: &Varied, conditions: String, on_curves: String) -> Result<(), Failure> {
+        let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
+        branch_plot::figure(conditions, varied.quantity.label, &branches).write(stem)?;
+        write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?;
+        if let Some(curves) = &self.curves {
+            let stem = beside(stem, "-curves");
+            curves.figure(on_curves).write(&stem)?;
+            write(beside(&stem, ".csv"), &curves.csv())?;
+        }
+        Ok(())
+    }
+
+    fn document(&self, configuration: Value, varied: &Varied) -> Document {
         let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit)).collect();
         let events = |branch: &Branch| branch.bifurcations.iter().map(|event| bifurcation(varied, event)).collect();
         let doubled = |branch: &Branch| DoubledBranch { points: points(branch), bifurcations: events(branch) };
         Document {
+            configuration,
             points: points(&self.branch),
             bifurcations: events(&self.branch),
             doubled: self.doubled.iter().map(doubled).collect(),
@@ -146,15 +169,10 @@ impl Found {
     }
 }
 
-/// STEM-curves.
-fn curves_stem(stem: &Path) -> PathBuf {
-    let mut name = stem.as_os_str().to_owned();
-    name.push("-curves");
-    PathBuf::from(name)
-}
-
 #[derive(Serialize)]
 struct Document {
+    /// What the results depend on; the load is that of the value 1 where the amplitude varies.
+    configuration: Value,
     points: Vec<Value>,
     bifurcations: Vec<Value>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -193,6 +211,15 @@ impl DriveFlags {
         Ok((load.scaled(1.0 / amplitude), amplitude))
     }
 
+    /// The load at the crest, of the very numbers given.
+    pub fn load(&self) -> Result<Load, Failure> {
+        let _checked = self.direction()?;
+        Ok(match self.torque1_nm {
+            Some(torque) => Load::torque_nm(torque, 0.0),
+            None => Load::force_n(self.force_x_n.unwrap_or(0.0), self.force_y_n.unwrap_or(0.0)),
+        })
+    }
+
     /// Whether a force is named.
     pub fn is_force(&self) -> bool {
         self.force_x_n.is_some() || self.force_y_n.is_some()
@@ -217,26 +244,50 @@ impl Continue {
         let arm = scenario.build_arm()?;
         let varied = self.varied()?;
         let second = self.curves.second(&varied.quantity, &self.drive)?;
-        let found = self.follow(arm, &varied, second)?;
+        let forced = self.forced_arm(arm, &varied)?;
+        let load = self.load(&varied)?;
+        let mut configuration = configuration(&scenario, &load)?;
+        configuration["continue"] = json!({
+            "parameter": varied.quantity.name,
+            "from": varied.from,
+            "to": varied.to,
+            "frequency_hz": self.frequency_hz,
+        });
+        let conditions = self.conditions(&scenario, &load, &[&varied.quantity]);
+        let on_curves = second.map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, &second]));
+        let found = self.follow(forced, &varied, second)?;
+        let document = found.document(configuration, &varied);
         if let Some(stem) = &self.plot {
-            let branches: Vec<&Branch> = core::iter::once(&found.branch).chain(&found.doubled).collect();
-            branch_plot::figure(&scenario, varied.quantity.label, &branches).write(stem)?;
-            if let Some(curves) = &found.curves {
-                curves.figure(&scenario).write(&curves_stem(stem))?;
-            }
+            found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
+            write(beside(stem, ".json"), &(serde_json::to_string(&document)? + "\n"))?;
         }
         if self.json {
-            output::print_json(&found.document(&varied))?;
+            output::print_json(&document)?;
         } else {
             output::print(&text(&varied, &found))?;
         }
         found.early.verdict()
     }
 
-    fn follow(&self, arm: Arm, varied: &Varied, second: Option<(Quantity, f64)>) -> Result<Found, Failure> {
+    /// What stands under a figure's title: the arm, its pose and the excitation, but for what varies.
+    fn conditions(&self, scenario: &Scenario, load: &Load, varied: &[&Quantity]) -> String {
+        let names: Vec<&str> = varied.iter().map(|quantity| quantity.name).collect();
+        let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
+        let has = |coordinate| varied.iter().any(|quantity| quantity.coordinate == coordinate);
+        let load = if has(amplitude) { captions::direction(load) } else { captions::load(load) };
+        let hz = self.frequency_hz.filter(|_| !has(Coordinate::FrequencyHz));
+        let hz = hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
+        format!("{}, {load}{hz}", captions::pose_without(&scenario.arm, &names))
+    }
+
+    fn follow(
+        &self,
+        (forced, frequency_hz): (ForcedArm, f64),
+        varied: &Varied,
+        second: Option<(Quantity, f64)>,
+    ) -> Result<Found, Failure> {
         let clock = SystemClock;
         let start_ns = clock.now_ns();
-        let (forced, frequency_hz) = self.forced_arm(arm, varied)?;
         let options = self.walk.options(varied.from, varied.to)?;
         let Quantity { name, coordinate, .. } = varied.quantity;
         let mut early = Early::default();
@@ -255,21 +306,28 @@ impl Continue {
         Ok(Found { branch, doubled, curves, early, wall_s })
     }
 
-    /// The forced arm at the start, and its excitation frequency.
-    fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
-        let amplitude_varies = varied.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude);
-        if amplitude_varies && self.drive.torque1_nm.is_some() {
+    /// What is driven. An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
+    fn drive(&self, varied: &Varied) -> Result<DriveFlags, Failure> {
+        if !varied.is_amplitude() {
+            return Ok(self.drive.clone());
+        }
+        if self.drive.torque1_nm.is_some() {
             let refusal = "the amplitude is what varies: leave --torque1-nm out";
             return Err(Failure::Usage(String::from(refusal)));
         }
-        let drive = match (&self.drive, varied.quantity.coordinate) {
-            // An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
-            (drive, Coordinate::Parameter(ArmParameter::Amplitude)) if !drive.is_force() => {
-                DriveFlags { torque1_nm: Some(1.0), ..drive.clone() }
-            }
-            (drive, _) => drive.clone(),
-        };
-        let (direction, amplitude) = drive.direction()?;
+        let torque1_nm = if self.drive.is_force() { None } else { Some(1.0) };
+        Ok(DriveFlags { torque1_nm, ..self.drive.clone() })
+    }
+
+    /// The load at the crest; where the amplitude varies that of the value 1.
+    fn load(&self, varied: &Varied) -> Result<Load, Failure> {
+        let drive = self.drive(varied)?;
+        if varied.is_amplitude() { Ok(drive.direction()?.0) } else { drive.load() }
+    }
+
+    /// The forced arm at the start, and its excitation frequency.
+    fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
+        let (direction, amplitude) = self.drive(varied)?.direction()?;
         let frequency_hz = match (varied.quantity.coordinate, self.frequency_hz) {
             (Coordinate::FrequencyHz, None) => varied.from,
             (Coordinate::FrequencyHz, Some(_)) => {

@@ -5,6 +5,7 @@
 
 mod backbone;
 mod branch_plot;
+mod branch_table;
 mod captions;
 mod chains;
 mod continuation;

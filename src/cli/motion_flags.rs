@@ -88,17 +88,6 @@ impl MotionFlags {
         State::new([x1, x2], [v1, v2])
     }
 
-    /// The load at the crest.
-    pub fn amplitude(&self) -> Result<Load, Failure> {
-        // Checks the flags; the load itself is made of the very numbers given.
-        let _checked = self.drive.direction()?;
-        let DriveFlags { torque1_nm, force_x_n, force_y_n } = &self.drive;
-        Ok(match torque1_nm {
-            Some(torque) => Load::torque_nm(*torque, 0.0),
-            None => Load::force_n(force_x_n.unwrap_or(0.0), force_y_n.unwrap_or(0.0)),
-        })
-    }
-
     /// How long to wait, and how many points of the section to keep of what doesn't settle.
     pub fn options(&self, section_points: usize) -> SettleOptions {
         SettleOptions { time_constants: self.time_constants, section_points }
@@ -114,16 +103,23 @@ impl MotionFlags {
 
     /// Everything of these flags that results depend on.
     pub fn configuration(&self, scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
-        Ok(json!({
-            "parameters": scenario.parameters()?,
-            "beta1_deg": scenario.arm.beta1_deg,
-            "beta2_deg": scenario.arm.beta2_deg,
-            "torque_nm": <[f64; 2]>::from(load.torque_nm),
-            "force_n": <[f64; 2]>::from(load.force_n),
-            "initial": scenario.arm.initial,
-            "time_constants": self.time_constants,
-        }))
+        let mut configuration = configuration(scenario, load)?;
+        configuration["initial"] = json!(scenario.arm.initial);
+        configuration["time_constants"] = json!(self.time_constants);
+        Ok(configuration)
     }
+}
+
+/// The arm, its pose and the load at the crest: what results of every command depend on.
+pub(super) fn configuration(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
+    Ok(json!({
+        "preset": scenario.arm.preset,
+        "parameters": scenario.parameters()?,
+        "beta1_deg": scenario.arm.beta1_deg,
+        "beta2_deg": scenario.arm.beta2_deg,
+        "torque_nm": <[f64; 2]>::from(load.torque_nm),
+        "force_n": <[f64; 2]>::from(load.force_n),
+    }))
 }
 
 /// Writes a text file, over what is there.
@@ -137,13 +133,4 @@ pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
 /// A number of a table where there may be none.
 pub(super) fn or_empty(value: Option<impl ToString>) -> String {
     value.map_or(String::new(), |value| value.to_string())
-}
-
-/// The excitation in words, for figures and summaries.
-pub(super) fn load_text(load: &Load) -> String {
-    let ([u1, u2], [fx, fy]) = (<[f64; 2]>::from(load.torque_nm), <[f64; 2]>::from(load.force_n));
-    let parts = [(u1, "N·m at joint 1"), (u2, "N·m at joint 2"), (fx, "N at C along x"), (fy, "N at C along y")];
-    let parts: Vec<String> =
-        parts.iter().filter(|(value, _)| *value != 0.0).map(|(value, what)| format!("{value} {what}")).collect();
-    parts.join(", ")
 }

@@ -12,7 +12,7 @@ use super::chains::{Chain, Chains, Point};
 use super::continuation::DriveFlags;
 use super::failure::{Failure, Verdict};
 use super::interval::{Ends, interval};
-use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, load_text, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty, write};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
 use crate::arm::Load;
@@ -116,6 +116,8 @@ struct MotionDocument {
 
 #[derive(Serialize)]
 struct Document {
+    /// What the results depend on; the load is that of the value 1 where the amplitude is stepped.
+    configuration: Value,
     motions: Vec<MotionDocument>,
 }
 
@@ -148,7 +150,7 @@ impl Poincare {
         if !walked.is_complete() {
             return Ok(Verdict::Negative);
         }
-        let document = self.document(&stepped, &walked.points);
+        let document = self.document(configuration, &stepped, &walked.points);
         if self.motion.json {
             output::print_json(&document)?;
         } else {
@@ -181,14 +183,14 @@ impl Poincare {
             None => {
                 self.frequency()?;
                 interval("a section without --parameter", None, &self.range.ends())?;
-                let load = self.motion.amplitude()?;
+                let load = self.motion.drive.load()?;
                 Ok(Stepped { name: "frequency_hz", axis: "", load, sweeps: Vec::new() })
             }
             Some(ParameterFlag::Frequency) if self.frequency_hz.is_some() => Err(Failure::Usage(String::from(
                 "--frequency-hz is for a section or a diagram in amplitude: leave it out",
             ))),
             Some(ParameterFlag::Frequency) => {
-                let load = self.motion.amplitude()?;
+                let load = self.motion.drive.load()?;
                 let ends = self.interval("--parameter frequency", "-hz")?;
                 let parameter = SweepParameter::Frequency { amplitude: load };
                 self.steps("frequency_hz", "excitation frequency (Hz)", load, parameter, ends)
@@ -243,7 +245,7 @@ impl Poincare {
         Ok(Chains { chains, start: MotionFlags::start(scenario), options })
     }
 
-    fn document(&self, stepped: &Stepped, points: &[Vec<Point>]) -> Document {
+    fn document(&self, configuration: Value, stepped: &Stepped, points: &[Vec<Point>]) -> Document {
         let motion = |direction, value: f64, point: &Point| MotionDocument {
             direction,
             place: Map::from_iter([(String::from(stepped.name), json!(value))]),
@@ -262,7 +264,7 @@ impl Poincare {
                 motions.push(motion(sweep.map(|sweep| sweep.direction), value, point));
             }
         }
-        Document { motions }
+        Document { configuration, motions }
     }
 
     fn write(
@@ -279,11 +281,13 @@ impl Poincare {
         let pose = captions::pose(&scenario.arm);
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
         let figure = match self.parameter {
-            None => section_figure(document).subtitle(format!("{pose}, {}{hz}", load_text(&stepped.load))),
+            None => section_figure(document).subtitle(format!("{pose}, {}{hz}", captions::load(&stepped.load))),
             Some(ParameterFlag::Frequency) => {
-                diagram(document, stepped).subtitle(format!("{pose}, {}", load_text(&stepped.load)))
+                diagram(document, stepped).subtitle(format!("{pose}, {}", captions::load(&stepped.load)))
             }
-            Some(ParameterFlag::Amplitude) => diagram(document, stepped).subtitle(format!("{pose}{hz}")),
+            Some(ParameterFlag::Amplitude) => {
+                diagram(document, stepped).subtitle(format!("{pose}, {}{hz}", captions::direction(&stepped.load)))
+            }
         };
         files.extend(figure.write(&out.join("poincare"))?);
         Ok(files)

@@ -20,14 +20,14 @@ pub(super) struct Quantity {
 const ARM_PARAMETERS: [(&str, ArmParameter, &str); 10] = [
     ("inertia1_kg_m2", ArmParameter::Inertia1, "I_A1 (kg·m²)"),
     ("inertia2_kg_m2", ArmParameter::Inertia2, "I_S2 (kg·m²)"),
-    ("mass2_kg", ArmParameter::Mass2, "m2 (kg)"),
-    ("length1_m", ArmParameter::Length1, "l1 (m)"),
-    ("length2_m", ArmParameter::Length2, "l2 (m)"),
+    ("mass2_kg", ArmParameter::Mass2, "m₂ (kg)"),
+    ("length1_m", ArmParameter::Length1, "l₁ (m)"),
+    ("length2_m", ArmParameter::Length2, "l₂ (m)"),
     ("centre2_m", ArmParameter::Centre2, "lc2 (m)"),
-    ("stiffness1_nm_rad", ArmParameter::Stiffness1, "k1 (N·m/rad)"),
-    ("stiffness2_nm_rad", ArmParameter::Stiffness2, "k2 (N·m/rad)"),
-    ("damping1_nm_s_rad", ArmParameter::Damping1, "d1 (N·m·s/rad)"),
-    ("damping2_nm_s_rad", ArmParameter::Damping2, "d2 (N·m·s/rad)"),
+    ("stiffness1_nm_rad", ArmParameter::Stiffness1, "k₁ (N·m/rad)"),
+    ("stiffness2_nm_rad", ArmParameter::Stiffness2, "k₂ (N·m/rad)"),
+    ("damping1_nm_s_rad", ArmParameter::Damping1, "d₁ (N·m·s/rad)"),
+    ("damping2_nm_s_rad", ArmParameter::Damping2, "d₂ (N·m·s/rad)"),
 ];
 
 impl Quantity {
@@ -44,8 +44,8 @@ impl Quantity {
             },
             "amplitude" if drive.is_force() => of_arm(ArmParameter::Amplitude, "force_n", "-n", "force at C (N)"),
             "amplitude" => of_arm(ArmParameter::Amplitude, "torque1_nm", "-nm", "torque at joint 1 (N·m)"),
-            "beta1_deg" => of_arm(ArmParameter::Beta1Deg, "beta1_deg", "-deg", "β1 (°)"),
-            "beta2_deg" => of_arm(ArmParameter::Beta2Deg, "beta2_deg", "-deg", "β2 (°)"),
+            "beta1_deg" => of_arm(ArmParameter::Beta1Deg, "beta1_deg", "-deg", "β₁ (°)"),
+            "beta2_deg" => of_arm(ArmParameter::Beta2Deg, "beta2_deg", "-deg", "β₂ (°)"),
             other => match ARM_PARAMETERS.into_iter().find(|(name, ..)| *name == other) {
                 Some((name, which, label)) => of_arm(which, name, "", label),
                 None => return Err(unknown(flag, other)),

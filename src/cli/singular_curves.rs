@@ -5,7 +5,6 @@ use core::fmt::Write;
 use clap::Args;
 use serde_json::{Map, Value, json};
 
-use super::captions;
 use super::continuation::DriveFlags;
 use super::ended_early::Early;
 use super::failure::Failure;
@@ -15,7 +14,6 @@ use crate::analysis::{
     Bifurcation, BifurcationKind, Branch, Coordinate, ForcedArm, Oscillator, SingularPoint, trace_singular,
 };
 use crate::plot::{Axis, Color, Figure, Marker, Panel, Series};
-use crate::scenario::Scenario;
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
 #[derive(Clone, Debug, Args)]
@@ -122,6 +120,18 @@ impl Curves {
         Value::Array(self.curves.iter().map(curve).collect())
     }
 
+    /// A line for each point, with the units in the names of the columns. `curve` counts from 0.
+    pub fn csv(&self) -> String {
+        let (first, second) = (self.first.name, self.second.name);
+        let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
+        for (number, Curve { kind, points }) in self.curves.iter().enumerate() {
+            for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in points {
+                let _infallible = writeln!(text, "{number},{},{lambda},{mu},{h1},{h2}", kind.name());
+            }
+        }
+        text
+    }
+
     /// Where each curve runs.
     pub fn text(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
@@ -142,7 +152,7 @@ impl Curves {
     }
 
     /// The plane of both quantities with the curves in it.
-    pub fn figure(&self, scenario: &Scenario) -> Figure {
+    pub fn figure(&self, conditions: String) -> Figure {
         let mut panel = Panel::new(Axis::linear(self.first.label), Axis::linear(self.second.label));
         for (kind, label, color) in [
             (BifurcationKind::Fold, "fold", Color::Black),
@@ -159,9 +169,7 @@ impl Curves {
         if !starts.is_empty() {
             panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
         }
-        Figure::new("Bifurcations of the forced arm in two parameters")
-            .subtitle(captions::pose(&scenario.arm))
-            .with(panel)
+        Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
     }
 }
 

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::captions::{self, degrees};
 use super::chains::{Chain, Chains, Point};
 use super::failure::{Failure, Verdict};
-use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, load_text, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty, write};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter};
 use crate::arm::{Arm, Load, Pose};
@@ -72,13 +73,15 @@ struct PointDocument {
 
 #[derive(Serialize)]
 struct Document {
+    /// What the results depend on.
+    configuration: Value,
     sweeps: Vec<SweepDocument>,
 }
 
 impl Sweep {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.motion.scenario()?;
-        let load = self.motion.amplitude()?;
+        let load = self.motion.drive.load()?;
         let sweeps = self.sweeps(&load)?;
         let chains = self.chains(&scenario, &sweeps)?;
         let mut configuration = self.motion.configuration(&scenario, &load)?;
@@ -94,7 +97,7 @@ impl Sweep {
         if !walked.is_complete() {
             return Ok(Verdict::Negative);
         }
-        let document = self.document(&scenario, &sweeps, &walked.points);
+        let document = self.document(&scenario, configuration, &sweeps, &walked.points);
         if self.motion.json {
             output::print_json(&document)?;
         } else {
@@ -144,7 +147,13 @@ impl Sweep {
         Ok(Chains { chains, start: MotionFlags::start(scenario), options: self.motion.options(0) })
     }
 
-    fn document(&self, scenario: &Scenario, sweeps: &[SteppedSweep], points: &[Vec<Point>]) -> Document {
+    fn document(
+        &self,
+        scenario: &Scenario,
+        configuration: Value,
+        sweeps: &[SteppedSweep],
+        points: &[Vec<Point>],
+    ) -> Document {
         let poses = self.poses(scenario);
         let each = poses.iter().flat_map(|pose| sweeps.iter().map(move |sweep| (pose, sweep)));
         let sweeps = each.zip(points).map(|((pose, sweep), points)| SweepDocument {
@@ -153,7 +162,7 @@ impl Sweep {
             direction: sweep.direction,
             points: (0..).zip(points).map(|(index, point)| PointDocument::new(sweep.value(index), point)).collect(),
         });
-        Document { sweeps: sweeps.collect() }
+        Document { configuration, sweeps: sweeps.collect() }
     }
 }
 
@@ -266,7 +275,7 @@ impl Document {
     /// |α1| above |α2|; for several poses a row each, |α1| on the left and |α2| on the right.
     fn figure(&self, scenario: &Scenario, load: &Load) -> Figure {
         let arm = &scenario.arm;
-        let (one, load) = (self.by_pose().count() == 1, load_text(load));
+        let (one, load) = (self.by_pose().count() == 1, captions::load(load));
         let pose = match self.sweeps.first() {
             Some(sweep) if one => format!("β₁ = {}, β₂ = {}", degrees(arm.beta1_deg), degrees(sweep.beta2_deg)),
             _ => format!("β₁ = {}", degrees(arm.beta1_deg)),

@@ -134,14 +134,16 @@ impl Plan {
     pub fn new(figure: Figure, preset: Preset, settings: &Settings) -> Result<Plan, PaperError> {
         let subject = Subject::new(preset, settings)?;
         let (title, conditions) = match figure {
-            Figure::Fig4 => ("Amplitude–frequency characteristics of link 1, torque at joint 1", String::new()),
+            Figure::Fig4 => {
+                ("Amplitude–frequency characteristics of link 1, torque at joint 1", String::from(", curves by β₂"))
+            }
             Figure::Fig5 => (
                 "Amplitude of link 1 against amplitude of the torque at joint 1",
-                format!(", {} Hz", settings.figure5.frequency_hz),
+                format!(", {} Hz, curves by β₂", settings.figure5.frequency_hz),
             ),
             Figure::Fig7 => (
                 "Amplitude–frequency characteristics, force at the tip along x",
-                format!(", tip at the height y = {} m", settings.line.height_m).replace('-', "−"),
+                format!(", tip at the height y = {} m, curves by β₂", settings.line.height_m).replace('-', "−"),
             ),
             Figure::Fig9 => (
                 "Amplitude–frequency characteristics in the measured position",

@@ -1,0 +1,69 @@
+//! Branches as tables: comma-separated values (RFC 4180), with the units in the names of the columns.
+
+use core::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use crate::analysis::{BifurcationKind, Branch, Orbit};
+
+/// A motion of a branch, in its order.
+pub(super) struct Row<'a> {
+    pub orbit: &'a Orbit,
+    /// The bifurcation that it is, if it is one.
+    pub bifurcation: Option<BifurcationKind>,
+}
+
+impl Row<'_> {
+    /// Whether small disturbances die out; at a bifurcation neither.
+    pub fn stable(&self) -> Option<bool> {
+        self.bifurcation.is_none().then(|| self.orbit.is_stable())
+    }
+}
+
+/// The motions of a branch with its bifurcations in their places.
+pub(super) fn rows(branch: &Branch) -> Vec<Row<'_>> {
+    let mut events = branch.bifurcations.iter().peekable();
+    let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
+    for (index, orbit) in branch.orbits.iter().enumerate() {
+        while let Some(found) = events.next_if(|found| found.index <= index) {
+            rows.push(Row { orbit: &found.orbit, bifurcation: Some(found.kind) });
+        }
+        rows.push(Row { orbit, bifurcation: None });
+    }
+    rows.extend(events.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
+    rows
+}
+
+/// A line for each motion. `branch` is 0, for doubled branches 1 and on; `varied` is the column of what varies.
+pub(super) fn csv(varied: &str, branches: &[&Branch]) -> String {
+    let is_frequency = varied == "frequency_hz";
+    let column = if is_frequency { String::new() } else { format!("{varied},") };
+    let mut text = format!(
+        "branch,{column}frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
+         largest_multiplier,stability,bifurcation\n"
+    );
+    for (number, branch) in branches.iter().enumerate() {
+        for row in rows(branch) {
+            let Orbit { value, frequency_hz, amplitude_rad: [a1, a2], harmonic1_rad: [h1, h2], .. } = row.orbit;
+            let value = if is_frequency { String::new() } else { format!("{value},") };
+            let stability = match row.stable() {
+                Some(true) => "stable",
+                Some(false) => "unstable",
+                None => "marginal",
+            };
+            let bifurcation = row.bifurcation.map_or("", BifurcationKind::name);
+            let largest = row.orbit.multipliers().iter().fold(0.0_f64, |largest, mu| largest.max(mu.norm()));
+            let _infallible = writeln!(
+                text,
+                "{number},{value}{frequency_hz},{a1},{a2},{h1},{h2},{largest},{stability},{bifurcation}"
+            );
+        }
+    }
+    text
+}
+
+/// STEM with something appended, as `.csv`.
+pub(super) fn beside(stem: &Path, ending: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(ending);
+    PathBuf::from(name)
+}
