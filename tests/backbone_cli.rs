@@ -131,6 +131,35 @@ fn a_figure_over_the_forced_response() {
         assert!(svg.contains(part), "{part}");
     }
     assert!(stem.with_extension("png").exists());
+    let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
+    let curve: Value = serde_json::from_str(&read(".json")).unwrap();
+    assert_eq!(read(".csv").lines().count(), 1 + curve["points"].as_array().unwrap().len());
+    assert!(read(".csv").lines().next().unwrap().ends_with(",torque1_nm"));
+    assert_eq!(read("-response.csv").lines().filter(|line| line.ends_with(",marginal,fold")).count(), 2);
+}
+
+/// What a figure of branches shows stands beside it as numbers, with what it depends on; its title says the excitation, and not an
+/// angle that varies.
+#[test]
+fn figures_of_branches_have_their_numbers_beside_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let stem = folder.path().join("branch");
+    let command = "continue --parameter=beta2_deg --torque1-nm=60 --frequency-hz=22 --from-deg=55 --to-deg=60";
+    done(&format!("{command} --curves-in=amplitude --curves-to=50 --plot={}", stem.display()));
+    let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
+    let svg = read(".svg");
+    assert!(svg.contains("irb1600-fitted, β₁ = 0°, 60 N·m at joint 1, 22 Hz"), "{svg}");
+    let document: Value = serde_json::from_str(&read(".json")).unwrap();
+    let configuration = &document["configuration"];
+    assert_eq!(configuration["torque_nm"], serde_json::json!([60.0, 0.0]));
+    assert_eq!(configuration["parameters"]["mass2_kg"].as_f64(), Some(50.58));
+    assert_eq!(configuration["continue"]["frequency_hz"].as_f64(), Some(22.0));
+    let csv = read(".csv");
+    insta::assert_snapshot!(csv.lines().next().unwrap(), @"branch,beta2_deg,frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad,largest_multiplier,stability,bifurcation");
+    let [points, events] = ["points", "bifurcations"].map(|key| document[key].as_array().unwrap().len());
+    assert_eq!((csv.lines().count(), events), (1 + points + events, 2));
+    insta::assert_snapshot!(read("-curves.csv").lines().next().unwrap(), @"curve,kind,beta2_deg,torque1_nm,harmonic1_alpha1_rad,harmonic1_alpha2_rad");
+    assert!(read("-curves.svg").contains("irb1600-fitted, β₁ = 0°, torque at joint 1, 22 Hz"));
 }
 
 /// The examples at the end of a help text do what they say: each ends well, and those with a folder or a figure leave one.
@@ -182,7 +211,8 @@ fn help_says_what_there_is() {
           --largest-step <X>    Largest step along a branch, as part of the motion's size [default:
                                 0.25]
           --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
-                                of the excitation is given
+                                of the excitation is given; CSV and JSON beside them, of the forced
+                                response STEM-response.csv
           --json                Print one JSON document
       -h, --help                Print help (see more with '--help')
     ");
