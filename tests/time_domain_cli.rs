@@ -122,6 +122,7 @@ fn bad_input_is_said_with_exit_code_2() {
         errors(&output).trim_end().to_string()
     };
     let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=5 --over-beta2-deg=60,90,60"), @"resonarm: --over-beta2-deg has 60 twice: give each angle once");
     insta::assert_snapshot!(sweep("--steps=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
     insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude is 0: it must be a number other than 0");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");

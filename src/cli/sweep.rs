@@ -82,6 +82,7 @@ impl Sweep {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.motion.scenario()?;
         let load = self.motion.drive.load()?;
+        self.check_poses()?;
         let sweeps = self.sweeps(&load)?;
         let chains = self.chains(&scenario, &sweeps)?;
         let mut configuration = self.motion.configuration(&scenario, &load)?;
@@ -124,6 +125,17 @@ impl Sweep {
             .iter()
             .map(|direction| SteppedSweep { parameter, grid, direction: *direction })
             .collect())
+    }
+
+    /// Each pose once: sweeps of the same one would be told apart by nothing.
+    fn check_poses(&self) -> Result<(), Failure> {
+        let angles = &self.over_beta2_deg;
+        match angles.iter().enumerate().find(|(at, angle)| angles[..*at].contains(angle)) {
+            Some((_, angle)) => {
+                Err(Failure::Usage(format!("--over-beta2-deg has {angle} twice: give each angle once")))
+            }
+            None => Ok(()),
+        }
     }
 
     fn poses(&self, scenario: &Scenario) -> Vec<Pose> {
