@@ -72,8 +72,8 @@ impl Arm {
     fn check(&self) -> Result<(), ArmError> {
         let (whole, a2) = (self.coefficients.a3_a1_less_a3, self.coefficients.a2);
         let got = (whole - a2 * a2) / whole;
-        // Written so that NaN fails too.
-        if !(got >= LEAST_DETERMINANT) {
+        // NaN is not in the range, either.
+        if !(LEAST_DETERMINANT..=1.0).contains(&got) {
             return Err(ArmError::SingularMass { got, least: LEAST_DETERMINANT });
         }
         let got_rad_s = self.angular_frequencies_rad_s();
