@@ -145,6 +145,7 @@ fn table_has_a_line_for_every_scheme() {
 fn says_what_is_wrong() {
     insta::assert_snapshot!(complaint(&["--rate-hz", "0"]), @"resonarm: integration rate 0 Hz: it must be a positive number");
     insta::assert_snapshot!(complaint(&["--rate-hz", "nan"]), @"resonarm: integration rate NaN Hz: it must be a positive number");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this arm; what a shorter step changes is lost in rounding");
     insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(complaint(&["--drift-steps", "9"]), @r"
     error: invalid value '9' for '--drift-steps <N>': 9 is not in 10..=4294967295

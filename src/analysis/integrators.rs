@@ -92,8 +92,10 @@ fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeErr
 
 /// The drift of energy over `steps` steps (at least 10) of free vibration of the arm without its dampers, from `start`.
 ///
-/// A symmetric scheme conserves not the energy but a quantity that differs from it by O(hᵖ), so the energy swings without going
-/// anywhere: `spread` shows the swing, `change` what is left of it. The mean over a tenth is weighted by s³(1−s)³, s from 0 to 1 over the
+/// Free vibration without dampers is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long as the motion is
+/// quasi-periodic, invariants that differ from the true ones by O(hᵖ) (E. Hairer, C. Lubich, G. Wanner, "Geometric Numerical
+/// Integration", chapter XI): the energy swings without going anywhere. `spread` shows the swing, `change` what is left of it. No scheme
+/// here is symplectic: in (α, α̇) the momenta Mα̇ are not among the variables; so for chaotic motion nothing is promised. The mean over a tenth is weighted by s³(1−s)³, s from 0 to 1 over the
 /// tenth: the mean of a quasi-periodic swing over n of its periods then falls as n⁻⁴, not as n⁻¹ (S. Das, Y. Saiki, E. Sander,
 /// J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
 ///

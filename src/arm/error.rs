@@ -35,6 +35,27 @@ pub enum ArmError {
         /// The acceleration of gravity, m/s².
         gravity_m_s2: f64,
     },
+    /// The mass matrix of the straight arm can't be solved: its determinant is lost in rounding, or overflows.
+    #[error(
+        "the mass matrix of the straight arm has a determinant of {got:.1e} of the product of its inertias: it must be at least \
+         {least:.0e}; raise `inertia1_kg_m2` or `inertia2_kg_m2`, or lower `mass2_kg`"
+    )]
+    SingularMass {
+        /// det M over a3 (a1 − a3), dimensionless.
+        got: f64,
+        /// What would do.
+        least: f64,
+    },
+    /// A natural frequency vanishes or overflows.
+    #[error(
+        "the arm's natural frequencies come out as {:e} and {:e} Hz: they must be positive and finite; stiffnesses and inertias are out \
+         of proportion",
+        got_hz[0], got_hz[1]
+    )]
+    Frequencies {
+        /// The two frequencies, Hz.
+        got_hz: [f64; 2],
+    },
     /// No preset has this name.
     #[error("there is no preset `{got}`: the presets are {known}")]
     UnknownPreset {

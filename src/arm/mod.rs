@@ -38,6 +38,9 @@ pub use types::{Load, State};
 use kernel::Coefficients;
 use nalgebra::Vector2;
 
+/// The least det M over a3 (a1 − a3) in the straight arm: Cramer's rule then keeps ten digits of α̈.
+const LEAST_DETERMINANT: f64 = 1e-6;
+
 /// An arm with valid parameters in a valid pose: everything constant about it, ready for computing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
@@ -51,14 +54,33 @@ impl Arm {
     /// Checks the parameters and the pose and makes an arm of them.
     ///
     /// # Errors
-    /// [`ArmError`] names the first value that no arm can have, or says that the joints can't hold the arm's weight.
+    /// [`ArmError`] names the first value that no arm can have, or says that the joints can't hold the arm's weight, or that numbers
+    /// possible one by one make an arm that can't be computed.
     pub fn new(parameters: Parameters, pose: Pose) -> Result<Arm, ArmError> {
         parameters.check()?;
         pose.validate()?;
         let relaxed_rad = [pose.beta1_deg.to_radians(), pose.beta2_deg.to_radians()];
         let sag = gravity::static_deflection(&parameters, relaxed_rad)?;
         let coefficients = Coefficients::new(&parameters, [relaxed_rad[0] + sag.x, relaxed_rad[1] + sag.y]);
-        Ok(Arm { parameters, pose, static_deflection_rad: sag, coefficients })
+        let arm = Arm { parameters, pose, static_deflection_rad: sag, coefficients };
+        arm.check()?;
+        Ok(arm)
+    }
+
+    /// Checks that M is positive definite at every angle in numbers, too, not by its signs alone: det M = a3 (a1 − a3) − a2² cos² is
+    /// least in the straight arm.
+    fn check(&self) -> Result<(), ArmError> {
+        let (whole, a2) = (self.coefficients.a3_a1_less_a3, self.coefficients.a2);
+        let got = (whole - a2 * a2) / whole;
+        // NaN is not in the range, either.
+        if !(LEAST_DETERMINANT..=1.0).contains(&got) {
+            return Err(ArmError::SingularMass { got, least: LEAST_DETERMINANT });
+        }
+        let got_rad_s = self.angular_frequencies_rad_s();
+        if !got_rad_s.iter().all(|omega| omega.is_finite() && *omega > 0.0) {
+            return Err(ArmError::Frequencies { got_hz: got_rad_s.map(|omega| omega / core::f64::consts::TAU) });
+        }
+        Ok(())
     }
 
     /// The same arm with d1 = d2 = 0.

@@ -34,7 +34,8 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Checks that such an arm can exist. With these signs M is positive definite at every angle.
+    /// Checks that such an arm can exist. With these signs M is positive definite at every angle,
+    /// but for rounding; [`Arm::new`](super::Arm::new) sees to that.
     pub(super) fn check(&self) -> Result<(), ArmError> {
         let positive = [
             ("inertia1_kg_m2", self.inertia1_kg_m2),

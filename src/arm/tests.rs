@@ -185,5 +185,10 @@ fn says_what_is_wrong_with_an_arm() {
     insta::assert_snapshot!(says(Parameters { gravity: Some(gravity), ..good }, pose), @"arm parameter `mass1_kg` is -3: it must be zero or a positive number");
     let weak = Parameters { stiffness1_nm_rad: 100.0, gravity: Some(Gravity { mass1_kg: 20.0, ..gravity }), ..good };
     insta::assert_snapshot!(says(weak, Pose { beta1_deg: 90.0, beta2_deg: 0.0 }), @"the joints can't hold the arm's weight at 9.81 m/s²: no stable equilibrium is found from this pose; raise the stiffnesses or lower the masses");
+    let thin = Parameters { inertia1_kg_m2: 1e-20, inertia2_kg_m2: 1e-20, ..good };
+    insta::assert_snapshot!(says(thin, pose), @"the mass matrix of the straight arm has a determinant of 1.7e-16 of the product of its inertias: it must be at least 1e-6; raise `inertia1_kg_m2` or `inertia2_kg_m2`, or lower `mass2_kg`");
+    insta::assert_snapshot!(says(Parameters { mass2_kg: 1e308, ..good }, pose), @"the mass matrix of the straight arm has a determinant of NaN of the product of its inertias: it must be at least 1e-6; raise `inertia1_kg_m2` or `inertia2_kg_m2`, or lower `mass2_kg`");
+    let loose = Parameters { stiffness1_nm_rad: 1e-200, stiffness2_nm_rad: 1e-200, ..good };
+    insta::assert_snapshot!(says(loose, pose), @"the arm's natural frequencies come out as 0e0 and 1.1216738969513605e-101 Hz: they must be positive and finite; stiffnesses and inertias are out of proportion");
     insta::assert_snapshot!("irb1600".parse::<Preset>().unwrap_err(), @"there is no preset `irb1600`: the presets are irb1600-table1, irb1600-fitted");
 }

@@ -3,11 +3,17 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::RangedI64ValueParser;
 
 use super::failure::Failure;
 use crate::integrate::Scheme;
 use crate::realtime::{FifoPriority, ThreadSetup};
 use crate::scenario::Scenario;
+
+/// How many points a range may have: as many as fit in memory and in a figure with room to spare.
+pub(super) fn points() -> RangedI64ValueParser<u32> {
+    RangedI64ValueParser::new().range(2..=1_000_000)
+}
 
 /// The arm and its pose.
 #[derive(Clone, Debug, Args)]

@@ -8,13 +8,15 @@ use serde::Serialize;
 
 use super::captions;
 use super::failure::{Failure, Verdict};
-use super::flags::ArmFlags;
+use super::flags::{self, ArmFlags};
 use super::output;
 use crate::analysis::{Drive, FrequencyResponse, Quantity, Response};
 use crate::plot::{Axis, Color, Figure, Panel, Series};
 use crate::scenario::Scenario;
 
 /// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C.
+///
+/// As CSV a line for each frequency, with modulus and phase; as JSON complex, [real, imaginary]. Every response names its unit.
 #[derive(Debug, Args)]
 pub(super) struct Frf {
     #[command(flatten)]
@@ -34,8 +36,8 @@ pub(super) struct Frf {
     /// Last frequency, Hz.
     #[arg(long, value_name = "F", default_value_t = 80.0, allow_hyphen_values = true)]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced.
-    #[arg(long, value_name = "N", default_value_t = 801)]
+    /// Number of frequencies, evenly spaced, at most a million.
+    #[arg(long, value_name = "N", default_value_t = 801, value_parser = flags::points())]
     points: u32,
     /// Plot to STEM.svg and STEM.png.
     #[arg(long, value_name = "STEM")]
@@ -64,9 +66,13 @@ enum QuantityFlag {
 enum ResponseFlag {
     Alpha1,
     Alpha2,
+    #[value(name = "b-x")]
     BX,
+    #[value(name = "b-y")]
     BY,
+    #[value(name = "c-x")]
     CX,
+    #[value(name = "c-y")]
     CY,
 }
 
@@ -90,6 +96,13 @@ impl DriveFlag {
             DriveFlag::ForceY => "force at C along y",
         }
     }
+
+    const fn unit(self) -> &'static str {
+        match self {
+            DriveFlag::Torque1 | DriveFlag::Torque2 => "N·m",
+            DriveFlag::ForceX | DriveFlag::ForceY => "N",
+        }
+    }
 }
 
 impl From<QuantityFlag> for Quantity {
@@ -99,6 +112,26 @@ impl From<QuantityFlag> for Quantity {
             QuantityFlag::Mobility => Quantity::Mobility,
             QuantityFlag::Accelerance => Quantity::Accelerance,
         }
+    }
+}
+
+impl QuantityFlag {
+    const fn name(self) -> &'static str {
+        match self {
+            QuantityFlag::Receptance => "receptance",
+            QuantityFlag::Mobility => "mobility",
+            QuantityFlag::Accelerance => "accelerance",
+        }
+    }
+
+    /// The unit of this derivative of a motion in `motion`.
+    fn unit(self, motion: &str) -> String {
+        let rate = match self {
+            QuantityFlag::Receptance => "",
+            QuantityFlag::Mobility => "/s",
+            QuantityFlag::Accelerance => "/s²",
+        };
+        format!("{motion}{rate}")
     }
 }
 
@@ -133,10 +166,33 @@ impl ResponseFlag {
             ResponseFlag::CY => "C y",
         }
     }
+
+    /// The name in a column of CSV.
+    const fn column(self) -> &'static str {
+        match self {
+            ResponseFlag::Alpha1 => "alpha1",
+            ResponseFlag::Alpha2 => "alpha2",
+            ResponseFlag::BX => "b_x",
+            ResponseFlag::BY => "b_y",
+            ResponseFlag::CX => "c_x",
+            ResponseFlag::CY => "c_y",
+        }
+    }
+
+    const fn is_angle(self) -> bool {
+        matches!(self, ResponseFlag::Alpha1 | ResponseFlag::Alpha2)
+    }
+
+    const fn unit(self) -> &'static str {
+        if self.is_angle() { "rad" } else { "m" }
+    }
 }
 
 #[derive(Serialize)]
 struct Document {
+    preset: String,
+    beta1_deg: f64,
+    beta2_deg: f64,
     drive: Drive,
     quantity: Quantity,
     frequency_hz: Vec<f64>,
@@ -147,6 +203,7 @@ struct Document {
 #[derive(Serialize)]
 struct Curve {
     response: Response,
+    unit: String,
     value: Vec<[f64; 2]>,
 }
 
@@ -171,10 +228,9 @@ impl Frf {
 
     fn compute(&self, scenario: &Scenario) -> Result<Document, Failure> {
         let (from, to) = (self.from_hz, self.to_hz);
-        if !(from >= 0.0 && to > from && to.is_finite()) || self.points < 2 {
+        if !(from >= 0.0 && to > from && to.is_finite()) {
             return Err(Failure::Usage(format!(
-                "--from-hz {from} --to-hz {to} --points {}: the frequencies must rise from 0 or above, at least 2 of them",
-                self.points
+                "--from-hz {from} --to-hz {to}: the frequencies must rise from 0 or above"
             )));
         }
         let linear = FrequencyResponse::new(&scenario.build_arm()?);
@@ -185,18 +241,30 @@ impl Frf {
             let response = flag.response();
             let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
             let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
-            Ok(Curve { response, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
+            let unit = format!("{} per {}", self.quantity.unit(flag.unit()), self.drive.unit());
+            Ok(Curve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
         };
         let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
-        Ok(Document { drive, quantity, frequency_hz, responses })
+        let (beta1_deg, beta2_deg) = (scenario.arm.beta1_deg, scenario.arm.beta2_deg);
+        Ok(Document {
+            preset: scenario.arm.preset.clone(),
+            beta1_deg,
+            beta2_deg,
+            drive,
+            quantity,
+            frequency_hz,
+            responses,
+        })
     }
 
     /// CSV: frequency, then modulus and phase of each response.
     fn table(&self, document: &Document) -> String {
         let mut text = String::from("frequency_hz");
         for flag in self.wanted() {
-            let name = flag.label().replace(' ', "_");
-            let _infallible = write!(text, ",{name}_modulus,{name}_phase_deg");
+            let name = flag.column();
+            let unit = format!("{}_per_{}", self.quantity.unit(flag.unit()), self.drive.unit());
+            let unit = unit.replace("/s²", "_s2").replace("/s", "_s").replace("N·m", "nm").replace('N', "n");
+            let _infallible = write!(text, ",{name}_modulus_{unit},{name}_phase_deg");
         }
         text.push('\n');
         for (k, hz) in document.frequency_hz.iter().enumerate() {
@@ -213,22 +281,13 @@ impl Frf {
     /// The quantity with its unit.
     fn label(&self) -> String {
         let wanted = self.wanted();
-        let angles = wanted.iter().filter(|flag| matches!(flag, ResponseFlag::Alpha1 | ResponseFlag::Alpha2)).count();
-        let motion = match angles {
-            0 => "m",
-            all if all == wanted.len() => "rad",
-            _ => "rad or m",
+        let [angle, length] = ["rad", "m"].map(|motion| self.quantity.unit(motion));
+        let motion = match wanted.iter().filter(|flag| flag.is_angle()).count() {
+            0 => length,
+            all if all == wanted.len() => angle,
+            _ => format!("{angle} or {length}"),
         };
-        let (name, rate) = match self.quantity {
-            QuantityFlag::Receptance => ("receptance", ""),
-            QuantityFlag::Mobility => ("mobility", "/s"),
-            QuantityFlag::Accelerance => ("accelerance", "/s²"),
-        };
-        let drive = match self.drive {
-            DriveFlag::Torque1 | DriveFlag::Torque2 => "N·m",
-            DriveFlag::ForceX | DriveFlag::ForceY => "N",
-        };
-        format!("{name} ({motion}{rate} per {drive})")
+        format!("{} ({motion} per {})", self.quantity.name(), self.drive.unit())
     }
 
     fn figure(&self, scenario: &Scenario, document: &Document) -> Figure {

@@ -10,7 +10,7 @@ use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output;
 use super::paper::Progress;
-use crate::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors};
+use crate::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors, modes};
 use crate::arm::{Arm, Load, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
 use crate::realtime::{Clock, SystemClock};
@@ -19,7 +19,7 @@ use crate::scenario::Scenario;
 /// Each integration scheme's own damping and frequency error in both modes, its drift of energy, and its cost per step.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "All is measured on the arm without its dampers and without load. docs/integrators.md tells how, and what each\nscheme is for."
+    after_help = "All is measured on the arm without its dampers and without load. docs/integrators.md tells how, and what each scheme is for."
 )]
 pub(super) struct Integrators {
     #[command(flatten)]
@@ -48,6 +48,7 @@ struct Document {
     beta2_deg: f64,
     rate_hz: f64,
     default_scheme: Scheme,
+    natural_frequencies_hz: [f64; 2],
     schemes: Vec<Row>,
 }
 
@@ -78,7 +79,10 @@ impl Integrators {
         drop(progress);
         let (beta1_deg, beta2_deg) = (scenario.arm.beta1_deg, scenario.arm.beta2_deg);
         let preset = scenario.arm.preset;
-        let document = Document { preset, beta1_deg, beta2_deg, rate_hz, default_scheme: Scheme::default(), schemes };
+        let natural_frequencies_hz = modes(&arm).map(|mode| mode.frequency_hz);
+        let default_scheme = Scheme::default();
+        let document =
+            Document { preset, beta1_deg, beta2_deg, rate_hz, default_scheme, natural_frequencies_hz, schemes };
         if self.json {
             output::print_json(&document)?;
         } else {
@@ -91,7 +95,7 @@ impl Integrators {
     fn row(&self, arm: &Arm, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
         let mut row = Row { scheme, order: scheme.order(), modes: None, energy: None, cost_ns: None, refused: None };
         match self.measure(arm, rate_hz, &mut row) {
-            Err(error @ IntegrateError::Rate { .. }) => return Err(error.into()),
+            Err(error @ (IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })) => return Err(error.into()),
             Err(error) => row.refused = Some(error.to_string()),
             Ok(()) => {}
         }
@@ -129,10 +133,7 @@ impl Document {
             "{} at β1 = {}°, β2 = {}°, {} steps a second; default scheme: {}\n\n",
             self.preset, self.beta1_deg, self.beta2_deg, self.rate_hz, self.default_scheme
         );
-        let [low, high] = match self.schemes.iter().find_map(|row| row.modes) {
-            Some(modes) => modes.map(|mode| format!("{:.2} Hz", mode.frequency_hz)),
-            None => ["", ""].map(String::from),
-        };
+        let [low, high] = self.natural_frequencies_hz.map(|frequency_hz| format!("{frequency_hz:.2} Hz"));
         let _infallible = writeln!(
             text,
             "                        {:<22}  {:<22}  energy, {drift_steps} steps\n  \

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::captions;
 use super::failure::{Failure, Verdict};
-use super::flags::ArmFlags;
+use super::flags::{self, ArmFlags};
 use super::output;
 use crate::analysis::{Mode, modes};
 use crate::plot::{Axis, Color, Figure, Panel, Series};
@@ -33,8 +33,8 @@ pub(super) struct Modes {
     /// Last β2 of a range, degrees.
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "from_beta2_deg")]
     to_beta2_deg: Option<f64>,
-    /// Number of poses in the range, evenly spaced.
-    #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg")]
+    /// Number of poses in the range, evenly spaced, at most a million.
+    #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg", value_parser = flags::points())]
     points: u32,
     /// Plot the natural frequencies over the range to STEM.svg and STEM.png.
     #[arg(long, value_name = "STEM", requires = "from_beta2_deg")]
@@ -51,6 +51,8 @@ struct Document {
 
 #[derive(Serialize)]
 struct RangeDocument {
+    preset: String,
+    beta1_deg: f64,
     poses: Vec<InPose>,
 }
 
@@ -95,11 +97,9 @@ impl Modes {
     fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<(), Failure> {
         // NaN fails it, too.
         let rises = from_deg < to_deg && (to_deg - from_deg).is_finite();
-        if !rises || self.points < 2 {
+        if !rises {
             return Err(Failure::Usage(format!(
-                "--from-beta2-deg {from_deg} --to-beta2-deg {to_deg} --points {}: the poses must rise from one angle to the other, at \
-                 least 2 of them",
-                self.points
+                "--from-beta2-deg {from_deg} --to-beta2-deg {to_deg}: the poses must rise from one angle to the other"
             )));
         }
         let last = f64::from(self.points - 1);
@@ -108,7 +108,8 @@ impl Modes {
             let posed = Scenario { arm: ArmSection { beta2_deg, ..scenario.arm.clone() }, ..scenario.clone() };
             Ok(InPose { beta2_deg, modes: modes(&posed.build_arm()?) })
         };
-        let document = RangeDocument { poses: (0..self.points).map(in_pose).collect::<Result<_, Failure>>()? };
+        let poses = (0..self.points).map(in_pose).collect::<Result<_, Failure>>()?;
+        let document = RangeDocument { preset: scenario.arm.preset.clone(), beta1_deg: scenario.arm.beta1_deg, poses };
         if let Some(stem) = &self.plot {
             document.figure(&scenario.arm).write(stem)?;
         }

@@ -14,6 +14,17 @@ pub enum IntegrateError {
         /// What was given, Hz.
         got_hz: f64,
     },
+    /// Steps so short that rounding outweighs what they change.
+    #[error(
+        "integration rate {got_hz:e} Hz: it must be at most {most_hz:e} Hz for this arm; what a shorter step changes is lost in \
+         rounding"
+    )]
+    RateTooHigh {
+        /// What was given, Hz.
+        got_hz: f64,
+        /// The highest rate that would do, Hz.
+        most_hz: f64,
+    },
     /// The scheme is not stable, or sees less than one step a period, at this rate.
     #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz")]
     RateTooLow {

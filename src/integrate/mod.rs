@@ -61,6 +61,10 @@ impl Excitation for Sine {
     }
 }
 
+/// The least ωh of the fastest mode that is accepted: below it rounding, 2⁻⁵³ of the state in every step, adds more than 1e-7 to
+/// the damping ratio, and far below it no step changes anything.
+const LEAST_PHASE_RAD: f64 = 1.0 / (1_u32 << 30) as f64;
+
 /// A scheme with a step that it can carry for a given arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Integrator {
@@ -98,7 +102,8 @@ impl Integrator {
     ///
     /// # Errors
     /// [`IntegrateError::Rate`] if the rate is not a positive number, [`IntegrateError::RateTooLow`] with the rate that
-    /// would do if the scheme can't carry the arm's second mode at this rate.
+    /// would do if the scheme can't carry the arm's second mode at this rate, [`IntegrateError::RateTooHigh`] if rounding outweighs a
+    /// step.
     pub fn new(scheme: Scheme, rate_hz: f64, arm: &Arm) -> Result<Integrator, IntegrateError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(IntegrateError::Rate { got_hz: rate_hz });
@@ -107,6 +112,10 @@ impl Integrator {
         let needed_hz = libm::ceil(fastest_rad_s / scheme.phase_limit_rad());
         if rate_hz < needed_hz {
             return Err(IntegrateError::RateTooLow { scheme, got_hz: rate_hz, needed_hz });
+        }
+        let most_hz = libm::floor(fastest_rad_s / LEAST_PHASE_RAD);
+        if rate_hz > most_hz {
+            return Err(IntegrateError::RateTooHigh { got_hz: rate_hz, most_hz });
         }
         let step_s = 1.0 / rate_hz;
         Ok(Integrator { scheme, step_s, method: Method::new(scheme, arm, step_s) })

@@ -54,7 +54,8 @@ impl Scheme {
         }
     }
 
-    /// Whether a step back from a step on returns to where it began, so that the scheme has no damping of its own.
+    /// Whether a step back from a step on returns to where it began, so that the scheme has no damping of its own. It does where both
+    /// are made in the same number of parts, as in all but strong vibration.
     pub const fn is_symmetric(self) -> bool {
         match self {
             Scheme::Rk4 | Scheme::Dop853 => false,

@@ -122,6 +122,8 @@ fn says_which_rate_would_do() {
     insta::assert_snapshot!(says(Scheme::Rk4, 0.0), @"integration rate 0 Hz: it must be a positive number");
     insta::assert_snapshot!(says(Scheme::Rk4, 1000.0), @"scheme rk4 can't carry this arm at 1000 Hz: its second mode needs at least 1265 Hz");
     insta::assert_snapshot!(says(Scheme::Gl6, 500.0), @"scheme gl6 can't carry this arm at 500 Hz: its second mode needs at least 570 Hz");
+    insta::assert_snapshot!(says(Scheme::Exponential, 1e300), @"integration rate 1e300 Hz: it must be at most 3.840457667642e12 Hz for this arm; what a shorter step changes is lost in rounding");
+    assert!(Integrator::new(Scheme::Gl4, 1e12, &arm).is_ok());
     insta::assert_snapshot!("euler".parse::<Scheme>().unwrap_err(), @"there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential");
 }
 

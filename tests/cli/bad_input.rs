@@ -111,9 +111,13 @@ fn words_that_are_not_understood() {
 
 #[test]
 fn ranges_of_poses_that_are_none() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30 --points 181: the poses must rise from one angle to the other, at least 2 of them");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "90", "--points", "1"]), @"resonarm: --from-beta2-deg 0 --to-beta2-deg 90 --points 1: the poses must rise from one angle to the other, at least 2 of them");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "inf"]), @"resonarm: --from-beta2-deg 0 --to-beta2-deg inf --points 181: the poses must rise from one angle to the other, at least 2 of them");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30: the poses must rise from one angle to the other");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "90", "--points", "1"]), @r"
+    error: invalid value '1' for '--points <N>': 1 is not in 2..=1000000
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "inf"]), @"resonarm: --from-beta2-deg 0 --to-beta2-deg inf: the poses must rise from one angle to the other");
     assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0"]), @r"
     error: the following required arguments were not provided:
       --to-beta2-deg <DEG>
@@ -135,6 +139,23 @@ fn ranges_of_poses_that_are_none() {
       --from-beta2-deg <DEG>
 
     Usage: resonarm modes --to-beta2-deg <DEG> --from-beta2-deg <DEG> --plot <STEM>
+
+    For more information, try '--help'.
+    ");
+}
+
+#[test]
+fn responses_that_are_none() {
+    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise from 0 or above");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "nan"]), @"resonarm: --from-hz NaN --to-hz 80: the frequencies must rise from 0 or above");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--points", "4000000000"]), @r"
+    error: invalid value '4000000000' for '--points <N>': 4000000000 is not in 2..=1000000
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--response", "elbow"]), @r"
+    error: invalid value 'elbow' for '--response <RESPONSE>'
+      [possible values: alpha1, alpha2, b-x, b-y, c-x, c-y]
 
     For more information, try '--help'.
     ");

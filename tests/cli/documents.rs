@@ -44,7 +44,8 @@ fn modes_over_beta2_are_those_of_the_oracles() {
             ["modes", "--preset", preset_name, "--from-beta2-deg", "-150", "--to-beta2-deg", "150", "--points", "11"];
         let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
         let poses = got["poses"].as_array().unwrap();
-        assert_eq!((names(&got), poses.len()), (vec!["poses"], 11));
+        assert_eq!((names(&got), poses.len()), (vec!["beta1_deg", "poses", "preset"], 11));
+        assert_eq!((&got["preset"], got["beta1_deg"].as_f64()), (&preset_name.into(), Some(0.0)));
         let mut compared = 0;
         for case in oracles("modes").iter().filter(|case| preset(case) == preset_name) {
             let pose = poses.iter().find(|pose| pose["beta2_deg"].as_f64() == case["beta2_deg"].as_f64()).unwrap();
@@ -76,6 +77,41 @@ fn modes_over_beta2_are_those_of_the_oracles() {
         }
         assert!(folder.path().join("figure.svg").exists() && folder.path().join("figure.png").exists());
     }
+}
+
+/// The unit of every response stands beside it, in the document and in the columns; their numbers are the same. At rest α1 is the
+/// torque over the stiffness of the joint, and B moves by l1 α1, along y with link 1 along x.
+#[test]
+fn responses_have_their_units() {
+    let range = ["frf", "--from-hz", "0", "--to-hz", "60", "--points", "7", "--response", "alpha1,b-y"];
+    let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
+    let expected = ["beta1_deg", "beta2_deg", "drive", "frequency_hz", "preset", "quantity", "responses"];
+    assert_eq!(names(&got), expected);
+    let curves = got["responses"].as_array().unwrap();
+    let said = curves.iter().map(|curve| (curve["response"].as_str().unwrap(), curve["unit"].as_str().unwrap()));
+    assert_eq!(said.collect::<Vec<_>>(), [("alpha1", "rad per N·m"), ("b-y", "m per N·m")]);
+    let at_rest = [0, 1].map(|k: usize| curves[k]["value"][0][0].as_f64().unwrap());
+    assert!((at_rest[0] * 555_000.0 - 1.0).abs() < 1e-14 && (at_rest[1] / at_rest[0] - 0.63).abs() < 1e-14);
+
+    let csv = crate::resonarm(here(), &range);
+    let mut lines = csv.stdout.lines();
+    let header = "frequency_hz,alpha1_modulus_rad_per_nm,alpha1_phase_deg,b_y_modulus_m_per_nm,b_y_phase_deg";
+    assert_eq!(lines.next(), Some(header));
+    for (k, line) in lines.by_ref().enumerate() {
+        let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+        for (curve, polar) in curves.iter().zip(values[1..].chunks(2)) {
+            let [re, im] = [0, 1].map(|part: usize| curve["value"][k][part].as_f64().unwrap());
+            let (sine, cosine) = libm::sincos(polar[1].to_radians());
+            let error = (polar[0] * cosine - re).abs() + (polar[0] * sine - im).abs();
+            assert!(error < 1e-14 * polar[0], "{line} {curve}");
+        }
+    }
+    let force = ["frf", "--drive", "force-x", "--quantity", "accelerance", "--points", "2"];
+    let header = crate::resonarm(here(), &force).stdout.lines().next().map(String::from).unwrap();
+    assert!(
+        header.contains(",alpha2_modulus_rad_s2_per_n,") && header.contains(",c_x_modulus_m_s2_per_n,"),
+        "{header}"
+    );
 }
 
 /// Every trajectory is met to 1e-9 (rad, rad/s) at 32 kHz, by the default scheme.
