@@ -187,7 +187,7 @@ fn doctor_says_what_can_be_mended() {
 fn curves_of_folds_stand_beside_the_branch() {
     let branch = ["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23.5", "--json"];
     let got = document(here(), 0, &[branch.as_slice(), &["--curves-in", "amplitude", "--curves-to", "5"]].concat());
-    assert_eq!(names(&got), ["bifurcations", "curves", "points", "wall_s"]);
+    assert_eq!(names(&got), ["bifurcations", "configuration", "curves", "points", "wall_s"]);
     let folds: Vec<f64> =
         got["bifurcations"].as_array().unwrap().iter().map(|fold| fold["frequency_hz"].as_f64().unwrap()).collect();
     let curves = got["curves"].as_array().unwrap();
