@@ -82,7 +82,9 @@ pub(super) struct Collocation<const S: usize> {
     pub linear: [[f64; 4]; 2],
     /// The step lengths h, h/2, h/4 …
     pub levels: Vec<Step<S>>,
-    /// The level that every step starts from.
+    /// The level that every step starts from. It is one for all, as far as it can be: where strong vibration swings the energy
+    /// so far in a step that some steps have to be divided and others not, steps follow the state, and that does not keep the
+    /// energy.
     pub least_level: usize,
     /// The largest ωh of a part, rad, with ω at the deflection where the step starts.
     pub phase_per_part_rad: f64,
@@ -123,6 +125,12 @@ impl<const S: usize> Collocation<S> {
         let within = |step: &Step<S>| frequency_rad_s * step.h_s <= self.phase_per_part_rad;
         self.levels.iter().position(within).unwrap_or(LEVELS - 1).max(self.least_level)
     }
+}
+
+/// The first level whose parts turn small vibration of `arm` by `phase_rad` at most, or else the last.
+pub(super) fn least_level<const S: usize>(arm: &Arm, levels: &[Step<S>], phase_rad: f64) -> usize {
+    let [_, fastest_rad_s] = arm.angular_frequencies_rad_s();
+    levels.iter().position(|step| fastest_rad_s * step.h_s <= phase_rad).unwrap_or(LEVELS - 1)
 }
 
 type Slopes<const S: usize> = [[f64; 2]; S];

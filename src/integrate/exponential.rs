@@ -27,12 +27,14 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Collocation, LEVELS, Matrix, Step};
+use super::collocation::{Collocation, LEVELS, Matrix, Step, least_level};
 use super::double_double::DoubleDouble;
 use super::gauss_legendre::GL6;
 use crate::arm::{Arm, Load, State};
 
 const STAGES: usize = 3;
+/// The largest ωh of a part in small vibration, rad; see [`Collocation::least_level`]. The linear arm would need no bound.
+const PHASE_AT_REST_RAD: f64 = 1.0;
 /// 4 for y, and 2 for each power of time.
 const SIZE: usize = 4 + 2 * STAGES;
 type Block = [[DoubleDouble; SIZE]; SIZE];
@@ -53,11 +55,13 @@ pub(super) fn collocation(arm: &Arm, h_s: f64) -> Collocation<STAGES> {
     let phase = DoubleDouble::new(unit_rad_s * h_s);
     let nodes = GL6.c().map(|c| powers(&generator, c * phase));
     let whole = powers(&generator, phase);
-    let levels = (0..LEVELS).map(|level| {
+    let level = |level: usize| {
         let h_level_s = h_s / f64::from(1_u32 << level);
         step(array::from_fn(|i| &nodes[i][level]), &whole[level], h_level_s, unit_rad_s)
-    });
-    Collocation { linear, levels: levels.collect(), least_level: 0, phase_per_part_rad: f64::INFINITY }
+    };
+    let levels: Vec<Step<STAGES>> = (0..LEVELS).map(level).collect();
+    let least_level = least_level(arm, &levels, PHASE_AT_REST_RAD);
+    Collocation { linear, levels, least_level, phase_per_part_rad: f64::INFINITY }
 }
 
 /// The block matrix above, in units of 1/`unit_rad_s`.

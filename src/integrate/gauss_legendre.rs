@@ -9,7 +9,7 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Collocation, LEVELS, Matrix, Step};
+use super::collocation::{Collocation, LEVELS, Matrix, Step, least_level};
 use super::double_double::DoubleDouble;
 use crate::arm::Arm;
 
@@ -19,8 +19,7 @@ pub(super) struct Tableau<const S: usize> {
     a: [[Coefficient; S]; S],
     b: [Coefficient; S],
     c: [Coefficient; S],
-    /// The largest ωh of a part in small vibration, rad. Where it is larger, strong vibration swings the energy so far that some
-    /// steps have to be divided again and others not; a step that follows the state does not keep the energy.
+    /// The largest ωh of a part in small vibration, rad; see [`Collocation::least_level`].
     phase_at_rest_rad: f64,
 }
 
@@ -60,9 +59,7 @@ impl<const S: usize> Tableau<S> {
     /// The method for steps of `h_s` of `arm`, and their parts.
     pub fn collocation(&self, arm: &Arm, h_s: f64) -> Collocation<S> {
         let levels: Vec<Step<S>> = (0..LEVELS).map(|level| self.step(h_s / f64::from(1_u32 << level))).collect();
-        let [_, fastest_rad_s] = arm.angular_frequencies_rad_s();
-        let fine = |step: &Step<S>| fastest_rad_s * step.h_s <= self.phase_at_rest_rad;
-        let least_level = levels.iter().position(fine).unwrap_or(LEVELS - 1);
+        let least_level = least_level(arm, &levels, self.phase_at_rest_rad);
         Collocation { linear: [[0.0; 4]; 2], levels, least_level, phase_per_part_rad: PHASE_PER_PART_RAD }
     }
 

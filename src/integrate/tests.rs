@@ -77,8 +77,8 @@ fn implicit_schemes_hold_at_every_pose() {
     }
 }
 
-/// The exponential scheme takes the linear arm in one step as exactly as in ten thousand: free vibration at ωh = 3.6, dampers
-/// included, small enough that no nonlinearity shows, against the closed solution in modes.
+/// The exponential scheme is exact for the linear arm: free vibration at ωh = 3.6, dampers included, small enough that no
+/// nonlinearity shows, against the closed solution in modes.
 #[test]
 fn exponential_scheme_is_exact_for_the_linear_arm() {
     let preset = Preset::Irb1600Table1.parameters().unwrap();
