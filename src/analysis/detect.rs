@@ -8,8 +8,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
+use super::augmented;
 use super::branch::{Marked, Tracer};
-use super::continuation::{Cut, Point, Slices, System};
+use super::continuation::{Cut, Point, Settings, Slices, System, Work};
 use super::extended::Singularity;
 use super::floquet::Stability;
 use super::locate::{COARSE, FINE, branch_point, not_located, null_vector, polish, rejoin, search};
@@ -127,7 +128,12 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
             BranchPoint => (self.crossing(ends)?, vec![]),
             Fold => self.singular(Singularity::Fold, kind, ends, values)?,
             PeriodDoubling => self.singular(Singularity::PeriodDoubling, kind, ends, values)?,
-            NeimarkSacker => (self.zero(kind, ends, values, FINE)?, vec![]),
+            NeimarkSacker => {
+                let solve = |response: &_, settings: &_, guess: &_| {
+                    augmented::neimark_sacker(response, settings, guess).map(|(point, work)| (point, vec![], work))
+                };
+                (self.by_extended_system(kind, ends, values, solve)?.0, vec![])
+            }
         };
         let orbit = self.orbit(&point.x, point.lambda, point.arclength);
         if kind != NeimarkSacker || has_pair_on_the_circle(&orbit.stability) {
@@ -149,8 +155,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         search(&mut self.response, &self.options.walk, ends, values, tolerance, function)
     }
 
-    /// A fold or a period doubling by its extended system, from a coarse search, or from a fine one if that led elsewhere: to the
-    /// other one of a close pair. If it leads elsewhere again, the fine search has the last word.
+    /// A fold or a period doubling, with its null vector.
     fn singular(
         &mut self,
         singularity: Singularity,
@@ -158,24 +163,43 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         ends: [&Point; 2],
         values: [f64; 2],
     ) -> Result<(Point, Vec<f64>), AnalysisError> {
+        let solve = |response: &_, settings: &_, guess: &Point| {
+            let located = polish(response, settings, singularity, guess)?;
+            let null_vector = located.singular.null_vector().to_vec();
+            Ok((Point { x: located.x, lambda: located.lambda, ..guess.clone() }, null_vector, located.work))
+        };
+        let (point, found) = self.by_extended_system(kind, ends, values, solve)?;
+        let null_vector = match found {
+            Some(null_vector) => null_vector,
+            None => null_vector(&self.response, &self.options.walk, singularity, &point)?,
+        };
+        Ok((point, null_vector))
+    }
+
+    /// A bifurcation by its extended system, from a coarse search, or from a fine one if that led elsewhere: to the other one of
+    /// a close pair. If it leads elsewhere again, the fine search has the last word, and there is no null vector.
+    fn by_extended_system(
+        &mut self,
+        kind: BifurcationKind,
+        ends: [&Point; 2],
+        values: [f64; 2],
+        solve: impl Fn(&ForcedResponse<O>, &Settings, &Point) -> Result<(Point, Vec<f64>, Work), AnalysisError>,
+    ) -> Result<(Point, Option<Vec<f64>>), AnalysisError> {
         let settings = &self.options.walk;
         let mut last = None;
         for tolerance in [COARSE, FINE] {
             let guess = self.zero(kind, ends, values, tolerance)?;
-            if let Ok(located) = polish(&self.response, settings, singularity, &guess) {
-                self.branch.location_work += located.work;
-                let null_vector = located.singular.null_vector().to_vec();
-                let point = Point { x: located.x, lambda: located.lambda, ..guess.clone() };
+            if let Ok((point, null_vector, work)) = solve(&self.response, settings, &guess) {
+                self.branch.location_work += work;
                 let size = self.response.dimension().max(point.x.len());
                 if Slices::new(size, settings, ends, Cut::Chord).hold(ends, &point) {
-                    return Ok((point, null_vector));
+                    return Ok((point, Some(null_vector)));
                 }
             }
             last = Some(guess);
         }
         let point = last.ok_or_else(|| not_located(&self.response, ends))?;
-        let null_vector = null_vector(&self.response, settings, singularity, &point)?;
-        Ok((point, null_vector))
+        Ok((point, None))
     }
 
     /// A branch point: for a branch of doubled period first where it meets the single one.
@@ -190,7 +214,9 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
                 return Ok(point);
             }
         }
-        branch_point(&self.response, settings, ends)
+        let (point, work) = branch_point(&self.response, settings, ends)?;
+        self.branch.location_work += work;
+        Ok(point)
     }
 }
 

@@ -3,6 +3,7 @@
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
+use super::augmented;
 use super::continuation::{Cut, Point, Settings, Slices, System, Walk, Work};
 use super::extended::{SingularResponse, Singularity};
 use super::fourier::zeros;
@@ -161,26 +162,38 @@ pub(super) fn doubled(x: &[f64]) -> Vec<f64> {
     series
 }
 
-/// The branch point between `ends`, where the bordered determinant is zero, with as many harmonics as the direction of the other
-/// branch needs.
+/// The branch point between `ends`, where the bordered determinant is zero, by its extended system, or by a fine search if that
+/// leads elsewhere; with as many harmonics as the direction of the other branch needs.
 pub(super) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
     ends: [&Point; 2],
-) -> Result<Point, AnalysisError> {
+) -> Result<(Point, Work), AnalysisError> {
     let mut response = response.clone();
+    let mut work = Work::default();
     for _ in 0..MORE_HARMONICS.1 {
         let mut slices = Slices::new(response.dimension(), settings, ends, Cut::Chord);
         let ends = [slices.solve(&mut response, ends, 0.0)?, slices.solve(&mut response, ends, 1.0)?];
         let reference = ends[0].determinant.log_magnitude;
         let scaled = |point: &Point| point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference);
         let values = [scaled(&ends[0]), scaled(&ends[1])];
-        let point = search(&mut response, settings, [&ends[0], &ends[1]], values, FINE, |_, point| scaled(point))?;
-        let balance = response.balance().clone();
+        let ends = [&ends[0], &ends[1]];
+        let guess = search(&mut response, settings, ends, values, COARSE, |_, point| scaled(point))?;
+        let point = match augmented::branch_point(&response, settings, &guess) {
+            Ok((point, newton)) if slices.hold(ends, &point) => {
+                work += newton;
+                point
+            }
+            _ => search(&mut response, settings, ends, values, FINE, |_, point| scaled(point))?,
+        };
+        let mut balance = response.balance().clone();
+        if !balance.set_coordinate(response.coordinate(), point.lambda) {
+            break;
+        }
         let scale = settings.lambda_scale(point.lambda) / settings.size(&point.x);
         let nearby = SingularResponse::near(balance, Singularity::Fold, response.coordinate(), None, scale, &point.x);
         if nearby.is_ok_and(|singular| singular.null_vector_error() < NULL_VECTOR_ERROR) {
-            return Ok(point);
+            return Ok((point, work));
         }
         let harmonics = response.balance().harmonics() + MORE_HARMONICS.0;
         response.set_harmonics(harmonics);

@@ -4,6 +4,7 @@
 //! harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones.
 
 mod adapt;
+mod augmented;
 mod backbone;
 mod branch;
 pub mod continuation;

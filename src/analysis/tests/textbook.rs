@@ -177,7 +177,7 @@ fn mathieu_doubles_its_period_at_the_characteristic_values() {
     assert_eq!(found.len(), expected.len(), "{found:?}");
     for (found, expected) in found.iter().zip(expected) {
         assert_eq!(found.0, expected.0);
-        assert!((found.1 - expected.1).abs() < 1e-9, "{found:?} {expected:?}");
+        assert!((found.1 - expected.1).abs() < 1e-12, "{found:?} {expected:?}");
     }
 
     let last = &branch.bifurcations[2];
@@ -197,6 +197,10 @@ fn forced_van_der_pol_loses_its_torus_by_quenching() {
             trace(van_der_pol, omega / TAU, Coordinate::Parameter(()), &BranchOptions::new(4.0, 12.0)).unwrap();
         let [(kind, force)] = kinds(&branch)[..] else { panic!("{:?}", kinds(&branch)) };
         assert_eq!(kind, BifurcationKind::NeimarkSacker);
+        // By its extended system, in a few iterations.
+        let [largest, ..] = branch.bifurcations[0].orbit.stability.multipliers;
+        assert!((largest.norm() - 1.0).abs() < 1e-12, "{largest}");
+        assert!((1..=5).contains(&branch.location_work.evaluations), "{:?}", branch.location_work);
         let expected = libm::sqrt(2.0) * (omega * omega - 1.0);
         assert!((force / expected - 1.0).abs() < strength * strength, "{force} {expected}");
         assert!(!branch.orbits[0].is_stable() && branch.orbits.last().unwrap().is_stable());
