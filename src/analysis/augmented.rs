@@ -13,15 +13,17 @@
 //! ```
 //!
 //! b is near the left null vector of R_z and C near its right null vectors, which keeps the bordered matrix well conditioned; the
-//! zeros of g don't depend on them. Both systems are regular at the point, where continuation is not. The derivatives of ψ and g
-//! are central differences: such points are few.
+//! zeros of g don't depend on them. Both systems are regular at the point.
+//!
+//! The derivatives of ψ and g are central differences along the null vectors of R_z alone, and taken to be zero across: after an
+//! iteration R is of the order of its square, so is what the next one moves across, and convergence is quadratic all the same.
 
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
 use super::continuation::{Point, Settings, System, Walk, Work};
-use super::dense::{Lu, norm};
+use super::dense::{Lu, dot, norm};
 use super::locate::not_located;
 use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
@@ -35,13 +37,13 @@ enum Condition {
     /// ψ = 0.
     NeimarkSacker(Box<Floquet>),
     /// g = 0.
-    BranchPoint(Border),
+    BranchPoint,
 }
 
-/// b, C and the bordered matrix.
+/// The bordered matrix: rows C, as many as R_z has null vectors, and as many columns b as make it square, one or none.
 struct Border {
-    b: Vec<f64>,
-    c: [Vec<f64>; 2],
+    b: Vec<Vec<f64>>,
+    c: Vec<Vec<f64>>,
     lu: Lu,
 }
 
@@ -49,6 +51,7 @@ struct Border {
 struct Augmented<O: Oscillator> {
     response: ForcedResponse<O>,
     condition: Condition,
+    border: Border,
     lambda_origin: f64,
     lambda_scale: f64,
     /// The step of differences.
@@ -64,8 +67,9 @@ pub(super) fn neimark_sacker<O: Oscillator + Clone>(
     settings: &Settings,
     guess: &Point,
 ) -> Result<(Point, Work), AnalysisError> {
+    let border = Border { b: vec![], c: vec![tangent(guess)], lu: Lu::default() };
     let condition = Condition::NeimarkSacker(Box::default());
-    Augmented::near(response, settings, guess, condition).solve(settings, guess)
+    Augmented::near(response, settings, guess, condition, border).solve(settings, guess)
 }
 
 /// The branch point near `guess`.
@@ -76,7 +80,13 @@ pub(super) fn branch_point<O: Oscillator + Clone>(
 ) -> Result<(Point, Work), AnalysisError> {
     let mut response = response.clone();
     let border = Border::near(&mut response, settings, guess)?;
-    Augmented::near(&response, settings, guess, Condition::BranchPoint(border)).solve(settings, guess)
+    Augmented::near(&response, settings, guess, Condition::BranchPoint, border).solve(settings, guess)
+}
+
+/// The direction of the branch by (ζ, X).
+fn tangent(point: &Point) -> Vec<f64> {
+    let n = point.tangent.len() - 1;
+    core::iter::once(point.tangent[n]).chain(point.tangent[..n].iter().copied()).collect()
 }
 
 /// Λ/X: λ is measured in it, so that it counts as it does along a walk.
@@ -111,7 +121,7 @@ impl Border {
         if !evaluate(response, guess.lambda, &guess.x, &mut residual, &mut matrix) {
             return Err(not_located(response, [guess, guess]));
         }
-        let tangent: Vec<f64> = core::iter::once(guess.tangent[n]).chain(guess.tangent[..n].iter().copied()).collect();
+        let tangent = tangent(guess);
         let mut lu = Lu::default();
         let square = lu.zeroed(n + 1);
         by_z(&matrix, n, lambda_scale(settings, guess), square, n + 1);
@@ -130,28 +140,30 @@ impl Border {
         let other = iterate(&|v| lu.solve(v));
         let mut b = iterate(&|v| lu.solve_transposed(v));
         b.truncate(n);
-        Ok(Border { b, c: [tangent, other], lu })
+        Ok(Border { b: vec![b], c: vec![tangent, other], lu })
     }
 
-    /// g, from R_x and R_λ.
-    fn g(&mut self, matrix: &[f64], scale: f64) -> Option<[f64; 2]> {
-        let n = self.b.len();
-        let square = self.lu.zeroed(n + 2);
-        by_z(matrix, n, scale, square, n + 2);
-        square[(n + 1) * (n + 2)..(n + 1) * (n + 2) + n].copy_from_slice(&self.b);
+    /// The columns of V, and under them, where there is b, the elements of g; from R_x and R_λ.
+    fn solve(&mut self, matrix: &[f64], n: usize, scale: f64) -> Option<Vec<Vec<f64>>> {
+        let size = n + self.c.len();
+        let square = self.lu.zeroed(size);
+        by_z(matrix, n, scale, square, size);
+        for (column, b) in square.chunks_exact_mut(size).skip(n + 1).zip(&self.b) {
+            column[..n].copy_from_slice(b);
+        }
         for (i, c) in self.c.iter().enumerate() {
-            for (column, value) in square.chunks_exact_mut(n + 2).zip(c) {
+            for (column, value) in square.chunks_exact_mut(size).zip(c) {
                 column[n + i] = *value;
             }
         }
         self.lu.factor().ok()?;
-        let mut solution = vec![0.0; n + 2];
-        Some([0, 1].map(|i| {
-            solution.fill(0.0);
+        let solve = |i: usize| {
+            let mut solution = vec![0.0; size];
             solution[n + i] = 1.0;
             self.lu.solve(&mut solution);
-            solution[n + 1]
-        }))
+            solution
+        };
+        Some((0..self.c.len()).map(solve).collect())
     }
 }
 
@@ -164,16 +176,35 @@ fn by_z(matrix: &[f64], n: usize, scale: f64, out: &mut [f64], stride: usize) {
     out[..n].iter_mut().for_each(|value| *value *= scale);
 }
 
+/// Makes the vectors orthonormal (Gram and Schmidt).
+fn orthonormalise(vectors: &mut [Vec<f64>]) {
+    for i in 0..vectors.len() {
+        let (done, rest) = vectors.split_at_mut(i);
+        for other in done {
+            let along = dot(other, &rest[0]);
+            rest[0].iter_mut().zip(other.iter()).for_each(|(value, other)| *value -= along * other);
+        }
+        normalise(&mut rest[0]);
+    }
+}
+
 fn normalise(vector: &mut [f64]) {
     let length = norm(vector);
     vector.iter_mut().for_each(|value| *value /= length);
 }
 
 impl<O: Oscillator + Clone> Augmented<O> {
-    fn near(response: &ForcedResponse<O>, settings: &Settings, guess: &Point, condition: Condition) -> Augmented<O> {
+    fn near(
+        response: &ForcedResponse<O>,
+        settings: &Settings,
+        guess: &Point,
+        condition: Condition,
+        border: Border,
+    ) -> Augmented<O> {
         Augmented {
             response: response.clone(),
             condition,
+            border,
             lambda_origin: guess.lambda,
             lambda_scale: lambda_scale(settings, guess),
             step: DIFFERENCE * settings.size(&guess.x),
@@ -195,47 +226,41 @@ impl<O: Oscillator + Clone> Augmented<O> {
 }
 
 impl<O: Oscillator> Augmented<O> {
-    /// The number of conditions, and of unknowns before X.
+    /// The number of conditions, of unknowns before X, and of null vectors of R_z.
     fn conditions(&self) -> usize {
-        match self.condition {
-            Condition::NeimarkSacker(_) => 1,
-            Condition::BranchPoint(_) => 2,
-        }
+        self.border.c.len()
     }
 
     fn lambda(&self, zeta: f64) -> f64 {
         self.lambda_origin + self.lambda_scale * zeta
     }
 
-    /// ψ, or g; R and its derivatives are left in `self`. None where there is no such system, or a matrix has no inverse.
-    fn condition(&mut self, zeta: f64, x: &[f64]) -> Option<[f64; 2]> {
-        let lambda = self.lambda(zeta);
+    /// ψ, or g, at (ζ, X), and what [`Border::solve`] gives; R and its derivatives are left in `self`. None where there is no such
+    /// system, or a matrix has no inverse.
+    fn condition(&mut self, z: &[f64]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+        let (lambda, x) = (self.lambda(z[0]), &z[1..]);
         if !evaluate(&mut self.response, lambda, x, &mut self.residual, &mut self.matrix) {
             return None;
         }
-        match &mut self.condition {
+        let solutions = self.border.solve(&self.matrix, x.len(), self.lambda_scale)?;
+        let values = match &mut self.condition {
             Condition::NeimarkSacker(floquet) => {
-                Some([floquet.stability(self.response.balance(), x).neimark_sacker_test(), 0.0])
+                vec![floquet.stability(self.response.balance(), x).neimark_sacker_test()]
             }
-            Condition::BranchPoint(border) => border.g(&self.matrix, self.lambda_scale),
-        }
+            Condition::BranchPoint => solutions.iter().map(|solution| solution[z.len()]).collect(),
+        };
+        Some((values, solutions))
     }
 
-    /// The derivatives of the conditions by ζ (`index` 0) or an element of X.
-    fn slope(&mut self, zeta: f64, x: &mut [f64], index: usize) -> Option<[f64; 2]> {
+    /// The derivative of ψ, or g, along a direction of (ζ, X).
+    fn slope(&mut self, z: &[f64], direction: &[f64]) -> Option<Vec<f64>> {
         let step = self.step;
-        let mut at = |shift: f64| {
-            if index == 0 {
-                return self.condition(zeta + shift, x);
-            }
-            let before = x[index - 1];
-            x[index - 1] += shift;
-            let value = self.condition(zeta, x);
-            x[index - 1] = before;
-            value
+        let mut at = |step: f64| {
+            let shifted: Vec<f64> = z.iter().zip(direction).map(|(z, d)| z + step * d).collect();
+            self.condition(&shifted)
         };
-        let (above, below) = (at(step)?, at(-step)?);
-        Some([0, 1].map(|i| (above[i] - below[i]) / (2.0 * step)))
+        let ((above, _), (below, _)) = (at(step)?, at(-step)?);
+        Some(above.iter().zip(below).map(|(above, below)| (above - below) / (2.0 * step)).collect())
     }
 }
 
@@ -244,31 +269,36 @@ impl<O: Oscillator> System for Augmented<O> {
         self.response.dimension() + self.conditions()
     }
 
-    fn evaluate(&mut self, z: &[f64], _mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+    fn evaluate(&mut self, unknowns: &[f64], _mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
         let (n, count) = (self.response.dimension(), self.conditions());
         let stride = n + count + 1;
-        let mut x = z[count..].to_vec();
-        for column in 0..=n {
-            let Some(slope) = self.slope(z[0], &mut x, column) else { return false };
-            let place = if column == 0 { 0 } else { count - 1 + column };
-            matrix[place * stride + n..][..count].copy_from_slice(&slope[..count]);
-        }
-        let Some(value) = self.condition(z[0], &x) else { return false };
+        let z: Vec<f64> = core::iter::once(unknowns[0]).chain(unknowns[count..].iter().copied()).collect();
+        let Some((values, mut directions)) = self.condition(&z) else { return false };
         residual[..n].copy_from_slice(&self.residual);
-        residual[n..].copy_from_slice(&value[..count]);
+        residual[n..].copy_from_slice(&values);
+        matrix.fill(0.0);
+        let beta = unknowns[1];
+        for b in &self.border.b {
+            residual.iter_mut().zip(b).for_each(|(residual, b)| *residual += beta * b);
+            matrix[stride..stride + n].copy_from_slice(b);
+        }
+        // The column of an element of z: β stands second.
+        let place = |at: usize| if at == 0 { 0 } else { (at + count - 1) * stride };
         let columns = self.matrix.chunks_exact(n + 1);
-        for (place, from) in core::iter::once(0).chain(count..).zip(columns.clone().skip(n).chain(columns)).take(n + 1)
-        {
-            matrix[place * stride..][..n].copy_from_slice(&from[..n]);
+        for (at, from) in columns.clone().skip(n).chain(columns).take(n + 1).enumerate() {
+            matrix[place(at)..place(at) + n].copy_from_slice(&from[..n]);
         }
         matrix[..n].iter_mut().for_each(|value| *value *= self.lambda_scale);
-        if let Condition::BranchPoint(border) = &self.condition {
-            for (i, b) in border.b.iter().enumerate() {
-                residual[i] += z[1] * b;
-                matrix[stride + i] = *b;
+        directions.iter_mut().for_each(|direction| direction.truncate(n + 1));
+        orthonormalise(&mut directions);
+        for direction in &directions {
+            let Some(slopes) = self.slope(&z, direction) else { return false };
+            for (at, along) in direction.iter().enumerate() {
+                for (i, slope) in slopes.iter().enumerate() {
+                    matrix[place(at) + n + i] += slope * along;
+                }
             }
         }
-        matrix[(n + count) * stride..].fill(0.0);
         residual.iter().all(|value| value.is_finite())
     }
 }
