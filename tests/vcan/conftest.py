@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 import wire
-from processes import Programs, run
+from processes import Programs, run, wait_until
 from recordings import Recording
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -29,6 +29,9 @@ def session(folder, plant_bus, exciter_bus, scenario, *, candump=None, program=N
     with Programs() as programs:
         dump = programs.candump(candump) if candump else None
         plant = programs.resonarm("run", "--bus", plant_bus, *common, "--stop-on-disarm", "--record", recording, **options)
+        if dump:
+            # So that it misses no frame of the exciter's.
+            wait_until(lambda: dump.stdout, "the plant to be on the bus")
         exciter = programs.resonarm("exciter", "--bus", exciter_bus, *common, **options)
         result = SimpleNamespace(path=recording, exciter=exciter.result(240), plant=plant.result(30))
         if dump:
