@@ -8,10 +8,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
-use super::augmented;
 use super::branch::{Marked, Tracer};
 use super::continuation::{Cut, Point, Settings, Slices, System, Work};
-use super::extended::Singularity;
+use super::extended::{Singularity, crossing};
 use super::floquet::Stability;
 use super::locate::{COARSE, FINE, branch_point, not_located, null_vector, polish, rejoin, search};
 use super::orbit::{Bifurcation, BifurcationKind};
@@ -130,7 +129,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
             PeriodDoubling => self.singular(Singularity::PeriodDoubling, kind, ends, values)?,
             NeimarkSacker => {
                 let solve = |response: &_, settings: &_, guess: &_| {
-                    augmented::neimark_sacker(response, settings, guess).map(|(point, work)| (point, vec![], work))
+                    crossing::neimark_sacker(response, settings, guess).map(|(point, work)| (point, vec![], work))
                 };
                 (self.by_extended_system(kind, ends, values, solve)?.0, vec![])
             }

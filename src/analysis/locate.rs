@@ -3,9 +3,8 @@
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
-use super::augmented;
 use super::continuation::{Cut, Point, Settings, Slices, System, Walk, Work};
-use super::extended::{SingularResponse, Singularity};
+use super::extended::{SingularResponse, Singularity, crossing};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
 
@@ -179,7 +178,7 @@ pub(super) fn branch_point<O: Oscillator + Clone>(
         let values = [scaled(&ends[0]), scaled(&ends[1])];
         let ends = [&ends[0], &ends[1]];
         let guess = search(&mut response, settings, ends, values, COARSE, |_, point| scaled(point))?;
-        let point = match augmented::branch_point(&response, settings, &guess) {
+        let point = match crossing::branch_point(&response, settings, &guess) {
             Ok((point, newton)) if slices.hold(ends, &point) => {
                 work += newton;
                 point

@@ -4,7 +4,6 @@
 //! harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones.
 
 mod adapt;
-mod augmented;
 mod backbone;
 mod branch;
 pub mod continuation;

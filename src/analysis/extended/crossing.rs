@@ -22,10 +22,10 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::continuation::{Point, Settings, System, Walk, Work};
-use super::dense::{Lu, dot, norm};
-use super::locate::not_located;
-use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
+use crate::analysis::continuation::{Point, Settings, System, Walk, Work};
+use crate::analysis::dense::{Lu, dot, norm};
+use crate::analysis::locate::not_located;
+use crate::analysis::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
 /// Steps of differences, relative to X: small against the width of a resonance, large against the rounding of multipliers.
 const DIFFERENCE: f64 = 1e-6;
@@ -62,7 +62,7 @@ struct Augmented<O: Oscillator> {
 }
 
 /// The Neimark–Sacker point near `guess`.
-pub(super) fn neimark_sacker<O: Oscillator + Clone>(
+pub(in crate::analysis) fn neimark_sacker<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
     guess: &Point,
@@ -73,7 +73,7 @@ pub(super) fn neimark_sacker<O: Oscillator + Clone>(
 }
 
 /// The branch point near `guess`.
-pub(super) fn branch_point<O: Oscillator + Clone>(
+pub(in crate::analysis) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
     guess: &Point,

@@ -17,12 +17,12 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::adapt::Spectral;
-use super::continuation::System;
-use super::dense::{Lu, norm};
-use super::fourier::Harmonics;
-use super::harmonic_balance::{FormGradient, Forms};
-use super::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
+use crate::analysis::adapt::Spectral;
+use crate::analysis::continuation::System;
+use crate::analysis::dense::{Lu, norm};
+use crate::analysis::fourier::Harmonics;
+use crate::analysis::harmonic_balance::{FormGradient, Forms};
+use crate::analysis::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
 
 /// What is singular.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

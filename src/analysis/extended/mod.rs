@@ -1,0 +1,12 @@
+//! Bifurcations by extended systems of their own: equations that are regular where those of the branch are not, so that Newton's
+//! method finds the point itself.
+//!
+//! | | |
+//! | --- | --- |
+//! | [`singular`] | folds and period doublings, and their curves in two coordinates |
+//! | [`crossing`] | Neimark–Sacker points, where multipliers cross the unit circle, and branch points, where branches cross |
+
+pub(super) mod crossing;
+mod singular;
+
+pub use singular::{SingularResponse, Singularity};
