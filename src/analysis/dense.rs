@@ -4,6 +4,9 @@ use alloc::vec::Vec;
 
 use super::AnalysisError;
 
+/// Inverse iterations for null vectors.
+const INVERSE_ITERATIONS: usize = 3;
+
 /// A square matrix, column by column, and its LU factors with partial pivoting (Golub & Van Loan 2013, Alg. 3.4.1).
 ///
 /// Row exchanges are not applied to the columns of L already done, so solving exchanges as it goes along.
@@ -82,6 +85,20 @@ impl Lu {
         }
     }
 
+    /// Unit vectors near the null vectors of A and Aᵀ, where A is nearly singular, by inverse iteration (Golub & Van Loan 2013,
+    /// Sec. 8.2.2) from one that has a part in every direction.
+    pub fn null_vectors(&self) -> [Vec<f64>; 2] {
+        let iterate = |solve: &dyn Fn(&mut [f64])| {
+            let mut vector: Vec<f64> = (0..self.n).map(|i| 1.0 / (1 + i) as f64).collect();
+            for _ in 0..INVERSE_ITERATIONS {
+                solve(&mut vector);
+                normalise(&mut vector);
+            }
+            vector
+        };
+        [iterate(&|b| self.solve(b)), iterate(&|b| self.solve_transposed(b))]
+    }
+
     /// The determinant.
     pub fn determinant(&self) -> Determinant {
         let exchanges = self.pivots.iter().enumerate().filter(|&(k, &pivot)| k != pivot).count();
@@ -136,6 +153,12 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// √Σ aᵢ².
 pub(super) fn norm(a: &[f64]) -> f64 {
     libm::sqrt(dot(a, a))
+}
+
+/// Divides a vector by its length.
+pub(super) fn normalise(vector: &mut [f64]) {
+    let length = norm(vector);
+    vector.iter_mut().for_each(|value| *value /= length);
 }
 
 #[cfg(test)]

@@ -23,14 +23,12 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::analysis::continuation::{Point, Settings, System, Walk, Work};
-use crate::analysis::dense::{Lu, dot, norm};
+use crate::analysis::dense::{Lu, dot, normalise};
 use crate::analysis::locate::not_located;
 use crate::analysis::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
 /// Steps of differences, relative to X: small against the width of a resonance, large against the rounding of multipliers.
 const DIFFERENCE: f64 = 1e-6;
-/// Inverse iterations for the null vectors.
-const INVERSE_ITERATIONS: usize = 3;
 
 /// What holds at the point besides R = 0.
 enum Condition {
@@ -47,8 +45,8 @@ struct Border {
     lu: Lu,
 }
 
-/// The equations; unknowns are ζ, then β for a branch point, then X, with λ = origin + scale · ζ.
-struct Augmented<O: Oscillator> {
+/// The equations; unknowns are ζ, X and, for a branch point, β, with λ = origin + scale · ζ.
+struct Crossing<O: Oscillator> {
     response: ForcedResponse<O>,
     condition: Condition,
     border: Border,
@@ -69,7 +67,7 @@ pub(in crate::analysis) fn neimark_sacker<O: Oscillator + Clone>(
 ) -> Result<(Point, Work), AnalysisError> {
     let border = Border { b: vec![], c: vec![tangent(guess)], lu: Lu::default() };
     let condition = Condition::NeimarkSacker(Box::default());
-    Augmented::near(response, settings, guess, condition, border).solve(settings, guess)
+    Crossing::near(response, settings, guess, condition, border).solve(settings, guess)
 }
 
 /// The branch point near `guess`.
@@ -80,7 +78,7 @@ pub(in crate::analysis) fn branch_point<O: Oscillator + Clone>(
 ) -> Result<(Point, Work), AnalysisError> {
     let mut response = response.clone();
     let border = Border::near(&mut response, settings, guess)?;
-    Augmented::near(&response, settings, guess, Condition::BranchPoint, border).solve(settings, guess)
+    Crossing::near(&response, settings, guess, Condition::BranchPoint, border).solve(settings, guess)
 }
 
 /// The direction of the branch by (ζ, X).
@@ -129,16 +127,7 @@ impl Border {
             column[n] = *t;
         }
         lu.factor()?;
-        let iterate = |solve: &dyn Fn(&mut [f64])| {
-            let mut vector: Vec<f64> = (0..=n).map(|i| 1.0 / (1 + i) as f64).collect();
-            for _ in 0..INVERSE_ITERATIONS {
-                solve(&mut vector);
-                normalise(&mut vector);
-            }
-            vector
-        };
-        let other = iterate(&|v| lu.solve(v));
-        let mut b = iterate(&|v| lu.solve_transposed(v));
+        let [other, mut b] = lu.null_vectors();
         b.truncate(n);
         Ok(Border { b: vec![b], c: vec![tangent, other], lu })
     }
@@ -188,20 +177,15 @@ fn orthonormalise(vectors: &mut [Vec<f64>]) {
     }
 }
 
-fn normalise(vector: &mut [f64]) {
-    let length = norm(vector);
-    vector.iter_mut().for_each(|value| *value /= length);
-}
-
-impl<O: Oscillator + Clone> Augmented<O> {
+impl<O: Oscillator + Clone> Crossing<O> {
     fn near(
         response: &ForcedResponse<O>,
         settings: &Settings,
         guess: &Point,
         condition: Condition,
         border: Border,
-    ) -> Augmented<O> {
-        Augmented {
+    ) -> Crossing<O> {
+        Crossing {
             response: response.clone(),
             condition,
             border,
@@ -215,18 +199,18 @@ impl<O: Oscillator + Clone> Augmented<O> {
 
     /// Newton's method from `guess`.
     fn solve(mut self, settings: &Settings, guess: &Point) -> Result<(Point, Work), AnalysisError> {
-        let mut start = vec![0.0; self.conditions()];
-        start.extend_from_slice(&guess.x);
+        let mut start = vec![0.0; self.dimension()];
+        let x = 1..=guess.x.len();
+        start[x.clone()].copy_from_slice(&guess.x);
         let walk = Walk::start(&mut self, *settings, &start, 0.0, 1.0)
             .map_err(|_| not_located(&self.response, [guess, guess]))?;
-        let z = &walk.point().x;
-        let x = z[self.conditions()..].to_vec();
-        Ok((Point { x, lambda: self.lambda(z[0]), ..guess.clone() }, walk.work()))
+        let found = &walk.point().x;
+        Ok((Point { x: found[x].to_vec(), lambda: self.lambda(found[0]), ..guess.clone() }, walk.work()))
     }
 }
 
-impl<O: Oscillator> Augmented<O> {
-    /// The number of conditions, of unknowns before X, and of null vectors of R_z.
+impl<O: Oscillator> Crossing<O> {
+    /// The number of conditions, which is that of the null vectors of R_z.
     fn conditions(&self) -> usize {
         self.border.c.len()
     }
@@ -264,7 +248,7 @@ impl<O: Oscillator> Augmented<O> {
     }
 }
 
-impl<O: Oscillator> System for Augmented<O> {
+impl<O: Oscillator> System for Crossing<O> {
     fn dimension(&self) -> usize {
         self.response.dimension() + self.conditions()
     }
@@ -272,31 +256,23 @@ impl<O: Oscillator> System for Augmented<O> {
     fn evaluate(&mut self, unknowns: &[f64], _mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
         let (n, count) = (self.response.dimension(), self.conditions());
         let stride = n + count + 1;
-        let z: Vec<f64> = core::iter::once(unknowns[0]).chain(unknowns[count..].iter().copied()).collect();
-        let Some((values, mut directions)) = self.condition(&z) else { return false };
+        let (z, betas) = unknowns.split_at(n + 1);
+        let Some((values, mut directions)) = self.condition(z) else { return false };
         residual[..n].copy_from_slice(&self.residual);
         residual[n..].copy_from_slice(&values);
         matrix.fill(0.0);
-        let beta = unknowns[1];
-        for b in &self.border.b {
+        by_z(&self.matrix, n, self.lambda_scale, matrix, stride);
+        let columns = matrix.chunks_exact_mut(stride).skip(n + 1);
+        for ((column, b), beta) in columns.zip(&self.border.b).zip(betas) {
+            column[..n].copy_from_slice(b);
             residual.iter_mut().zip(b).for_each(|(residual, b)| *residual += beta * b);
-            matrix[stride..stride + n].copy_from_slice(b);
         }
-        // The column of an element of z: β stands second.
-        let place = |at: usize| if at == 0 { 0 } else { (at + count - 1) * stride };
-        let columns = self.matrix.chunks_exact(n + 1);
-        for (at, from) in columns.clone().skip(n).chain(columns).take(n + 1).enumerate() {
-            matrix[place(at)..place(at) + n].copy_from_slice(&from[..n]);
-        }
-        matrix[..n].iter_mut().for_each(|value| *value *= self.lambda_scale);
         directions.iter_mut().for_each(|direction| direction.truncate(n + 1));
         orthonormalise(&mut directions);
         for direction in &directions {
-            let Some(slopes) = self.slope(&z, direction) else { return false };
-            for (at, along) in direction.iter().enumerate() {
-                for (i, slope) in slopes.iter().enumerate() {
-                    matrix[place(at) + n + i] += slope * along;
-                }
+            let Some(slopes) = self.slope(z, direction) else { return false };
+            for (column, along) in matrix.chunks_exact_mut(stride).zip(direction) {
+                column[n..].iter_mut().zip(&slopes).for_each(|(entry, slope)| *entry += slope * along);
             }
         }
         residual.iter().all(|value| value.is_finite())

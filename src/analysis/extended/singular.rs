@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 
 use crate::analysis::adapt::Spectral;
 use crate::analysis::continuation::System;
-use crate::analysis::dense::{Lu, norm};
+use crate::analysis::dense::{Lu, normalise};
 use crate::analysis::fourier::Harmonics;
 use crate::analysis::harmonic_balance::{FormGradient, Forms};
 use crate::analysis::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
@@ -59,9 +59,6 @@ pub struct SingularResponse<O: Oscillator> {
     bordered: Lu,
 }
 
-/// Inverse iterations for the first null vectors.
-const INVERSE_ITERATIONS: usize = 3;
-
 impl<O: Oscillator> SingularResponse<O> {
     /// The equations near the motion `x` of the balance, whose matrix is nearly singular. λ is measured in `lambda_scale`.
     /// Without a coordinate μ they have one solution, at any value of μ.
@@ -82,16 +79,8 @@ impl<O: Oscillator> SingularResponse<O> {
         let mut lu = Lu::default();
         balance.jacobian(harmonics, lu.zeroed(size), size);
         lu.factor()?;
-        let start: Vec<f64> = (0..size).map(|i| 1.0 / (1 + i) as f64).collect();
-        let iterate = |solve: &dyn Fn(&mut [f64])| {
-            let mut vector = start.clone();
-            for _ in 0..INVERSE_ITERATIONS {
-                solve(&mut vector);
-                normalise(&mut vector);
-            }
-            vector
-        };
-        let forms = Forms { harmonics, v: iterate(&|b| lu.solve(b)), w: iterate(&|b| lu.solve_transposed(b)) };
+        let [v, w] = lu.null_vectors();
+        let forms = Forms { harmonics, v, w };
         let lambda_origin = balance.coordinate(lambda);
         let gradient = FormGradient::default();
         Ok(SingularResponse { balance, kind, lambda, lambda_origin, lambda_scale, mu, forms, gradient, bordered: lu })
@@ -152,12 +141,6 @@ impl<O: Oscillator> SingularResponse<O> {
         solve(&|b| self.bordered.solve_transposed(b), &mut self.forms.w);
         g
     }
-}
-
-/// Divides a vector by its length.
-fn normalise(vector: &mut [f64]) {
-    let length = norm(vector);
-    vector.iter_mut().for_each(|value| *value /= length);
 }
 
 impl<O: Oscillator> System for SingularResponse<O> {
