@@ -8,13 +8,13 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::branch_plot;
-use super::branch_table::{beside, csv};
+use super::branch_table::csv;
 use super::captions;
+use super::configuration;
 use super::continuation::DriveFlags;
 use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
-use super::motion_flags::{configuration, write};
 use super::output;
 use super::walk_flags::WalkFlags;
 use crate::analysis::{
@@ -22,7 +22,7 @@ use crate::analysis::{
     ForcedArm, backbone, modes, trace,
 };
 use crate::arm::Load;
-use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
+use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style, beside};
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
 
@@ -124,8 +124,8 @@ impl Backbone {
         let document = self.document(configuration, linear_hz, &drive, &curve, wall_s);
         let document = Document { ended_early: early.document(), ..document };
         if let Some(stem) = &self.plot {
-            write(beside(stem, ".csv"), &self.csv(&drive, &curve))?;
-            write(beside(stem, ".json"), &(serde_json::to_string(&document)? + "\n"))?;
+            output::write(beside(stem, ".csv"), &self.csv(&drive, &curve))?;
+            output::write_json(beside(stem, ".json"), &document)?;
         }
         if self.json {
             output::print_json(&document)?;
@@ -173,7 +173,7 @@ impl Backbone {
     /// What the results depend on.
     fn configuration(&self, scenario: &Scenario, drive: &Drive) -> Result<Value, Failure> {
         let load = if drive.amplitude.is_some() { self.drive.load()? } else { drive.direction };
-        let mut configuration = configuration(scenario, &load)?;
+        let mut configuration = configuration::of(scenario, &load)?;
         configuration["backbone"] = json!({ "undamped": self.undamped, "to_rad": self.to_rad });
         Ok(configuration)
     }
@@ -266,7 +266,7 @@ impl Backbone {
         };
         let branches: Vec<&Branch> = response.iter().collect();
         if response.is_some() {
-            write(beside(stem, "-response.csv"), &csv("frequency_hz", &branches))?;
+            output::write(beside(stem, "-response.csv"), &csv("frequency_hz", &branches))?;
         }
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
         let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);

@@ -1,7 +1,6 @@
 //! Branches as tables: comma-separated values (RFC 4180), with the units in the names of the columns.
 
 use core::fmt::Write;
-use std::path::{Path, PathBuf};
 
 use crate::analysis::{BifurcationKind, Branch, Orbit};
 
@@ -59,11 +58,4 @@ pub(super) fn csv(varied: &str, branches: &[&Branch]) -> String {
         }
     }
     text
-}
-
-/// STEM with something appended, as `.csv`.
-pub(super) fn beside(stem: &Path, ending: &str) -> PathBuf {
-    let mut name = stem.as_os_str().to_owned();
-    name.push(ending);
-    PathBuf::from(name)
 }

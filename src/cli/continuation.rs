@@ -8,13 +8,13 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::branch_plot;
-use super::branch_table::{beside, csv};
+use super::branch_table::csv;
 use super::captions;
+use super::configuration;
 use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::interval::{Ends, interval};
-use super::motion_flags::{configuration, write};
 use super::output;
 use super::quantity::Quantity;
 use super::singular_curves::{CurveFlags, Curves};
@@ -23,6 +23,7 @@ use crate::analysis::{
     ArmParameter, Bifurcation, BifurcationKind, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doubled,
 };
 use crate::arm::{Arm, Load};
+use crate::plot::beside;
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
 
@@ -144,11 +145,11 @@ impl Found {
     fn plot(&self, stem: &Path, varied: &Varied, conditions: String, on_curves: String) -> Result<(), Failure> {
         let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
         branch_plot::figure(conditions, varied.quantity.label, &branches).write(stem)?;
-        write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?;
+        output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?;
         if let Some(curves) = &self.curves {
             let stem = beside(stem, "-curves");
             curves.figure(on_curves).write(&stem)?;
-            write(beside(&stem, ".csv"), &curves.csv())?;
+            output::write(beside(&stem, ".csv"), &curves.csv())?;
         }
         Ok(())
     }
@@ -246,7 +247,7 @@ impl Continue {
         let second = self.curves.second(&varied.quantity, &self.drive)?;
         let forced = self.forced_arm(arm, &varied)?;
         let load = self.load(&varied)?;
-        let mut configuration = configuration(&scenario, &load)?;
+        let mut configuration = configuration::of(&scenario, &load)?;
         configuration["continue"] = json!({
             "parameter": varied.quantity.name,
             "from": varied.from,
@@ -259,7 +260,7 @@ impl Continue {
         let document = found.document(configuration, &varied);
         if let Some(stem) = &self.plot {
             found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
-            write(beside(stem, ".json"), &(serde_json::to_string(&document)? + "\n"))?;
+            output::write_json(beside(stem, ".json"), &document)?;
         }
         if self.json {
             output::print_json(&document)?;

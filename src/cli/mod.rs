@@ -8,6 +8,7 @@ mod branch_plot;
 mod branch_table;
 mod captions;
 mod chains;
+mod configuration;
 mod continuation;
 mod demo;
 mod demo_report;

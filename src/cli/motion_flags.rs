@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use super::configuration;
 use super::continuation::DriveFlags;
 use super::failure::Failure;
 use super::flags::ArmFlags;
@@ -103,30 +104,10 @@ impl MotionFlags {
 
     /// Everything of these flags that results depend on.
     pub fn configuration(&self, scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
-        let mut configuration = configuration(scenario, load)?;
+        let mut configuration = configuration::of(scenario, load)?;
         configuration["initial"] = json!(scenario.arm.initial);
         configuration["time_constants"] = json!(self.time_constants);
         Ok(configuration)
-    }
-}
-
-/// The arm, its pose and the load at the crest: what results of every command depend on.
-pub(super) fn configuration(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
-    Ok(json!({
-        "preset": scenario.arm.preset,
-        "parameters": scenario.parameters()?,
-        "beta1_deg": scenario.arm.beta1_deg,
-        "beta2_deg": scenario.arm.beta2_deg,
-        "torque_nm": <[f64; 2]>::from(load.torque_nm),
-        "force_n": <[f64; 2]>::from(load.force_n),
-    }))
-}
-
-/// Writes a text file, over what is there.
-pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
-    match std::fs::write(&path, text) {
-        Ok(()) => Ok(path),
-        Err(source) => Err(Failure::Write { path, source }),
     }
 }
 

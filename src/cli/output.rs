@@ -1,6 +1,7 @@
-//! What goes to standard output and standard error.
+//! What goes to standard output, standard error and files.
 
 use std::io::{self, Write};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -18,6 +19,19 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let mut text = serde_json::to_string(value)?;
     text.push('\n');
     print(&text)
+}
+
+/// Writes a text file, over what is there, and returns its path.
+pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
+    match std::fs::write(&path, text) {
+        Ok(()) => Ok(path),
+        Err(source) => Err(Failure::Write { path, source }),
+    }
+}
+
+/// Writes a file of one JSON document likewise.
+pub(super) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBuf, Failure> {
+    write(path, &(serde_json::to_string(value)? + "\n"))
 }
 
 /// Tells on standard error why a command failed.

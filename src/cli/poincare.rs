@@ -12,7 +12,7 @@ use super::chains::{Chain, Chains, Point};
 use super::continuation::DriveFlags;
 use super::failure::{Failure, Verdict};
 use super::interval::{Ends, interval};
-use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
 use crate::arm::Load;
@@ -275,8 +275,8 @@ impl Poincare {
         document: &Document,
     ) -> Result<Vec<PathBuf>, Failure> {
         let mut files = vec![
-            write(out.join("poincare.csv"), &document.csv(stepped.name))?,
-            write(out.join("poincare.json"), &(serde_json::to_string(document)? + "\n"))?,
+            output::write(out.join("poincare.csv"), &document.csv(stepped.name))?,
+            output::write_json(out.join("poincare.json"), document)?,
         ];
         let pose = captions::pose(&scenario.arm);
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!(", {hz} Hz"));

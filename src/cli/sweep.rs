@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::captions::{self, degrees};
 use super::chains::{Chain, Chains, Point};
 use super::failure::{Failure, Verdict};
-use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty, write};
+use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
 use super::output;
 use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter};
 use crate::arm::{Arm, Load, Pose};
@@ -311,10 +311,8 @@ impl Document {
 
     /// Writes all files; returns their paths.
     fn write(&self, out: &Path, scenario: &Scenario, load: &Load) -> Result<Vec<PathBuf>, Failure> {
-        let mut files = vec![
-            write(out.join("sweep.csv"), &self.csv())?,
-            write(out.join("sweep.json"), &(serde_json::to_string(self)? + "\n"))?,
-        ];
+        let mut files =
+            vec![output::write(out.join("sweep.csv"), &self.csv())?, output::write_json(out.join("sweep.json"), self)?];
         files.extend(self.figure(scenario, load).write(&out.join("sweep"))?);
         Ok(files)
     }

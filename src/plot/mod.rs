@@ -103,16 +103,18 @@ impl Figure {
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn, or a file can't be written.
     pub fn write(&self, stem: &Path) -> Result<[PathBuf; 2], PlotError> {
-        let paths = ["svg", "png"].map(|extension| {
-            let mut path = stem.as_os_str().to_owned();
-            path.push(".");
-            path.push(extension);
-            PathBuf::from(path)
-        });
+        let paths = [".svg", ".png"].map(|ending| beside(stem, ending));
         self.write_svg(&paths[0])?;
         self.write_png(&paths[1])?;
         Ok(paths)
     }
+}
+
+/// `stem` with `ending` appended, as `.csv`; what stands after a dot in `stem` stays.
+pub(crate) fn beside(stem: &Path, ending: &str) -> PathBuf {
+    let mut path = stem.as_os_str().to_owned();
+    path.push(ending);
+    PathBuf::from(path)
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), PlotError> {

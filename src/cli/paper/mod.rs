@@ -87,7 +87,7 @@ impl Paper {
         let start_ns = SystemClock.now_ns();
         if let Some(folder) = self.folder()? {
             fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.to_path_buf(), source })?;
-            write(&folder.join("settings.toml"), &text)?;
+            output::write(folder.join("settings.toml"), &text)?;
         }
         let mut document = Document { figures: self.figures(&settings)?, claims: None, wall_s: 0.0 };
         if self.wants(What::Claims) {
@@ -147,8 +147,8 @@ impl Paper {
         let progress = Progress::new("claims", 0);
         let report = claims::judge(settings, |count| progress.expect(count), || progress.step())?;
         if let Some(folder) = &self.out {
-            write(&folder.join("claims.json"), &serde_json::to_string_pretty(&report)?)?;
-            write(&folder.join("claims.md"), &report.markdown())?;
+            output::write(folder.join("claims.json"), &serde_json::to_string_pretty(&report)?)?;
+            output::write(folder.join("claims.md"), &report.markdown())?;
         }
         Ok(report)
     }
@@ -169,15 +169,9 @@ fn save(
 ) -> Result<Made, Failure> {
     let mut files = figure.write(&folder.join(name))?.to_vec();
     for (extension, text) in [("csv", csv), ("json", &serde_json::to_string(data)?)] {
-        let path = folder.join(name).with_extension(extension);
-        write(&path, text)?;
-        files.push(path);
+        files.push(output::write(folder.join(name).with_extension(extension), text)?);
     }
     Ok(Made { figure: name, files, wall_s: since(start_ns) })
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    fs::write(path, text).map_err(|source| Failure::Write { path: path.to_path_buf(), source })
 }
 
 fn text_of(document: &Document) -> String {
