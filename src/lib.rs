@@ -36,6 +36,7 @@
 //! | [`protocol`] | the CAN protocol, a crate of its own |
 //! | `bus`, `realtime`, `recording` | buses; clocks and threads; MCAP files |
 //! | `scenario`, `run`, `replay` | a run in one file; the three run loops; recordings played and simulated again |
+//! | `toml_error` | what is wrong with a scenario or settings as TOML |
 //! | `paper` | the paper's figures and statements, computed |
 //! | `plot`, `cli` | figures; the program |
 //!

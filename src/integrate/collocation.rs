@@ -61,7 +61,7 @@ impl<const C: usize> Matrix<C> {
     /// The matrix with these entries by row and column.
     pub fn new(entry: impl Fn(usize, usize) -> DoubleDouble) -> Matrix<C> {
         let part = |part: fn([f64; 2]) -> f64| {
-            array::from_fn(|row| array::from_fn(|column| part(entry(row, column).halves())))
+            array::from_fn(|row| array::from_fn(|column| part(entry(row, column).head_and_tail())))
         };
         Matrix { high: part(|[high, _]| high), low: part(|[_, low]| low) }
     }

@@ -16,9 +16,9 @@ impl DoubleDouble {
     }
 
     /// The number as its first 26 bits and the next 53.
-    pub fn halves(self) -> [f64; 2] {
-        let (high, rest) = halves(self.high);
-        [high, rest + self.low]
+    pub fn head_and_tail(self) -> [f64; 2] {
+        let (head, rest) = halves(self.high);
+        [head, rest + self.low]
     }
 
     /// √x: the rounded root s, and (x − s²)/(2s).

@@ -20,6 +20,7 @@ use rtrb::{Consumer, Producer};
 
 use super::error::Operation;
 use super::{PythonCanError, exception, message};
+use crate::bus::socketcan::{MEMINFO_BYTES, drops_in};
 use crate::bus::{Filter, Received};
 
 /// How long `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
@@ -169,11 +170,12 @@ impl Receiver {
 
     /// Waits for one message. `true` if a frame was queued.
     fn receive(&mut self, bus: &Bound<'_, PyAny>) -> PyResult<bool> {
-        let message = bus.call_method1("recv", (RECEIVE_TIMEOUT_S,))?;
+        // Before a message is taken, so that none is lost if this fails.
         if let Some(socket) = &self.socket {
             let dropped = kernel_drops(socket.bind(bus.py()))?;
             self.shared.dropped_beneath.store(dropped, Ordering::Relaxed);
         }
+        let message = bus.call_method1("recv", (RECEIVE_TIMEOUT_S,))?;
         if message.is_none() {
             return Ok(false);
         }
@@ -189,14 +191,11 @@ impl Receiver {
     }
 }
 
-/// What a socket lost at its receive queue: a place among the `u32` counters of the option `SO_MEMINFO` (Linux 4.12).
-fn kernel_drops(socket: &Bound<'_, PyAny>) -> PyResult<u64> {
-    const PLACE: usize = libc::SK_MEMINFO_DROPS as usize;
-    let option = (libc::SOL_SOCKET, libc::SO_MEMINFO, 4 * (PLACE + 1));
+/// The frames that found the receive queue of a Python socket full, since it was opened.
+pub(super) fn kernel_drops(socket: &Bound<'_, PyAny>) -> PyResult<u64> {
+    let option = (libc::SOL_SOCKET, libc::SO_MEMINFO, MEMINFO_BYTES);
     let counters: Vec<u8> = socket.call_method1("getsockopt", option)?.extract()?;
-    let drops = counters.chunks_exact(4).nth(PLACE).and_then(|bytes| bytes.try_into().ok()).map(u32::from_ne_bytes);
-    // A kernel that is older counts them, but does not tell.
-    Ok(drops.map_or(0, u64::from))
+    Ok(drops_in(&counters)?)
 }
 
 #[cfg(test)]

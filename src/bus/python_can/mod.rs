@@ -31,7 +31,7 @@ use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Bus, BusError, Filter, Received, Sent, Statistics};
-use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared};
+use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
 pub use error::{Operation, PythonCanError};
 use options::{Options, Value};
 
@@ -76,7 +76,7 @@ impl PythonCan {
         start_python()?;
         let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
         let socket = match options.interface.as_str() {
-            "socketcan" => Python::attach(|py| bus.getattr(py, "socket").ok()),
+            "socketcan" => Some(Python::attach(|py| counting_socket(&bus, py))?),
             _ => None,
         };
         Ok(PythonCan::start(bus, message_class, socket)?)
@@ -260,6 +260,16 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>),
         Ok((bus.unbind(), can.getattr("Message")?.unbind()))
     };
     open().map_err(|error| exception(py, Operation::Open, error))
+}
+
+/// The socket that python-can's `socketcan` reads from, once it has told its losses, as it is asked to before each frame.
+fn counting_socket(bus: &Py<PyAny>, py: Python<'_>) -> Result<Py<PyAny>, PythonCanError> {
+    let told = || -> PyResult<Py<PyAny>> {
+        let socket = bus.getattr(py, "socket")?;
+        kernel_drops(socket.bind(py))?;
+        Ok(socket)
+    };
+    told().map_err(|error| exception(py, Operation::Open, error))
 }
 
 /// `can.VALID_INTERFACES` holds the interfaces of python-can and of its installed plug-ins.

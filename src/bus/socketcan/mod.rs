@@ -36,6 +36,8 @@ pub use interface::interfaces;
 
 /// The place of the frames lost at the receive queue among the `u32` counters of `SO_MEMINFO` (Linux 4.12).
 const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
+/// The size of those counters up to that one, bytes.
+pub(super) const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
 
 /// How to open a [`SocketCan`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -265,9 +267,14 @@ fn warn_if_less(interface: &str, which: &str, limit: &str, asked: usize, granted
 
 /// The frames that found the receive queue full, since the socket was opened.
 fn drops(socket: &CanFdSocket) -> io::Result<u64> {
-    let mut counters = [0; 4 * (DROPS + 1)];
+    let mut counters = [0; MEMINFO_BYTES];
     let len = socket.get_socket_option_bytes(SOL_SOCKET, SO_MEMINFO, &mut counters)?;
-    let last = counters[..len].chunks_exact(4).nth(DROPS).and_then(|bytes| bytes.try_into().ok());
+    drops_in(&counters[..len])
+}
+
+/// The same out of the counters of `SO_MEMINFO`.
+pub(super) fn drops_in(counters: &[u8]) -> io::Result<u64> {
+    let last = counters.chunks_exact(4).nth(DROPS).and_then(|bytes| bytes.try_into().ok());
     let count = last.map(u32::from_ne_bytes).ok_or_else(|| io::Error::from(io::ErrorKind::UnexpectedEof))?;
     Ok(u64::from(count))
 }
