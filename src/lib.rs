@@ -36,6 +36,7 @@
 //! | [`protocol`] | the CAN protocol, a crate of its own |
 //! | `bus`, `realtime`, `recording` | buses; clocks and threads; MCAP files |
 //! | `scenario`, `run`, `replay` | a run in one file; the three run loops; recordings played and simulated again |
+//! | `study` | sweeps and other parameter studies over all cores, stopped and gone on with |
 //! | `toml_error` | what is wrong with a scenario or settings as TOML |
 //! | `paper` | the paper's figures and statements, computed |
 //! | `plot`, `cli` | figures; the program |
@@ -73,6 +74,8 @@ pub mod replay;
 pub mod run;
 #[cfg(feature = "std")]
 pub mod scenario;
+#[cfg(feature = "std")]
+pub mod study;
 #[cfg(feature = "std")]
 pub mod toml_error;
 

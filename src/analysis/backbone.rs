@@ -106,6 +106,10 @@ pub enum Bending {
     Mixed,
 }
 
+/// The forced response around a backbone is looked at this far beyond it, as a part of the change of frequency along it, and at
+/// least this part of the frequency.
+const MARGIN: [f64; 2] = [0.5, 0.002];
+
 impl Bending {
     /// The name in results.
     pub const fn name(self) -> &'static str {
@@ -240,6 +244,14 @@ fn measure<O: Oscillator>(balance: &mut HarmonicBalance<O>, z: &[f64], frequency
 const STILL: f64 = 1e-9;
 
 impl Backbone {
+    /// The frequencies, Hz, between which the forced response around the curve is worth looking at.
+    pub fn window_hz(&self) -> [f64; 2] {
+        let hz = self.points.iter().map(|point| point.frequency_hz);
+        let (low, high) = hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
+        let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
+        [low - margin, high + margin]
+    }
+
     /// The frequency of the last point less that of the first, Hz.
     pub fn shift_hz(&self) -> f64 {
         match (self.points.first(), self.points.last()) {

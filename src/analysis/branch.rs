@@ -1,6 +1,7 @@
 //! Branches of periodic motions: walked from one value of a coordinate to another, with stability and bifurcations.
 
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 use super::adapt::{Spectral, adapt};
 use super::continuation::{Point, System, Walk, at_parameter};
@@ -64,6 +65,17 @@ pub fn trace_doubled<O: Oscillator + Clone>(
     direction.push(0.0);
     let walk = Walk::start_along(&mut response, options.walk, &x, orbit.value, &direction, FIRST_DOUBLED_STEP)?;
     Tracer::new(response, options).run(walk)
+}
+
+/// The doubled branches that leave at the period doublings of a branch, each with its end; see [`trace_doubled`].
+pub fn trace_doublings<O: Oscillator + Clone>(
+    oscillator: &O,
+    branch: &Branch,
+    coordinate: Coordinate<O::Parameter>,
+    options: &BranchOptions,
+) -> Vec<Result<Branch, EndedEarly<Branch>>> {
+    let doublings = branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::PeriodDoubling);
+    doublings.map(|found| trace_doubled(oscillator.clone(), found, coordinate, options)).collect()
 }
 
 /// The first step along a doubled branch, relative to the size of the motion.

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::adapt::adapt;
 use super::continuation::{Point, System, Walk, Work, at_parameter};
-use super::orbit::{Bifurcation, BifurcationKind, BranchOptions};
+use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions};
 use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator, SingularResponse, Singularity};
 
 /// A singular motion on a curve of them.
@@ -49,6 +49,51 @@ pub fn trace_singular<O: Oscillator>(
     match reason {
         None => Ok(curve),
         Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    }
+}
+
+/// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
+const SAME: f64 = 1e-8;
+
+/// Follows each fold and each period doubling of a branch in `lambda` as `mu` goes from its value there to `options.to`, each
+/// curve with its kind and its end. A curve that comes back through another of these bifurcations stands for both.
+pub fn trace_singular_curves<O: Oscillator + Clone>(
+    oscillator: &O,
+    branch: &Branch,
+    lambda: Coordinate<O::Parameter>,
+    mu: Coordinate<O::Parameter>,
+    options: &BranchOptions,
+) -> Vec<(BifurcationKind, Result<SingularCurve, EndedEarly<SingularCurve>>)> {
+    let mut curves: Vec<(BifurcationKind, Result<SingularCurve, EndedEarly<SingularCurve>>)> = Vec::new();
+    let followed = [BifurcationKind::Fold, BifurcationKind::PeriodDoubling];
+    for bifurcation in branch.bifurcations.iter().filter(|found| followed.contains(&found.kind)) {
+        let from = match mu {
+            Coordinate::FrequencyHz => bifurcation.orbit.frequency_hz,
+            Coordinate::Parameter(which) => oscillator.parameter(which),
+        };
+        let ends_here = |(kind, curve): &(BifurcationKind, Result<SingularCurve, _>)| {
+            let last = curve.as_ref().ok().and_then(|curve| curve.points.last());
+            *kind == bifurcation.kind
+                && last.is_some_and(|end| near(end.mu, from) && near(end.lambda, bifurcation.orbit.value))
+        };
+        if !curves.iter().any(ends_here) {
+            let options = options.between(from, options.to);
+            curves.push((bifurcation.kind, trace_singular(oscillator.clone(), bifurcation, lambda, mu, &options)));
+        }
+    }
+    curves
+}
+
+fn near(a: f64, b: f64) -> bool {
+    libm::fabs(a - b) <= SAME * libm::fabs(b)
+}
+
+impl SingularCurve {
+    /// The points at the value of `mu` with which the curve begins: the first, and the last if the curve comes back.
+    pub fn on_the_branch(&self) -> impl Iterator<Item = &SingularPoint> {
+        let first = self.points.first();
+        let back = self.points.last().filter(|last| first.is_some_and(|first| near(last.mu, first.mu)));
+        first.into_iter().chain(back)
     }
 }
 

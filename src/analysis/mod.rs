@@ -25,13 +25,14 @@ mod orbit;
 mod oscillator;
 mod quadrature;
 mod response;
+mod rows;
 mod spectrum;
 mod start;
 pub mod time_domain;
 
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
-pub use branch::{trace, trace_doubled};
-pub use curve::{SingularCurve, SingularPoint, trace_singular};
+pub use branch::{trace, trace_doubled, trace_doublings};
+pub use curve::{SingularCurve, SingularPoint, trace_singular, trace_singular_curves};
 pub use error::{AnalysisError, EndedEarly, Place};
 pub use extended::{SingularResponse, Singularity};
 pub use floquet::{Floquet, Stability, StabilityWork};
@@ -43,6 +44,7 @@ pub use modes::{Mode, modes};
 pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
 pub use response::ForcedResponse;
+pub use rows::{Row, segments, stretches};
 
 #[cfg(test)]
 mod tests;

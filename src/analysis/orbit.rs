@@ -38,6 +38,13 @@ impl BranchOptions {
 }
 
 impl BranchOptions {
+    /// The same between other values, the scale of the coordinate being that of their interval.
+    pub fn between(&self, from: f64, to: f64) -> BranchOptions {
+        let mut options = BranchOptions { from, to, ..*self };
+        options.walk.parameter_floor = BranchOptions::new(from, to).walk.parameter_floor;
+        options
+    }
+
     /// The end of the interval beyond which a value lies, if it lies beyond one.
     pub(super) fn left_at(&self, value: f64) -> Option<f64> {
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));

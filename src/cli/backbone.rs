@@ -70,10 +70,6 @@ pub(super) struct Backbone {
 const SMALLEST_PART: f64 = 1.0 / 300.0;
 /// The largest amplitude that can be asked for, rad: the links have then turned over.
 const LARGEST_RAD: f64 = core::f64::consts::PI;
-/// The forced response is drawn this far beyond the curve, as a part of the change of frequency along it, and at least this part
-/// of the frequency.
-const MARGIN: [f64; 2] = [0.5, 0.002];
-
 /// Largest step of what is drawn, as part of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
 
@@ -287,10 +283,8 @@ impl Backbone {
 
     /// The forced response around the curve.
     fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
-        let hz = curve.points.iter().map(|point| point.frequency_hz);
-        let (low, high) = hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
-        let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
-        let mut options = self.walk.options(low - margin, high + margin)?;
+        let [low, high] = curve.window_hz();
+        let mut options = self.walk.options(low, high)?;
         smooth(&mut options);
         let walked = trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options);
         early.keep_any("frequency_hz of the forced response", walked)

@@ -1,9 +1,8 @@
 //! Branches as figures: stable blue, unstable red, as the paper has them.
 
-use crate::analysis::{BifurcationKind, Branch};
+use crate::analysis::{self, BifurcationKind, Branch, Row};
 use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
-use super::branch_table::{Row, rows};
 use super::captions;
 
 /// Two panels, |α1| and |α2| over what varies.
@@ -40,23 +39,10 @@ pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize
     panel
 }
 
-/// The stretches of one stability, with gaps between them. They end at the bifurcations themselves, not at the motions next to
-/// them. A segment between two bifurcations is drawn as unstable.
+/// The stretches of one stability of a joint's amplitude.
 fn stretches(branch: &Branch, joint: usize, stable: bool) -> Vec<(f64, f64)> {
     let at = |row: &Row| (row.orbit.value, row.orbit.amplitude_rad[joint]);
-    let mut points: Vec<(f64, f64)> = Vec::new();
-    for pair in rows(branch).windows(2) {
-        let has = |stable| pair.iter().any(|row| row.stable() == Some(stable));
-        if stable != (has(true) && !has(false)) {
-            continue;
-        }
-        let [a, b] = [at(&pair[0]), at(&pair[1])];
-        if points.last() != Some(&a) {
-            points.extend([(f64::NAN, f64::NAN), a]);
-        }
-        points.push(b);
-    }
-    points
+    analysis::stretches(&branch.rows(), Row::stable, stable, at)
 }
 
 #[cfg(test)]

@@ -4,34 +4,6 @@ use core::fmt::Write;
 
 use crate::analysis::{BifurcationKind, Branch, Orbit};
 
-/// A motion of a branch, in its order.
-pub(super) struct Row<'a> {
-    pub orbit: &'a Orbit,
-    /// The bifurcation that it is, if it is one.
-    pub bifurcation: Option<BifurcationKind>,
-}
-
-impl Row<'_> {
-    /// Whether small disturbances die out; at a bifurcation neither.
-    pub fn stable(&self) -> Option<bool> {
-        self.bifurcation.is_none().then(|| self.orbit.is_stable())
-    }
-}
-
-/// The motions of a branch with its bifurcations in their places.
-pub(super) fn rows(branch: &Branch) -> Vec<Row<'_>> {
-    let mut events = branch.bifurcations.iter().peekable();
-    let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
-    for (index, orbit) in branch.orbits.iter().enumerate() {
-        while let Some(found) = events.next_if(|found| found.index <= index) {
-            rows.push(Row { orbit: &found.orbit, bifurcation: Some(found.kind) });
-        }
-        rows.push(Row { orbit, bifurcation: None });
-    }
-    rows.extend(events.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
-    rows
-}
-
 /// A line for each motion. `branch` is 0, for doubled branches 1 and on; `varied` is the column of what varies.
 pub(super) fn csv(varied: &str, branches: &[&Branch]) -> String {
     let is_frequency = varied == "frequency_hz";
@@ -41,7 +13,7 @@ pub(super) fn csv(varied: &str, branches: &[&Branch]) -> String {
          largest_multiplier,stability,bifurcation\n"
     );
     for (number, branch) in branches.iter().enumerate() {
-        for row in rows(branch) {
+        for row in branch.rows() {
             let Orbit { value, frequency_hz, amplitude_rad: [a1, a2], harmonic1_rad: [h1, h2], .. } = row.orbit;
             let value = if is_frequency { String::new() } else { format!("{value},") };
             let stability = match row.stable() {

@@ -19,9 +19,7 @@ use super::output;
 use super::quantity::Quantity;
 use super::singular_curves::{CurveFlags, Curves};
 use super::walk_flags::WalkFlags;
-use crate::analysis::{
-    ArmParameter, Bifurcation, BifurcationKind, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doubled,
-};
+use crate::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
 use crate::arm::{Arm, Load};
 use crate::plot::beside;
 use crate::realtime::{Clock, SystemClock};
@@ -295,8 +293,7 @@ impl Continue {
         let branch = early.keep(name, trace(forced.clone(), frequency_hz, coordinate, &options))?;
         let mut doubled = Vec::new();
         if self.doubled {
-            for bifurcation in branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::PeriodDoubling) {
-                let walked = trace_doubled(forced.clone(), bifurcation, coordinate, &options);
+            for walked in trace_doublings(&forced, &branch, coordinate, &options) {
                 doubled.extend(early.keep_any(name, walked)?);
             }
         }

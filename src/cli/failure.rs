@@ -7,7 +7,6 @@ use std::process::ExitCode;
 use thiserror::Error;
 
 use super::ended_early;
-use super::journal::JournalError;
 use super::walk_flags;
 use crate::analysis::AnalysisError;
 use crate::analysis::time_domain::TimeDomainError;
@@ -22,6 +21,7 @@ use crate::recording::RecordingError;
 use crate::replay::ReplayError;
 use crate::run::RunError;
 use crate::scenario::ScenarioError;
+use crate::study::{JournalError, StudyError};
 
 /// What a command that came to its end says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,7 +70,7 @@ pub(super) enum Failure {
     #[error(transparent)]
     TimeDomain(#[from] TimeDomainError),
     #[error(transparent)]
-    Journal(#[from] JournalError),
+    Study(#[from] StudyError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
     #[error("can't write to standard output: {0}")]
@@ -113,10 +113,10 @@ impl Failure {
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Run(error) => run(error),
             Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
-            Failure::TimeDomain(TimeDomainError::Integrate { .. }) => Exit::Negative,
+            Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
             Failure::Paper(PaperError::Settings(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
-            Failure::Journal(error) if error.is_environment() => Exit::Environment,
+            Failure::Study(StudyError::Journal(error)) => journal(error),
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
             _ => Exit::Usage,
         }
@@ -134,6 +134,20 @@ fn analysis(error: &AnalysisError) -> Exit {
     match error {
         AnalysisError::Interval { .. } => Exit::Usage,
         _ => Exit::Negative,
+    }
+}
+
+fn time_domain(error: &TimeDomainError) -> Exit {
+    match error {
+        TimeDomainError::Integrate { .. } => Exit::Negative,
+        _ => Exit::Usage,
+    }
+}
+
+fn journal(error: &JournalError) -> Exit {
+    match error {
+        JournalError::Write { .. } | JournalError::InUse { .. } => Exit::Environment,
+        _ => Exit::Usage,
     }
 }
 

@@ -8,17 +8,17 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::captions;
-use super::chains::{Chain, Chains, Point};
 use super::continuation::DriveFlags;
 use super::failure::{Failure, Verdict};
 use super::interval::{Ends, interval};
 use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
-use super::output;
+use super::{output, study};
 use crate::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
 use crate::arm::Load;
 use crate::integrate::Sine;
 use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
+use crate::study::{Chain, Chains, Point};
 
 /// Points of the section to keep of a motion that doesn't settle: of one motion, and at each value of a diagram.
 const SECTION_POINTS: usize = 2000;
@@ -146,11 +146,9 @@ impl Poincare {
             "points": self.section_points(),
         });
         let journal = self.motion.make_out()?.map(|out| out.join("poincare.partial.jsonl"));
-        let walked = chains.walk("section", journal.as_deref().map(|path| (path, &configuration)))?;
-        if !walked.is_complete() {
-            return Ok(Verdict::Negative);
-        }
-        let document = self.document(configuration, &stepped, &walked.points);
+        let walked = study::walk("section", chains, journal.as_deref().map(|path| (path, &configuration)))?;
+        let Some(walked) = walked else { return Ok(Verdict::Negative) };
+        let document = self.document(configuration, &stepped, walked.points());
         if self.motion.json {
             output::print_json(&document)?;
         } else {

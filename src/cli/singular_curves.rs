@@ -10,9 +10,7 @@ use super::ended_early::Early;
 use super::failure::Failure;
 use super::quantity::Quantity;
 use super::walk_flags::WalkFlags;
-use crate::analysis::{
-    Bifurcation, BifurcationKind, Branch, Coordinate, ForcedArm, Oscillator, SingularPoint, trace_singular,
-};
+use crate::analysis::{BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, trace_singular_curves};
 use crate::plot::{Axis, Color, Figure, Marker, Panel, Series};
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
@@ -35,24 +33,9 @@ pub(super) struct Curves {
 
 struct Curve {
     kind: BifurcationKind,
-    points: Vec<SingularPoint>,
+    curve: SingularCurve,
 }
 
-impl Curve {
-    /// Its points at the second quantity's value on the branch.
-    fn on_the_branch(&self) -> impl Iterator<Item = &SingularPoint> {
-        let first = self.points.first();
-        let back = self.points.last().filter(|last| first.is_some_and(|first| near(last.mu, first.mu)));
-        first.into_iter().chain(back)
-    }
-}
-
-fn near(a: f64, b: f64) -> bool {
-    (a - b).abs() <= SAME * b.abs()
-}
-
-/// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
-const SAME: f64 = 1e-8;
 /// The largest step along a curve, relative to its local size: short enough to be drawn.
 const LARGEST_STEP: f64 = 0.08;
 
@@ -81,25 +64,12 @@ impl Curves {
         walk: &WalkFlags,
         early: &mut Early,
     ) -> Result<Curves, Failure> {
-        let mut curves: Vec<Curve> = Vec::new();
-        for bifurcation in branch.bifurcations.iter().filter(can_be_followed) {
-            let from = match second.coordinate {
-                Coordinate::FrequencyHz => bifurcation.orbit.frequency_hz,
-                Coordinate::Parameter(which) => forced.parameter(which),
-            };
-            let ends_here = |curve: &Curve| {
-                let last = curve.points.last();
-                curve.kind == bifurcation.kind
-                    && last.is_some_and(|end| near(end.mu, from) && near(end.lambda, bifurcation.orbit.value))
-            };
-            if curves.iter().any(ends_here) {
-                continue;
-            }
-            let mut options = walk.options(from, to)?;
-            options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
-            let walked = trace_singular(forced.clone(), bifurcation, first.coordinate, second.coordinate, &options);
-            let found = early.keep_any(second.name, walked)?;
-            curves.extend(found.map(|curve| Curve { kind: bifurcation.kind, points: curve.points }));
+        let mut options = walk.options(0.0, to)?;
+        options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
+        let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
+        let mut curves = Vec::new();
+        for (kind, walked) in walked {
+            curves.extend(early.keep_any(second.name, walked)?.map(|curve| Curve { kind, curve }));
         }
         Ok(Curves { first, second, curves })
     }
@@ -114,7 +84,7 @@ impl Curves {
             Value::Object(map)
         };
         let curve = |curve: &Curve| {
-            let points: Vec<Value> = curve.points.iter().map(point).collect();
+            let points: Vec<Value> = curve.curve.points.iter().map(point).collect();
             json!({ "kind": curve.kind.name(), "points": points })
         };
         Value::Array(self.curves.iter().map(curve).collect())
@@ -124,8 +94,8 @@ impl Curves {
     pub fn csv(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
-        for (number, Curve { kind, points }) in self.curves.iter().enumerate() {
-            for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in points {
+        for (number, Curve { kind, curve }) in self.curves.iter().enumerate() {
+            for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in &curve.points {
                 let _infallible = writeln!(text, "{number},{},{lambda},{mu},{h1},{h2}", kind.name());
             }
         }
@@ -139,7 +109,7 @@ impl Curves {
             return String::from("no fold or period doubling to follow\n");
         }
         let mut text = String::new();
-        for Curve { kind, points } in &self.curves {
+        for Curve { kind, curve: SingularCurve { points, .. } } in &self.curves {
             let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
             let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
             let _infallible =
@@ -160,21 +130,18 @@ impl Curves {
         ] {
             let of_kind = self.curves.iter().filter(|curve| curve.kind == kind);
             for (k, curve) in of_kind.enumerate() {
-                let line = Series::line(label, color, curve.points.iter().map(|p| (p.lambda, p.mu)).collect());
+                let line = Series::line(label, color, curve.curve.points.iter().map(|p| (p.lambda, p.mu)).collect());
                 panel = panel.with(if k == 0 { line } else { line.unlabelled() });
             }
         }
         // Where a curve comes back to the branch it ends on it, too.
-        let starts: Vec<_> = self.curves.iter().flat_map(Curve::on_the_branch).map(|p| (p.lambda, p.mu)).collect();
+        let starts: Vec<_> =
+            self.curves.iter().flat_map(|curve| curve.curve.on_the_branch()).map(|p| (p.lambda, p.mu)).collect();
         if !starts.is_empty() {
             panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
         }
         Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
     }
-}
-
-fn can_be_followed(event: &&Bifurcation) -> bool {
-    matches!(event.kind, BifurcationKind::Fold | BifurcationKind::PeriodDoubling)
 }
 
 /// The point farthest along the second quantity, if the curve turns back there.

@@ -8,14 +8,14 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::captions::{self, degrees};
-use super::chains::{Chain, Chains, Point};
 use super::failure::{Failure, Verdict};
 use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
-use super::output;
-use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter};
+use super::{output, study};
+use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter, hysteresis};
 use crate::arm::{Arm, Load, Pose};
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
+use crate::study::{Chain, Chains, Point};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -46,9 +46,6 @@ pub(super) struct Sweep {
     #[arg(long, value_name = "DEG,…", allow_hyphen_values = true, value_delimiter = ',', conflicts_with = "beta2_deg")]
     over_beta2_deg: Vec<f64>,
 }
-
-/// Amplitudes that differ by more than this part belong to different motions.
-const DIFFERENT: f64 = 1e-6;
 
 /// A sweep in results.
 #[derive(Serialize)]
@@ -94,11 +91,9 @@ impl Sweep {
             "over_beta2_deg": self.over_beta2_deg,
         });
         let journal = self.motion.make_out()?.map(|out| out.join("sweep.partial.jsonl"));
-        let walked = chains.walk("sweep", journal.as_deref().map(|path| (path, &configuration)))?;
-        if !walked.is_complete() {
-            return Ok(Verdict::Negative);
-        }
-        let document = self.document(&scenario, configuration, &sweeps, &walked.points);
+        let walked = study::walk("sweep", chains, journal.as_deref().map(|path| (path, &configuration)))?;
+        let Some(walked) = walked else { return Ok(Verdict::Negative) };
+        let document = self.document(&scenario, configuration, &sweeps, walked.points());
         if self.motion.json {
             output::print_json(&document)?;
         } else {
@@ -217,14 +212,12 @@ impl SweepDocument {
 }
 
 /// Where two sweeps, up and down over the same frequencies, have come to different motions.
-fn hysteresis(up: &SweepDocument, down: &SweepDocument) -> String {
-    let differ = |(a, b): &(&PointDocument, &PointDocument)| {
-        (0..2).any(|i| (a.amplitude_rad[i] - b.amplitude_rad[i]).abs() > DIFFERENT * b.amplitude_rad[i])
-    };
-    let pairs: Vec<_> = up.points.iter().zip(down.points.iter().rev()).collect();
+fn differences(up: &SweepDocument, down: &SweepDocument) -> String {
+    let motion = |point: &PointDocument| (point.frequency_hz, point.amplitude_rad);
+    let up: Vec<_> = up.points.iter().map(motion).collect();
+    let down: Vec<_> = down.points.iter().rev().map(motion).collect();
     let mut text = String::new();
-    for stretch in pairs.chunk_by(|a, b| differ(a) == differ(b)).filter(|stretch| differ(&stretch[0])) {
-        let [first, last] = [stretch[0], stretch[stretch.len() - 1]].map(|(point, _)| point.frequency_hz);
+    for [first, last] in hysteresis(&up, &down) {
         let _infallible = writeln!(text, "  up and down differ from {first:.6} to {last:.6} Hz");
     }
     if text.is_empty() { String::from("  up and down agree\n") } else { text }
@@ -248,7 +241,7 @@ impl Document {
                 }
             }
             if let [up, down] = same {
-                text.push_str(&hysteresis(up, down));
+                text.push_str(&differences(up, down));
             }
         }
         text

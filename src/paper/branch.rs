@@ -4,8 +4,8 @@ use serde::{Serialize, Serializer};
 
 use super::{PaperError, Subject};
 use crate::analysis::{
-    AnalysisError, ArmParameter, Bifurcation, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit,
-    modes, trace,
+    AnalysisError, ArmParameter, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, Row, modes,
+    segments, trace,
 };
 use crate::arm::{Arm, Load, Preset};
 
@@ -77,15 +77,25 @@ pub struct Motion {
 }
 
 impl Motion {
-    fn new(orbit: &Orbit, excitation: f64, bifurcation: Option<Event>) -> Motion {
-        let stability = match bifurcation {
-            Some(_) => Stability::Marginal,
-            None if orbit.is_stable() => Stability::Stable,
-            None => Stability::Unstable,
+    fn new(row: &Row, excitation: f64) -> Motion {
+        let (orbit, bifurcation) = (row.orbit, row.bifurcation.map(Event));
+        let stability = match row.stable() {
+            None => Stability::Marginal,
+            Some(true) => Stability::Stable,
+            Some(false) => Stability::Unstable,
         };
         let (frequency_hz, amplitude_rad, harmonic1_rad) =
             (orbit.frequency_hz, orbit.amplitude_rad, orbit.harmonic1_rad);
         Motion { frequency_hz, excitation, amplitude_rad, harmonic1_rad, stability, bifurcation }
+    }
+
+    /// Whether small disturbances die out; at a bifurcation neither.
+    pub fn stable(&self) -> Option<bool> {
+        match self.stability {
+            Stability::Stable => Some(true),
+            Stability::Unstable => Some(false),
+            Stability::Marginal => None,
+        }
     }
 }
 
@@ -176,7 +186,7 @@ impl ForcedBranch {
     /// Neighbouring motions in pairs, and whether those between them are stable. Between two bifurcations they are taken to be
     /// unstable.
     pub fn segments(&self) -> impl Iterator<Item = (&Motion, &Motion, bool)> {
-        self.motions.windows(2).map(|pair| (&pair[0], &pair[1], is_stable(&pair[0], &pair[1])))
+        segments(&self.motions, Motion::stable)
     }
 
     /// Where the resonance zones of both modes are looked for, Hz.
@@ -190,26 +200,9 @@ impl ForcedBranch {
     }
 }
 
-fn is_stable(a: &Motion, b: &Motion) -> bool {
-    let either = |stability| a.stability == stability || b.stability == stability;
-    either(Stability::Stable) && !either(Stability::Unstable)
-}
-
 /// The motions of a branch with its bifurcations in their places.
 fn joined(branch: &Branch, excitation: impl Fn(&Orbit) -> f64) -> Vec<Motion> {
-    let mut events = branch.bifurcations.iter().peekable();
-    let mut motions = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
-    let event = |bifurcation: &Bifurcation| {
-        Motion::new(&bifurcation.orbit, excitation(&bifurcation.orbit), Some(Event(bifurcation.kind)))
-    };
-    for (index, orbit) in branch.orbits.iter().enumerate() {
-        while let Some(bifurcation) = events.next_if(|bifurcation| bifurcation.index <= index) {
-            motions.push(event(bifurcation));
-        }
-        motions.push(Motion::new(orbit, excitation(orbit), None));
-    }
-    motions.extend(events.map(event));
-    motions
+    branch.rows().iter().map(|row| Motion::new(row, excitation(row.orbit))).collect()
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 use serde::Serialize;
 
 use super::branch::by_name;
-use super::{Drive, ForcedBranch, PaperError, Settings, Subject, on_all_cores};
+use super::{Drive, ForcedBranch, PaperError, Settings, Subject};
 use crate::analysis::modes;
 use crate::arm::{Arm, Preset};
+use crate::study::on_all_cores;
 
 /// The figures of the paper that show computed curves of forced motions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -8,12 +8,14 @@
 
 mod error;
 mod fixed_point;
+mod hysteresis;
 mod measure;
 mod settle;
 mod strobe;
 mod sweep;
 
 pub use error::TimeDomainError;
+pub use hysteresis::hysteresis;
 pub use settle::{SettleOptions, Settled, settle};
 pub use strobe::StroboscopicMap;
 pub use sweep::{Direction, Grid, Sweep, SweepParameter};

@@ -1,5 +1,6 @@
 //! The figures drawn: stable blue, unstable red, as the paper has them.
 
+use crate::analysis;
 use crate::paper::{Abscissa, Curve, Curves, ForcedBranch, Motion, NaturalFrequencies, Panel};
 use crate::plot::{self, Axis, Color, Legend, Note, Series};
 
@@ -99,18 +100,7 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
 /// The stretches of one stability, with gaps between them.
 fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
     let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[panel.link - 1]);
-    let mut points: Vec<(f64, f64)> = Vec::new();
-    for (a, b, is_stable) in branch.segments() {
-        if is_stable != stable {
-            continue;
-        }
-        if points.last() != Some(&at(a)) {
-            points.push((f64::NAN, f64::NAN));
-            points.push(at(a));
-        }
-        points.push(at(b));
-    }
-    points
+    analysis::stretches(&branch.motions, Motion::stable, stable, at)
 }
 
 /// A maximum between samples is that of a zone if it is as high as the highest sample, but for this.

@@ -16,8 +16,9 @@ mod torque;
 use serde::Serialize;
 
 use super::branch::by_name;
-use super::{PaperError, Settings, Subject, on_all_cores};
+use super::{PaperError, Settings, Subject};
 use crate::arm::Preset;
+use crate::study::on_all_cores;
 use cases::Judgement;
 use survey::Survey;
 

@@ -1,49 +1,58 @@
 //! Chains of motions, each point begun where the one before ended; several chains at a time, stopped and gone on with.
 
-use std::num::NonZeroUsize;
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::failure::Failure;
-use super::journal::Journal;
-use super::supervise::supervise;
+use super::{Control, Journal, StudyError, on_all_cores};
 use crate::analysis::time_domain::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, settle};
 use crate::arm::{Arm, State};
 use crate::integrate::Sine;
-use crate::run::Signals;
 
 /// One arm under one excitation after the other.
 #[derive(Clone, Debug)]
-pub(super) struct Chain {
+pub struct Chain {
+    /// The arm.
     pub arm: Arm,
+    /// The excitations in their order.
     pub excitations: Vec<Sine>,
 }
 
 /// Chains that begin in the same state.
 #[derive(Clone, Debug)]
-pub(super) struct Chains {
+pub struct Chains {
+    /// The chains.
     pub chains: Vec<Chain>,
+    /// The state, at phase 0, in which the first motion of each begins.
     pub start: State,
+    /// How long each motion is waited for, and what is kept of it.
     pub options: SettleOptions,
 }
 
 /// The motion at one point of a chain, α1, α2, α̇1, α̇2 being a state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Point {
+pub struct Point {
+    /// Which chain, from 0.
     pub chain: usize,
+    /// Which excitation of the chain, from 0.
     pub index: usize,
+    /// As [`Settled::amplitude_rad`].
     pub amplitude_rad: [f64; 2],
+    /// As [`Settled::harmonic1_rad`].
     pub harmonic1_rad: [f64; 2],
+    /// As [`Settled::period`].
     pub period: Option<u32>,
+    /// As [`Settled::largest_multiplier`].
     pub largest_multiplier: Option<f64>,
+    /// As [`Settled::settling_periods`].
     pub settling_periods: u64,
+    /// As [`Settled::drift`].
     pub drift: f64,
+    /// As [`Settled::section`].
     pub section: Vec<[f64; 4]>,
     end: [f64; 4],
 }
@@ -75,83 +84,38 @@ impl Point {
     }
 }
 
-/// What came of chains.
+/// A walk along chains: its points so far, and where they are kept.
 #[derive(Debug)]
-pub(super) struct Walked {
-    /// The points of each chain.
-    pub points: Vec<Vec<Point>>,
-    /// How many there are to be.
-    pub total: usize,
+pub struct Walk {
+    chains: Chains,
+    points: Vec<Vec<Point>>,
     journal: Option<Journal>,
 }
 
-impl Walked {
-    pub fn done(&self) -> usize {
-        self.points.iter().map(Vec::len).sum()
-    }
-
-    /// Whether every point is there; if not, the work was stopped, and this says so.
-    pub fn is_complete(&self) -> bool {
-        let (done, total) = (self.done(), self.total);
-        if done < total {
-            let advice = match self.journal {
-                Some(_) => "the same command goes on from there",
-                None => "with --out the same command would go on from there",
-            };
-            tracing::error!("stopped after {done} of {total} points; {advice}");
-        }
-        done == total
-    }
-
-    /// To be called when the results are written: there is nothing to go on with any more.
-    pub fn finish(self) -> Result<(), Failure> {
-        Ok(self.journal.map_or(Ok(()), Journal::remove)?)
-    }
-}
-
 impl Chains {
-    /// Computes all points that the journal doesn't have, on as many threads as there are cores, with a progress bar.
+    /// A walk along the chains, with the points that are in the journal for this configuration.
     ///
-    /// Ctrl-C stops it. A chain is the same however often it was stopped, for each point begins with the exact state in which
-    /// the one before ended.
-    pub fn walk(self, name: &'static str, journal: Option<(&Path, &Value)>) -> Result<Walked, Failure> {
-        self.check()?;
-        let (journal, known) = match journal {
-            Some((path, configuration)) => {
-                let (journal, points) = Journal::open(path, configuration)?;
-                let known = self.sorted(points, &journal)?;
-                (Some(journal), known)
-            }
-            None => (None, vec![Vec::new(); self.chains.len()]),
-        };
-        let done: usize = known.iter().map(Vec::len).sum();
-        if done > 0 {
-            tracing::warn!("going on after {done} of {} points", self.total());
-        }
-        let signals = Arc::new(Signals::default());
-        let watched = Arc::clone(&signals);
-        let total = self.total();
-        let work = move || self.compute(known, journal, &watched);
-        let (points, journal) = supervise(name, &signals, Some(total as u64), work)??;
-        Ok(Walked { points, total, journal })
-    }
-
-    /// Refuses what can't be computed before anything is.
-    fn check(&self) -> Result<(), Failure> {
+    /// # Errors
+    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a journal
+    /// that can't be used.
+    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
         for chain in &self.chains {
             for sine in &chain.excitations {
                 StroboscopicMap::new(&chain.arm, *sine)?;
             }
         }
-        Ok(())
-    }
-
-    fn total(&self) -> usize {
-        self.chains.iter().map(|chain| chain.excitations.len()).sum()
+        let (points, journal) = match journal {
+            Some((path, configuration)) => {
+                let (journal, points) = Journal::open(path, configuration)?;
+                (self.sorted(points, &journal)?, Some(journal))
+            }
+            None => (vec![Vec::new(); self.chains.len()], None),
+        };
+        Ok(Walk { chains: self, points, journal })
     }
 
     /// The points of a journal by chain; those of one chain follow each other in it.
-    fn sorted(&self, points: Vec<Point>, journal: &Journal) -> Result<Vec<Vec<Point>>, Failure> {
+    fn sorted(&self, points: Vec<Point>, journal: &Journal) -> Result<Vec<Vec<Point>>, StudyError> {
         let mut chains = vec![Vec::new(); self.chains.len()];
         for (k, point) in points.into_iter().enumerate() {
             let place = chains.get_mut(point.chain).filter(|before| {
@@ -162,58 +126,18 @@ impl Chains {
         Ok(chains)
     }
 
-    /// Goes on with each chain behind the points known, until the end or until the signals say stop.
-    fn compute(
-        &self,
-        known: Vec<Vec<Point>>,
-        journal: Option<Journal>,
-        signals: &Signals,
-    ) -> Result<(Vec<Vec<Point>>, Option<Journal>), Failure> {
-        let done = AtomicU64::new(known.iter().map(|points| points.len() as u64).sum());
-        let (next, journal) = (AtomicUsize::new(0), Mutex::new(journal));
-        let chains: Vec<Mutex<Vec<Point>>> = known.into_iter().map(Mutex::new).collect();
-        let finished = |point: &Point| {
-            if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
-                journal.append(point)?;
-            }
-            signals.set_step(done.fetch_add(1, Ordering::Relaxed) + 1);
-            Ok(())
-        };
-        let worker = || -> Result<(), Failure> {
-            loop {
-                // Each chain is taken by one thread only.
-                let chain = next.fetch_add(1, Ordering::Relaxed);
-                let Some(points) = chains.get(chain) else { return Ok(()) };
-                let mut points = points.lock().unwrap_or_else(PoisonError::into_inner);
-                self.follow(chain, &mut points, signals, &finished).inspect_err(|_failed| signals.stop())?;
-            }
-        };
-        let threads = thread::available_parallelism().map_or(1, NonZeroUsize::get).min(chains.len());
-        let results: Vec<_> = thread::scope(|scope| {
-            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
-            workers.into_iter().map(|worker| worker.join()).collect()
-        });
-        for result in results {
-            result.map_err(|_panic| Failure::Panic("computation"))??;
-        }
-        let unlock = |mutex: Mutex<Vec<Point>>| mutex.into_inner().unwrap_or_else(PoisonError::into_inner);
-        Ok((chains.into_iter().map(unlock).collect(), journal.into_inner().unwrap_or_else(PoisonError::into_inner)))
-    }
-
-    /// Goes on with one chain.
+    /// Goes on with one chain behind the points known, to its end or until `stop`.
     fn follow(
         &self,
         chain: usize,
-        points: &mut Vec<Point>,
-        signals: &Signals,
-        finished: &impl Fn(&Point) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
+        mut points: Vec<Point>,
+        stop: &dyn Fn() -> bool,
+        finished: &impl Fn(&Point) -> Result<(), StudyError>,
+    ) -> Result<Vec<Point>, StudyError> {
         let Chain { arm, excitations } = &self.chains[chain];
         for (index, sine) in excitations.iter().enumerate().skip(points.len()) {
             let start = points.last().map_or(self.start, Point::end);
-            let settled = StroboscopicMap::new(arm, *sine)
-                .and_then(|map| settle(&map, &start, &self.options, &|| signals.is_stopped()));
-            match settled {
+            match StroboscopicMap::new(arm, *sine).and_then(|map| settle(&map, &start, &self.options, stop)) {
                 Ok(settled) => {
                     let point = Point::new(chain, index, &settled);
                     finished(&point)?;
@@ -223,7 +147,69 @@ impl Chains {
                 Err(error) => return Err(error.into()),
             }
         }
-        Ok(())
+        Ok(points)
+    }
+}
+
+impl Walk {
+    /// The points of each chain.
+    pub fn points(&self) -> &[Vec<Point>] {
+        &self.points
+    }
+
+    /// How many points there are.
+    pub fn done(&self) -> usize {
+        self.points.iter().map(Vec::len).sum()
+    }
+
+    /// How many there are to be.
+    pub fn total(&self) -> usize {
+        self.chains.chains.iter().map(|chain| chain.excitations.len()).sum()
+    }
+
+    /// Whether every point is there.
+    pub fn is_complete(&self) -> bool {
+        self.done() == self.total()
+    }
+
+    /// Whether points are kept in a journal.
+    pub fn is_kept(&self) -> bool {
+        self.journal.is_some()
+    }
+
+    /// Computes the points that are missing, on as many threads as there are cores, until it is stopped.
+    ///
+    /// A chain is the same however often it was stopped, for each point begins with the exact state in which the one before
+    /// ended.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be written.
+    pub fn go_on(self, control: &Control<'_>) -> Result<Walk, StudyError> {
+        let done = AtomicU64::new(self.done() as u64);
+        let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
+        let finished = |point: &Point| {
+            if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+                journal.append(point)?;
+            }
+            (control.done)(done.fetch_add(1, Ordering::Relaxed) + 1);
+            Ok(())
+        };
+        let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
+        let jobs: Vec<(usize, Vec<Point>)> = self.points.into_iter().enumerate().collect();
+        let work = |(chain, known): &(usize, Vec<Point>)| {
+            let walked = self.chains.follow(*chain, known.clone(), &stop, &finished);
+            walked.inspect_err(|_error| failed.store(true, Ordering::Relaxed))
+        };
+        let points = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
+        Ok(Walk { chains: self.chains, points, journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner) })
+    }
+
+    /// To be called when the results are written: there is nothing to go on with any more.
+    ///
+    /// # Errors
+    /// [`StudyError::Journal`] if the journal can't be removed.
+    pub fn finish(self) -> Result<(), StudyError> {
+        Ok(self.journal.map_or(Ok(()), Journal::remove)?)
     }
 }
 
@@ -245,15 +231,19 @@ mod tests {
         Chains { chains, start: State::default(), options: SettleOptions::default() }
     }
 
+    fn walk(chains: Chains, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
+        chains.begin(journal)?.go_on(&Control { stop: &|| false, done: &|_done| () })
+    }
+
     /// Killed after any number of points, in the middle of a line: the rest comes out the same, bit for bit.
     #[test]
     fn goes_on_as_if_never_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
         let configuration = json!({});
-        let whole = chains().walk("test", Some((&path, &configuration))).unwrap();
+        let whole = walk(chains(), Some((&path, &configuration))).unwrap();
         assert!(whole.is_complete() && whole.points.iter().all(|chain| chain.len() == 5));
-        let unkept = chains().walk("test", None).unwrap();
+        let unkept = walk(chains(), None).unwrap();
         assert_eq!(unkept.points, whole.points);
         let text = std::fs::read_to_string(&path).unwrap();
         let points = whole.points.clone();
@@ -263,7 +253,7 @@ mod tests {
         for kept in [1, 7, 15, 16] {
             let torn = lines.get(kept).map_or("", |line| &line[..line.len() / 2]);
             std::fs::write(&path, lines[..kept].concat() + torn).unwrap();
-            let resumed = chains().walk("test", Some((&path, &configuration))).unwrap();
+            let resumed = walk(chains(), Some((&path, &configuration))).unwrap();
             assert_eq!(resumed.points, points, "{kept} lines");
             assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 16);
             resumed.finish().unwrap();
@@ -273,10 +263,8 @@ mod tests {
 
     #[test]
     fn stops_when_it_is_told_to() {
-        let signals = Signals::default();
-        signals.stop();
-        let (points, _) = chains().compute(vec![Vec::new(); 3], None, &signals).unwrap();
-        assert!(points.iter().all(Vec::is_empty));
+        let stopped = Control { stop: &|| true, done: &|_done| () };
+        assert_eq!(chains().begin(None).unwrap().go_on(&stopped).unwrap().done(), 0);
     }
 
     #[test]
@@ -289,7 +277,7 @@ mod tests {
         let settled = settle(&map, &State::default(), &SettleOptions::default(), &|| false).unwrap();
         journal.append(&Point::new(0, 1, &settled)).unwrap();
         drop(journal);
-        let refusal = chains().walk("test", Some((&path, &json!({})))).unwrap_err().to_string();
+        let refusal = walk(chains(), Some((&path, &json!({})))).unwrap_err().to_string();
         insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
     }
 
@@ -300,10 +288,10 @@ mod tests {
         let path = folder.path().join("journal");
         let mut bad = chains();
         bad.chains[1].excitations[4].frequency_hz = -1.0;
-        insta::assert_snapshot!(bad.walk("test", Some((&path, &json!({})))).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
+        insta::assert_snapshot!(walk(bad, Some((&path, &json!({})))).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
         assert!(!path.exists());
         let mut beyond = chains();
         beyond.chains[1].excitations[1].amplitude = Load::torque_nm(1e12, 0.0);
-        insta::assert_snapshot!(beyond.walk("test", None).unwrap_err(), @"excited at 22.14 Hz: the motion grows beyond all bounds, 1.08e-3 s after phase 0; try less excitation");
+        insta::assert_snapshot!(walk(beyond, None).unwrap_err(), @"excited at 22.14 Hz: the motion grows beyond all bounds, 1.08e-3 s after phase 0; try less excitation");
     }
 }

@@ -16,32 +16,60 @@ use crate::recording::build_info;
 
 /// What keeps a journal from being used.
 #[derive(Debug, Error)]
-pub(super) enum JournalError {
+#[non_exhaustive]
+pub enum JournalError {
+    /// The file can't be opened or read.
     #[error("can't open {}: {source}", path.display())]
-    Open { path: PathBuf, source: io::Error },
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file can't be written.
     #[error("can't write {}: {source}", path.display())]
-    Write { path: PathBuf, source: io::Error },
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Another process has it open.
     #[error("{} is in use by another process", path.display())]
-    InUse { path: PathBuf },
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It holds points of another computation.
     #[error(
         "{} was begun with {key} = {had}, and this command has {has}: repeat the command that began it to go on with it, or \
          take another folder, or delete it", path.display()
     )]
-    Differs { path: PathBuf, key: String, had: Value, has: Value },
+    Differs {
+        /// The file.
+        path: PathBuf,
+        /// The first key that differs, as `a.b`.
+        key: String,
+        /// Its value in the file.
+        had: Value,
+        /// Its value now.
+        has: Value,
+    },
+    /// A line is not what it should be.
     #[error("line {line} of {} is no {what}: delete the file to begin anew", path.display())]
-    Damaged { path: PathBuf, line: usize, what: &'static str },
-}
-
-impl JournalError {
-    /// Whether the environment is at fault, not the request.
-    pub fn is_environment(&self) -> bool {
-        matches!(self, JournalError::Write { .. } | JournalError::InUse { .. })
-    }
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What it should be.
+        what: &'static str,
+    },
 }
 
 /// An open journal.
 #[derive(Debug)]
-pub(super) struct Journal {
+pub struct Journal {
     path: PathBuf,
     file: File,
 }
@@ -49,6 +77,9 @@ pub(super) struct Journal {
 impl Journal {
     /// Opens the journal at `path`, or begins it, for a computation that `configuration` describes in full. Returns the points
     /// in it, too, in the order in which they were written.
+    ///
+    /// # Errors
+    /// [`JournalError`] if the file can't be had, or holds points of another computation, or no journal.
     pub fn open<P: DeserializeOwned>(path: &Path, configuration: &Value) -> Result<(Journal, Vec<P>), JournalError> {
         let path = path.to_path_buf();
         let open = |source| JournalError::Open { path: path.clone(), source };
@@ -86,6 +117,9 @@ impl Journal {
     }
 
     /// Writes a line.
+    ///
+    /// # Errors
+    /// [`JournalError::Write`] with what the system says.
     pub fn append(&mut self, value: &impl Serialize) -> Result<(), JournalError> {
         let failed = |source| JournalError::Write { path: self.path.clone(), source };
         let mut line = serde_json::to_vec(value).map_err(|error| failed(error.into()))?;
@@ -94,6 +128,9 @@ impl Journal {
     }
 
     /// Removes the file: the computation is complete.
+    ///
+    /// # Errors
+    /// [`JournalError::Write`] with what the system says.
     pub fn remove(self) -> Result<(), JournalError> {
         std::fs::remove_file(&self.path).map_err(|source| JournalError::Write { path: self.path, source })
     }
@@ -135,7 +172,8 @@ mod tests {
         let written = [0.1 + 0.2, 5e-324, 22.063_474_107_006_545];
         written.iter().for_each(|value| journal.append(value).unwrap());
         journal.file.write_all(b"1.").unwrap();
-        assert!(Journal::open::<f64>(&path, &configuration).unwrap_err().is_environment());
+        let refusal = Journal::open::<f64>(&path, &configuration).unwrap_err();
+        assert!(matches!(refusal, JournalError::InUse { .. }), "{refusal}");
         drop(journal);
         let (mut journal, points) = Journal::open::<f64>(&path, &configuration).unwrap();
         assert_eq!(points.iter().map(|p: &f64| p.to_bits()).collect::<Vec<_>>(), written.map(f64::to_bits));

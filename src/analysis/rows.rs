@@ -1,0 +1,89 @@
+//! A branch in one piece: its motions with its bifurcations in their places, and the stretches of one stability.
+
+use alloc::vec::Vec;
+
+use super::orbit::{BifurcationKind, Branch, Orbit};
+
+/// A motion of a branch, in its order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row<'a> {
+    /// The motion.
+    pub orbit: &'a Orbit,
+    /// The bifurcation that it is, if it is one.
+    pub bifurcation: Option<BifurcationKind>,
+}
+
+impl Row<'_> {
+    /// Whether small disturbances die out; at a bifurcation neither.
+    pub fn stable(&self) -> Option<bool> {
+        self.bifurcation.is_none().then(|| self.orbit.is_stable())
+    }
+}
+
+impl Branch {
+    /// Its motions with its bifurcations in their places.
+    pub fn rows(&self) -> Vec<Row<'_>> {
+        let mut events = self.bifurcations.iter().peekable();
+        let mut rows = Vec::with_capacity(self.orbits.len() + self.bifurcations.len());
+        for (index, orbit) in self.orbits.iter().enumerate() {
+            while let Some(found) = events.next_if(|found| found.index <= index) {
+                rows.push(Row { orbit: &found.orbit, bifurcation: Some(found.kind) });
+            }
+            rows.push(Row { orbit, bifurcation: None });
+        }
+        rows.extend(events.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
+        rows
+    }
+}
+
+/// Neighbours in pairs, and whether the motions between them are stable, `stable` being `None` at a bifurcation. Between two
+/// bifurcations they are taken to be unstable.
+pub fn segments<T>(rows: &[T], stable: impl Fn(&T) -> Option<bool>) -> impl Iterator<Item = (&T, &T, bool)> {
+    rows.windows(2).map(move |pair| {
+        let has = |wanted| pair.iter().any(|row| stable(row) == Some(wanted));
+        (&pair[0], &pair[1], has(true) && !has(false))
+    })
+}
+
+/// The stretches of one stability as one curve, with a point that is no number between them. They end at the bifurcations
+/// themselves, not at the motions next to them.
+pub fn stretches<T>(
+    rows: &[T],
+    stable: impl Fn(&T) -> Option<bool>,
+    wanted: bool,
+    at: impl Fn(&T) -> (f64, f64),
+) -> Vec<(f64, f64)> {
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for (a, b, _) in segments(rows, stable).filter(|(.., is_stable)| *is_stable == wanted) {
+        if points.last() != Some(&at(a)) {
+            points.extend([(f64::NAN, f64::NAN), at(a)]);
+        }
+        points.push(at(b));
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_end_at_the_bifurcations() {
+        // Stable to a fold at 2, unstable back to a fold at 1, stable on; a segment from fold to fold is unstable.
+        let rows = [
+            (0.0, Some(true)),
+            (2.0, None),
+            (1.5, Some(false)),
+            (1.0, None),
+            (3.0, Some(true)),
+            (4.0, None),
+            (3.5, None),
+        ];
+        let drawn = |wanted| {
+            let curve = stretches(&rows, |row| row.1, wanted, |row| (row.0, 0.0));
+            curve.iter().map(|point| if point.0.is_nan() { -1.0 } else { point.0 }).collect::<Vec<_>>()
+        };
+        assert_eq!(drawn(true), [-1.0, 0.0, 2.0, -1.0, 1.0, 3.0, 4.0]);
+        assert_eq!(drawn(false), [-1.0, 2.0, 1.5, 1.0, -1.0, 4.0, 3.5]);
+    }
+}
