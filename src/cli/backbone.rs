@@ -229,7 +229,7 @@ impl Backbone {
         let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
         let mut text = format!(
             "{}, β1 = {}, β2 = {}, mode {} from {:.6} Hz: {what}\n\n  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n",
-            arm.preset,
+            arm.label(),
             captions::degrees(arm.beta1_deg),
             captions::degrees(arm.beta2_deg),
             self.mode,

@@ -11,16 +11,16 @@ pub(super) fn degrees(value: f64) -> String {
     format!("{value}°").replace('-', "−")
 }
 
-/// The preset of an arm and its pose.
+/// An arm and its pose.
 pub(super) fn pose(arm: &ArmSection) -> String {
     pose_without(arm, &[])
 }
 
-/// The same without the angles that vary, as `beta2_deg`.
+/// The same without the angles and parameters that vary, as `beta2_deg`.
 pub(super) fn pose_without(arm: &ArmSection, varied: &[&str]) -> String {
     let angles = [("beta1_deg", "β₁", arm.beta1_deg), ("beta2_deg", "β₂", arm.beta2_deg)];
     let fixed = angles.iter().filter(|(name, ..)| !varied.contains(name));
-    fixed.fold(arm.preset.clone(), |text, (_, symbol, value)| format!("{text}, {symbol} = {}", degrees(*value)))
+    fixed.fold(arm.label_without(varied), |text, (_, symbol, value)| format!("{text}, {symbol} = {}", degrees(*value)))
 }
 
 /// The excitation in words.

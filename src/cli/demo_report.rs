@@ -18,12 +18,11 @@ const CURVE_POINTS: usize = 1200;
 pub(super) fn introduction(scenario: &Scenario, profile: &Profile) -> Result<String, Failure> {
     let [first, second] = modes(&scenario.build_arm()?);
     let settling_s = 1.0 / (core::f64::consts::TAU * first.frequency_hz * first.damping_ratio);
-    let own = own_parameters(scenario);
     Ok(format!(
-        "arm          {} at β1 = {}°, β2 = {}°{own}\n\
+        "arm          {} at β1 = {}°, β2 = {}°\n\
          modes        {:.2} Hz (damping ratio {:.1e}, time constant {settling_s:.2} s), {:.2} Hz\n\
          bus          in memory, {} samples a second, in real time for {:.1} s\n\n",
-        scenario.arm.preset,
+        scenario.arm.label(),
         scenario.arm.beta1_deg,
         scenario.arm.beta2_deg,
         first.frequency_hz,
@@ -32,11 +31,6 @@ pub(super) fn introduction(scenario: &Scenario, profile: &Profile) -> Result<Str
         scenario.simulation.rate_hz,
         profile.duration_s()
     ))
-}
-
-/// The parameters in which the scenario's arm differs from its preset.
-fn own_parameters(scenario: &Scenario) -> String {
-    scenario.arm.parameters.iter().map(|(name, value)| format!(", {name} = {value}")).collect()
 }
 
 /// The accelerance of one point: measured, and by the linear theory.
@@ -123,11 +117,7 @@ pub(super) fn figure(scenario: &Scenario, responses: &[ResponsePoint]) -> Result
         .map(|point| Ok((point.is_settled(), point.frequency_hz, accelerances(scenario, &linear, point)?)))
         .collect::<Result<_, Failure>>()?;
 
-    let mut figure = Figure::new("Stepped sine through the first resonance").subtitle(format!(
-        "{}{}",
-        captions::pose(&scenario.arm),
-        own_parameters(scenario)
-    ));
+    let mut figure = Figure::new("Stepped sine through the first resonance").subtitle(captions::pose(&scenario.arm));
     for (index, name) in ["B", "C"].into_iter().enumerate() {
         let marks = |settled: bool| {
             measured.iter().filter(|m| m.0 == settled).map(|m| (m.1, m.2[index].measured)).collect::<Vec<_>>()

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
+use serde_json::Value;
 
 use super::captions;
+use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output;
@@ -190,9 +192,8 @@ impl ResponseFlag {
 
 #[derive(Serialize)]
 struct Document {
-    preset: String,
-    beta1_deg: f64,
-    beta2_deg: f64,
+    /// The arm and its pose.
+    configuration: Value,
     drive: Drive,
     quantity: Quantity,
     frequency_hz: Vec<f64>,
@@ -245,16 +246,7 @@ impl Frf {
             Ok(Curve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
         };
         let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
-        let (beta1_deg, beta2_deg) = (scenario.arm.beta1_deg, scenario.arm.beta2_deg);
-        Ok(Document {
-            preset: scenario.arm.preset.clone(),
-            beta1_deg,
-            beta2_deg,
-            drive,
-            quantity,
-            frequency_hz,
-            responses,
-        })
+        Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
     }
 
     /// CSV: frequency, then modulus and phase of each response.

@@ -5,7 +5,9 @@ use core::hint::black_box;
 
 use clap::Args;
 use serde::Serialize;
+use serde_json::Value;
 
+use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output;
@@ -14,7 +16,7 @@ use crate::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors, modes};
 use crate::arm::{Arm, Load, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
 use crate::realtime::{Clock, SystemClock};
-use crate::scenario::Scenario;
+use crate::scenario::{ArmSection, Scenario};
 
 /// Each integration scheme's own damping and frequency error in both modes, its drift of energy, and its cost per step.
 #[derive(Debug, Args)]
@@ -43,9 +45,11 @@ const COST_STEPS: u32 = 500;
 
 #[derive(Serialize)]
 struct Document {
-    preset: String,
-    beta1_deg: f64,
-    beta2_deg: f64,
+    /// The arm and its pose.
+    configuration: Value,
+    /// The same for people.
+    #[serde(skip)]
+    arm: String,
     rate_hz: f64,
     default_scheme: Scheme,
     natural_frequencies_hz: [f64; 2],
@@ -77,12 +81,13 @@ impl Integrators {
         };
         let schemes = Scheme::ALL.into_iter().map(row).collect::<Result<_, _>>()?;
         drop(progress);
-        let (beta1_deg, beta2_deg) = (scenario.arm.beta1_deg, scenario.arm.beta2_deg);
-        let preset = scenario.arm.preset;
+        let configuration = configuration::of_arm(&scenario)?;
+        let ArmSection { beta1_deg, beta2_deg, .. } = scenario.arm;
+        let arm_in_pose = format!("{} at β1 = {beta1_deg}°, β2 = {beta2_deg}°", scenario.arm.label());
         let natural_frequencies_hz = modes(&arm).map(|mode| mode.frequency_hz);
         let default_scheme = Scheme::default();
         let document =
-            Document { preset, beta1_deg, beta2_deg, rate_hz, default_scheme, natural_frequencies_hz, schemes };
+            Document { configuration, arm: arm_in_pose, rate_hz, default_scheme, natural_frequencies_hz, schemes };
         if self.json {
             output::print_json(&document)?;
         } else {
@@ -129,10 +134,8 @@ fn cost_ns(arm: &Arm, scheme: Scheme, rate_hz: f64, start: &State) -> Result<f64
 
 impl Document {
     fn table(&self, drift_steps: u32) -> String {
-        let mut text = format!(
-            "{} at β1 = {}°, β2 = {}°, {} steps a second; default scheme: {}\n\n",
-            self.preset, self.beta1_deg, self.beta2_deg, self.rate_hz, self.default_scheme
-        );
+        let mut text =
+            format!("{}, {} steps a second; default scheme: {}\n\n", self.arm, self.rate_hz, self.default_scheme);
         let [low, high] = self.natural_frequencies_hz.map(|frequency_hz| format!("{frequency_hz:.2} Hz"));
         let _infallible = writeln!(
             text,

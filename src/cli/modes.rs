@@ -5,8 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::captions;
+use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output;
@@ -46,13 +48,15 @@ pub(super) struct Modes {
 
 #[derive(Serialize)]
 struct Document {
+    /// The arm and its pose.
+    configuration: Value,
     modes: [Mode; 2],
 }
 
 #[derive(Serialize)]
 struct RangeDocument {
-    preset: String,
-    beta1_deg: f64,
+    /// The arm and β1.
+    configuration: Value,
     poses: Vec<InPose>,
 }
 
@@ -75,11 +79,13 @@ impl Modes {
     fn in_pose(&self, scenario: &Scenario) -> Result<(), Failure> {
         let modes = modes(&scenario.build_arm()?);
         if self.json {
-            return output::print_json(&Document { modes });
+            return output::print_json(&Document { configuration: configuration::of_arm(scenario)?, modes });
         }
         let mut text = format!(
             "{} at β1 = {}°, β2 = {}°\n\n  mode   frequency   damping ratio   α2/α1\n",
-            scenario.arm.preset, scenario.arm.beta1_deg, scenario.arm.beta2_deg
+            scenario.arm.label(),
+            scenario.arm.beta1_deg,
+            scenario.arm.beta2_deg
         );
         for (k, mode) in modes.iter().enumerate() {
             let ratio = mode.shape[1] / mode.shape[0];
@@ -109,7 +115,10 @@ impl Modes {
             Ok(InPose { beta2_deg, modes: modes(&posed.build_arm()?) })
         };
         let poses = (0..self.points).map(in_pose).collect::<Result<_, Failure>>()?;
-        let document = RangeDocument { preset: scenario.arm.preset.clone(), beta1_deg: scenario.arm.beta1_deg, poses };
+        let mut configuration = configuration::of_arm(scenario)?;
+        // β2 varies, and stands beside each pose.
+        let _beta2 = configuration.as_object_mut().and_then(|arm| arm.remove("beta2_deg"));
+        let document = RangeDocument { configuration, poses };
         if let Some(stem) = &self.plot {
             document.figure(&scenario.arm).write(stem)?;
         }
@@ -141,7 +150,7 @@ impl RangeDocument {
             panel = panel.with(Series::line(format!("mode {}", k + 1), color, points));
         }
         Figure::new("Natural frequencies of the arm against the angle of link 2")
-            .subtitle(format!("{}, β₁ = {}", arm.preset, captions::degrees(arm.beta1_deg)))
+            .subtitle(captions::pose_without(arm, &["beta2_deg"]))
             .with(panel)
     }
 }

@@ -2,7 +2,9 @@
 
 use clap::Args;
 use serde::Serialize;
+use serde_json::{Value, json};
 
+use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{ArmFlags, parse_scheme};
 use super::output;
@@ -48,6 +50,8 @@ pub(super) struct Simulate {
 
 #[derive(Serialize)]
 struct Document {
+    /// The arm, its pose, and everything else that the state depends on.
+    configuration: Value,
     t_s: f64,
     alpha_rad: [f64; 2],
     alpha_dot_rad_s: [f64; 2],
@@ -68,11 +72,19 @@ impl Simulate {
 
         let clock = SystemClock;
         let start_ns = clock.now_ns();
-        let mut state = self.initial(&scenario)?;
+        let initial = self.initial(&scenario)?;
+        let mut state = initial;
         for k in 0..steps {
             state = integrator.step(&arm, k as f64 / rate_hz, &state, &excitation)?;
         }
+        let mut configuration = configuration::of(&scenario, &excitation.amplitude)?;
+        configuration["excitation_hz"] = json!(excitation.frequency_hz);
+        configuration["initial"] =
+            json!([<[f64; 2]>::from(initial.alpha_rad), initial.alpha_dot_rad_s.into()].concat());
+        configuration["scheme"] = json!(scheme);
+        configuration["rate_hz"] = json!(rate_hz);
         let document = Document {
+            configuration,
             t_s: steps as f64 / rate_hz,
             alpha_rad: state.alpha_rad.into(),
             alpha_dot_rad_s: state.alpha_dot_rad_s.into(),

@@ -286,7 +286,7 @@ impl Document {
             _ => format!("β₁ = {}", degrees(arm.beta1_deg)),
         };
         let mut figure = Figure::new("Stepped-sine response, settled at each frequency")
-            .subtitle(format!("{}, {pose}, {load}", arm.preset));
+            .subtitle(format!("{}, {pose}, {load}", arm.label()));
         figure.columns = if one { 1 } else { 2 };
         for same in self.by_pose() {
             for joint in 0..2 {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::branch::by_name;
 use super::{Drive, ForcedBranch, PaperError, Settings, Subject};
 use crate::analysis::modes;
-use crate::arm::{Arm, Preset};
+use crate::arm::{Arm, Parameters, Preset};
 use crate::study::on_all_cores;
 
 /// The figures of the paper that show computed curves of forced motions.
@@ -97,6 +97,8 @@ pub struct Curves {
     /// The preset.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
+    /// The arm, the same in all curves; its pose stands beside each.
+    pub parameters: Parameters,
     /// What it shows.
     pub title: String,
     /// The conditions under which it holds.
@@ -151,7 +153,7 @@ impl Plan {
                 format!(", β₂ = {}°, {} N along x at the tip", settings.figure9.beta2_deg, settings.figure9.force_n),
             ),
         };
-        let conditions = format!("{preset}{conditions}");
+        let conditions = format!("{}{conditions}", subject.label()?);
         let mut plan = Plan { figure, subject, title, conditions, jobs: vec![], panels: vec![] };
         match figure {
             Figure::Fig4 => plan.fill_figure4(settings)?,
@@ -186,7 +188,8 @@ impl Plan {
         };
         let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
         let (figure, preset, title) = (self.figure, self.subject.preset(), self.title.to_string());
-        Ok(Curves { figure, preset, title, conditions: self.conditions, panels: self.panels, curves })
+        let parameters = *self.subject.parameters();
+        Ok(Curves { figure, preset, parameters, title, conditions: self.conditions, panels: self.panels, curves })
     }
 
     /// Adds a curve over the frequency and returns its place.
@@ -291,7 +294,9 @@ pub struct NaturalFrequencies {
     /// The preset.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
-    /// β2, degrees.
+    /// The arm.
+    pub parameters: Parameters,
+    /// β2, degrees; β1 is 0.
     pub beta2_deg: Vec<f64>,
     /// f1 and f2 at each β2, Hz.
     pub frequency_hz: Vec<[f64; 2]>,
@@ -306,5 +311,5 @@ pub fn natural_frequencies(preset: Preset, settings: &Settings) -> Result<Natura
     let beta2_deg: Vec<f64> = (-180..=180).map(f64::from).collect();
     let frequencies = |beta2_deg: &f64| Ok(modes(&subject.bent(*beta2_deg)?).map(|mode| mode.frequency_hz));
     let frequency_hz = beta2_deg.iter().map(frequencies).collect::<Result<_, PaperError>>()?;
-    Ok(NaturalFrequencies { preset, beta2_deg, frequency_hz })
+    Ok(NaturalFrequencies { preset, parameters: *subject.parameters(), beta2_deg, frequency_hz })
 }

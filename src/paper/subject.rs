@@ -26,6 +26,21 @@ impl Subject {
         self.preset
     }
 
+    /// The preset's parameters with the settings' l2.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The preset, and what differs from it.
+    ///
+    /// # Errors
+    /// [`PaperError::Arm`] if the preset's file can't be read.
+    pub fn label(&self) -> Result<String, PaperError> {
+        let (own, preset) = (self.parameters.length2_m, self.preset.parameters()?.length2_m);
+        let name = self.preset.name();
+        Ok(if own == preset { name.to_string() } else { format!("{name} with length2_m = {own} (preset {preset})") })
+    }
+
     /// The arm at β1 = 0, which has no influence on an arm that is driven at its joints.
     ///
     /// # Errors

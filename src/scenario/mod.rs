@@ -4,6 +4,7 @@
 //! nearest known one. The whole scenario, defaults written out, goes into the recording.
 
 mod error;
+mod label;
 mod provenance;
 
 pub use error::ScenarioError;

@@ -23,7 +23,7 @@ fn modes_are_those_of_the_oracles() {
     for case in oracles("modes") {
         let beta2 = case["beta2_deg"].to_string();
         let got = document(here(), 0, &["modes", "--preset", preset(&case), "--beta2-deg", &beta2, "--json"]);
-        assert_eq!(names(&got), ["modes"]);
+        assert_eq!(names(&got), ["configuration", "modes"]);
         let modes = got["modes"].as_array().unwrap();
         assert_eq!(modes.len(), 2);
         for (i, mode) in modes.iter().enumerate() {
@@ -44,8 +44,9 @@ fn modes_over_beta2_are_those_of_the_oracles() {
             ["modes", "--preset", preset_name, "--from-beta2-deg", "-150", "--to-beta2-deg", "150", "--points", "11"];
         let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
         let poses = got["poses"].as_array().unwrap();
-        assert_eq!((names(&got), poses.len()), (vec!["beta1_deg", "poses", "preset"], 11));
-        assert_eq!((&got["preset"], got["beta1_deg"].as_f64()), (&preset_name.into(), Some(0.0)));
+        assert_eq!((names(&got), poses.len()), (vec!["configuration", "poses"], 11));
+        let configuration = &got["configuration"];
+        assert_eq!((&configuration["preset"], configuration["beta1_deg"].as_f64()), (&preset_name.into(), Some(0.0)));
         let mut compared = 0;
         for case in oracles("modes").iter().filter(|case| preset(case) == preset_name) {
             let pose = poses.iter().find(|pose| pose["beta2_deg"].as_f64() == case["beta2_deg"].as_f64()).unwrap();
@@ -85,7 +86,7 @@ fn modes_over_beta2_are_those_of_the_oracles() {
 fn responses_have_their_units() {
     let range = ["frf", "--from-hz", "0", "--to-hz", "60", "--points", "7", "--response", "alpha1,b-y"];
     let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
-    let expected = ["beta1_deg", "beta2_deg", "drive", "frequency_hz", "preset", "quantity", "responses"];
+    let expected = ["configuration", "drive", "frequency_hz", "quantity", "responses"];
     assert_eq!(names(&got), expected);
     let curves = got["responses"].as_array().unwrap();
     let said = curves.iter().map(|curve| (curve["response"].as_str().unwrap(), curve["unit"].as_str().unwrap()));
@@ -134,7 +135,7 @@ fn simulate_meets_the_oracles() {
                 ]
                 .concat(),
             );
-            assert_eq!(names(&got), ["alpha_dot_rad_s", "alpha_rad", "steps", "t_s", "wall_s"]);
+            assert_eq!(names(&got), ["alpha_dot_rad_s", "alpha_rad", "configuration", "steps", "t_s", "wall_s"]);
             assert_eq!((&got["t_s"], got["steps"].as_f64()), (t_s, t_s.as_f64().map(|t_s| t_s * 32e3)));
             for (name, k) in [("alpha_rad", 0), ("alpha_rad", 1), ("alpha_dot_rad_s", 0), ("alpha_dot_rad_s", 1)] {
                 let (got, expected) = (got[name][k].as_f64().unwrap(), case[name][i][k].as_f64().unwrap());
@@ -143,6 +144,40 @@ fn simulate_meets_the_oracles() {
         }
     }
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
+}
+
+/// Every document of an analysis says of which arm it is, in which pose, with all of its parameters; headers say what differs from
+/// the preset.
+#[test]
+fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "arm = { beta1_deg = 20, beta2_deg = 30, parameters = { mass2_kg = 40 } }";
+    std::fs::write(folder.path().join("own.toml"), text).unwrap();
+    let commands: [&[&str]; 7] = [
+        &["modes"],
+        &["frf", "--points", "2"],
+        &["simulate", "--duration-s", "0.01"],
+        &["integrators", "--drift-steps", "10"],
+        &["continue", "--torque1-nm", "1", "--from-hz", "10", "--to-hz", "10.1"],
+        &["backbone", "--mode", "1", "--to-rad", "0.001"],
+        &["poincare", "--torque1-nm", "1", "--frequency-hz", "10", "--time-constants", "0.01"],
+    ];
+    for command in commands {
+        let got = document(folder.path(), 0, &[command, &["--scenario", "own.toml", "--json"]].concat());
+        let arm = &got["configuration"];
+        assert_eq!((arm["beta1_deg"].as_f64(), arm["beta2_deg"].as_f64()), (Some(20.0), Some(30.0)), "{command:?}");
+        let parameters = &arm["parameters"];
+        assert_eq!((parameters["mass2_kg"].as_f64(), names(parameters).len()), (Some(40.0), 10), "{command:?}");
+    }
+    for command in [["modes"].as_slice(), &["integrators", "--drift-steps", "10"]] {
+        let header = crate::resonarm(folder.path(), &[command, &["--scenario", "own.toml"]].concat()).stdout;
+        let expected = "irb1600-fitted with mass2_kg = 40 (preset 50.58) at β1 = 20°, β2 = 30°";
+        assert!(header.starts_with(expected), "{header}");
+    }
+    let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml"];
+    assert_eq!(crate::resonarm(folder.path(), &plot).code, 0);
+    let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
+    assert!(svg.contains("irb1600-fitted with mass2_kg = 40 (preset 50.58)"));
 }
 
 #[test]
