@@ -27,7 +27,7 @@ fn every_state_is_the_recorded_one() {
         assert!(path.metadata().unwrap().len() < 300_000, "{} is too large for the repository", path.display());
         let verdict = resimulate(&recording).unwrap();
         assert!(verdict.identical, "{}: {verdict:?}; if this is meant, run recordings/make", path.display());
-        assert!(verdict.steps > 800, "{}: {verdict:?}", path.display());
+        assert!(verdict.samples > 800, "{}: {verdict:?}", path.display());
     }
 }
 

@@ -153,7 +153,10 @@ fn journal(error: &JournalError) -> Exit {
 
 fn recording(error: &RecordingError) -> Exit {
     match error {
-        RecordingError::Write { .. } | RecordingError::WriterDied { .. } => Exit::Environment,
+        RecordingError::Write { .. } | RecordingError::WriterDied { .. } | RecordingError::Gone { .. } => {
+            Exit::Environment
+        }
+        RecordingError::NothingRecovered { .. } | RecordingError::NothingLeft { .. } => Exit::Negative,
         _ => Exit::Usage,
     }
 }

@@ -9,7 +9,7 @@ use super::failure::{Failure, Verdict};
 use super::output;
 use crate::recording::{Integrity, Recording, RecordingSummary};
 
-/// What is in a recording: its run, its contents, and whether it is whole (else exit code 1).
+/// What is in a recording: its run, its faults, its contents, and whether it is whole (else exit code 1).
 #[derive(Debug, Args)]
 pub(super) struct Inspect {
     /// The recording, an MCAP file.
@@ -33,10 +33,10 @@ impl Inspect {
 
 /// What to say of a recording that is not whole.
 pub(super) fn integrity_note(integrity: &Integrity) -> Option<String> {
-    let last = |step: &Option<u64>| step.map_or(String::from("no step"), |step| format!("steps up to {step}"));
+    let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
     match integrity {
         Integrity::Complete => None,
-        Integrity::Unfinished => Some(String::from("the recording was recovered: the end of the run is not in it")),
+        Integrity::Unfinished => Some(String::from("the recording was recovered: not all of the run is in it")),
         Integrity::Truncated { readable_bytes, file_bytes, last_step } => Some(format!(
             "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
             last(last_step)
@@ -55,8 +55,14 @@ fn text(summary: &RecordingSummary) -> String {
     };
     line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
     line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
-    if let Some((first, last)) = summary.steps {
-        line("steps", format!("{first} to {last}, {:.3} s at {} s a step", summary.duration_s, summary.origin.dt_s));
+    if let Some((first, last)) = summary.samples {
+        line(
+            "samples",
+            format!("{first} to {last}, {:.3} s at {} s a sample", summary.duration_s, summary.origin.dt_s),
+        );
+    }
+    for fault in &summary.faults {
+        line("fault", fault.to_string());
     }
     line("bus", summary.origin.interface.clone());
     line(

@@ -6,10 +6,11 @@ use clap::Args;
 
 use super::failure::{Failure, Verdict};
 use super::{inspect, output};
-use crate::recording::{Existing, recover};
+use crate::recording::{Existing, Recovered, recover};
 
 /// Makes a whole recording of what can be read of one that was cut short or damaged, for tools that take none but whole
-/// files. The old file stays as it is.
+/// files. Damaged chunks are left out and told. The old file stays as it is; if nothing can be had from it, no file is
+/// written (exit code 1).
 #[derive(Debug, Args)]
 pub(super) struct Recover {
     /// The recording, an MCAP file that `inspect` calls truncated or damaged.
@@ -31,14 +32,25 @@ impl Recover {
         if self.json {
             output::print_json(&recovered)?;
         } else {
-            let source = inspect::integrity_note(&recovered.source).unwrap_or_default();
-            output::print(&format!(
-                "{source}\n{} messages recovered into {}, {} bytes\n",
-                recovered.messages,
-                recovered.path.display(),
-                recovered.bytes
-            ))?;
+            output::print(&text(&recovered))?;
         }
         Ok(Verdict::Positive)
     }
+}
+
+fn text(recovered: &Recovered) -> String {
+    let mut text = inspect::integrity_note(&recovered.source).unwrap_or_default() + "\n";
+    let mut line = |line: String| text.extend([&line, "\n"]);
+    for chunk in &recovered.lost_chunks {
+        let times = chunk.log_times_ns.map_or(String::new(), |(first, last)| {
+            format!(", which states log times from {:.3} to {:.3} s", first as f64 * 1e-9, last as f64 * 1e-9)
+        });
+        line(format!("{} bytes from byte {} are gone{times}: {}", chunk.bytes, chunk.offset, chunk.cause));
+    }
+    for missing in &recovered.missing_samples {
+        line(format!("samples {} to {} are gone", missing.first, missing.last));
+    }
+    let (messages, path, bytes) = (recovered.messages, recovered.path.display(), recovered.bytes);
+    line(format!("{messages} messages recovered into {path}, {bytes} bytes"));
+    text
 }

@@ -22,7 +22,7 @@ pub(super) struct Replay {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
     #[arg(long, value_name = "BUS")]
     bus: String,
-    /// Times the recorded speed.
+    /// Times the recorded speed, from 0.001 to 1000000; 0 is as fast as it goes.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
     speed: f64,
     /// Which frames, as the plant saw them.

@@ -7,9 +7,10 @@ use clap::Args;
 use super::failure::{Failure, Verdict};
 use super::{inspect, output};
 use crate::recording::{Recording, build_info};
-use crate::replay::resimulate;
+use crate::replay::{self, resimulate};
 
-/// Simulates a recorded run again from its recorded loads and says whether every state is identical (else exit code 1).
+/// Simulates a recorded run again from its recorded loads and says whether every state is identical (else, and if the
+/// recording is damaged, exit code 1).
 #[derive(Debug, Args)]
 pub(super) struct Resim {
     /// The recording, an MCAP file.
@@ -22,9 +23,6 @@ pub(super) struct Resim {
 impl Resim {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let recording = Recording::open(&self.file)?;
-        if let Some(note) = inspect::integrity_note(recording.integrity()) {
-            tracing::warn!("{note}");
-        }
         let (then, now) = (&recording.origin().build, build_info());
         if *then != now {
             tracing::warn!(
@@ -37,14 +35,25 @@ impl Resim {
         let verdict = resimulate(&recording)?;
         if self.json {
             output::print_json(&verdict)?;
-        } else if let Some(step) = verdict.first_divergence {
-            output::print(&format!(
-                "differs from step {step} on; largest drift of an angle {:.3e} rad in {} steps\n",
-                verdict.max_drift_rad, verdict.steps
-            ))?;
         } else {
-            output::print(&format!("identical: {} steps, bit for bit\n", verdict.steps))?;
+            output::print(&text(&verdict))?;
         }
         Ok(Verdict::of(verdict.identical))
     }
+}
+
+fn text(verdict: &replay::Verdict) -> String {
+    let mut text = inspect::integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
+    let samples = verdict.samples;
+    text += &match (verdict.first_divergence, verdict.identical) {
+        (Some(sample), _) => {
+            let drift_rad = verdict.max_drift_rad;
+            format!(
+                "differs from sample {sample} on; largest drift of an angle {drift_rad:.3e} rad in {samples} samples\n"
+            )
+        }
+        (None, true) => format!("identical: {samples} samples, bit for bit\n"),
+        (None, false) => format!("not identical: only {samples} samples can be compared, which agree bit for bit\n"),
+    };
+    text
 }

@@ -4,6 +4,7 @@ use prost::Message;
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::batch::Batch;
+use super::contents::RawMessage;
 use super::schema::Topic;
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch, can_frame};
 use super::{Direction, Event, FrameRecord, Record};
@@ -11,8 +12,9 @@ use super::{Direction, Event, FrameRecord, Record};
 /// Hands the records in a message to `visit`, in order. The messages for plotting repeat others and give none.
 ///
 /// Errors: what is wrong with the message.
-pub(super) fn decode(topic: Topic, bytes: &[u8], visit: &mut impl FnMut(Record<String>)) -> Result<(), String> {
-    match topic {
+pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)) -> Result<(), String> {
+    let bytes = raw.bytes;
+    match raw.topic {
         Topic::Steps => rows::<StepBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Step(row))),
         Topic::Samples => rows::<SampleBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Sample(row))),
         Topic::Ticks => rows::<TickBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Tick(row))),

@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use mcap::McapError;
 
+use super::Integrity;
+
 /// Why a recording can't be written or read.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum RecordingError {
@@ -63,6 +65,14 @@ pub enum RecordingError {
         /// What the system says.
         source: Arc<io::Error>,
     },
+    /// The path leads to a folder, a pipe or a device.
+    #[error("can't read recording `{path}`: it is {got}, expected a regular file")]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+        /// What is there.
+        got: &'static str,
+    },
     /// The file is something else.
     #[error("`{path}` is not an MCAP file: it begins with {}", begins(.got))]
     NotMcap {
@@ -91,13 +101,17 @@ pub enum RecordingError {
         /// What is wrong.
         cause: String,
     },
-    /// The file is a whole MCAP file, but not a recording.
-    #[error("`{path}` is an MCAP file without metadata `{name}`: it was not recorded by resonarm")]
+    /// The file is an MCAP file, but not a recording.
+    #[error(
+        "`{path}` is an MCAP file without metadata `{name}`: it was not recorded by resonarm{}", but_by(.library)
+    )]
     NotARecording {
         /// The file.
         path: PathBuf,
         /// Name of the metadata record.
         name: &'static str,
+        /// The library that wrote the file, as its head says; empty if it doesn't.
+        library: String,
     },
     /// The file was cut off, or is damaged, before its head was whole: nothing can be had from it.
     #[error(
@@ -153,7 +167,7 @@ pub enum RecordingError {
     /// Steps are missing, so that the recording can't be taken as continuous.
     #[error(
         "recording `{path}` is not continuous in topic `{topic}`: step {got} follows where step {expected} should \
-         ({gaps} such gaps in all); the run lost records, repeat it with more capacity or fewer steps a second"
+         ({gaps} such gaps in all); the run lost records, or the file was recovered from a damaged one"
     )]
     Gap {
         /// The file.
@@ -171,6 +185,20 @@ pub enum RecordingError {
     #[error("recording `{path}` is whole: there is nothing to recover")]
     Whole {
         /// The file.
+        path: PathBuf,
+    },
+    /// A file is damaged or cut short so that no message is left.
+    #[error("nothing of recording `{path}` could be recovered: {integrity}; no file was written")]
+    NothingRecovered {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        integrity: Integrity,
+    },
+    /// The file is not at its path any more.
+    #[error("recording `{path}` was deleted, moved or replaced while it was written: what was recorded is not there")]
+    Gone {
+        /// The path.
         path: PathBuf,
     },
     /// A recording can't be recovered onto itself.
@@ -195,6 +223,14 @@ impl RecordingError {
             McapError::Io(source) => RecordingError::Write { path, source: Arc::new(source) },
             source => RecordingError::Format { path, source: Arc::new(source) },
         }
+    }
+}
+
+/// Who wrote a file, for a message.
+fn but_by(library: &str) -> String {
+    match library {
+        "" => String::new(),
+        library => format!(", but by `{}`", library.chars().take(80).flat_map(char::escape_debug).collect::<String>()),
     }
 }
 

@@ -6,6 +6,7 @@ use mcap::records::op;
 /// the like, each as its length (`u32`) and that many bytes; the last may be a map, a row of texts in its turn.
 pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     let rest = match opcode {
+        op::HEADER => after_texts(2, Some(body)),
         op::SCHEMA => after_texts(3, body.get(2..)),
         op::CHANNEL => after_texts(2, body.get(4..)).and_then(after_map),
         op::CHUNK => after_texts(1, body.get(8 + 8 + 8 + 4..)),
@@ -45,6 +46,7 @@ mod tests {
     fn every_cut_and_every_longer_length_is_seen() {
         let map = || text(&[text(b"key"), text(b"value")].concat());
         let records = [
+            (op::HEADER, vec![vec![], text(b""), text(b"library")]),
             (op::SCHEMA, vec![vec![1, 0], text(b"name"), text(b"protobuf"), text(b"data")]),
             (op::CHANNEL, vec![vec![1, 0, 1, 0], text(b"topic"), text(b"protobuf"), map()]),
             (op::CHUNK, vec![vec![0; 28], text(b"lz4")]),

@@ -1,6 +1,6 @@
 //! Recordings: MCAP files written by a thread of their own, and read back.
 //!
-//! This room knows nothing of the arm: it is handed plain numbers ([`Record`]), and a clock where it needs one.
+//! Nothing here knows of the arm: the recorder is handed plain numbers ([`Record`]), and a clock where it needs one.
 //!
 //! ```no_run
 //! use resonarm::recording::{Configuration, Options, Record, Recorder};
@@ -19,6 +19,7 @@
 
 mod batch;
 mod build_info;
+mod contents;
 mod decode;
 mod error;
 mod lengths;
@@ -28,9 +29,12 @@ mod record;
 mod recorder;
 mod records;
 mod recover;
+mod salvage;
 mod scan;
 mod schema;
 mod sink;
+mod source;
+mod staged;
 mod summary;
 mod walk;
 mod writer;
@@ -42,6 +46,7 @@ pub use reader::Recording;
 pub use record::{Direction, Event, FrameRecord, Record, SampleRecord, StepRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};
 pub use records::Records;
-pub use recover::{Recovered, recover};
+pub use recover::{MissingSamples, Recovered, recover};
+pub use salvage::LostChunk;
 pub use schema::Topic;
-pub use summary::{Integrity, Origin, RecordingSummary, TopicSummary};
+pub use summary::{Integrity, Origin, RecordedFault, RecordingSummary, TopicSummary};

@@ -120,7 +120,12 @@ impl Recorder {
         &self.shared.path
     }
 
-    /// Why nothing is recorded any more, if so. Cheap; ask as often as you like.
+    /// Whether nothing is recorded any more: [`Recorder::failure`] says why. Cheap, but not for the real-time loop.
+    pub fn has_failed(&self) -> bool {
+        self.shared.failure.get().is_some() || self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Why nothing is recorded any more, if so: a full disk, for example. The first failure also goes to the log at once.
     pub fn failure(&self) -> Option<RecordingError> {
         let dead = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
         match self.shared.failure.get() {
@@ -134,7 +139,8 @@ impl Recorder {
     /// the file. What a channel takes after this call began is not recorded.
     ///
     /// # Errors
-    /// [`RecordingError`] if writing failed, now or at any time before.
+    /// [`RecordingError`] if writing failed, now or at any time before; [`RecordingError::Gone`] if the file was deleted, moved
+    /// or replaced meanwhile.
     pub fn finish(mut self, statistics: &[(&str, String)]) -> Result<Summary, RecordingError> {
         let statistics = statistics.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
         self.end(statistics)
@@ -200,6 +206,11 @@ impl Channel {
                 None => RecordingError::Finished { path: self.shared.path.clone() },
             }),
         }
+    }
+
+    /// Whether nothing that it takes is recorded any more. Neither blocks, locks nor allocates: for the real-time loop.
+    pub fn has_failed(&self) -> bool {
+        self.shared.failure.get().is_some()
     }
 
     /// Records this channel has lost so far.

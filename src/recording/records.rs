@@ -34,14 +34,14 @@ impl<T> Records<T> {
             let offset = self.walk.offset();
             match self.walk.next()? {
                 Some(Part::Chunk) => {
-                    for (topic, _, bytes) in self.walk.chunk().messages() {
-                        if self.topics.contains(&topic) {
-                            decode(topic, bytes, &mut |record| self.queue.extend((self.pick)(record)))
+                    for message in self.walk.contents().messages() {
+                        if self.topics.contains(&message.topic) {
+                            decode(message, &mut |record| self.queue.extend((self.pick)(record)))
                                 .map_err(|cause| self.walk.damaged(offset, cause))?;
                         }
                     }
                 }
-                Some(Part::Metadata(..) | Part::Other) => {}
+                Some(Part::Header(_) | Part::Metadata(..) | Part::Other) => {}
                 None => return Ok(()),
             }
         }

@@ -3,10 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::contents::Contents;
 use super::decode::decode;
-use super::schema::{Topic, metadata};
+use super::schema::{FAULT_EVENT, OUR_LIBRARY, Topic, metadata};
 use super::walk::{Part, Walk};
-use super::{Integrity, Record, RecordingError, TopicSummary};
+use super::{Integrity, Record, RecordedFault, RecordingError, TopicSummary};
+
+/// How many faults are told one by one; what comes after these is in `/events`.
+const MOST_FAULTS: usize = 100;
 
 /// What a pass through a file has shown.
 #[derive(Clone, Debug)]
@@ -15,6 +19,8 @@ pub(super) struct Scan {
     pub file_bytes: u64,
     /// Everything before this byte is good.
     pub readable_bytes: u64,
+    /// The library that wrote the file, as its head says.
+    pub library: String,
     /// The first metadata record of each name.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
     pub lost: BTreeMap<String, u64>,
@@ -22,10 +28,12 @@ pub(super) struct Scan {
 }
 
 /// What is in the chunks.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
     /// First and last step of any record.
     pub steps: Option<(u64, u64)>,
+    /// The faults of the plant, the first [`MOST_FAULTS`] of them.
+    pub faults: Vec<RecordedFault>,
     /// One for each of [`Topic::ALL`].
     pub topics: [TopicTally; Topic::ALL.len()],
 }
@@ -38,21 +46,26 @@ pub(super) struct TopicTally {
     pub summary: TopicSummary,
     /// The step expected and the step that came, at the first gap.
     pub first_gap: Option<(u64, u64)>,
-    expected: Option<u64>,
+    /// The sample after the last.
+    pub expected: Option<u64>,
+    /// The first sample of the chunk taken in last.
+    pub first_of_chunk: Option<u64>,
 }
 
 /// Passes through the file once.
 pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     let mut walk = Walk::open(path)?;
     let mut metadata = BTreeMap::new();
+    let mut library = String::new();
     let mut tally = Tally::default();
-    let end = loop {
+    let (readable_bytes, end) = loop {
         let offset = walk.offset();
         match walk.next() {
+            Ok(Some(Part::Header(name))) => library = name,
             Ok(Some(Part::Metadata(name, content))) => {
                 metadata.entry(name).or_insert(content);
             }
-            Ok(Some(Part::Chunk)) => match tally.with(&walk) {
+            Ok(Some(Part::Chunk)) => match tally.clone().with(walk.contents()) {
                 Ok(with) => tally = with,
                 Err(cause) => break (offset, Err(walk.damaged(offset, cause))),
             },
@@ -61,7 +74,6 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
             Err(error) => break (offset, Err(error)),
         }
     };
-    let (readable_bytes, end) = end;
     let file_bytes = walk.file_bytes();
     let last_step = tally.steps.map(|(_, last)| last);
     let integrity = match end {
@@ -71,10 +83,11 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
         Err(RecordingError::Damaged { cause, .. }) => {
             Integrity::Damaged { readable_bytes, file_bytes, last_step, cause }
         }
+        Err(RecordingError::Schema { .. }) if !metadata.contains_key(metadata::RECORDING) => Integrity::Unfinished,
         Err(error) => return Err(error),
     };
     let lost = lost(path, &metadata)?;
-    Ok(Scan { integrity, file_bytes, readable_bytes, metadata, lost, tally })
+    Ok(Scan { integrity, file_bytes, readable_bytes, library, metadata, lost, tally })
 }
 
 /// The counts of lost records.
@@ -101,9 +114,12 @@ impl Scan {
     pub fn required(&self, path: &Path, name: &'static str) -> Result<&BTreeMap<String, String>, RecordingError> {
         self.metadata.get(name).ok_or_else(|| {
             let path = path.to_path_buf();
-            match self.integrity {
-                Integrity::Complete | Integrity::Unfinished => RecordingError::NotARecording { path, name },
-                _ => RecordingError::NothingLeft { path, name, readable_bytes: self.readable_bytes },
+            let ours = self.library.is_empty() || self.library.starts_with(OUR_LIBRARY);
+            let whole = matches!(self.integrity, Integrity::Complete | Integrity::Unfinished);
+            match ours {
+                false => RecordingError::NotARecording { path, name, library: self.library.clone() },
+                true if whole => RecordingError::NotARecording { path, name, library: String::new() },
+                true => RecordingError::NothingLeft { path, name, readable_bytes: self.readable_bytes },
             }
         })
     }
@@ -111,13 +127,14 @@ impl Scan {
 
 impl Tally {
     /// The tally with the chunk that was read last. Errors: what is wrong with a message in it.
-    fn with(mut self, walk: &Walk) -> Result<Tally, String> {
-        walk.topics().for_each(|topic| self.topics[topic as usize].declared = true);
-        for (topic, _, bytes) in walk.chunk().messages() {
-            let summary = &mut self.topics[topic as usize].summary;
+    pub fn with(mut self, contents: &Contents) -> Result<Tally, String> {
+        self.topics.iter_mut().for_each(|topic| topic.first_of_chunk = None);
+        contents.topics().for_each(|topic| self.topics[topic as usize].declared = true);
+        for message in contents.messages() {
+            let summary = &mut self.topics[message.topic as usize].summary;
             summary.messages += 1;
-            summary.bytes += bytes.len() as u64;
-            decode(topic, bytes, &mut |record| self.record(topic, &record))?;
+            summary.bytes += message.bytes.len() as u64;
+            decode(message, &mut |record| self.record(message.topic, &record))?;
         }
         Ok(self)
     }
@@ -127,6 +144,12 @@ impl Tally {
         let step = record.step();
         let (first, last) = self.steps.unwrap_or((step, step));
         self.steps = Some((first.min(step), last.max(step)));
+        if let Record::Event(event) = record
+            && event.name == FAULT_EVENT
+            && self.faults.len() < MOST_FAULTS
+        {
+            self.faults.push(RecordedFault { sample: step, code: event.value });
+        }
         let topic = &mut self.topics[topic as usize];
         topic.summary.records += 1;
         if matches!(record, Record::Step(_) | Record::Sample(_) | Record::Tick(_)) {
@@ -134,6 +157,7 @@ impl Tally {
                 topic.summary.gaps += 1;
                 topic.first_gap.get_or_insert((expected, step));
             }
+            topic.first_of_chunk.get_or_insert(step);
             topic.expected = step.checked_add(1);
         }
     }

@@ -100,3 +100,9 @@ pub(super) mod metadata {
 
 /// Version of topics, schemas and metadata; a reader refuses any other.
 pub(super) const FORMAT: &str = "1";
+
+/// How the name of the library begins in the head of a recording.
+pub(super) const OUR_LIBRARY: &str = "resonarm";
+
+/// Name of the event of a fault; its value is the code.
+pub(super) const FAULT_EVENT: &str = "emergency";

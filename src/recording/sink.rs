@@ -1,15 +1,16 @@
 //! The MCAP file being written: topics, messages, metadata.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, Metadata, OpenOptions};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mcap::records::{MessageHeader, Metadata};
+use mcap::records::{self, MessageHeader};
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 
+use super::contents::RawMessage;
 use super::schema::Topic;
 use super::{Compression, Existing, RecordingError};
 
@@ -17,26 +18,25 @@ use super::{Compression, Existing, RecordingError};
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<File>>>,
-    lanes: Vec<Lane>,
+    channels: Vec<Written>,
     buffer: Vec<u8>,
     unflushed: bool,
 }
 
-/// What is known of one topic.
-struct Lane {
-    channel_id: u16,
+/// What was written to one topic.
+struct Written {
+    id: u16,
     messages: u64,
 }
 
 impl Sink {
-    /// Creates the file and writes its head: `metadata` records first, flushed, then all topics.
-    pub fn create(
+    /// Writes the head of a new file: `metadata` records first, flushed, then all topics. In messages it is called `path`.
+    pub fn begin(
+        file: File,
         path: &Path,
-        existing: Existing,
         compression: Compression,
         metadata: &[(&str, &BTreeMap<String, String>)],
     ) -> Result<Sink, RecordingError> {
-        let file = open(path, existing)?;
         let compression = match compression {
             Compression::None => None,
             Compression::Lz4 => Some(mcap::Compression::Lz4),
@@ -48,19 +48,19 @@ impl Sink {
             .create(NoSeek::new(BufWriter::new(file)))
             .map_err(|error| RecordingError::write(path, error))?;
         let mut sink =
-            Sink { path: path.to_path_buf(), writer, lanes: Vec::new(), buffer: Vec::new(), unflushed: true };
+            Sink { path: path.to_path_buf(), writer, channels: Vec::new(), buffer: Vec::new(), unflushed: true };
         metadata.iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
         sink.flush()?;
-        sink.lanes = Topic::ALL.into_iter().map(|topic| sink.add(topic)).collect::<Result<_, _>>()?;
+        sink.channels = Topic::ALL.into_iter().map(|topic| sink.add(topic)).collect::<Result<_, _>>()?;
         Ok(sink)
     }
 
     /// Declares a topic and its schema.
-    fn add(&mut self, topic: Topic) -> Result<Lane, RecordingError> {
+    fn add(&mut self, topic: Topic) -> Result<Written, RecordingError> {
         self.writer
             .add_schema(topic.schema_name(), "protobuf", topic.descriptor())
             .and_then(|schema| self.writer.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new()))
-            .map(|channel_id| Lane { channel_id, messages: 0 })
+            .map(|id| Written { id, messages: 0 })
             .map_err(|error| RecordingError::write(&self.path, error))
     }
 
@@ -69,7 +69,7 @@ impl Sink {
         let mut buffer = core::mem::take(&mut self.buffer);
         buffer.clear();
         let written = match message.encode(&mut buffer) {
-            Ok(()) => self.bytes(topic, time_ns, &buffer),
+            Ok(()) => self.raw(RawMessage { topic, log_time_ns: time_ns, publish_time_ns: time_ns, bytes: &buffer }),
             Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
         };
         self.buffer = buffer;
@@ -77,24 +77,26 @@ impl Sink {
     }
 
     /// Writes one message that is serialised already.
-    pub fn bytes(&mut self, topic: Topic, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        let lane = &mut self.lanes[topic as usize];
+    pub fn raw(&mut self, message: RawMessage<'_>) -> Result<(), RecordingError> {
+        let channel = &mut self.channels[message.topic as usize];
         let header = MessageHeader {
-            channel_id: lane.channel_id,
-            sequence: lane.messages as u32, // wraps, as MCAP's sequence numbers may
-            log_time: time_ns,
-            publish_time: time_ns,
+            channel_id: channel.id,
+            sequence: channel.messages as u32, // wraps, as MCAP's sequence numbers may
+            log_time: message.log_time_ns,
+            publish_time: message.publish_time_ns,
         };
-        lane.messages += 1;
+        channel.messages += 1;
         self.unflushed = true;
-        self.writer.write_to_known_channel(&header, bytes).map_err(|error| RecordingError::write(&self.path, error))
+        self.writer
+            .write_to_known_channel(&header, message.bytes)
+            .map_err(|error| RecordingError::write(&self.path, error))
     }
 
     /// Writes a metadata record; it goes outside the chunks.
     pub fn metadata(&mut self, name: &str, content: &BTreeMap<String, String>) -> Result<(), RecordingError> {
         self.unflushed = true;
         self.writer
-            .write_metadata(&Metadata { name: name.to_string(), metadata: content.clone() })
+            .write_metadata(&records::Metadata { name: name.to_string(), metadata: content.clone() })
             .map_err(|error| RecordingError::write(&self.path, error))
     }
 
@@ -113,20 +115,19 @@ impl Sink {
 
     /// Messages written so far in a topic.
     pub fn messages(&self, topic: Topic) -> u64 {
-        self.lanes[topic as usize].messages
+        self.channels[topic as usize].messages
     }
 
-    /// Writes summary and footer and puts the file on the disk. Returns its size, bytes.
-    pub fn finish(mut self) -> Result<u64, RecordingError> {
+    /// Writes summary and footer and puts the file on the disk.
+    pub fn finish(mut self) -> Result<Metadata, RecordingError> {
         let finished = self.writer.finish();
         let path = self.path.clone();
         let mut file = self.into_file();
         finished.map_err(|error| RecordingError::write(&path, error))?;
-        let size = io::Write::flush(&mut file)
+        io::Write::flush(&mut file)
             .and_then(|()| file.get_ref().sync_all())
             .and_then(|()| file.get_ref().metadata())
-            .map_err(|source| RecordingError::Write { path, source: Arc::new(source) })?;
-        Ok(size.len())
+            .map_err(|source| RecordingError::Write { path, source: Arc::new(source) })
     }
 
     /// Lets go of a file that can't be written any more, without a footer: it must not look whole.
@@ -140,7 +141,7 @@ impl Sink {
 }
 
 /// Opens the file for writing.
-fn open(path: &Path, existing: Existing) -> Result<File, RecordingError> {
+pub(super) fn open(path: &Path, existing: Existing) -> Result<File, RecordingError> {
     let mut options = OpenOptions::new();
     match existing {
         Existing::Refuse => options.write(true).create_new(true),

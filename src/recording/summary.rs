@@ -4,6 +4,9 @@ use core::fmt;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use resonarm_protocol::FaultCode;
+use serde::ser::SerializeStruct;
+
 use super::scan::Scan;
 use super::schema::{FORMAT, metadata};
 use super::{BuildInfo, RecordingError};
@@ -27,7 +30,7 @@ pub struct Origin {
 pub enum Integrity {
     /// The whole run is there.
     Complete,
-    /// The file is whole, but the end of the run is not in it: it was recovered from a truncated one.
+    /// The file is whole, but not all of the run is in it: it was recovered from a truncated or damaged one.
     Unfinished,
     /// The file ends inside a record: the run was killed, or a copy was cut short.
     Truncated {
@@ -55,7 +58,7 @@ impl fmt::Display for Integrity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let last_step = match self {
             Integrity::Complete => return f.write_str("complete"),
-            Integrity::Unfinished => return f.write_str("recovered, without the end of the run"),
+            Integrity::Unfinished => return f.write_str("recovered: not all of the run is in it"),
             Integrity::Truncated { readable_bytes, file_bytes, last_step } => {
                 write!(f, "truncated: {readable_bytes} of {file_bytes} bytes can be read")?;
                 last_step
@@ -85,8 +88,10 @@ pub struct RecordingSummary {
     pub origin: Origin,
     /// Time from the first step to the last, s.
     pub duration_s: f64,
-    /// First and last step, if there is any.
-    pub steps: Option<(u64, u64)>,
+    /// First and last sample, if there is any.
+    pub samples: Option<(u64, u64)>,
+    /// The plant's faults, in order; at most 100.
+    pub faults: Vec<RecordedFault>,
     /// What is in each topic, by its name in the file.
     pub topics: BTreeMap<&'static str, TopicSummary>,
     /// Records lost in each channel; empty if the end of the run is not in the file.
@@ -95,6 +100,41 @@ pub struct RecordingSummary {
     pub configuration: BTreeMap<String, String>,
     /// The statistics of the run; empty if its end is not in the file.
     pub statistics: BTreeMap<String, String>,
+}
+
+/// A fault of the plant, as an event tells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordedFault {
+    /// The sample at which it was found.
+    pub sample: u64,
+    /// Its code, a number of [`FaultCode`] if this version knows it.
+    pub code: i64,
+}
+
+impl RecordedFault {
+    /// What the code means.
+    pub fn cause(&self) -> Option<FaultCode> {
+        u16::try_from(self.code).ok().and_then(FaultCode::from_code)
+    }
+}
+
+impl fmt::Display for RecordedFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.cause() {
+            Some(cause) => write!(f, "code {} at sample {}: {cause}", self.code, self.sample),
+            None => write!(f, "code {} at sample {}", self.code, self.sample),
+        }
+    }
+}
+
+impl serde::Serialize for RecordedFault {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("RecordedFault", 3)?;
+        fields.serialize_field("code", &self.code)?;
+        fields.serialize_field("name", &self.cause().map(|cause| cause.to_string()))?;
+        fields.serialize_field("sample", &self.sample)?;
+        fields.end()
+    }
 }
 
 /// What is in a topic.

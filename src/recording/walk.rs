@@ -2,26 +2,21 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
-use std::ops::Range;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use mcap::MAGIC;
 use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{MAGIC, McapError, parse_record};
 
-use super::schema::Topic;
-use super::{RecordingError, lengths};
+use super::contents::{Contents, Fault, LONGEST, parse};
+use super::{RecordingError, source};
 
-/// Longest record, and longest chunk once decompressed, that is believed: 256 MiB, far above what a recorder writes.
-const LONGEST: usize = 1 << 28;
 /// Bytes asked for at a time, so that a wrong length costs no more memory than the file has bytes.
 const READ: usize = 1 << 16;
 /// Opcode and length before every record, bytes (MCAP specification, "Records").
 const RECORD_HEAD: u64 = 9;
-/// Fields of a chunk before its compressed records, without the name of the compression, bytes (MCAP, "Chunk").
-const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 8;
 
 /// A pass through a file.
 pub(super) struct Walk {
@@ -31,66 +26,26 @@ pub(super) struct Walk {
     reader: LinearReader,
     body: Vec<u8>,
     offset: u64,
-    schemas: BTreeMap<u16, String>,
-    channels: BTreeMap<u16, Option<Topic>>,
-    chunk: Chunk,
+    contents: Contents,
 }
 
 /// What comes next in the file.
 pub(super) enum Part {
+    /// The head of the file: which library wrote it.
+    Header(String),
     /// A metadata record: name and content.
     Metadata(String, BTreeMap<String, String>),
-    /// Messages: they are in [`Walk::chunk`] until the next part is read.
+    /// Messages: they are in [`Walk::contents`] until the next part is read.
     Chunk,
     /// Something that carries no data: an index, a statistic.
     Other,
-}
-
-/// The messages of one chunk, in the order in which they were written.
-#[derive(Default)]
-pub(super) struct Chunk {
-    bytes: Vec<u8>,
-    messages: Vec<(Topic, u64, Range<usize>)>,
-}
-
-impl Chunk {
-    /// Topic, log time (ns) and bytes of every message.
-    pub fn messages(&self) -> impl Iterator<Item = (Topic, u64, &[u8])> {
-        self.messages.iter().map(|(topic, time_ns, range)| (*topic, *time_ns, &self.bytes[range.clone()]))
-    }
-}
-
-/// Why there is nothing to be had from a record.
-enum Fault {
-    /// The file ends inside it.
-    Truncated,
-    /// It is not what the format says.
-    Damaged(String),
-    /// It can't be read.
-    Io(io::Error),
-    /// A topic has another message type than it should.
-    Schema(Topic, String),
-}
-
-impl From<McapError> for Fault {
-    fn from(error: McapError) -> Fault {
-        match error {
-            McapError::UnexpectedEof => Fault::Truncated,
-            McapError::BadChunkCrc { saved, calculated }
-            | McapError::BadDataCrc { saved, calculated }
-            | McapError::BadSummaryCrc { saved, calculated } => {
-                Fault::Damaged(format!("the checksum is {calculated:#010x}, expected {saved:#010x}"))
-            }
-            error => Fault::Damaged(error.to_string()),
-        }
-    }
 }
 
 impl Walk {
     /// Starts at the beginning of the file.
     pub fn open(path: &Path) -> Result<Walk, RecordingError> {
         let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
-        let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(failed)?);
+        let mut file = BufReader::with_capacity(1 << 16, source::open(path)?);
         let file_bytes = file.get_ref().metadata().map_err(failed)?.len();
         let got = file.fill_buf().map_err(failed)?;
         let got = got[..got.len().min(MAGIC.len())].to_vec();
@@ -110,9 +65,7 @@ impl Walk {
             reader: LinearReader::new_with_options(options),
             body: Vec::new(),
             offset: got.len() as u64,
-            schemas: BTreeMap::new(),
-            channels: BTreeMap::new(),
-            chunk: Chunk::default(),
+            contents: Contents::default(),
         })
     }
 
@@ -126,14 +79,9 @@ impl Walk {
         self.file_bytes
     }
 
-    /// Topics declared so far.
-    pub fn topics(&self) -> impl Iterator<Item = Topic> {
-        self.channels.values().filter_map(|topic| *topic)
-    }
-
-    /// The messages of the chunk read last.
-    pub fn chunk(&self) -> &Chunk {
-        &self.chunk
+    /// What is declared, and the messages of the chunk read last.
+    pub fn contents(&self) -> &Contents {
+        &self.contents
     }
 
     /// The error for a record at `offset` that is not what it should be.
@@ -189,7 +137,11 @@ impl Walk {
     /// Makes sense of a record at the top level of the file.
     fn part(&mut self, opcode: u8, body: &[u8]) -> Result<Part, Fault> {
         match opcode {
-            op::CHUNK => self.read_chunk(body).map(|()| Part::Chunk),
+            op::HEADER => match parse(opcode, body)? {
+                McapRecord::Header(header) => Ok(Part::Header(header.library)),
+                _ => Ok(Part::Other),
+            },
+            op::CHUNK => self.contents.read_chunk(body).map(|()| Part::Chunk),
             op::METADATA => match parse(opcode, body)? {
                 McapRecord::Metadata(metadata) => Ok(Part::Metadata(metadata.name, metadata.metadata)),
                 _ => Ok(Part::Other),
@@ -198,84 +150,5 @@ impl Walk {
             0 => Err(Fault::Damaged(String::from("a record with opcode 0"))),
             _ => Ok(Part::Other),
         }
-    }
-
-    /// Decompresses a chunk, compares its checksum, and gathers its messages.
-    fn read_chunk(&mut self, body: &[u8]) -> Result<(), Fault> {
-        if let McapRecord::Chunk { header, data } = parse(op::CHUNK, body)? {
-            let expected = CHUNK_HEAD + header.compression.len() + data.len();
-            if expected != body.len() {
-                return Err(Fault::Damaged(format!("a chunk of {} bytes states {expected}", body.len())));
-            }
-        }
-        self.chunk.bytes.clear();
-        self.chunk.messages.clear();
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST);
-        let mut reader = LinearReader::new_with_options(options);
-        let head = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
-        let mut source = head.chain(body);
-        while let Some(event) = reader.next_event() {
-            match event.map_err(in_chunk)? {
-                LinearReadEvent::ReadRequest(need) => {
-                    let read = source.read(reader.insert(need)).map_err(Fault::Io)?;
-                    reader.notify_read(read);
-                }
-                LinearReadEvent::Record { data, opcode } => self.read_in_chunk(opcode, data)?,
-            }
-        }
-        Ok(())
-    }
-
-    /// Makes sense of a record inside a chunk.
-    fn read_in_chunk(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
-        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
-            return Ok(());
-        }
-        match parse(opcode, body)? {
-            McapRecord::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
-            }
-            McapRecord::Channel(channel) => {
-                let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
-                let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
-                match topic {
-                    Some(topic) if schema != topic.schema_name() || channel.message_encoding != "protobuf" => {
-                        return Err(Fault::Schema(topic, format!("{schema} ({})", channel.message_encoding)));
-                    }
-                    topic => self.channels.insert(channel.id, topic),
-                };
-            }
-            McapRecord::Message { header, data } => match self.channels.get(&header.channel_id) {
-                Some(Some(topic)) => {
-                    let start = self.chunk.bytes.len();
-                    self.chunk.bytes.extend_from_slice(&data);
-                    self.chunk.messages.push((*topic, header.log_time, start..self.chunk.bytes.len()));
-                }
-                Some(None) => {} // a topic that others added
-                None => return Err(Fault::Damaged(format!("a message of unknown channel {}", header.channel_id))),
-            },
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-/// The fields of a record.
-fn parse(opcode: u8, body: &[u8]) -> Result<McapRecord<'_>, Fault> {
-    if !lengths::fit(opcode, body) {
-        return Err(Fault::Damaged(String::from("a length that is longer than its record")));
-    }
-    Ok(parse_record(opcode, body)?)
-}
-
-/// What an error inside a chunk means. The chunk is there to its last byte, so it can't be cut short.
-fn in_chunk(error: McapError) -> Fault {
-    match error {
-        McapError::UnexpectedEof => Fault::Damaged(String::from("a chunk that ends inside a record")),
-        error => Fault::from(error),
     }
 }

@@ -13,7 +13,8 @@ use super::batch::{Batch, Batcher};
 use super::recorder::Summary;
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
 use super::schema::{FORMAT, Topic, metadata};
-use super::sink::Sink;
+use super::sink::{self, Sink};
+use super::staged::is_at;
 use super::{
     Configuration, Direction, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StepRecord,
     build_info,
@@ -81,7 +82,8 @@ impl Writer {
         let configuration = configuration.0.clone();
         let about = about(&options);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
-        let sink = Sink::create(path, options.existing, options.compression, &head)?;
+        let file = sink::open(path, options.existing)?;
+        let sink = Sink::begin(file, path, options.compression, &head)?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
             FlushPolicy::Steps(_) => Duration::ZERO,
@@ -107,7 +109,10 @@ impl Writer {
         let ended = match result {
             Ok(()) => {
                 let summary = self.summary();
-                self.sink.finish().map(|bytes| Summary { bytes, ..summary })
+                self.sink.finish().and_then(|file| match is_at(&file, &summary.path) {
+                    true => Ok(Summary { bytes: file.len(), ..summary }),
+                    false => Err(RecordingError::Gone { path: summary.path }),
+                })
             }
             Err(error) => {
                 self.sink.abandon();
@@ -115,6 +120,7 @@ impl Writer {
             }
         };
         ended.inspect_err(|error| {
+            tracing::error!("the recording has failed: {error}");
             let _set_once = failure.set(error.clone());
         })
     }

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::player::SPEEDS;
 use crate::bus::BusError;
 use crate::plant::{PlantError, PlantSpecError};
 use crate::recording::RecordingError;
@@ -33,9 +34,48 @@ pub enum ReplayError {
         what: &'static str,
     },
     /// The speed is impossible.
-    #[error("the speed is {got}: it must be a positive number; 1 is the recorded speed")]
+    #[error(
+        "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",
+        SPEEDS.start(), SPEEDS.end()
+    )]
     Speed {
         /// What was given.
         got: f64,
+    },
+    /// The samples are not those of the scenario.
+    #[error(
+        "the recording states {recorded_s} s from sample to sample, its scenario {configured_s} s \
+         (simulation.rate_hz): it can't be simulated again"
+    )]
+    SamplePeriod {
+        /// In the recording, s.
+        recorded_s: f64,
+        /// In its scenario, s.
+        configured_s: f64,
+    },
+    /// A sample takes more work than any run has.
+    #[error("the recording's scenario has {got} steps a sample (simulation.steps_per_sample), expected at most {most}")]
+    StepsPerSample {
+        /// What the scenario says.
+        got: u32,
+        /// The most that is simulated again.
+        most: u32,
+    },
+    /// A load is none that the exciter can have produced.
+    #[error(
+        "the recording's load at sample {sample} is {force_n:?} N, {torque_nm:?} N·m: beyond the exciter's limits in its \
+         scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)"
+    )]
+    Load {
+        /// The sample.
+        sample: u64,
+        /// Force at C, N.
+        force_n: [f64; 2],
+        /// Torque at the joints, N·m.
+        torque_nm: [f64; 2],
+        /// Largest force, N.
+        limit_n: f64,
+        /// Largest torque, N·m.
+        limit_nm: f64,
     },
 }

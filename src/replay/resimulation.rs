@@ -2,18 +2,24 @@
 
 use super::ReplayError;
 use crate::arm::{Load, State};
-use crate::plant::Plant;
-use crate::recording::{Recording, StepRecord};
+use crate::plant::{Plant, PlantSpec};
+use crate::recording::{Integrity, Recording, StepRecord};
 use crate::scenario::Scenario;
 
+/// Most integration steps a sample that are simulated again: 250 times the default.
+const MOST_STEPS_PER_SAMPLE: u32 = 1000;
+
 /// Whether a run, simulated again, is the recorded one.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Verdict {
-    /// Whether every state is the recorded one, bit for bit.
+    /// Whether every state is the recorded one, bit for bit. Never of a damaged recording: there are states that can't be
+    /// compared. Of one that was cut short it says so of the states that are there.
     pub identical: bool,
+    /// Whether the recording is whole.
+    pub integrity: Integrity,
     /// States compared.
-    pub steps: u64,
-    /// The first step whose state differs.
+    pub samples: u64,
+    /// The first sample whose state differs.
     pub first_divergence: Option<u64>,
     /// The largest difference of a vibration angle, rad.
     pub max_drift_rad: f64,
@@ -22,27 +28,41 @@ pub struct Verdict {
 /// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
 ///
 /// # Errors
-/// [`ReplayError`] if the recording can't be read, has gaps or no steps, or its scenario makes no plant.
+/// [`ReplayError`] if the recording can't be read, has gaps or no states, its scenario makes no plant or not the one that was
+/// recorded: other samples, loads beyond its exciter.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let mut spec = Scenario::from_configuration(recording.configuration())?.plant_spec()?;
-    let mut steps = recording.steps()?;
-    let first = steps.next().ok_or(ReplayError::Empty { what: "steps" })??;
+    check(recording, &spec)?;
+    let mut states = recording.steps()?;
+    let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;
     spec.initial = state(&first);
     let mut plant = Plant::new(&spec)?;
-    let mut verdict = Verdict { identical: true, steps: 1, first_divergence: None, max_drift_rad: 0.0 };
-    let mut load = load(&first);
-    for record in steps {
+    let integrity = recording.integrity().clone();
+    let identical = !matches!(integrity, Integrity::Damaged { .. });
+    let mut verdict = Verdict { identical, integrity, samples: 1, first_divergence: None, max_drift_rad: 0.0 };
+    let mut load = load(&first, &plant)?;
+    for record in states {
         let record = record?;
         plant.advance(&load)?;
         compare(&mut verdict, plant.state(), &record);
-        load = self::load(&record);
+        load = self::load(&record, &plant)?;
     }
     Ok(verdict)
 }
 
+/// Refuses a scenario with other samples than the recorded ones, or with endless work.
+fn check(recording: &Recording, spec: &PlantSpec) -> Result<(), ReplayError> {
+    let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / spec.sample_rate_hz);
+    if recorded_s.to_bits() != configured_s.to_bits() {
+        return Err(ReplayError::SamplePeriod { recorded_s, configured_s });
+    }
+    let (got, most) = (spec.steps_per_sample, MOST_STEPS_PER_SAMPLE);
+    if got > most { Err(ReplayError::StepsPerSample { got, most }) } else { Ok(()) }
+}
+
 fn compare(verdict: &mut Verdict, simulated: &State, record: &StepRecord) {
     let recorded = state(record);
-    verdict.steps += 1;
+    verdict.samples += 1;
     let bits = |state: &State| {
         let (x, v) = (state.alpha_rad, state.alpha_dot_rad_s);
         [x.x, x.y, v.x, v.y].map(f64::to_bits)
@@ -59,6 +79,14 @@ fn state(record: &StepRecord) -> State {
     State::new(record.alpha_rad, record.alpha_dot_rad_s)
 }
 
-fn load(record: &StepRecord) -> Load {
-    Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() }
+/// The recorded load, if the plant's exciter can have produced it.
+fn load(record: &StepRecord, plant: &Plant) -> Result<Load, ReplayError> {
+    let load = Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() };
+    let exciter = plant.exciter();
+    if exciter.can_produce(&load) {
+        return Ok(load);
+    }
+    let (limit_n, limit_nm) = (exciter.force_limit_n, exciter.torque_limit_nm);
+    let (sample, force_n, torque_nm) = (record.step, record.force_n, record.torque_nm);
+    Err(ReplayError::Load { sample, force_n, torque_nm, limit_n, limit_nm })
 }

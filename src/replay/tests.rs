@@ -1,11 +1,13 @@
+use core::cell::Cell;
 use std::path::Path;
 
 use super::*;
 use crate::bus::{Bus, memory};
 use crate::node::{ExciterNode, PlantNode};
 use crate::plant::Plant;
-use crate::realtime::{SampleRate, SystemClock};
-use crate::recording::{Direction, Options, Recorder, Recording};
+use crate::protocol::{Frame, Id};
+use crate::realtime::{Clock, SampleRate, SystemClock};
+use crate::recording::{Direction, FrameRecord, Integrity, Options, Record, Recorder, Recording};
 use crate::run::{PlantSide, Signals, Tape, free};
 use crate::scenario::Scenario;
 
@@ -37,7 +39,9 @@ fn a_run_simulated_again_is_identical() {
     let folder = tempfile::tempdir().unwrap();
     let recording = record(&folder.path().join("same.mcap"), SCENARIO, SCENARIO);
     let verdict = resimulate(&recording).unwrap();
-    assert_eq!(verdict, Verdict { identical: true, steps: 501, first_divergence: None, max_drift_rad: 0.0 });
+    let integrity = Integrity::Complete;
+    let expected = Verdict { identical: true, integrity, samples: 501, first_divergence: None, max_drift_rad: 0.0 };
+    assert_eq!(verdict, expected);
 }
 
 #[test]
@@ -75,12 +79,82 @@ fn plays_frames_in_order_with_their_timing() {
     assert!(played.frames > 500);
 }
 
+/// Time that passes by sleeping alone, and a signal that comes at a time.
+struct Scripted<'a> {
+    now_ns: Cell<u64>,
+    signals: &'a Signals,
+    stop_at_ns: u64,
+}
+
+impl Clock for Scripted<'_> {
+    fn now_ns(&self) -> u64 {
+        self.now_ns.get()
+    }
+
+    fn sleep_until_ns(&self, deadline_ns: u64) {
+        self.now_ns.set(self.now_ns.get().max(deadline_ns));
+        if self.now_ns.get() >= self.stop_at_ns {
+            self.signals.stop();
+        }
+    }
+}
+
+fn scripted(signals: &Signals, stop_at_ns: u64) -> Scripted<'_> {
+    Scripted { now_ns: Cell::new(1_000_000_000), signals, stop_at_ns }
+}
+
+/// A recording of two frames, an hour apart.
+fn two_frames(path: &Path) -> Recording {
+    let stated = Scenario::parse(SCENARIO, "test").unwrap().configuration("free").unwrap();
+    let recorder = Recorder::create(path, &stated, Options::virtual_time(1e-3, "none")).unwrap();
+    let mut channel = recorder.channel("plant", 16).unwrap();
+    for sample in [0, 3_600_000] {
+        let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3]).unwrap();
+        let (direction, time_ns, bus_timestamp_ns) = (Direction::Sent, sample * 1_000_000, None);
+        let record = FrameRecord { step: sample, direction, time_ns, bus_timestamp_ns, frame };
+        channel.push_blocking(Record::Frame(record)).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+    Recording::open(path).unwrap()
+}
+
+#[test]
+fn a_signal_ends_the_wait_for_the_next_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = two_frames(&folder.path().join("two.mcap"));
+    let mut ends = memory::hub(2, 64);
+    let (mut near, mut far) = (ends.pop().unwrap(), ends.pop().unwrap());
+    far.send(&Frame::classic(Id::Standard(0x123), &[]).unwrap()).unwrap(); // nobody reads it for the player
+    let signals = Signals::default();
+    let clock = scripted(&signals, 3_000_000_000);
+    let played = play(&recording, &mut near, &clock, Playback { speed: 1.0, direction: None }, &signals).unwrap();
+    assert_eq!(played.frames, 1);
+    assert!(clock.now_ns() < 4_000_000_000, "the signal came at 3 s, the player ended at {} ns", clock.now_ns());
+    assert!(near.receive().unwrap().is_none(), "the player leaves what comes in unread");
+}
+
+#[test]
+fn speed_0_is_as_fast_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = two_frames(&folder.path().join("two.mcap"));
+    let mut near = memory::hub(2, 64).pop().unwrap();
+    let signals = Signals::default();
+    let clock = scripted(&signals, u64::MAX);
+    let played = play(&recording, &mut near, &clock, Playback { speed: 0.0, direction: None }, &signals).unwrap();
+    assert_eq!((played.frames, played.recorded_s, clock.now_ns()), (2, 3600.0, 1_000_000_000));
+}
+
 #[test]
 fn says_what_cannot_be_replayed() {
     let folder = tempfile::tempdir().unwrap();
-    let recording = record(&folder.path().join("bad.mcap"), SCENARIO, SCENARIO);
+    let recording = two_frames(&folder.path().join("bad.mcap"));
     let mut mouth = memory::hub(2, 64).pop().unwrap();
-    let stopped = Playback { speed: 0.0, direction: None };
-    let error = play(&recording, &mut mouth, &SystemClock, stopped, &Signals::default()).unwrap_err();
-    insta::assert_snapshot!(error, @"the speed is 0: it must be a positive number; 1 is the recorded speed");
+    let mut error = |speed| {
+        play(&recording, &mut mouth, &SystemClock, Playback { speed, direction: None }, &Signals::default())
+            .unwrap_err()
+    };
+    insta::assert_snapshot!(error(-1.0), @"the speed is -1: it must be 0, which is as fast as it goes, or from 0.001 to 1000000; 1 is the recorded speed");
+    for speed in [1e-12, 1e-300, 2e6, f64::INFINITY, f64::NAN] {
+        assert!(matches!(error(speed), ReplayError::Speed { .. }), "{speed}");
+    }
 }

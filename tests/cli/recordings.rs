@@ -4,7 +4,7 @@ use std::fs::{self, OpenOptions};
 use std::path::Path;
 
 use insta::assert_snapshot;
-use resonarm::recording::{Options, Record, Recorder, Recording};
+use resonarm::recording::{Event, Options, Record, Recorder, Recording};
 
 use crate::{complaint, document, resonarm};
 
@@ -51,8 +51,9 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let steps = cut["topics"]["/plant/steps"]["records"].as_u64().unwrap();
     assert!((1000..2500).contains(&steps), "{steps}");
     let resim = resonarm(folder.path(), &["resim", "run.mcap"]);
-    assert_eq!((resim.code, resim.stdout), (0, format!("identical: {steps} steps, bit for bit\n")));
-    assert!(resim.stderr.contains("WARN the recording is truncated: "), "{}", resim.stderr);
+    let note = resim.stdout.lines().next().unwrap_or_default().to_string() + "\n";
+    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {steps} samples, bit for bit\n")));
+    assert!(note.starts_with("the recording is truncated: "), "{note}");
 
     let recovered = resonarm(folder.path(), &["recover", "run.mcap", "whole.mcap"]);
     assert_eq!((recovered.code, recovered.stderr.as_str()), (0, ""));
@@ -60,7 +61,8 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let mended = document(folder.path(), 1, &["inspect", "whole.mcap", "--json"]);
     assert_eq!((&mended["integrity"]["state"], &mended["topics"]), (&"unfinished".into(), &cut["topics"]));
     let resim = resonarm(folder.path(), &["resim", "whole.mcap"]);
-    assert_eq!((resim.code, resim.stdout), (0, format!("identical: {steps} steps, bit for bit\n")));
+    let note = "the recording was recovered: not all of the run is in it\n";
+    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {steps} samples, bit for bit\n")));
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "whole.mcap"]), @"resonarm: recording `whole.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "whole.mcap", "again.mcap"]), @"resonarm: recording `whole.mcap` is whole: there is nothing to recover");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "run.mcap"]), @"resonarm: recording `run.mcap` can't be recovered onto itself: name another file for the result");
@@ -109,5 +111,170 @@ fn a_state_that_is_off_by_a_bit_is_found() {
     assert!(drift_rad > 0.0 && drift_rad < 1e-15, "{drift_rad:e}");
     let said = resonarm(folder.path(), &["resim", "doctored.mcap"]);
     assert_eq!(said.code, 1);
-    assert!(said.stdout.starts_with("differs from step 321 on; "), "{}", said.stdout);
+    assert!(said.stdout.starts_with("differs from sample 321 on; "), "{}", said.stdout);
+}
+
+/// Where the chunks of a recording lie: the places of their records, bytes.
+fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
+    const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
+    let (mut chunks, mut offset) = (Vec::new(), mcap::MAGIC.len());
+    while offset + 9 <= bytes.len() {
+        let length = u64::from_le_bytes(bytes[offset + 1..offset + 9].try_into().unwrap());
+        let end = offset + 9 + usize::try_from(length).unwrap();
+        if bytes[offset] == CHUNK {
+            chunks.push(offset..end);
+        }
+        offset = end;
+    }
+    chunks
+}
+
+/// The recording with a byte wrong in the middle of one chunk.
+fn damage(path: &Path, chunk: usize) {
+    let mut bytes = fs::read(path).unwrap();
+    let place = chunks(&bytes)[chunk].clone();
+    bytes[(place.start + place.end) / 2] ^= 0x10;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_hard_link_is_not_overwritten_with_what_is_recovered_from_it() {
+    let folder = recorded();
+    let (path, link) = (folder.path().join("run.mcap"), folder.path().join("link.mcap"));
+    damage(&path, 1);
+    fs::hard_link(&path, &link).unwrap();
+    let before = fs::read(&path).unwrap();
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "link.mcap", "--overwrite"]), @"resonarm: recording `run.mcap` can't be recovered onto itself: name another file for the result");
+    assert!(fs::read(&path).unwrap() == before && fs::read(&link).unwrap() == before);
+}
+
+#[test]
+fn recovery_goes_on_behind_a_damaged_chunk_and_says_what_is_gone() {
+    let folder = recorded();
+    let path = folder.path().join("run.mcap");
+    damage(&path, 1);
+    let recovered = document(folder.path(), 0, &["recover", "run.mcap", "mended.mcap", "--json"]);
+    assert_eq!(recovered["lost_chunks"].as_array().unwrap().len(), 1, "{recovered:#}");
+    assert_eq!(recovered["missing_samples"], serde_json::json!([{ "first": 1000, "last": 1999 }]));
+    let mended = document(folder.path(), 1, &["inspect", "mended.mcap", "--json"]);
+    assert_eq!(mended["integrity"]["state"], "unfinished");
+    assert_eq!((&mended["samples"][0], &mended["samples"][1]), (&0.into(), &2500.into()));
+    assert_eq!(mended["topics"]["/plant/steps"]["gaps"], 1);
+    let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
+    assert!(said.stdout.contains("are gone, which states log times from 1.000 to "), "{}", said.stdout);
+    assert!(said.stdout.contains("samples 1000 to 1999 are gone"), "{}", said.stdout);
+}
+
+#[test]
+fn recovery_of_nothing_is_no_success() {
+    let folder = recorded();
+    let path = folder.path().join("run.mcap");
+    let first = chunks(&fs::read(&path).unwrap())[0].clone();
+    OpenOptions::new().write(true).open(&path).unwrap().set_len(first.end as u64 - 1).unwrap();
+    let said = complaint(folder.path(), 1, &["recover", "run.mcap", "mended.mcap"]);
+    assert!(said.contains("nothing of recording `run.mcap` could be recovered"), "{said}");
+    assert!(!folder.path().join("mended.mcap").exists());
+}
+
+#[test]
+fn a_damaged_recording_is_never_called_identical() {
+    let folder = recorded();
+    damage(&folder.path().join("run.mcap"), 1);
+    let verdict = document(folder.path(), 1, &["resim", "run.mcap", "--json"]);
+    assert_eq!((&verdict["identical"], &verdict["integrity"]["state"]), (&false.into(), &"damaged".into()));
+    let said = resonarm(folder.path(), &["resim", "run.mcap"]);
+    assert_eq!(said.code, 1);
+    assert!(said.stdout.contains("the recording is damaged"), "{}", said.stdout);
+}
+
+#[test]
+fn a_recording_is_judged_by_the_configuration_it_states() {
+    let folder = recorded();
+    let recording = Recording::open(folder.path().join("run.mcap")).unwrap();
+    let scenario = recording.configuration().get("scenario").unwrap();
+    let tampered = [
+        ("steps_per_sample = 4", "steps_per_sample = 4000000"),
+        ("rate_hz = 1000.0", "rate_hz = 500.0"),
+        ("force_limit_n = 600.0", "force_limit_n = 1e-3"),
+        ("torque_limit_nm = 1600.0", "torque_limit_nm = 1e-3"),
+    ];
+    let mut said = Vec::new();
+    for (stated, other) in tampered {
+        assert!(scenario.contains(stated), "{scenario}");
+        let configuration = recording.configuration().clone().with("scenario", scenario.replace(stated, other));
+        let path = folder.path().join("tampered.mcap");
+        let options =
+            Options { existing: resonarm::recording::Existing::Overwrite, ..Options::virtual_time(1e-3, "none") };
+        let recorder = Recorder::create(path, &configuration, options).unwrap();
+        let mut channel = recorder.channel("plant", 1024).unwrap();
+        recording.steps().unwrap().for_each(|record| channel.push_blocking(Record::Step(record.unwrap())).unwrap());
+        recorder.finish(&[]).unwrap();
+        said.push(complaint(folder.path(), 2, &["resim", "tampered.mcap", "--json"]));
+    }
+    assert_snapshot!(said[0], @"");
+    assert_snapshot!(said[1], @"");
+    assert!(said[2..].iter().all(|said| said.contains("beyond the exciter's limit")), "{said:?}");
+}
+
+#[test]
+fn an_mcap_file_of_another_program_is_called_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut writer = mcap::WriteOptions::new()
+        .use_chunks(false)
+        .library("somebody's recorder")
+        .create(std::io::Cursor::new(Vec::new()))
+        .unwrap();
+    let channel = writer.add_channel(0, "/chatter", "json", &[].into()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"{}").unwrap();
+    writer.finish().unwrap();
+    fs::write(folder.path().join("other.mcap"), writer.into_inner().into_inner()).unwrap();
+    for command in
+        [["inspect", "other.mcap"].as_slice(), &["resim", "other.mcap"], &["recover", "other.mcap", "a.mcap"]]
+    {
+        assert_eq!(
+            complaint(folder.path(), 2, command),
+            "resonarm: `other.mcap` is an MCAP file without metadata `resonarm.recording`: it was not recorded by resonarm, \
+             but by `somebody's recorder`\n"
+        );
+    }
+}
+
+#[test]
+fn a_fault_is_told() {
+    let folder = recorded();
+    let whole = document(folder.path(), 0, &["inspect", "run.mcap", "--json"]);
+    assert_eq!(whole["faults"], serde_json::json!([]));
+    let recorder = Recorder::create(
+        folder.path().join("fault.mcap"),
+        Recording::open(folder.path().join("run.mcap")).unwrap().configuration(),
+        Options::virtual_time(1e-3, "none"),
+    )
+    .unwrap();
+    let mut channel = recorder.channel("plant", 1024).unwrap();
+    for (name, value) in [("emergency", 2), ("state.fault", 0)] {
+        channel.push_blocking(Record::Event(Event { step: 1234, time_ns: 1_234_000_000, name, value })).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+    let fault = document(folder.path(), 0, &["inspect", "fault.mcap", "--json"]);
+    assert_eq!(fault["faults"][0]["sample"], 1234, "{fault:#}");
+    let text = resonarm(folder.path(), &["inspect", "fault.mcap"]).stdout;
+    let line = text.lines().find(|line| line.starts_with("fault")).unwrap_or_default();
+    assert_snapshot!(line, @"");
+}
+
+#[test]
+fn what_is_no_regular_file_is_refused() {
+    let folder = recorded();
+    assert!(std::process::Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
+    fs::create_dir(folder.path().join("folder")).unwrap();
+    for (file, kind) in [("pipe", "a named pipe"), ("/dev/zero", "a character device"), ("folder", "a folder")] {
+        for command in [["inspect", file].as_slice(), &["resim", file], &["recover", file, "a.mcap"]] {
+            let expected = format!("resonarm: can't read recording `{file}`: it is {kind}, expected a regular file\n");
+            assert_eq!(complaint(folder.path(), 2, command), expected);
+        }
+        assert!(complaint(folder.path(), 2, &["replay", file, "--bus", "vcan0"]).contains(kind));
+    }
+    damage(&folder.path().join("run.mcap"), 1);
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "/dev/null", "--overwrite"]), @"");
 }

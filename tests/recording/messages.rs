@@ -59,9 +59,10 @@ fn of_files_that_are_no_recordings() -> Outcome {
     insta::assert_snapshot!(open(mcap::MAGIC)?, @"recording `file` can't be read beyond byte 8, before its metadata `resonarm.recording`: nothing is left of it");
     let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new()))?;
     other.finish()?;
-    insta::assert_snapshot!(open(&other.into_inner().into_inner())?, @"`file` is an MCAP file without metadata `resonarm.recording`: it was not recorded by resonarm");
+    let said = open(&other.into_inner().into_inner())?;
+    insta::assert_snapshot!(said.split(", but by `mcap").next().unwrap_or_default(), @"`file` is an MCAP file without metadata `resonarm.recording`: it was not recorded by resonarm");
     insta::assert_snapshot!(text(Recording::open(directory.path().join("missing")), &directory)?, @"can't read recording `missing`: No such file or directory (os error 2)");
-    insta::assert_snapshot!(text(Recording::open(directory.path()), &directory)?.replace(&directory.path().display().to_string(), "folder"), @"can't read recording `folder`: Is a directory (os error 21)");
+    insta::assert_snapshot!(text(Recording::open(directory.path()), &directory)?.replace(&directory.path().display().to_string(), "folder"), @"can't read recording `folder`: it is a folder, expected a regular file");
     Ok(())
 }
 
@@ -105,7 +106,7 @@ fn of_gaps() -> Outcome {
     let records = [0, 1, 2, 7, 8, 20].map(|step| records_of(step).map(|records| records[0]));
     record(&path, options(), &records.into_iter().collect::<Result<Vec<_>, _>>()?)?;
     let recording = Recording::open(&path)?;
-    insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: step 7 follows where step 3 should (2 such gaps in all); the run lost records, repeat it with more capacity or fewer steps a second");
+    insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: step 7 follows where step 3 should (2 such gaps in all); the run lost records, or the file was recovered from a damaged one");
     assert_eq!(recording.records()?.count(), 6);
     Ok(())
 }

@@ -138,7 +138,7 @@ fn a_recording_says_what_was_said_of_it() -> Outcome {
     assert_eq!(recording.configuration(), &crate::configuration());
     assert_eq!(recording.statistics().and_then(|statistics| statistics.get("overruns")).map(String::as_str), Some("0"));
     let summary = recording.summary();
-    assert_eq!(summary.steps, Some((0, 1000)));
+    assert_eq!(summary.samples, Some((0, 1000)));
     assert!((summary.duration_s - 1.0 / 3.0).abs() < 1e-12);
     assert_eq!(summary.file_bytes, std::fs::metadata(&path)?.len());
     assert_eq!(summary.topics["/plant/steps"].records, 1001);

@@ -164,3 +164,23 @@ fn refuses_to_overwrite_unless_asked() -> Outcome {
     assert_eq!(Recording::open(path)?.steps()?.count(), 5);
     Ok(())
 }
+
+#[test]
+fn a_recording_that_was_deleted_or_replaced_meanwhile_is_said() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    for replaced in [false, true] {
+        let options = Options { existing: Existing::Overwrite, ..options() };
+        let recorder = Recorder::create(&path, &configuration(), options)?;
+        let mut channel = recorder.channel("plant", 64)?;
+        run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+        fs::remove_file(&path)?;
+        if replaced {
+            fs::write(&path, "something else")?;
+        }
+        let error = recorder.finish(&[]).err().ok_or("a file that is gone was called written")?.to_string();
+        let error = error.replace(&directory.path().display().to_string(), "DIR");
+        insta::assert_snapshot!(error, @"recording `DIR/run.mcap` was deleted, moved or replaced while it was written: what was recorded is not there");
+    }
+    Ok(())
+}

@@ -34,8 +34,10 @@ def contents(frames):
 
 def test_a_lockstep_run_simulates_again_bit_for_bit(lockstep, programs):
     verdict = programs.resonarm("resim", lockstep.path, "--json").result()
-    steps = lockstep.plant["steps"] + 1
-    assert verdict == {"identical": True, "steps": steps, "first_divergence": None, "max_drift_rad": 0.0}
+    samples, integrity = lockstep.plant["steps"] + 1, {"state": "complete"}
+    assert verdict == {
+        "identical": True, "integrity": integrity, "samples": samples, "first_divergence": None, "max_drift_rad": 0.0,
+    }
 
 
 def test_every_frame_comes_back_in_order(lockstep, programs):
@@ -67,7 +69,13 @@ def test_the_timing_is_the_recorded_one(programs, tmp_path):
         assert abs(statistics.median(late_s)) < 0.05, late_s
 
 
+def test_speed_0_is_as_fast_as_it_goes(short, programs):
+    played, frames = replayed(programs, short.path, "--speed", "0")
+    assert [frame.content for frame in frames] == contents(short.recording.frames)
+    assert played["recorded_s"] > 1
+
+
 def test_an_impossible_speed_is_said(short, programs):
-    replay = programs.resonarm("replay", short.path, "--bus", "vcan0", "--speed", "0")
+    replay = programs.resonarm("replay", short.path, "--bus", "vcan0", "--speed", "-1")
     assert replay.wait() == 2
-    assert "the speed is 0: it must be a positive number" in replay.stderr
+    assert "the speed is -1: it must be 0, which is as fast as it goes, or from 0.001 to 1000000" in replay.stderr

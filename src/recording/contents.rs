@@ -1,0 +1,169 @@
+//! The schemas, topics and messages inside the chunks of a file.
+
+use std::collections::BTreeMap;
+use std::io::{self, Read};
+use std::ops::Range;
+
+use mcap::records::{Record as McapRecord, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{McapError, parse_record};
+
+use super::lengths;
+use super::schema::Topic;
+
+/// Longest record, and longest chunk once decompressed, that is believed: 256 MiB, far above what a recorder writes.
+pub(super) const LONGEST: usize = 1 << 28;
+/// Fields of a chunk before its compressed records, without the name of the compression, bytes (MCAP, "Chunk").
+pub(super) const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 8;
+
+/// Why there is nothing to be had from a record.
+pub(super) enum Fault {
+    /// The file ends inside it.
+    Truncated,
+    /// It is not what the format says.
+    Damaged(String),
+    /// It can't be read.
+    Io(io::Error),
+    /// A topic has another message type than it should.
+    Schema(Topic, String),
+}
+
+impl From<McapError> for Fault {
+    fn from(error: McapError) -> Fault {
+        match error {
+            McapError::UnexpectedEof => Fault::Truncated,
+            McapError::BadChunkCrc { saved, calculated }
+            | McapError::BadDataCrc { saved, calculated }
+            | McapError::BadSummaryCrc { saved, calculated } => {
+                Fault::Damaged(format!("the checksum is {calculated:#010x}, expected {saved:#010x}"))
+            }
+            error => Fault::Damaged(error.to_string()),
+        }
+    }
+}
+
+/// What the chunks read so far have declared, and the messages of the last.
+#[derive(Default)]
+pub(super) struct Contents {
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Option<Topic>>,
+    bytes: Vec<u8>,
+    messages: Vec<Message>,
+}
+
+struct Message {
+    topic: Topic,
+    log_time_ns: u64,
+    publish_time_ns: u64,
+    range: Range<usize>,
+}
+
+/// A message as it stands in the file.
+#[derive(Clone, Copy)]
+pub(super) struct RawMessage<'a> {
+    pub topic: Topic,
+    pub log_time_ns: u64,
+    pub publish_time_ns: u64,
+    pub bytes: &'a [u8],
+}
+
+impl Contents {
+    /// Topics declared so far.
+    pub fn topics(&self) -> impl Iterator<Item = Topic> {
+        self.channels.values().filter_map(|topic| *topic)
+    }
+
+    /// The messages of the chunk read last, in the order in which they were written.
+    pub fn messages(&self) -> impl Iterator<Item = RawMessage<'_>> {
+        self.messages.iter().map(|message| RawMessage {
+            topic: message.topic,
+            log_time_ns: message.log_time_ns,
+            publish_time_ns: message.publish_time_ns,
+            bytes: &self.bytes[message.range.clone()],
+        })
+    }
+
+    /// Decompresses a chunk, compares its checksum, and gathers its messages.
+    pub fn read_chunk(&mut self, body: &[u8]) -> Result<(), Fault> {
+        if let McapRecord::Chunk { header, data } = parse(op::CHUNK, body)? {
+            let expected = CHUNK_HEAD + header.compression.len() + data.len();
+            if expected != body.len() {
+                return Err(Fault::Damaged(format!("a chunk of {} bytes states {expected}", body.len())));
+            }
+        }
+        self.bytes.clear();
+        self.messages.clear();
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(LONGEST);
+        let mut reader = LinearReader::new_with_options(options);
+        let head = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
+        let mut source = head.chain(body);
+        while let Some(event) = reader.next_event() {
+            match event.map_err(in_chunk)? {
+                LinearReadEvent::ReadRequest(need) => {
+                    let read = source.read(reader.insert(need)).map_err(Fault::Io)?;
+                    reader.notify_read(read);
+                }
+                LinearReadEvent::Record { data, opcode } => self.read_record(opcode, data)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes sense of a record inside a chunk, or of a declaration repeated at the end of the file.
+    pub fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
+        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+            return Ok(());
+        }
+        match parse(opcode, body)? {
+            McapRecord::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name);
+            }
+            McapRecord::Channel(channel) => {
+                let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
+                let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
+                match topic {
+                    Some(topic) if schema != topic.schema_name() || channel.message_encoding != "protobuf" => {
+                        return Err(Fault::Schema(topic, format!("{schema} ({})", channel.message_encoding)));
+                    }
+                    topic => self.channels.insert(channel.id, topic),
+                };
+            }
+            McapRecord::Message { header, data } => match self.channels.get(&header.channel_id) {
+                Some(Some(topic)) => {
+                    let start = self.bytes.len();
+                    self.bytes.extend_from_slice(&data);
+                    self.messages.push(Message {
+                        topic: *topic,
+                        log_time_ns: header.log_time,
+                        publish_time_ns: header.publish_time,
+                        range: start..self.bytes.len(),
+                    });
+                }
+                Some(None) => {} // a topic that others added
+                None => return Err(Fault::Damaged(format!("a message of unknown channel {}", header.channel_id))),
+            },
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// The fields of a record.
+pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<McapRecord<'_>, Fault> {
+    if !lengths::fit(opcode, body) {
+        return Err(Fault::Damaged(String::from("a length that is longer than its record")));
+    }
+    Ok(parse_record(opcode, body)?)
+}
+
+/// What an error inside a chunk means. The chunk is there to its last byte, so it can't be cut short.
+fn in_chunk(error: McapError) -> Fault {
+    match error {
+        McapError::UnexpectedEof => Fault::Damaged(String::from("a chunk that ends inside a record")),
+        error => Fault::from(error),
+    }
+}
