@@ -230,7 +230,10 @@ impl RecordingError {
 fn but_by(library: &str) -> String {
     match library {
         "" => String::new(),
-        library => format!(", but by `{}`", library.chars().take(80).flat_map(char::escape_debug).collect::<String>()),
+        library => format!(
+            ", but by `{}`",
+            library.chars().filter(|character| !character.is_control()).take(80).collect::<String>()
+        ),
     }
 }
 
