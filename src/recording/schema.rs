@@ -1,6 +1,6 @@
 //! The topics of a recording and the Protobuf messages in them.
 
-/// Generated from `proto/*.proto`; `tests/proto_codegen.rs` holds it to them.
+/// Generated from `proto/*.proto`; `tests/recording/schemas.rs` holds it to them.
 #[allow(missing_docs, clippy::doc_markdown)]
 pub(super) mod proto {
     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));

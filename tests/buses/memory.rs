@@ -1,14 +1,10 @@
 //! The bus contract, on the bus that every machine has.
 
-#[path = "common/bus_contract.rs"]
-mod contract;
-
-use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use assert_no_alloc::assert_no_alloc;
 use resonarm::bus::{Bus, memory};
 use resonarm::protocol::{Frame, Id};
 
-#[global_allocator]
-static ALLOCATOR: AllocDisabler = AllocDisabler;
+use crate::{Formats, contract};
 
 #[test]
 fn memory_keeps_the_contract() {
@@ -16,7 +12,7 @@ fn memory_keeps_the_contract() {
         let mut ends = memory::hub(2, 64).into_iter().map(|end| Box::new(end) as Box<dyn Bus>);
         (ends.next().unwrap(), ends.next().unwrap())
     };
-    contract::contract(make, contract::Formats::All, || 0);
+    contract(make, Formats::All, || 0);
 }
 
 #[test]

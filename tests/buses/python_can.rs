@@ -2,10 +2,6 @@
 //!
 //! The tests open python-can as the program does (`VIRTUAL_ENV`, `.venv`, the interpreter built in); `slcan` runs over pairs
 //! of pseudo-terminals that socat makes.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-#[path = "common/bus_contract.rs"]
-mod contract;
 
 use std::cell::{Cell, RefCell};
 use std::fs;
@@ -15,15 +11,14 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use assert_no_alloc::assert_no_alloc;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, RECEIVE_QUEUE, TRANSMIT_QUEUE};
 use resonarm::bus::{self, Bus, BusAddress, BusError, Sent};
 use resonarm::protocol::{Frame, FrameFormat, Id};
 
-#[global_allocator]
-static ALLOCATOR: AllocDisabler = AllocDisabler;
+use crate::{Formats, contract};
 
 const PATIENCE: Duration = Duration::from_secs(5);
 /// The keyword arguments that [`the_environment_decides`] opens when another test runs it in a process of its own.
@@ -98,7 +93,7 @@ fn virtual_keeps_the_contract() {
         let end = || bus::open(&address).unwrap();
         (end(), end())
     };
-    contract::contract(make, contract::Formats::All, || 0);
+    contract(make, Formats::All, || 0);
 }
 
 #[test]
@@ -111,7 +106,7 @@ fn slcan_keeps_the_contract() {
         modems.borrow_mut().push(modem);
         pair
     };
-    contract::contract(make, contract::Formats::All, || 0);
+    contract(make, Formats::All, || 0);
 }
 
 #[test]
@@ -245,7 +240,7 @@ fn refuses_what_python_can_does_not_know() {
 /// What became of [`the_environment_decides`] in a process of its own.
 fn outcome(directory: &Path, environment: &[(&str, &Path)]) -> String {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "the_environment_decides", "--nocapture"]).current_dir(directory);
+    command.args(["--exact", "python_can::the_environment_decides", "--nocapture"]).current_dir(directory);
     command.env_remove("VIRTUAL_ENV").env(CHILD, "interface=virtual,channel=child");
     let output = command.envs(environment.iter().copied()).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();

@@ -1,6 +1,4 @@
 //! `resonarm backbone` as a process: the table, the document, the figure, and what it says to bad input.
-#![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used)]
 
 use std::process::{Command, Output, Stdio};
 

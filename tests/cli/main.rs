@@ -1,9 +1,14 @@
 //! The command line as a user meets it: documents, messages and exit codes of the program itself.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
+mod backbone;
 mod bad_input;
 mod documents;
+mod integrators;
+mod paper;
+mod readme;
 mod recordings;
+mod time_domain;
 
 use std::path::Path;
 use std::process::{Command, Stdio};

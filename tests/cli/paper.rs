@@ -1,6 +1,5 @@
 //! `resonarm paper` as a user meets it, its figures held against the rest of the program and independent numbers, and the
 //! verdicts on the paper's statements, for both presets.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 use std::fs;
 use std::path::Path;
@@ -87,7 +86,7 @@ fn natural_frequencies_are_those_of_modes_and_of_the_oracles() {
     assert!(paper(folder.path(), &["fig3", "--out", "."]).status.success());
     let (header, rows) = table(&folder.path().join("fig3.csv"));
     assert_eq!(header, ["preset", "beta2_deg", "frequency1_hz", "frequency2_hz"]);
-    let oracles: Value = serde_json::from_str(include_str!("oracles/oracles.json")).unwrap();
+    let oracles: Value = serde_json::from_str(include_str!("../oracles/oracles.json")).unwrap();
     let mut compared = 0;
     for row in rows {
         let preset = *Preset::ALL.iter().find(|preset| preset.name() == row[0]).unwrap();
@@ -144,7 +143,7 @@ fn the_small_motions_of_figure_4_are_the_linear_response() {
 /// The oracles' cases under a torque of 60 N·m, walked as Fig. 4 walks: from 1 to 80 Hz.
 #[test]
 fn the_folds_of_figure_4_are_those_of_the_oracles() {
-    let oracles: Value = serde_json::from_str(include_str!("oracles/oracles.json")).unwrap();
+    let oracles: Value = serde_json::from_str(include_str!("../oracles/oracles.json")).unwrap();
     let mut settings = Settings::embedded().unwrap();
     (settings.figure4.torque_nm.fitted, settings.figure4.torque_nm.table1) = (60.0, 60.0);
     let mut compared = 0;

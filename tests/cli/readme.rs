@@ -1,5 +1,4 @@
 //! What the documents tell the reader to type or to follow is there: commands parse, files and links exist.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,4 @@
 //! `resonarm sweep` and `resonarm poincare` as processes: stopped by Ctrl-C and gone on with, and what they say to bad input.
-#![cfg(feature = "cli")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

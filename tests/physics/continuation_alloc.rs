@@ -1,10 +1,5 @@
 //! The inner loop of the continuation takes no memory: the steps of a walk with all their Newton iterations, along a branch and
 //! along a curve of folds, and the stability of each motion. The guard aborts the process at the first allocation.
-#![cfg(debug_assertions)]
-#![allow(clippy::unwrap_used)]
-
-#[path = "common/no_alloc.rs"]
-mod no_alloc;
 
 use assert_no_alloc::assert_no_alloc;
 use resonarm::analysis::continuation::{Settings, Walk};

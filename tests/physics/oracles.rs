@@ -1,12 +1,12 @@
 //! The physics against numbers computed independently; see `tests/oracles/README.md`.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
+
 use resonarm::analysis::modes;
 use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, State};
 use resonarm::integrate::{Integrator, Scheme, Sine};
 use serde_json::Value;
 
 fn oracles(kind: &str) -> Vec<Value> {
-    let text = include_str!("oracles/oracles.json");
+    let text = include_str!("../oracles/oracles.json");
     let file: Value = serde_json::from_str(text).unwrap();
     file[kind].as_array().unwrap().clone()
 }

@@ -1,8 +1,6 @@
 //! Two truths that know nothing of each other: stepped sweeps through time, and branches continued by harmonic balance. A sweep
 //! must settle on the stable stretch that its history implies, and jump where that stretch ends in a fold.
 
-#![allow(clippy::unwrap_used)]
-
 use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Settled, Sweep, SweepParameter};
 use resonarm::analysis::{BifurcationKind, BranchOptions, Coordinate, ForcedArm, Orbit, trace};
 use resonarm::arm::{Arm, Load, Pose, Preset, State};
@@ -107,7 +105,7 @@ fn sweeps_land_on_the_branches_of_the_first_zone() {
         load: Load::torque_nm(60.0, 0.0),
         parts: [(21.0, 22.04, 41), (22.042, 22.2, 80), (22.23, 23.5, 51)],
     };
-    let oracles: Value = serde_json::from_str(include_str!("oracles/oracles.json")).unwrap();
+    let oracles: Value = serde_json::from_str(include_str!("../oracles/oracles.json")).unwrap();
     let oracle = &oracles["branches"][0];
     assert_eq!((oracle["beta2_deg"].as_f64(), oracle["torque1_nm"].as_f64()), (Some(60.0), Some(60.0)));
     for (direction, expected) in [Direction::Up, Direction::Down].into_iter().zip(oracle["folds"].as_array().unwrap()) {

@@ -1,7 +1,5 @@
 //! A run killed with SIGKILL: the recording holds everything up to the last flush.
 
-#![cfg(unix)]
-
 use std::env;
 use std::error::Error;
 use std::io::{BufRead, BufReader, Write};
@@ -63,7 +61,7 @@ fn record(path: &Path) -> Outcome {
 
 /// Starts this test again as the process to be killed.
 fn start(path: &Path) -> Outcome<Child> {
-    let name = "a_killed_run_loses_at_most_the_flush_interval";
+    let name = "crash::a_killed_run_loses_at_most_the_flush_interval";
     let mut command = Command::new(env::current_exe()?);
     command.args(["--exact", name, "--nocapture"]).env(CHILD, path).stdout(Stdio::piped());
     Ok(command.spawn()?)

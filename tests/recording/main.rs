@@ -1,8 +1,18 @@
 //! Recordings written, read back, cut short, damaged, recovered.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
+#[cfg(unix)]
+mod crash;
 mod damage;
 mod messages;
+#[cfg(debug_assertions)]
+#[path = "../common/no_alloc.rs"]
+mod no_alloc;
+#[cfg(debug_assertions)]
+mod real_time_alloc;
+mod reference_recordings;
 mod round_trip;
+mod schemas;
 mod writing;
 
 use std::error::Error;

@@ -2,15 +2,12 @@
 
 use std::error::Error;
 
-use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use assert_no_alloc::assert_no_alloc;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError, SampleRecord,
     StepRecord, TickRecord,
 };
-
-#[global_allocator]
-static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
 fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {

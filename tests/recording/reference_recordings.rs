@@ -1,6 +1,5 @@
 //! The reference recordings, simulated again: the arithmetic of today is the arithmetic that made them. If a change of it is
 //! meant, `recordings/make` makes them anew.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! The checked-in code and descriptors of `proto/` are what the `.proto` files say.
 //!
-//! After an edit of a `.proto` file: `RESONARM_UPDATE_PROTO=1 cargo test --test proto_codegen`.
+//! After an edit of a `.proto` file: `RESONARM_UPDATE_PROTO=1 cargo test --test recording schemas`.
 
 use std::error::Error;
 use std::fs;
@@ -48,7 +48,7 @@ fn checked_in_code_is_what_the_schemas_say() -> Result<(), Box<dyn Error>> {
         }
         assert!(
             fs::read(&path).is_ok_and(|found| found == content),
-            "{} is not what proto/*.proto say: run `RESONARM_UPDATE_PROTO=1 cargo test --test proto_codegen`",
+            "{} is not what proto/*.proto say: run `RESONARM_UPDATE_PROTO=1 cargo test --test recording schemas`",
             path.display()
         );
     }

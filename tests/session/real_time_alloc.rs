@@ -1,8 +1,4 @@
 //! The tick path of the real-time loop takes no memory. The guard aborts the process at the first allocation.
-#![cfg(all(feature = "std", debug_assertions))]
-
-#[path = "common/no_alloc.rs"]
-mod no_alloc;
 
 use assert_no_alloc::assert_no_alloc;
 use resonarm::realtime::{Clock, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup, unix_time_ns};

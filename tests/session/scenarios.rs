@@ -1,5 +1,4 @@
 //! The scenarios that come with the project, and the table of their keys in `scenarios/README.md`.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 use std::collections::BTreeMap;
 use std::fs;

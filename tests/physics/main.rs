@@ -1,0 +1,12 @@
+//! The physics and the analysis of the library: against numbers computed independently, and against each other.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
+
+mod continuation;
+#[cfg(debug_assertions)]
+mod continuation_alloc;
+mod integrators;
+#[cfg(debug_assertions)]
+#[path = "../common/no_alloc.rs"]
+mod no_alloc;
+mod oracles;
+mod sweeps_and_branches;

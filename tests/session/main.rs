@@ -1,0 +1,9 @@
+//! What a session is made of: scenarios, and the real-time loop.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
+
+#[cfg(debug_assertions)]
+#[path = "../common/no_alloc.rs"]
+mod no_alloc;
+#[cfg(debug_assertions)]
+mod real_time_alloc;
+mod scenarios;
