@@ -25,8 +25,8 @@ pub use dbc::{DBC_HASH, DBC_TEXT};
 pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
 pub use message::{
-    Acceleration, Cycle, Emergency, FaultCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Message, MessageKind,
-    Mismatch, OperatorCommand, OperatorRequest, Profile, TorqueCommand, Version,
+    Acceleration, Cycle, Emergency, EmergencyCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Message, MessageKind,
+    Mismatch, OperatorCommand, OperatorRequest, Profile, Refusal, TorqueCommand, Version,
 };
 pub use network::{DEFAULT_BASE, Network, NetworkError, Node};
 pub use receiver::Receiver;
@@ -34,4 +34,4 @@ pub use state::{NodeState, StateEvent, next};
 pub use transmitter::Transmitter;
 
 /// The version of the protocol that this crate speaks: major in the high nibble, minor in the low one.
-pub const PROTOCOL_VERSION: u8 = 0x10;
+pub const PROTOCOL_VERSION: u8 = 0x11;

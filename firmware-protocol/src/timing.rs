@@ -1,15 +1,16 @@
 //! Periods, timeouts and limits, in nanoseconds unless the name says otherwise. `SPEC.md` says who keeps them.
 
-/// Every node sends its heartbeat at this period, and at once when its state changes.
+/// Every node sends its heartbeat at least this often, and at once when its state changes.
 pub const HEARTBEAT_PERIOD_NS: u64 = 100_000_000;
 
-/// In real time: a partner without a sign of life for this long is lost: three heartbeats and half a period.
+/// In real time, of the time listened: a partner without a sign of life for this long is lost: three heartbeats and half a period.
 pub const HEARTBEAT_TIMEOUT_NS: u64 = 350_000_000;
 
-/// Every node sends its hello at this period, when it boots, and in answer to the first hello of a partner that has booted.
+/// Every node sends its hello at least this often, when it boots, and in answer to the first hello of a partner that has booted.
 pub const HELLO_PERIOD_NS: u64 = 1_000_000_000;
 
-/// In real time: an operational plant without a valid command for this long has lost its controller.
+/// In real time, of the time listened: an operational plant without a valid command for this long has lost its
+/// controller, and an operational node that could not send any of its frames for this long has lost the bus.
 pub const COMMAND_TIMEOUT_NS: u64 = 20_000_000;
 
 /// In real time: a command that answers a sample older than this is late and refused.
@@ -19,8 +20,29 @@ pub const COMMAND_AGE_NS: u64 = COMMAND_TIMEOUT_NS;
 /// time.
 pub const FORCE_RAMP_NS: u64 = 50_000_000;
 
-/// In lockstep: how long, in wall-clock time, each node waits for the other. It stands for all other timeouts.
+/// In lockstep: how long, of the time listened, each node waits for the other. It stands for all other timeouts.
 pub const LOCKSTEP_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// The lowest sample rate, in Hz, that a real-time run can have: two sample periods in [`COMMAND_TIMEOUT_NS`].
 pub const REAL_TIME_RATE_MIN_HZ: u16 = 100;
+
+/// In lockstep: the most that counts as listened between two looks at the clock. In real time it is a sample period.
+pub const LOCKSTEP_LOOK_NS: u64 = 20_000_000;
+
+/// How many samples with a repeated or older index make a fault of the exciter, counted from arming.
+pub const STALE_SAMPLES_LIMIT: u64 = 10;
+
+/// The smallest [`sample_window`].
+pub const SAMPLE_WINDOW_MIN: u16 = 16;
+
+/// A sample period, rounded down.
+pub const fn sample_period_ns(rate_hz: u16) -> u64 {
+    1_000_000_000 / if rate_hz == 0 { 1 } else { rate_hz as u64 }
+}
+
+/// How far, in samples, the index of a sample may be from the last one answered: [`HEARTBEAT_TIMEOUT_NS`] of samples,
+/// rounded down, and at least [`SAMPLE_WINDOW_MIN`]. Always below 2¹⁵.
+pub const fn sample_window(rate_hz: u16) -> u16 {
+    let samples = (rate_hz as u64 * HEARTBEAT_TIMEOUT_NS / 1_000_000_000) as u16;
+    if samples > SAMPLE_WINDOW_MIN { samples } else { SAMPLE_WINDOW_MIN }
+}

@@ -5,7 +5,7 @@ mod common;
 
 use can_dbc::{AttributeValue, ByteOrder, Dbc, Message as DbcMessage, MessageId, NumericValue, Signal, ValueType};
 use resonarm_protocol::{
-    Cycle, DBC_TEXT, DEFAULT_BASE, DecodeError, FaultCode, MessageKind, Network, Node, NodeState, OperatorRequest,
+    Cycle, DBC_TEXT, DEFAULT_BASE, DecodeError, EmergencyCode, MessageKind, Network, Node, NodeState, OperatorRequest,
     PROTOCOL_VERSION, Version, e2e, scaling,
 };
 
@@ -181,7 +181,7 @@ fn values_have_the_names_of_the_code() {
     };
     let mut states: Vec<_> = NodeState::ALL.map(|s| (i64::from(s.heartbeat_byte()), s.to_string())).into();
     states.sort();
-    let codes: Vec<_> = FaultCode::ALL.map(|code| (code as i64, kebab(format!("{code:?}")))).into();
+    let codes: Vec<_> = EmergencyCode::ALL.map(|code| (code as i64, kebab(format!("{code:?}")))).into();
     for kind in [MessageKind::PlantHeartbeat, MessageKind::ExciterHeartbeat] {
         assert_eq!(values(kind, "state"), states);
     }

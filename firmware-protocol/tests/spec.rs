@@ -5,8 +5,8 @@ mod common;
 
 use can_dbc::{Dbc, NumericValue, ValueType};
 use resonarm_protocol::{
-    Cycle, DBC_TEXT, DEFAULT_BASE, FaultCode, MessageKind, Mismatch, Network, NodeState, PROTOCOL_VERSION, StateEvent,
-    Version, e2e,
+    Cycle, DBC_TEXT, DEFAULT_BASE, EmergencyCode, MessageKind, Mismatch, Network, NodeState, PROTOCOL_VERSION, Refusal,
+    StateEvent, Version, e2e,
     load::{Stuffing, bits_per_second, frame_bits},
     timing,
 };
@@ -125,27 +125,57 @@ fn the_times_are_those_of_the_code() {
         ("COMMAND_AGE", timing::COMMAND_AGE_NS),
         ("FORCE_RAMP", timing::FORCE_RAMP_NS),
         ("LOCKSTEP_TIMEOUT", timing::LOCKSTEP_TIMEOUT_NS),
+        ("LOCKSTEP_LOOK", timing::LOCKSTEP_LOOK_NS),
     ];
     let stated: Vec<(String, u64)> =
         rows(section("## 6. Times")).into_iter().map(|row| (row[0].clone(), nanoseconds(&row[1]))).collect();
     assert_eq!(stated, known.map(|(name, time)| (name.to_string(), time)));
     let total_ms = (timing::COMMAND_TIMEOUT_NS + timing::FORCE_RAMP_NS) / 1_000_000;
     assert!(words("## 8. Running").contains(&format!("zero at most {total_ms} ms and one sample period")));
-    assert!(words("## 6. Times").contains(&format!("must be at least {}:", timing::REAL_TIME_RATE_MIN_HZ)));
+    assert!(words("## 6. Times").contains(&format!("must be at least {}: two samples", timing::REAL_TIME_RATE_MIN_HZ)));
 }
 
 #[test]
 fn the_faults_are_those_of_the_code() {
     let rows = rows(section("## 9. Faults"));
-    assert_eq!(rows.len(), FaultCode::ALL.len());
-    for (row, code) in rows.iter().zip(FaultCode::ALL) {
+    assert_eq!(rows.len(), EmergencyCode::ALL.len());
+    for (row, code) in rows.iter().zip(EmergencyCode::ALL) {
         assert_eq!(row[0], (code as u16).to_string());
         assert_eq!(row[1].replace(' ', ""), format!("{code:?}").to_lowercase());
     }
     let details = ["no hello", "major version", "DBC hash", "profile", "rate"];
     let stated: Vec<String> =
         Mismatch::ALL.iter().zip(details).map(|(mismatch, name)| format!("{} {name}", *mismatch as u16)).collect();
-    assert_eq!(rows[FaultCode::Incompatible as usize - 1][4], stated.join(", "));
+    assert_eq!(rows[EmergencyCode::Incompatible as usize - 1][4], stated.join(", "));
+    for (row, code) in rows.iter().zip(EmergencyCode::ALL) {
+        assert_eq!(row[3].starts_with("no fault: "), code.is_notice(), "{code:?}");
+    }
+}
+
+#[test]
+fn the_reasons_of_refusal_are_those_of_the_code() {
+    let reasons = ["not armed", "too old or still to come", "older than the last taken", "the same as the last taken"];
+    let reasons = reasons.iter().chain(&["more than the exciter can produce"]);
+    let stated: Vec<String> =
+        Refusal::ALL.iter().zip(reasons).map(|(refusal, name)| format!("{} {name}", *refusal as u8)).collect();
+    assert!(words("## 8. Running").contains(&stated.join(", ")));
+    for refusal in Refusal::ALL {
+        assert_eq!(Refusal::from_detail(Refusal::detail(7, Some(refusal))), (7, Some(refusal)));
+    }
+    assert_eq!(Refusal::from_detail(Refusal::detail(1000, Some(Refusal::Late))), (255, Some(Refusal::Late)));
+    assert_eq!(Refusal::from_detail(Refusal::detail(0, None)), (0, None));
+}
+
+#[test]
+fn the_window_of_a_sample_index_is_that_of_the_code() {
+    let text = words("## 8. Running");
+    assert!(text.contains(&format!(
+        "at least {} ({} at 1000 Hz)",
+        timing::SAMPLE_WINDOW_MIN,
+        timing::sample_window(1000)
+    )));
+    assert!(text.contains("The tenth repeated or older sample") && timing::STALE_SAMPLES_LIMIT == 10);
+    assert!((1..=u16::MAX).all(|rate_hz| timing::sample_window(rate_hz) < 1 << 15));
 }
 
 #[test]
@@ -168,7 +198,9 @@ fn the_bus_load_is_that_of_the_code() {
 #[test]
 fn the_protection_is_that_of_the_code() {
     let text = words("## 2. Protection");
-    assert!(text.contains("id `0x0123` and eight zero bytes give `0xCC`"));
+    assert!(
+        text.contains("data id `0x0123` and a frame of eight zero bytes") && text.contains("give `0xCC` for byte 0")
+    );
     assert_eq!(e2e::crc(0x0123, &[0; 8]), 0xCC);
     let lost = format!("| 2 to {} | δ − 1 frames were lost |", e2e::MAX_DELTA_COUNTER);
     let wrong = format!("| {} to {} | wrong sequence |", e2e::MAX_DELTA_COUNTER + 1, e2e::COUNTER_MAX);

@@ -14,7 +14,7 @@ use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
 use crate::excitation::Phasor;
 use crate::node::{ExciterNode, Outcome, ResponsePoint};
-use crate::protocol::{Emergency, FaultCode, Mismatch, Node};
+use crate::protocol::{Emergency, EmergencyCode, Mismatch, Node};
 use crate::realtime::SystemClock;
 use crate::run::{ExciterReport, Signals, exciter};
 
@@ -129,6 +129,7 @@ impl Exciter {
         let (outcome, fault) = match &report.outcome {
             Outcome::Finished => ("finished", None),
             Outcome::Stopped => ("stopped", None),
+            Outcome::PlantLeft => ("plant-left", None),
             Outcome::Faulted(emergency) => ("faulted", Some(fault_text(emergency))),
         };
         if self.json {
@@ -191,7 +192,7 @@ pub(super) fn fault_text(emergency: &Emergency) -> String {
         Node::Plant => "the plant",
         Node::Exciter => "the exciter",
     };
-    let mismatch = Mismatch::from_detail(emergency.detail).filter(|_| emergency.code == FaultCode::Incompatible);
+    let mismatch = Mismatch::from_detail(emergency.detail).filter(|_| emergency.code == EmergencyCode::Incompatible);
     match mismatch {
         Some(mismatch) => {
             format!("{node} faulted: {}: {mismatch}; start both ends with the same scenario", emergency.code)

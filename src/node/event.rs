@@ -1,6 +1,6 @@
 //! What a node tells of itself.
 
-use resonarm_protocol::{DecodeError, Emergency, NodeState};
+use resonarm_protocol::{DecodeError, Emergency, NodeState, Refusal};
 
 /// Something that happened to a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,7 +12,7 @@ pub enum NodeEvent {
         /// The state now.
         to: NodeState,
     },
-    /// The node faulted, or would not arm, and why.
+    /// The node faulted, or would not arm, and why; or a notice, its own or the partner's.
     Emergency(Emergency),
     /// A command did not reach the arm.
     Refused(Refusal),
@@ -20,28 +20,14 @@ pub enum NodeEvent {
     Frame(DecodeError),
 }
 
-/// Why a valid command did not reach the arm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// The plant is not armed.
-    NotArmed,
-    /// It answers a sample that is too old, or still to come.
-    Late,
-    /// It answers an older sample than the last command that was taken.
-    OutOfOrder,
-    /// The exciter can't produce it.
-    OutOfRange,
-}
-
-impl Refusal {
-    /// The name under which it is recorded.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Refusal::NotArmed => "plant.command.not_armed",
-            Refusal::Late => "plant.command.late",
-            Refusal::OutOfOrder => "plant.command.out_of_order",
-            Refusal::OutOfRange => "plant.command.out_of_range",
-        }
+/// The name under which a refusal is recorded.
+const fn refusal_name(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::NotArmed => "plant.command.not_armed",
+        Refusal::Late => "plant.command.late",
+        Refusal::OutOfOrder => "plant.command.out_of_order",
+        Refusal::Repeated => "plant.command.repeated",
+        Refusal::OutOfRange => "plant.command.out_of_range",
     }
 }
 
@@ -54,7 +40,7 @@ impl NodeEvent {
             NodeEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
             NodeEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
             NodeEvent::Emergency(emergency) => ("emergency", emergency.code as i64),
-            NodeEvent::Refused(refusal) => (refusal.name(), 0),
+            NodeEvent::Refused(refusal) => (refusal_name(*refusal), 0),
             NodeEvent::Frame(_) => ("frame.refused", 0),
         }
     }

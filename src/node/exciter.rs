@@ -1,13 +1,14 @@
 //! The exciter controller's node: arms the plant, plays a profile, reads the responses, disarms.
 
 use resonarm_protocol::{
-    Acceleration, Emergency, FaultCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
+    Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
     Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent, TorqueCommand,
 };
 
 use super::link::Link;
 use super::queue::Queue;
 use super::response::ResponseReader;
+use super::sequence::{Place, Sequence};
 use super::{NodeEvent, ResponsePoint, Timing};
 use crate::excitation::Profile;
 
@@ -23,6 +24,8 @@ pub enum Outcome {
     Finished,
     /// It was stopped before the end, and the plant disarmed.
     Stopped,
+    /// The plant left the bus before the end, and disarmed itself.
+    PlantLeft,
     /// A fault ended it: this node's own or the plant's.
     Faulted(Emergency),
 }
@@ -39,6 +42,17 @@ enum Phase {
     Done(Outcome),
 }
 
+/// Where a controller stands in leaving the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Leave {
+    /// Not asked to.
+    Stay,
+    /// Asked to; it is told when the work is done.
+    Asked,
+    /// Told.
+    Told,
+}
+
 /// The exciter controller as a node.
 #[derive(Clone, Debug)]
 pub struct ExciterNode {
@@ -48,14 +62,17 @@ pub struct ExciterNode {
     phase: Phase,
     plant_hello: Option<Hello>,
     plant_state: Option<NodeState>,
-    plant_heard_ns: u64,
+    leave: Leave,
     retry_at_ns: u64,
+    /// When the last new sample came in, of the time listened.
     sample_heard_ns: u64,
     head: Option<ImpedanceHead>,
     b: Option<Acceleration>,
-    /// The last sample answered: its index on the wire, and since the start of the profile.
-    answered: Option<(u16, u64)>,
+    sequence: Sequence,
+    /// The last sample answered, counted from the start of the profile.
+    answered: Option<u64>,
     missed_samples: u64,
+    slipped_periods: u64,
     reader: ResponseReader,
     responses: Queue<ResponsePoint>,
 }
@@ -71,13 +88,15 @@ impl ExciterNode {
             phase: Phase::Arming,
             plant_hello: None,
             plant_state: None,
-            plant_heard_ns: 0,
+            leave: Leave::Stay,
             retry_at_ns: 0,
             sample_heard_ns: 0,
             head: None,
             b: None,
+            sequence: Sequence::new(rate_hz),
             answered: None,
             missed_samples: 0,
+            slipped_periods: 0,
             responses: Queue::new(RESPONSES),
         }
     }
@@ -113,7 +132,7 @@ impl ExciterNode {
 
     /// Samples answered so far, counted from the start of the profile.
     pub fn samples_played(&self) -> u64 {
-        self.answered.map_or(0, |(_, n)| n + 1)
+        self.answered.map_or(0, |n| n + 1)
     }
 
     /// Samples of the plant that never came in whole.
@@ -121,12 +140,32 @@ impl ExciterNode {
         self.missed_samples
     }
 
+    /// Samples that came with the index of one answered before, or an older one, and were ignored.
+    pub fn stale_samples(&self) -> u64 {
+        self.sequence.stale()
+    }
+
+    /// Sample periods by which the plant said its schedule has moved.
+    pub fn slipped_periods(&self) -> u64 {
+        self.slipped_periods
+    }
+
     /// Frames of the protocol refused for their checks (E2E, length, values).
     pub fn refused_frames(&self) -> u64 {
         self.link.refused_frames()
     }
 
-    /// Ends the profile now: disarms the plant.
+    /// Frames that were never sent: newer ones took their place before they could be.
+    pub fn unsent_frames(&self) -> u64 {
+        self.link.unsent_frames()
+    }
+
+    /// Whether the work is done, and all frames are sent.
+    pub fn is_quiet(&self) -> bool {
+        matches!(self.phase, Phase::Done(_)) && !self.link.has_frames()
+    }
+
+    /// Ends the profile now: disarms the plant. The outcome is there when the plant has answered.
     pub fn stop(&mut self, now_ns: u64) {
         match self.phase {
             Phase::Playing => self.disarm(now_ns, Outcome::Stopped),
@@ -135,10 +174,33 @@ impl ExciterNode {
         }
     }
 
+    /// Leaves the bus in good order: as [`ExciterNode::stop`], and when the work is done tells that it leaves. It has left
+    /// when [`ExciterNode::is_quiet`].
+    pub fn leave(&mut self, now_ns: u64) {
+        if self.leave == Leave::Stay {
+            self.leave = Leave::Asked;
+            self.stop(now_ns);
+            self.tell_leave();
+        }
+    }
+
+    fn tell_leave(&mut self) {
+        if self.leave == Leave::Asked && matches!(self.phase, Phase::Done(_)) {
+            self.leave = Leave::Told;
+            self.link.send_emergency(self.emergency(EmergencyCode::Leaving, 0));
+        }
+    }
+
+    /// The bus is off: a controller at work faults. One that is not waits for the bus to come back.
+    pub fn bus_lost(&mut self, now_ns: u64) {
+        if self.phase == Phase::Playing {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+        }
+    }
+
     /// Takes in a frame from the bus; one of another protocol means nothing.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        let Some(message) = self.link.accept(frame) else { return };
-        self.plant_heard_ns = now_ns;
+        let Some(message) = self.link.accept(now_ns, frame) else { return };
         match message {
             Message::PlantHello(hello) => self.greet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Plant, state }) => self.watch(now_ns, state),
@@ -148,11 +210,12 @@ impl ExciterNode {
             Message::AccelerometerC(c) => self.sample(now_ns, c),
             _ => {}
         }
+        self.tell_leave();
     }
 
     fn greet(&mut self, now_ns: u64, hello: Hello) {
         if let Some(mismatch) = self.link.hello().mismatch(&hello) {
-            self.fault(now_ns, FaultCode::Incompatible, mismatch as u16);
+            self.fault(now_ns, EmergencyCode::Incompatible, mismatch as u16);
         } else if self.plant_hello.replace(hello).is_none() {
             self.ask_for_arming(now_ns);
         }
@@ -166,11 +229,11 @@ impl ExciterNode {
         match (self.phase, state) {
             (Phase::Arming, NodeState::Operational) if self.plant_hello.is_some() => {
                 self.phase = Phase::Playing;
-                self.sample_heard_ns = now_ns;
+                self.sample_heard_ns = self.link.listening.listened_ns();
                 self.link.transition(now_ns, StateEvent::Arm);
             }
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
-                self.fault(now_ns, FaultCode::PartnerFault, u16::from(Node::Plant.id()));
+                self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Plant.id()));
             }
             (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, Outcome::Stopped),
             (Phase::Disarming(outcome), NodeState::PreOperational | NodeState::Fault) => {
@@ -180,13 +243,39 @@ impl ExciterNode {
         }
     }
 
-    /// The plant's own word of why it faulted says more than its heartbeat.
     fn heed(&mut self, now_ns: u64, emergency: Emergency) {
-        let no_hello_yet = emergency.code == FaultCode::Incompatible && emergency.detail == Mismatch::NoHello as u16;
-        if no_hello_yet || !matches!(self.phase, Phase::Playing | Phase::Arming) {
+        match emergency.code {
+            EmergencyCode::ScheduleSlipped => {
+                self.link.tell(NodeEvent::Emergency(emergency));
+                self.slipped_periods += u64::from(emergency.detail);
+            }
+            EmergencyCode::Leaving => self.part(now_ns, emergency),
+            _ => self.heed_fault(now_ns, emergency),
+        }
+    }
+
+    /// The plant leaves the bus. Before it was armed another may come.
+    fn part(&mut self, now_ns: u64, emergency: Emergency) {
+        self.link.tell(NodeEvent::Emergency(emergency));
+        (self.plant_hello, self.plant_state) = (None, None);
+        match self.phase {
+            Phase::Playing => {
+                self.phase = Phase::Done(Outcome::PlantLeft);
+                self.link.transition(now_ns, StateEvent::Disarm);
+            }
+            Phase::Disarming(outcome) => self.phase = Phase::Done(outcome),
+            Phase::Arming | Phase::Done(_) => {}
+        }
+    }
+
+    /// The plant's own word of why it faulted says more than its heartbeat.
+    fn heed_fault(&mut self, now_ns: u64, emergency: Emergency) {
+        let incompatible = emergency.code == EmergencyCode::Incompatible;
+        let no_hello_yet = incompatible && emergency.detail == Mismatch::NoHello as u16;
+        if no_hello_yet {
             return;
         }
-        if self.phase == Phase::Playing || emergency.code == FaultCode::Incompatible {
+        if self.phase == Phase::Playing || (self.phase == Phase::Arming && incompatible) {
             self.link.tell(NodeEvent::Emergency(emergency));
             self.link.transition(now_ns, StateEvent::Fault);
             self.phase = Phase::Done(Outcome::Faulted(emergency));
@@ -205,16 +294,17 @@ impl ExciterNode {
             Phase::Disarming(_) => return self.request(OperatorRequest::Disarm),
             Phase::Arming | Phase::Done(_) => return,
         }
-        self.sample_heard_ns = now_ns;
-        let n = match self.answered {
-            None => 0,
-            Some((last, n)) => {
-                let ahead = u64::from(c.sample.wrapping_sub(last));
-                self.missed_samples += ahead.saturating_sub(1);
-                n + ahead
+        let n = match (self.sequence.judge(c.sample), self.answered) {
+            (Place::Stale, _) => return,
+            (Place::Broken, _) => return self.fault(now_ns, EmergencyCode::SampleSequence, c.sample),
+            (Place::Ahead(ahead), Some(last)) => {
+                self.missed_samples += u64::from(ahead) - 1;
+                last + u64::from(ahead)
             }
+            (Place::First | Place::Ahead(_), _) => 0,
         };
-        self.answered = Some((c.sample, n));
+        self.sample_heard_ns = self.link.listening.listened_ns();
+        self.answered = Some(n);
         if let Some(point) = self.reader.add(n, self.profile.phase_cycles(n), &head, &b, &c) {
             self.responses.push(point);
         }
@@ -235,12 +325,12 @@ impl ExciterNode {
             Message::Force(ForceCommand { force_x_n, force_y_n, sample })
         };
         if self.link.send(&message).is_err() {
-            self.fault(now_ns, FaultCode::CommandOutOfRange, 0);
+            self.fault(now_ns, EmergencyCode::CommandOutOfRange, 0);
         }
     }
 
     fn ask_for_arming(&mut self, now_ns: u64) {
-        self.retry_at_ns = now_ns + RETRY_NS;
+        self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
         if self.plant_hello.is_none() {
             return;
         }
@@ -253,7 +343,7 @@ impl ExciterNode {
 
     fn disarm(&mut self, now_ns: u64, outcome: Outcome) {
         self.phase = Phase::Disarming(outcome);
-        self.retry_at_ns = now_ns + RETRY_NS;
+        self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
         self.request(OperatorRequest::Disarm);
         self.link.transition(now_ns, StateEvent::Disarm);
     }
@@ -263,12 +353,20 @@ impl ExciterNode {
         debug_assert!(sent.is_ok(), "{sent:?}");
     }
 
-    fn fault(&mut self, now_ns: u64, code: FaultCode, detail: u16) {
-        let sample = self.answered.map_or(0, |(sample, _)| sample);
-        let emergency = Emergency { node: Node::Exciter, code, detail, sample };
+    fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
+        let emergency = self.emergency(code, detail);
         self.link.send_emergency(emergency);
         self.link.transition(now_ns, StateEvent::Fault);
         self.phase = Phase::Done(Outcome::Faulted(emergency));
+    }
+
+    fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
+        Emergency { node: Node::Exciter, code, detail, sample: self.last_sample() }
+    }
+
+    /// The index of the last sample answered.
+    fn last_sample(&self) -> u16 {
+        self.sequence.last().unwrap_or(0)
     }
 
     /// Does what is due: heartbeats, hellos, tries, and the timeouts of a playing controller.
@@ -276,33 +374,54 @@ impl ExciterNode {
         self.link.handle_deadline(now_ns);
         match self.phase {
             Phase::Arming if now_ns >= self.retry_at_ns => self.ask_for_arming(now_ns),
+            Phase::Disarming(_) if self.link.is_partner_lost() => {
+                self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Plant.id()));
+            }
             Phase::Disarming(outcome) if now_ns >= self.retry_at_ns => self.disarm(now_ns, outcome),
-            Phase::Playing if now_ns >= self.sample_heard_ns + self.timing.partner_timeout_ns => {
-                let sample = self.answered.map_or(0, |(sample, _)| sample);
-                self.fault(now_ns, FaultCode::SensorTimeout, sample);
+            Phase::Playing if self.link.is_jammed() => {
+                self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+            }
+            Phase::Playing if self.is_sensor_lost() => {
+                self.fault(now_ns, EmergencyCode::SensorTimeout, self.last_sample());
             }
             _ => {}
         }
-        let silent = now_ns >= self.plant_heard_ns + self.timing.partner_timeout_ns;
-        if let (Phase::Disarming(_), true) = (self.phase, silent) {
-            self.fault(now_ns, FaultCode::HeartbeatLost, u16::from(Node::Plant.id()));
-        }
+        self.tell_leave();
     }
 
-    /// When [`ExciterNode::handle_deadline`] is to be called next.
+    fn is_sensor_lost(&self) -> bool {
+        self.link.listening.has_passed(self.sample_heard_ns, self.timing.partner_timeout_ns)
+    }
+
+    /// When [`ExciterNode::handle_deadline`] is to be called next, at the latest.
     pub fn next_deadline_ns(&self) -> u64 {
         let link = self.link.next_deadline_ns();
         match self.phase {
             Phase::Arming => link.min(self.retry_at_ns),
-            Phase::Disarming(_) => link.min(self.retry_at_ns).min(self.plant_heard_ns + self.timing.partner_timeout_ns),
-            Phase::Playing => link.min(self.sample_heard_ns + self.timing.partner_timeout_ns),
+            Phase::Disarming(_) => link.min(self.retry_at_ns).min(self.link.partner_deadline_ns()),
+            Phase::Playing => {
+                let sensors = self.link.listening.next_look_ns(self.sample_heard_ns, self.timing.partner_timeout_ns);
+                link.min(sensors)
+            }
             Phase::Done(_) => link,
         }
     }
 
-    /// The next frame to send.
+    /// The next frame to send, as it is now. Ask again after any other call: it may be another by then.
+    pub fn next_frame(&self) -> Option<Frame> {
+        self.link.next_frame()
+    }
+
+    /// The bus has taken the frame that [`ExciterNode::next_frame`] gave.
+    pub fn frame_sent(&mut self) {
+        self.link.frame_sent();
+    }
+
+    /// The next frame, as one that is sent.
     pub fn poll_transmit(&mut self) -> Option<Frame> {
-        self.link.poll_transmit()
+        let frame = self.next_frame()?;
+        self.frame_sent();
+        Some(frame)
     }
 
     /// The next event.

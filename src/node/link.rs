@@ -1,15 +1,15 @@
-//! What both nodes share: the protocol's ends, the state, heartbeats and hellos.
+//! What both nodes share: the protocol's ends, the state, heartbeats and hellos, the time listened.
 
 use resonarm_protocol::{
     Emergency, EncodeError, Frame, Heartbeat, Hello, Message, Network, Node, NodeState, Receiver, StateEvent,
     Transmitter,
 };
 
+use super::listening::Listening;
+use super::outbox::Outbox;
 use super::queue::Queue;
 use super::{NodeEvent, Timing};
 
-/// Frames that wait to be sent: a sample's three, and what a state change adds.
-const OUTBOX: usize = 32;
 /// Events that wait to be fetched.
 const EVENTS: usize = 64;
 
@@ -18,13 +18,17 @@ pub(super) struct Link {
     node: Node,
     transmitter: Transmitter,
     receiver: Receiver,
-    outbox: Queue<Frame>,
+    outbox: Outbox,
     events: Queue<NodeEvent>,
     state: NodeState,
     hello: Hello,
     timing: Timing,
+    pub listening: Listening,
     heartbeat_at_ns: u64,
     hello_at_ns: u64,
+    partner_heard_ns: u64,
+    /// Since when frames wait and none was sent, of the time listened.
+    jammed_since_ns: Option<u64>,
     refused_frames: u64,
 }
 
@@ -34,19 +38,23 @@ impl Link {
             node,
             transmitter: Transmitter::new(network),
             receiver: Receiver::new(network),
-            outbox: Queue::new(OUTBOX),
+            outbox: Outbox::new(),
             events: Queue::new(EVENTS),
             state: NodeState::BootUp,
             hello: Hello::classic(rate_hz),
             timing,
+            listening: Listening::new(timing.look_period_ns),
             heartbeat_at_ns: 0,
             hello_at_ns: 0,
+            partner_heard_ns: 0,
+            jammed_since_ns: None,
             refused_frames: 0,
         }
     }
 
     /// Boot-up heartbeat, then pre-operational, then hello.
     pub fn start(&mut self, now_ns: u64) {
+        self.listening.start(now_ns);
         self.send_heartbeat(now_ns);
         self.transition(now_ns, StateEvent::Started);
         self.send_hello(now_ns);
@@ -70,24 +78,32 @@ impl Link {
         self.receiver.lost()
     }
 
-    /// Frames not sent because the outbox was full.
+    /// Frames that will never be sent: newer ones took their place before they could be.
     pub fn unsent_frames(&self) -> u64 {
-        self.outbox.lost()
+        self.outbox.unsent()
     }
 
     /// Follows the state table; `false` if the event means nothing in this state.
     pub fn transition(&mut self, now_ns: u64, event: StateEvent) -> bool {
         let Some(to) = self.state.next(event) else { return false };
         let from = core::mem::replace(&mut self.state, to);
+        if from == NodeState::Operational {
+            self.outbox.clear_commands();
+        }
         self.events.push(NodeEvent::State { from, to });
         self.send_heartbeat(now_ns);
         true
     }
 
     /// The message in a frame, if it is one for this node.
-    pub fn accept(&mut self, frame: &Frame) -> Option<Message> {
+    pub fn accept(&mut self, now_ns: u64, frame: &Frame) -> Option<Message> {
+        self.listening.look(now_ns);
         match self.receiver.accept(frame) {
-            Ok(message) => message.filter(|message| message.kind().sender() != self.node),
+            Ok(message) => {
+                let message = message.filter(|message| message.kind().sender() != self.node)?;
+                self.partner_heard_ns = self.listening.listened_ns();
+                Some(message)
+            }
             Err(error) => {
                 self.refused_frames += 1;
                 self.events.push(NodeEvent::Frame(error));
@@ -101,12 +117,13 @@ impl Link {
     /// # Errors
     /// [`EncodeError`] if the protocol can't say it.
     pub fn send(&mut self, message: &Message) -> Result<(), EncodeError> {
-        let frame = self.transmitter.frame(message)?;
-        self.outbox.push(frame);
+        message.check()?;
+        self.outbox.push(*message);
+        self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
         Ok(())
     }
 
-    /// Queues a message of this room's own making; the protocol can say all of them.
+    /// Queues a message of this module's own making; the protocol can say all of them.
     fn send_own(&mut self, message: &Message) {
         let sent = self.send(message);
         debug_assert!(sent.is_ok(), "{message:?}: {sent:?}");
@@ -118,7 +135,7 @@ impl Link {
     }
 
     pub fn send_hello(&mut self, now_ns: u64) {
-        self.hello_at_ns = now_ns + self.timing.hello_period_ns;
+        self.hello_at_ns = now_ns.saturating_add(self.timing.early(self.timing.hello_period_ns));
         self.send_own(&match self.node {
             Node::Plant => Message::PlantHello(self.hello),
             Node::Exciter => Message::ExciterHello(self.hello),
@@ -126,12 +143,13 @@ impl Link {
     }
 
     fn send_heartbeat(&mut self, now_ns: u64) {
-        self.heartbeat_at_ns = now_ns + self.timing.heartbeat_period_ns;
+        self.heartbeat_at_ns = now_ns.saturating_add(self.timing.early(self.timing.heartbeat_period_ns));
         self.send_own(&Message::Heartbeat(Heartbeat { node: self.node, state: self.state }));
     }
 
-    /// Sends the heartbeat and the hello that are due.
+    /// Looks at the clock, and sends the heartbeat and the hello that are due.
     pub fn handle_deadline(&mut self, now_ns: u64) {
+        self.listening.look(now_ns);
         if now_ns >= self.heartbeat_at_ns {
             self.send_heartbeat(now_ns);
         }
@@ -145,12 +163,45 @@ impl Link {
         self.heartbeat_at_ns.min(self.hello_at_ns)
     }
 
+    /// Whether the partner gave no sign of life in time.
+    pub fn is_partner_lost(&self) -> bool {
+        self.listening.has_passed(self.partner_heard_ns, self.timing.partner_timeout_ns)
+    }
+
+    /// When to look next for [`Link::is_partner_lost`].
+    pub fn partner_deadline_ns(&self) -> u64 {
+        self.listening.next_look_ns(self.partner_heard_ns, self.timing.partner_timeout_ns)
+    }
+
+    /// Whether frames wait and none could be sent for the bus timeout.
+    pub fn is_jammed(&self) -> bool {
+        self.jammed_since_ns.is_some_and(|since_ns| self.listening.has_passed(since_ns, self.timing.command_timeout_ns))
+    }
+
+    /// Frames not sent, for the detail of a bus loss: those that wait and those that newer ones replaced.
+    pub fn not_sent(&self) -> u16 {
+        let frames = self.outbox.unsent().saturating_add(self.outbox.waiting() as u64);
+        u16::try_from(frames).unwrap_or(u16::MAX)
+    }
+
     pub fn tell(&mut self, event: NodeEvent) {
         self.events.push(event);
     }
 
-    pub fn poll_transmit(&mut self) -> Option<Frame> {
-        self.outbox.pop()
+    /// The frame to send next, as it is now.
+    pub fn next_frame(&self) -> Option<Frame> {
+        self.transmitter.clone().frame(self.outbox.front()?).ok()
+    }
+
+    /// The frame to send next has been sent: its counter is spent.
+    pub fn frame_sent(&mut self) {
+        let sent = self.outbox.pop().map(|message| self.transmitter.frame(&message));
+        debug_assert!(matches!(sent, Some(Ok(_))), "{sent:?}");
+        self.jammed_since_ns = (self.outbox.waiting() > 0).then(|| self.listening.listened_ns());
+    }
+
+    pub fn has_frames(&self) -> bool {
+        self.outbox.waiting() > 0
     }
 
     pub fn poll_event(&mut self) -> Option<NodeEvent> {

@@ -3,25 +3,38 @@
 //! A node is told of frames and of the time, and asked for frames, deadlines and events:
 //!
 //! ```text
-//! handle_frame(now, frame) ─┐                    ┌─ poll_transmit() → frames to send
+//! handle_frame(now, frame) ─┐                    ┌─ next_frame(), frame_sent() → frames to send
 //! handle_deadline(now) ─────┼──►  node state  ──┼─ next_deadline_ns() → when to be called again
 //! publish(measurement) ─────┘                    └─ poll_event() → what happened
 //! ```
+//!
+//! A frame is made when it is fetched, so a bus that is full takes it later, with what is newest then: ask for
+//! `next_frame`, and say `frame_sent` once the bus has taken it; `poll_transmit` does both.
+//!
+//! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and go on calling the node until `is_quiet`: the load
+//! has ramped to zero and all is sent.
 //!
 //! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are those
 //! of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
 mod event;
 mod exciter;
+mod hold;
 mod link;
+mod listening;
+mod outbox;
 mod plant;
 mod queue;
+mod refusals;
 mod response;
+mod sequence;
 mod timing;
 
-pub use event::{NodeEvent, Refusal};
+pub use event::NodeEvent;
 pub use exciter::{ExciterNode, Outcome};
 pub use plant::PlantNode;
+pub use refusals::Refusals;
+pub use resonarm_protocol::Refusal;
 pub use response::ResponsePoint;
 pub use timing::Timing;
 

@@ -1,12 +1,13 @@
 //! The plant's node: the gate through which every command to the arm passes.
 
 use resonarm_protocol::{
-    Acceleration, Emergency, EncodeError, FaultCode, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
+    Acceleration, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
     Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent,
 };
 
+use super::hold::Hold;
 use super::link::Link;
-use super::{NodeEvent, Refusal, Timing};
+use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::arm::Load;
 use crate::rig::{ExciterSpec, Measurement};
 
@@ -18,15 +19,17 @@ pub struct PlantNode {
     rate_hz: u16,
     exciter: ExciterSpec,
     partner: Option<Hello>,
-    partner_heard_ns: u64,
     /// The sample published last.
     step: u64,
-    held: Load,
+    hold: Hold,
     /// The sample that the last command taken answers, since arming.
     answered: Option<u64>,
+    /// When the last command was taken, or the plant was armed, of the time listened.
     command_taken_ns: u64,
-    refused_since_taken: u16,
-    ramp_left: u64,
+    refused_since_taken: u64,
+    refusals: Refusals,
+    slipped_periods: u64,
+    is_leaving: bool,
     /// Why the node faulted last.
     emergency: Option<Emergency>,
 }
@@ -40,13 +43,14 @@ impl PlantNode {
             rate_hz,
             exciter,
             partner: None,
-            partner_heard_ns: 0,
             step: 0,
-            held: Load::default(),
+            hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
             answered: None,
             command_taken_ns: 0,
             refused_since_taken: 0,
-            ramp_left: 0,
+            refusals: Refusals::default(),
+            slipped_periods: 0,
+            is_leaving: false,
             emergency: None,
         }
     }
@@ -86,21 +90,42 @@ impl PlantNode {
         self.link.lost_frames()
     }
 
-    /// Frames not sent because they were not fetched in time.
+    /// Frames that were never sent: newer ones took their place before they could be.
     pub fn unsent_frames(&self) -> u64 {
         self.link.unsent_frames()
     }
 
+    /// Valid commands that did not reach the arm, by reason.
+    pub fn refusals(&self) -> &Refusals {
+        &self.refusals
+    }
+
+    /// Sample periods by which the schedule has moved, as [`PlantNode::slip`] was told.
+    pub fn slipped_periods(&self) -> u64 {
+        self.slipped_periods
+    }
+
+    /// Whether the load is on its way to zero.
+    pub fn is_ramping(&self) -> bool {
+        self.hold.ramp_left() > 0
+    }
+
+    /// Whether a node that was faulted, disarmed or told to leave has nothing left to do: it is not armed, the load is zero
+    /// and all frames are sent.
+    pub fn is_quiet(&self) -> bool {
+        !self.is_armed() && !self.is_ramping() && !self.link.has_frames()
+    }
+
     /// Takes in a frame from the bus; one of another protocol means nothing.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        let Some(message) = self.link.accept(frame) else { return };
-        self.partner_heard_ns = now_ns;
+        let Some(message) = self.link.accept(now_ns, frame) else { return };
         match message {
             Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(now_ns, request),
-            Message::Force(c) => self.take(now_ns, c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
-            Message::Torque(c) => self.take(now_ns, c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
+            Message::Force(c) => self.take(c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
+            Message::Torque(c) => self.take(c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
             Message::ExciterHello(hello) => self.greet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
+            Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => self.part(now_ns, emergency),
             _ => {}
         }
     }
@@ -115,7 +140,7 @@ impl PlantNode {
     fn obey(&mut self, now_ns: u64, request: OperatorRequest) {
         match request {
             OperatorRequest::Arm if self.state() == NodeState::PreOperational => self.arm(now_ns),
-            OperatorRequest::Disarm if self.is_armed() => self.leave(now_ns, StateEvent::Disarm),
+            OperatorRequest::Disarm if self.is_armed() => self.exit(now_ns, StateEvent::Disarm),
             OperatorRequest::Reset => {
                 self.link.transition(now_ns, StateEvent::Reset);
             }
@@ -124,17 +149,19 @@ impl PlantNode {
     }
 
     fn arm(&mut self, now_ns: u64) {
+        if self.is_leaving {
+            return self.link.send_emergency(self.emergency(EmergencyCode::Leaving, self.ramp_detail()));
+        }
         let mismatch = match &self.partner {
             None => Some(Mismatch::NoHello),
             Some(partner) => self.link.hello().mismatch(partner),
         };
         if let Some(mismatch) = mismatch {
-            self.link.send_emergency(self.emergency(FaultCode::Incompatible, mismatch as u16));
+            self.link.send_emergency(self.emergency(EmergencyCode::Incompatible, mismatch as u16));
             return;
         }
-        self.held = Load::default();
         self.answered = None;
-        self.command_taken_ns = now_ns;
+        self.command_taken_ns = self.link.listening.listened_ns();
         self.refused_since_taken = 0;
         self.link.transition(now_ns, StateEvent::Arm);
     }
@@ -145,21 +172,31 @@ impl PlantNode {
             self.partner = None;
         }
         if matches!(state, NodeState::BootUp | NodeState::Fault) && self.is_armed() {
-            self.fault(now_ns, FaultCode::PartnerFault, u16::from(Node::Exciter.id()));
+            self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.id()));
+        }
+    }
+
+    /// The exciter leaves the bus: it is forgotten, and an armed plant disarms.
+    fn part(&mut self, now_ns: u64, emergency: Emergency) {
+        self.partner = None;
+        self.link.tell(NodeEvent::Emergency(emergency));
+        if self.is_armed() {
+            self.exit(now_ns, StateEvent::Disarm);
         }
     }
 
     /// The gate: every command is taken here or refused with a reason.
-    fn take(&mut self, now_ns: u64, sample: u16, load: Load) {
+    fn take(&mut self, sample: u16, load: Load) {
         match self.check(sample, &load) {
             Ok(answered) => {
-                self.held = load;
+                self.hold.take(load);
                 self.answered = Some(answered);
-                self.command_taken_ns = now_ns;
+                self.command_taken_ns = self.link.listening.listened_ns();
                 self.refused_since_taken = 0;
             }
             Err(refusal) => {
-                self.refused_since_taken = self.refused_since_taken.saturating_add(1);
+                self.refused_since_taken += 1;
+                self.refusals.add(refusal);
                 self.link.tell(NodeEvent::Refused(refusal));
             }
         }
@@ -171,10 +208,12 @@ impl PlantNode {
         }
         // Modulo 2¹⁶; a sample still to come has an age of nearly 2¹⁶.
         let age = u64::from((self.step as u16).wrapping_sub(sample));
-        let limit = u64::from(self.rate_hz) * self.timing.command_age_ns / 1_000_000_000;
+        let limit = self.timing.command_age_ns.saturating_mul(self.rate_hz.into()) / 1_000_000_000;
         let answered = self.step.checked_sub(age).filter(|_| age <= limit).ok_or(Refusal::Late)?;
-        if self.answered.is_some_and(|last| answered < last) {
-            return Err(Refusal::OutOfOrder);
+        match self.answered {
+            Some(last) if answered < last => return Err(Refusal::OutOfOrder),
+            Some(last) if answered == last => return Err(Refusal::Repeated),
+            _ => {}
         }
         if !self.exciter.can_produce(load) {
             return Err(Refusal::OutOfRange);
@@ -188,22 +227,25 @@ impl PlantNode {
         if !self.is_armed() {
             return;
         }
-        if now_ns >= self.command_taken_ns + self.timing.command_timeout_ns {
-            self.fault(now_ns, FaultCode::CommandTimeout, self.refused_since_taken);
-        } else if now_ns >= self.partner_heard_ns + self.timing.partner_timeout_ns {
-            self.fault(now_ns, FaultCode::HeartbeatLost, u16::from(Node::Exciter.id()));
+        let (listening, timing) = (&self.link.listening, &self.timing);
+        if self.link.is_jammed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+        } else if listening.has_passed(self.command_taken_ns, timing.command_timeout_ns) {
+            let last = self.refusals.last().filter(|_| self.refused_since_taken > 0);
+            self.fault(now_ns, EmergencyCode::CommandTimeout, Refusal::detail(self.refused_since_taken, last));
+        } else if self.link.is_partner_lost() {
+            self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.id()));
         }
     }
 
-    /// When [`PlantNode::handle_deadline`] is to be called next.
+    /// When [`PlantNode::handle_deadline`] is to be called next, at the latest.
     pub fn next_deadline_ns(&self) -> u64 {
         let link = self.link.next_deadline_ns();
         if !self.is_armed() {
             return link;
         }
-        let command = self.command_taken_ns + self.timing.command_timeout_ns;
-        let partner = self.partner_heard_ns + self.timing.partner_timeout_ns;
-        link.min(command).min(partner)
+        let command = self.link.listening.next_look_ns(self.command_taken_ns, self.timing.command_timeout_ns);
+        link.min(command).min(self.link.partner_deadline_ns())
     }
 
     /// Publishes a sample: impedance head, accelerometer B, accelerometer C.
@@ -235,48 +277,89 @@ impl PlantNode {
     /// The load to hold from the sample published last to the next. Call it once a sample: after a fault or a disarm each
     /// call goes one step down the ramp.
     ///
-    /// The ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0.
+    /// The ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0. Arming doesn't end it; the first command
+    /// taken does.
     pub fn load(&mut self) -> Load {
-        if self.is_armed() {
-            return self.held;
-        }
-        if self.ramp_left == 0 {
-            return Load::default();
-        }
-        self.ramp_left -= 1;
-        self.held.scaled(self.ramp_left as f64 / self.ramp_samples() as f64)
+        self.hold.next()
     }
 
-    fn ramp_samples(&self) -> u64 {
-        (u64::from(self.rate_hz) * self.timing.ramp_ns).div_ceil(1_000_000_000).max(1)
-    }
-
-    /// Faults from outside: the simulation failed, ticks were missed, the bus was lost.
-    pub fn fault(&mut self, now_ns: u64, code: FaultCode, detail: u16) {
+    /// Faults from outside: the simulation failed, or ticks were missed. The load ramps to zero; if the simulation failed
+    /// there is nothing to ramp, and it is let go at once.
+    pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
+        debug_assert!(!code.is_notice(), "{code:?} is no fault");
+        if code == EmergencyCode::SimulationFailed {
+            self.hold.drop_load();
+        }
         if self.state() == NodeState::Fault {
             return;
         }
         let emergency = self.emergency(code, detail);
         self.emergency = Some(emergency);
         self.link.send_emergency(emergency);
-        self.leave(now_ns, StateEvent::Fault);
+        self.exit(now_ns, StateEvent::Fault);
+    }
+
+    /// The bus is off: an armed plant faults. One that is not armed waits for the bus to come back.
+    pub fn bus_lost(&mut self, now_ns: u64) {
+        if self.is_armed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+        }
+    }
+
+    /// Tells that the schedule has moved by `periods` missed sample periods. The sample index goes on without a gap.
+    pub fn slip(&mut self, periods: u64) {
+        self.slipped_periods = self.slipped_periods.saturating_add(periods);
+        let detail = u16::try_from(periods).unwrap_or(u16::MAX);
+        self.link.send_emergency(self.emergency(EmergencyCode::ScheduleSlipped, detail));
+    }
+
+    /// Leaves the bus in good order: tells so, and disarms if armed. The plant is not armed again; it has left when
+    /// [`PlantNode::is_quiet`].
+    pub fn leave(&mut self, now_ns: u64) {
+        if self.is_leaving {
+            return;
+        }
+        self.is_leaving = true;
+        if self.is_armed() {
+            self.hold.release();
+        }
+        self.link.send_emergency(self.emergency(EmergencyCode::Leaving, self.ramp_detail()));
+        if self.is_armed() {
+            self.exit(now_ns, StateEvent::Disarm);
+        }
     }
 
     /// Leaves whatever state this is; from armed, the load ramps to zero.
-    fn leave(&mut self, now_ns: u64, event: StateEvent) {
+    fn exit(&mut self, now_ns: u64, event: StateEvent) {
         if self.is_armed() {
-            self.ramp_left = self.ramp_samples();
+            self.hold.release();
         }
         self.link.transition(now_ns, event);
     }
 
-    fn emergency(&self, code: FaultCode, detail: u16) -> Emergency {
+    fn ramp_detail(&self) -> u16 {
+        u16::try_from(self.hold.ramp_left()).unwrap_or(u16::MAX)
+    }
+
+    fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
         Emergency { node: Node::Plant, code, detail, sample: self.step as u16 }
     }
 
-    /// The next frame to send.
+    /// The next frame to send, as it is now. Ask again after any other call: it may be another by then.
+    pub fn next_frame(&self) -> Option<Frame> {
+        self.link.next_frame()
+    }
+
+    /// The bus has taken the frame that [`PlantNode::next_frame`] gave.
+    pub fn frame_sent(&mut self) {
+        self.link.frame_sent();
+    }
+
+    /// The next frame, as one that is sent.
     pub fn poll_transmit(&mut self) -> Option<Frame> {
-        self.link.poll_transmit()
+        let frame = self.next_frame()?;
+        self.frame_sent();
+        Some(frame)
     }
 
     /// The next event.

@@ -28,6 +28,19 @@ impl<T> Queue<T> {
         self.items.pop_front()
     }
 
+    pub fn front(&self) -> Option<&T> {
+        self.items.front()
+    }
+
+    /// The latest of the items for which this holds.
+    pub fn latest(&self, holds: impl Fn(&T) -> bool) -> Option<&T> {
+        self.items.iter().rev().find(|item| holds(item))
+    }
+
+    pub fn len(&self) -> usize {
+        self.items.len()
+    }
+
     /// Items that found the queue full.
     pub fn lost(&self) -> u64 {
         self.lost

@@ -5,26 +5,31 @@ use resonarm_protocol::timing;
 /// How long a node waits for what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// Longest time without a valid command (plant) or a sample (exciter) while armed, ns.
+    /// Longest time, listened, without a valid command while armed (plant), or in which frames wait and none can be sent
+    /// (both), ns.
     pub command_timeout_ns: u64,
-    /// Longest time without a sign of life of the partner while armed, ns.
+    /// Longest time, listened, without a sign of life of the partner, or without a whole sample (exciter), while armed, ns.
     pub partner_timeout_ns: u64,
+    /// The most that counts as listened between two looks at the clock, ns. A node whose timeouts run asks to be called
+    /// at least this often.
+    pub look_period_ns: u64,
     /// Largest age of a command, ns of simulated time: how old the sample it answers may be.
     pub command_age_ns: u64,
     /// How long the load takes to go to zero after a fault or a disarm, ns of simulated time.
     pub ramp_ns: u64,
-    /// Time between two heartbeats, ns.
+    /// Longest time between two heartbeats, ns.
     pub heartbeat_period_ns: u64,
-    /// Time between two hellos, ns.
+    /// Longest time between two hellos, ns.
     pub hello_period_ns: u64,
 }
 
 impl Timing {
-    /// The specification's times for a run in real time.
-    pub const fn real_time() -> Timing {
+    /// The specification's times for a run in real time with `rate_hz` samples a second. A look period is a sample period.
+    pub const fn real_time(rate_hz: u16) -> Timing {
         Timing {
             command_timeout_ns: timing::COMMAND_TIMEOUT_NS,
             partner_timeout_ns: timing::HEARTBEAT_TIMEOUT_NS,
+            look_period_ns: timing::sample_period_ns(rate_hz),
             command_age_ns: timing::COMMAND_AGE_NS,
             ramp_ns: timing::FORCE_RAMP_NS,
             heartbeat_period_ns: timing::HEARTBEAT_PERIOD_NS,
@@ -38,8 +43,20 @@ impl Timing {
         Timing {
             command_timeout_ns: timeout_ns,
             partner_timeout_ns: timeout_ns,
+            look_period_ns: timing::LOCKSTEP_LOOK_NS,
             command_age_ns: 0,
-            ..Timing::real_time()
+            ramp_ns: timing::FORCE_RAMP_NS,
+            heartbeat_period_ns: timing::HEARTBEAT_PERIOD_NS,
+            hello_period_ns: timing::HELLO_PERIOD_NS,
         }
+    }
+
+    /// When to send what is to be sent at least every `period_ns`: two look periods before, so that a node that acts only
+    /// at its ticks, and a little late, keeps the bound.
+    pub(super) const fn early(&self, period_ns: u64) -> u64 {
+        let margin_ns = self.look_period_ns.saturating_mul(2);
+        let least_ns = period_ns / 2;
+        let early_ns = period_ns.saturating_sub(margin_ns);
+        if early_ns > least_ns { early_ns } else { least_ns }
     }
 }

@@ -1,12 +1,10 @@
 //! The exciter controller on a bus: answers samples as they come, in real time and in lockstep alike.
 
-use core::mem;
 use core::time::Duration;
 
 use super::{RunError, Signals};
 use crate::bus::{Bus, Sent, Statistics};
 use crate::node::{ExciterNode, Outcome, ResponsePoint};
-use crate::protocol::Frame;
 use crate::realtime::Clock;
 
 /// Longest sleep between two looks at the stop signal, ns.
@@ -44,20 +42,19 @@ pub fn exciter<C: Clock>(
     mut on_response: impl FnMut(ResponsePoint),
 ) -> Result<ExciterReport, RunError> {
     let start_ns = clock.now_ns();
-    let mut pending = None;
     node.start(0);
     let outcome = loop {
         let now_ns = clock.now_ns().saturating_sub(start_ns);
         while let Some(received) = bus.receive()? {
             node.handle_frame(now_ns, &received.frame);
             // An answer must not wait for the frames behind the sample.
-            transmit(node, bus, &mut pending)?;
+            transmit(node, bus)?;
         }
         if signals.is_stopped() {
             node.stop(now_ns);
         }
         node.handle_deadline(now_ns);
-        let sent = transmit(node, bus, &mut pending)?;
+        let sent = transmit(node, bus)?;
         core::iter::from_fn(|| node.poll_response()).for_each(&mut on_response);
         signals.set_step(node.samples_played());
         if let Some(outcome) = node.outcome() {
@@ -70,7 +67,7 @@ pub fn exciter<C: Clock>(
         bus.wait(Duration::from_nanos(due_ns.min(if sent { LOOK_NS } else { RETRY_NS })))?;
     };
     for _ in 0..LAST_TRIES {
-        if transmit(node, bus, &mut pending)? {
+        if transmit(node, bus)? {
             break;
         }
         bus.wait(Duration::from_nanos(RETRY_NS))?;
@@ -85,12 +82,12 @@ pub fn exciter<C: Clock>(
 }
 
 /// Sends what there is to send; `true` if all is sent.
-fn transmit(node: &mut ExciterNode, bus: &mut dyn Bus, pending: &mut Option<Frame>) -> Result<bool, RunError> {
-    while let Some(frame) = mem::take(pending).or_else(|| node.poll_transmit()) {
+fn transmit(node: &mut ExciterNode, bus: &mut dyn Bus) -> Result<bool, RunError> {
+    while let Some(frame) = node.next_frame() {
         if bus.send(&frame)? == Sent::QueueFull {
-            *pending = Some(frame);
             return Ok(false);
         }
+        node.frame_sent();
     }
     Ok(true)
 }

@@ -1,13 +1,11 @@
 //! The plant with its node and its tape: the steps that all run loops share.
 
-use core::mem;
-
 use super::{RunError, Tape};
 use crate::arm::Load;
 use crate::bus::{Bus, Received, Sent};
 use crate::node::{NodeEvent, PlantNode};
 use crate::plant::{Plant, PlantError};
-use crate::protocol::{FaultCode, Frame, NodeState};
+use crate::protocol::{EmergencyCode, Frame, NodeState};
 use crate::recording::{Direction, Event, FrameRecord, Record, SampleRecord, StepRecord};
 use crate::rig::Reading;
 
@@ -20,8 +18,6 @@ pub struct PlantSide {
     plant: Plant,
     node: PlantNode,
     tape: Tape,
-    /// A frame that found the transmit queue full.
-    pending: Option<Frame>,
     ended: bool,
 }
 
@@ -37,7 +33,7 @@ pub struct Counts {
 impl PlantSide {
     /// Puts the three together.
     pub fn new(plant: Plant, node: PlantNode, tape: Tape) -> PlantSide {
-        PlantSide { plant, node, tape, pending: None, ended: false }
+        PlantSide { plant, node, tape, ended: false }
     }
 
     /// The plant.
@@ -69,7 +65,7 @@ impl PlantSide {
         Ok(self.tape.record(record)?)
     }
 
-    pub(super) fn fault(&mut self, now_ns: u64, code: FaultCode, detail: u16) {
+    pub(super) fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         self.node.fault(now_ns, code, detail);
     }
 
@@ -128,7 +124,7 @@ impl PlantSide {
         self.record_step(&load)?;
         if let Err(error) = self.plant.advance(&load) {
             let PlantError::Integrate { .. } = error;
-            self.node.fault(now_ns, FaultCode::SimulationFailed, 0);
+            self.node.fault(now_ns, EmergencyCode::SimulationFailed, 0);
             self.handle_deadline(now_ns)?;
             return Err(RunError::Plant(error));
         }
@@ -165,13 +161,13 @@ impl PlantSide {
 
     /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
     pub(super) fn transmit(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<bool, RunError> {
-        while let Some(frame) = mem::take(&mut self.pending).or_else(|| self.node.poll_transmit()) {
+        while let Some(frame) = self.node.next_frame() {
             match bus.send(&frame)? {
-                Sent::Queued => self.record_sent(now_ns, frame)?,
-                Sent::QueueFull => {
-                    self.pending = Some(frame);
-                    return Ok(false);
+                Sent::Queued => {
+                    self.node.frame_sent();
+                    self.record_sent(now_ns, frame)?;
                 }
+                Sent::QueueFull => return Ok(false),
             }
         }
         Ok(true)

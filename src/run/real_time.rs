@@ -6,7 +6,7 @@
 
 use super::{BusCounts, End, PlantReport, PlantSide, RunError, Signals};
 use crate::bus::Bus;
-use crate::protocol::FaultCode;
+use crate::protocol::EmergencyCode;
 use crate::realtime::{Action, Clock, OverrunPolicy, Periodic, SampleRate, Tick};
 use crate::recording::{Record, TickRecord};
 
@@ -78,7 +78,7 @@ fn ticks<C: Clock>(
 fn work(side: &mut PlantSide, bus: &mut dyn Bus, tick: &Tick, now_ns: u64) -> Result<(), RunError> {
     side.receive(now_ns, bus)?;
     if tick.action == Action::Fault {
-        side.fault(now_ns, FaultCode::Overrun, u16::try_from(tick.missed).unwrap_or(u16::MAX));
+        side.fault(now_ns, EmergencyCode::Overrun, u16::try_from(tick.missed).unwrap_or(u16::MAX));
     }
     side.handle_deadline(now_ns)?;
     if tick.index > 0 {

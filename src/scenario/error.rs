@@ -45,6 +45,29 @@ pub enum ScenarioError {
         /// What was given, Hz.
         got_hz: f64,
     },
+    /// The sample rate is too low for real time.
+    #[error(
+        "simulation.rate_hz is {got_hz}: a run in real time needs at least {} Hz; lockstep and free runs take any rate",
+        crate::protocol::timing::REAL_TIME_RATE_MIN_HZ
+    )]
+    RealTimeRate {
+        /// What was given, Hz.
+        got_hz: u16,
+    },
+    /// The excitation is more than the exciter can produce or the wire can carry.
+    #[error("{name} is {got}, beyond {limit_name}, {limit}: {mend}")]
+    BeyondLimit {
+        /// The key of the excitation.
+        name: &'static str,
+        /// What was given, in the unit of the key.
+        got: f64,
+        /// What limits it.
+        limit_name: &'static str,
+        /// The limit, in the same unit.
+        limit: f64,
+        /// How to mend it.
+        mend: &'static str,
+    },
     /// A number is impossible.
     #[error("{name} is {got}: it must be {expected}")]
     Value {

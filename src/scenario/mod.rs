@@ -5,6 +5,7 @@
 
 mod error;
 mod label;
+mod limit;
 mod provenance;
 
 pub use error::ScenarioError;
@@ -21,6 +22,9 @@ use crate::plant::PlantSpec;
 use crate::protocol::{Network, timing};
 use crate::rig::RigSpec;
 use crate::toml_error::TomlError;
+
+/// The longest timeout, s.
+const TIMEOUT_MAX_S: f64 = 3600.0;
 
 /// Everything about a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -73,7 +77,7 @@ impl Default for ArmSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimulationSection {
-    /// Samples a second, whole Hz from 1 to 65535: the wire states it so.
+    /// Samples a second, whole Hz from 1 to 65535: the wire states it so. At least 100 in real time.
     pub rate_hz: f64,
     /// Integration steps a sample, even and at least 2.
     pub steps_per_sample: u32,
@@ -100,11 +104,11 @@ impl Default for SimulationSection {
 pub struct NetworkSection {
     /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
     pub base_id: u16,
-    /// Longest time without a valid command while armed, s; more than one sample.
+    /// Longest time without a valid command while armed, s; at least two samples, at most an hour.
     pub command_timeout_s: f64,
-    /// Longest time without a sign of life of the partner while armed, s.
+    /// Longest time without a sign of life of the partner while armed, s; at most an hour.
     pub partner_timeout_s: f64,
-    /// How long each end waits for the other in lockstep, s of wall-clock time.
+    /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
     pub lockstep_timeout_s: f64,
 }
 
@@ -134,9 +138,28 @@ impl Scenario {
     /// Reads a scenario from its text; `origin` is what to call it in messages.
     ///
     /// # Errors
-    /// [`ScenarioError::Parse`] if it is no scenario.
+    /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.
     pub fn parse(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+        let scenario = Scenario::parse_unchecked(text, origin)?;
+        scenario.check()?;
+        Ok(scenario)
+    }
+
+    fn parse_unchecked(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
         toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
+    }
+
+    /// Checks what no run can use, whatever its mode: the timeouts, and the excitation against its exciter's limits. What
+    /// flags of the command line may still replace is checked where it is used.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour, [`ScenarioError::BeyondLimit`]
+    /// for an excitation beyond the limits.
+    pub fn check(&self) -> Result<(), ScenarioError> {
+        timeout("network.command_timeout_s", self.network.command_timeout_s)?;
+        timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
+        timeout("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
+        self.excitation.as_ref().map_or(Ok(()), |spec| limit::check(&spec.amplitude, &self.rig.exciter))
     }
 
     /// The scenario as TOML, with every default written out.
@@ -223,37 +246,45 @@ impl Scenario {
     /// The deadlines of a run in real time.
     ///
     /// # Errors
-    /// [`ScenarioError::Value`] if one is not a positive number, or the command timeout is not more than a sample.
+    /// [`ScenarioError::Rate`] and [`ScenarioError::RealTimeRate`] if the rate is none for real time,
+    /// [`ScenarioError::Value`] if a timeout is not positive, longer than an hour, or the command timeout is less than two
+    /// samples.
     pub fn real_time_timing(&self) -> Result<Timing, ScenarioError> {
-        let command_timeout_s = positive("network.command_timeout_s", self.network.command_timeout_s)?;
-        if command_timeout_s * self.simulation.rate_hz <= 1.0 {
-            let expected = "longer than a sample (1 / simulation.rate_hz)";
+        let rate_hz = self.wire_rate_hz()?;
+        if rate_hz < timing::REAL_TIME_RATE_MIN_HZ {
+            return Err(ScenarioError::RealTimeRate { got_hz: rate_hz });
+        }
+        let command_timeout_s = timeout("network.command_timeout_s", self.network.command_timeout_s)?;
+        if command_timeout_s * self.simulation.rate_hz < 2.0 {
+            let expected = "at least two samples long (2 / simulation.rate_hz)";
             return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
         }
-        let partner_timeout_s = positive("network.partner_timeout_s", self.network.partner_timeout_s)?;
+        let partner_timeout_s = timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
         Ok(Timing {
             command_timeout_ns: nanoseconds(command_timeout_s),
             command_age_ns: nanoseconds(command_timeout_s),
             partner_timeout_ns: nanoseconds(partner_timeout_s),
-            ..Timing::real_time()
+            ..Timing::real_time(rate_hz)
         })
     }
 
     /// The deadlines of a run in lockstep.
     ///
     /// # Errors
-    /// [`ScenarioError::Value`] if the timeout is not a positive number.
+    /// [`ScenarioError::Value`] if the timeout is not positive, or longer than an hour.
     pub fn lockstep_timing(&self) -> Result<Timing, ScenarioError> {
-        let timeout_s = positive("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
+        let timeout_s = timeout("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
         Ok(Timing::lockstep(nanoseconds(timeout_s)))
     }
 
     /// What the exciter plays.
     ///
     /// # Errors
-    /// [`ScenarioError::NoExcitation`] if the scenario has none, [`ScenarioError::Excitation`] if it can't be played.
+    /// [`ScenarioError::NoExcitation`] if the scenario has none, [`ScenarioError::Excitation`] if it can't be played,
+    /// [`ScenarioError::BeyondLimit`] if it is more than the exciter can produce or the wire can carry.
     pub fn profile(&self) -> Result<Profile, ScenarioError> {
         let spec = self.excitation.as_ref().ok_or(ScenarioError::NoExcitation)?;
+        limit::check(&spec.amplitude, &self.rig.exciter)?;
         Ok(Profile::new(spec, self.simulation.rate_hz)?)
     }
 }
@@ -263,6 +294,15 @@ fn positive(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
         Ok(got)
     } else {
         Err(ScenarioError::Value { name, got, expected: "a positive number" })
+    }
+}
+
+/// A positive time up to an hour, s.
+fn timeout(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
+    if got > 0.0 && got <= TIMEOUT_MAX_S {
+        Ok(got)
+    } else {
+        Err(ScenarioError::Value { name, got, expected: "a positive number of seconds, at most 3600" })
     }
 }
 

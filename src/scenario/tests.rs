@@ -10,7 +10,7 @@ fn an_empty_scenario_is_the_default_and_survives_writing() {
     assert_eq!(scenario, Scenario::default());
     assert_eq!(parse(&scenario.to_toml().unwrap()).unwrap(), scenario);
     assert_eq!(scenario.parameters().unwrap(), Preset::Irb1600Fitted.parameters().unwrap());
-    assert_eq!(scenario.real_time_timing().unwrap(), Timing::real_time());
+    assert_eq!(scenario.real_time_timing().unwrap(), Timing::real_time(1000));
     assert_eq!(scenario.lockstep_timing().unwrap(), Timing::lockstep(timing::LOCKSTEP_TIMEOUT_NS));
 }
 
@@ -55,6 +55,6 @@ fn says_what_is_wrong_with_the_numbers() {
     insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: the wire states it as a whole number of hertz from 1 to 65535");
     insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
     insta::assert_snapshot!(says("network.base_id = 0x205"), @"network.base_id: base identifier 0x205 is not a multiple of 0x10: take 0x200");
-    insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be longer than a sample (1 / simulation.rate_hz)");
+    insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz)");
     insta::assert_snapshot!(says(""), @"the scenario has no [excitation]: add one, as scenarios/demo.toml shows");
 }

@@ -1,16 +1,16 @@
-//! The emergency: why a node has faulted, or would not arm.
+//! The emergency: why a node has faulted, or would not arm, or what it tells without a fault.
 
 use core::fmt;
 
-use super::{MessageKind, Payload};
+use super::{MessageKind, Mismatch, Payload, Refusal};
 use crate::error::DecodeError;
 use crate::network::Node;
 
-/// What has gone wrong. `SPEC.md` says what `detail` means for each.
+/// What a node tells. `SPEC.md` says what `detail` means for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
-pub enum FaultCode {
-    /// Plant: no valid command in time. Detail: commands refused since the last that was taken, at most 65535.
+pub enum EmergencyCode {
+    /// Plant: no valid command in time. Detail: [`Refusal::detail`].
     CommandTimeout = 1,
     /// Exciter: no whole sample in time. Detail: the last sample answered.
     SensorTimeout = 2,
@@ -18,65 +18,113 @@ pub enum FaultCode {
     HeartbeatLost = 3,
     /// The partner's heartbeat says that it has faulted or booted. Detail: the partner's node id.
     PartnerFault = 4,
-    /// The partner's hello is missing or doesn't fit. Detail: the [`Mismatch`](super::Mismatch).
+    /// The partner's hello is missing or doesn't fit. Detail: the [`Mismatch`].
     Incompatible = 5,
     /// Exciter: its control loop asked for a command that can't be sent. Detail: 0.
     CommandOutOfRange = 6,
     /// Plant: the simulated arm or its integrator failed; the state is no longer meaningful. Detail: 0.
     SimulationFailed = 7,
-    /// The node's loop missed ticks. Detail: how many, at most 65535.
+    /// The node's loop missed ticks, and is set to fault on it. Detail: how many, at most 65535.
     Overrun = 8,
-    /// The node could not send: bus off, or a full queue. Detail: frames not sent, at most 65535.
+    /// The node could not send: bus off, or no frame sent in time. Detail: frames not sent, at most 65535.
     BusLoss = 9,
+    /// Exciter: a sample index outside its window, or too many older or repeated ones. Detail: the index received.
+    SampleSequence = 10,
+    /// Plant, no fault: its schedule has moved by missed sample periods. Detail: how many, at most 65535.
+    ScheduleSlipped = 11,
+    /// No fault: the node leaves the bus. Detail: sample periods until the load is zero (plant), 0 (exciter).
+    Leaving = 12,
 }
 
-impl FaultCode {
-    /// Every fault code.
-    pub const ALL: [FaultCode; 9] = [
-        FaultCode::CommandTimeout,
-        FaultCode::SensorTimeout,
-        FaultCode::HeartbeatLost,
-        FaultCode::PartnerFault,
-        FaultCode::Incompatible,
-        FaultCode::CommandOutOfRange,
-        FaultCode::SimulationFailed,
-        FaultCode::Overrun,
-        FaultCode::BusLoss,
+impl EmergencyCode {
+    /// Every code.
+    pub const ALL: [EmergencyCode; 12] = [
+        EmergencyCode::CommandTimeout,
+        EmergencyCode::SensorTimeout,
+        EmergencyCode::HeartbeatLost,
+        EmergencyCode::PartnerFault,
+        EmergencyCode::Incompatible,
+        EmergencyCode::CommandOutOfRange,
+        EmergencyCode::SimulationFailed,
+        EmergencyCode::Overrun,
+        EmergencyCode::BusLoss,
+        EmergencyCode::SampleSequence,
+        EmergencyCode::ScheduleSlipped,
+        EmergencyCode::Leaving,
     ];
 
-    /// The fault of a code on the wire, if it is one.
-    pub fn from_code(code: u16) -> Option<FaultCode> {
-        FaultCode::ALL.into_iter().find(|known| *known as u16 == code)
+    /// The code of a number on the wire, if it is one.
+    pub fn from_code(code: u16) -> Option<EmergencyCode> {
+        EmergencyCode::ALL.into_iter().find(|known| *known as u16 == code)
+    }
+
+    /// Whether it is a notice: told without a fault.
+    pub const fn is_notice(self) -> bool {
+        matches!(self, EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving)
     }
 }
 
-impl fmt::Display for FaultCode {
+impl fmt::Display for EmergencyCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            FaultCode::CommandTimeout => "no valid command in time",
-            FaultCode::SensorTimeout => "no sensor data in time",
-            FaultCode::HeartbeatLost => "the partner gave no sign of life in time",
-            FaultCode::PartnerFault => "the partner has faulted or started again",
-            FaultCode::Incompatible => "the partner does not fit",
-            FaultCode::CommandOutOfRange => "a command beyond the range of its signal",
-            FaultCode::SimulationFailed => "the simulation failed",
-            FaultCode::Overrun => "ticks were missed",
-            FaultCode::BusLoss => "frames could not be sent",
+            EmergencyCode::CommandTimeout => "no valid command in time",
+            EmergencyCode::SensorTimeout => "no sensor data in time",
+            EmergencyCode::HeartbeatLost => "the partner gave no sign of life in time",
+            EmergencyCode::PartnerFault => "the partner has faulted or started again",
+            EmergencyCode::Incompatible => "the partner does not fit",
+            EmergencyCode::CommandOutOfRange => "a command beyond the range of its signal",
+            EmergencyCode::SimulationFailed => "the simulation failed",
+            EmergencyCode::Overrun => "ticks were missed",
+            EmergencyCode::BusLoss => "frames could not be sent",
+            EmergencyCode::SampleSequence => "a sample index out of sequence",
+            EmergencyCode::ScheduleSlipped => "the schedule slipped by missed sample periods",
+            EmergencyCode::Leaving => "the node leaves the bus",
         })
     }
 }
 
-/// A node tells why it has faulted. With [`FaultCode::Incompatible`] in the state pre-operational: why it would not arm.
+/// A node tells why it has faulted, or a notice ([`EmergencyCode::is_notice`]). With [`EmergencyCode::Incompatible`] in the
+/// state pre-operational: why it would not arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Emergency {
     /// The node.
     pub node: Node,
-    /// What has gone wrong.
-    pub code: FaultCode,
+    /// What it tells.
+    pub code: EmergencyCode,
     /// More about it; the meaning depends on the code.
     pub detail: u16,
     /// The index, modulo 2¹⁶, of the sample at which it was found.
     pub sample: u16,
+}
+
+impl fmt::Display for Emergency {
+    /// Code and detail in words: `plant, code 1: no valid command in time (12 refused, the last because …), at sample 300`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Emergency { node, code, detail, sample } = *self;
+        write!(f, "{node}, code {}: {code}", code as u16)?;
+        match code {
+            EmergencyCode::CommandTimeout => match Refusal::from_detail(detail) {
+                (0, _) | (_, None) => f.write_str(" (none was refused)")?,
+                (255, Some(refusal)) => write!(f, " (255 or more were refused, the last because {refusal})")?,
+                (count, Some(refusal)) => write!(f, " ({count} refused, the last because {refusal})")?,
+            },
+            EmergencyCode::Incompatible => {
+                if let Some(mismatch) = Mismatch::from_detail(detail) {
+                    write!(f, " ({mismatch})")?;
+                }
+            }
+            EmergencyCode::Overrun | EmergencyCode::ScheduleSlipped => write!(f, " ({detail})")?,
+            EmergencyCode::BusLoss => write!(f, " ({detail} frames)")?,
+            EmergencyCode::SampleSequence => write!(f, " (index {detail})")?,
+            EmergencyCode::SensorTimeout
+            | EmergencyCode::HeartbeatLost
+            | EmergencyCode::PartnerFault
+            | EmergencyCode::CommandOutOfRange
+            | EmergencyCode::SimulationFailed
+            | EmergencyCode::Leaving => {}
+        }
+        write!(f, ", at sample {sample}")
+    }
 }
 
 impl Emergency {
@@ -88,6 +136,6 @@ impl Emergency {
         payload.check_flags(kind, 0)?;
         let [code, detail, sample] = payload.words();
         let unknown = DecodeError::UnknownValue { kind, signal: "code", got: code };
-        Ok(Emergency { node: kind.sender(), code: FaultCode::from_code(code).ok_or(unknown)?, detail, sample })
+        Ok(Emergency { node: kind.sender(), code: EmergencyCode::from_code(code).ok_or(unknown)?, detail, sample })
     }
 }

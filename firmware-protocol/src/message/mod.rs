@@ -9,15 +9,17 @@ mod impedance_head;
 mod kind;
 mod operator;
 mod payload;
+mod refusal;
 
 pub use acceleration::Acceleration;
 pub use command::{ForceCommand, TorqueCommand};
-pub use emergency::{Emergency, FaultCode};
+pub use emergency::{Emergency, EmergencyCode};
 pub use heartbeat::Heartbeat;
 pub use hello::{Hello, Mismatch, Profile, Version};
 pub use impedance_head::ImpedanceHead;
 pub use kind::{Cycle, MessageKind};
 pub use operator::{OperatorCommand, OperatorRequest};
+pub use refusal::Refusal;
 
 pub(crate) use payload::Payload;
 
@@ -45,7 +47,7 @@ pub enum Message {
     ExciterHello(Hello),
     /// A node tells its state.
     Heartbeat(Heartbeat),
-    /// A node tells why it has faulted or refused to arm.
+    /// A node tells why it has faulted or refused to arm, or a notice.
     Emergency(Emergency),
 }
 
@@ -66,6 +68,14 @@ impl Message {
             Message::Emergency(Emergency { node: Node::Plant, .. }) => MessageKind::PlantEmergency,
             Message::Emergency(Emergency { node: Node::Exciter, .. }) => MessageKind::ExciterEmergency,
         }
+    }
+
+    /// Whether the message can be sent.
+    ///
+    /// # Errors
+    /// [`EncodeError`] names the value that can't.
+    pub fn check(&self) -> Result<(), EncodeError> {
+        self.encode().map(|_| ())
     }
 
     /// The bytes of the message; CRC and counter are still zero.

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use resonarm_protocol::{
-    Acceleration, Emergency, FaultCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead, Message,
-    MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, TorqueCommand,
+    Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead,
+    Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, TorqueCommand,
     Transmitter, Version,
 };
 
@@ -104,7 +104,7 @@ pub fn message(kind: MessageKind, signals: &Signals) -> Message {
         }),
         MessageKind::PlantEmergency | MessageKind::ExciterEmergency => Message::Emergency(Emergency {
             node: kind.sender(),
-            code: FaultCode::from_code(word("code")).unwrap(),
+            code: EmergencyCode::from_code(word("code")).unwrap(),
             detail: word("detail"),
             sample: sample(),
         }),
@@ -192,7 +192,8 @@ pub fn samples() -> Vec<Message> {
     }
     for node in Node::ALL {
         messages.extend(NodeState::ALL.map(|state| Message::Heartbeat(Heartbeat { node, state })));
-        for (code, detail) in FaultCode::ALL.into_iter().zip([0, 1, 2, 0x1234, 4, 5, 0, 65_535, 9]) {
+        for (code, detail) in EmergencyCode::ALL.into_iter().zip([0x0503, 1, 2, 0x1234, 4, 5, 0, 65_535, 9, 10, 11, 50])
+        {
             messages.push(Message::Emergency(Emergency { node, code, detail, sample: 0xABCD }));
         }
     }

@@ -1,8 +1,8 @@
 //! The cases that `vectors/classic.json` is made of: what is put on the bus, and what a receiver must make of it.
 
 use resonarm_protocol::{
-    Acceleration, Emergency, FaultCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead, Message,
-    MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, TorqueCommand,
+    Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead,
+    Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, TorqueCommand,
     Transmitter, Version,
 };
 use serde_json::{Value, json};
@@ -222,7 +222,7 @@ fn bad_content() -> Vec<Case> {
     };
     let operator = Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant });
     let emergency =
-        Message::Emergency(Emergency { node: Node::Plant, code: FaultCode::CommandTimeout, detail: 0, sample: 0 });
+        Message::Emergency(Emergency { node: Node::Plant, code: EmergencyCode::CommandTimeout, detail: 0, sample: 0 });
     let still = Acceleration {
         acceleration_x_m_s2: 0.0,
         acceleration_y_m_s2: 0.0,
@@ -249,9 +249,9 @@ fn bad_content() -> Vec<Case> {
         refused("unknown: target 0", operator, "unknown value", |data| data[3] = 0),
         refused("unknown: target 3", operator, "unknown value", |data| data[3] = 3),
         refused("unknown: rate 0", exciter_hello, "unknown value", |data| data[6..8].copy_from_slice(&[0, 0])),
-        refused("unknown: fault code 0", emergency, "unknown value", |data| data[2] = 0),
-        refused("unknown: fault code 10", emergency, "unknown value", |data| data[2] = 10),
-        refused("unknown: fault code 257", emergency, "unknown value", |data| data[3] = 1),
+        refused("unknown: emergency code 0", emergency, "unknown value", |data| data[2] = 0),
+        refused("unknown: emergency code 13", emergency, "unknown value", |data| data[2] = 13),
+        refused("unknown: emergency code 257", emergency, "unknown value", |data| data[3] = 1),
         Case::new("unknown: heartbeat states")
             .refuse(common::frame("701#01"), "unknown value")
             .refuse(common::frame("701#85"), "unknown value")

@@ -1,0 +1,73 @@
+//! What a node has yet to send.
+//!
+//! A message becomes a frame only when it is sent, so that its counter is that of the frames that left, whatever was
+//! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands and of each
+//! sensor message only the latest waits, so that after a jam the bus gets news.
+
+use resonarm_protocol::{Message, MessageKind};
+
+use super::queue::Queue;
+
+/// Messages that wait in the queue. None waits twice in a row, so this is many changes of state.
+const CONTROL: usize = 32;
+
+/// The messages of which only the latest waits, in the order in which they go.
+const LATEST: [MessageKind; 5] = [
+    MessageKind::Force,
+    MessageKind::Torque,
+    MessageKind::Head,
+    MessageKind::AccelerometerB,
+    MessageKind::AccelerometerC,
+];
+
+#[derive(Clone, Debug)]
+pub(super) struct Outbox {
+    control: Queue<Message>,
+    latest: [Option<Message>; LATEST.len()],
+    replaced: u64,
+}
+
+impl Outbox {
+    pub fn new() -> Outbox {
+        Outbox { control: Queue::new(CONTROL), latest: [None; LATEST.len()], replaced: 0 }
+    }
+
+    /// Queues a message. A command or sensor message takes the place of the one before it, if that still waits.
+    pub fn push(&mut self, message: Message) {
+        let kind = message.kind();
+        if let Some(place) = LATEST.iter().position(|latest| *latest == kind) {
+            self.replaced += u64::from(self.latest[place].replace(message).is_some());
+        } else if self.control.latest(|waiting| waiting.kind() == kind) != Some(&message) {
+            self.control.push(message);
+        }
+    }
+
+    /// The message to send next.
+    pub fn front(&self) -> Option<&Message> {
+        self.control.front().or_else(|| self.latest.iter().flatten().next())
+    }
+
+    /// Takes the message to send next.
+    pub fn pop(&mut self) -> Option<Message> {
+        self.control.pop().or_else(|| self.latest.iter_mut().find_map(Option::take))
+    }
+
+    /// Takes back the commands that still wait.
+    pub fn clear_commands(&mut self) {
+        for (latest, kind) in self.latest.iter_mut().zip(LATEST) {
+            if matches!(kind, MessageKind::Force | MessageKind::Torque) {
+                *latest = None;
+            }
+        }
+    }
+
+    /// Messages that wait.
+    pub fn waiting(&self) -> usize {
+        self.control.len() + self.latest.iter().flatten().count()
+    }
+
+    /// Messages that will never be sent: replaced by newer ones, or beyond the queue.
+    pub fn unsent(&self) -> u64 {
+        self.replaced + self.control.lost()
+    }
+}
