@@ -1,6 +1,6 @@
 //! What a node tells of itself.
 
-use resonarm_protocol::{DecodeError, Emergency, NodeState, Refusal};
+use resonarm_protocol::{DecodeError, Emergency, EmergencyCode, Node, NodeState, Refusal};
 
 /// Something that happened to a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +39,12 @@ impl NodeEvent {
             NodeEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
             NodeEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
             NodeEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
-            NodeEvent::Emergency(emergency) => ("emergency", emergency.code as i64),
+            NodeEvent::Emergency(emergency) => match (emergency.code, emergency.node) {
+                (EmergencyCode::ScheduleSlipped, _) => ("schedule.slipped", emergency.detail as i64),
+                (EmergencyCode::Leaving, Node::Plant) => ("plant.leaving", emergency.detail as i64),
+                (EmergencyCode::Leaving, Node::Exciter) => ("exciter.leaving", 0),
+                (code, _) => ("emergency", code as i64),
+            },
             NodeEvent::Refused(refusal) => (refusal_name(*refusal), 0),
             NodeEvent::Frame(_) => ("frame.refused", 0),
         }

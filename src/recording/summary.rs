@@ -4,7 +4,7 @@ use core::fmt;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use resonarm_protocol::FaultCode;
+use resonarm_protocol::EmergencyCode;
 use serde::ser::SerializeStruct;
 
 use super::scan::Scan;
@@ -107,14 +107,14 @@ pub struct RecordingSummary {
 pub struct RecordedFault {
     /// The sample at which it was found.
     pub sample: u64,
-    /// Its code, a number of [`FaultCode`] if this version knows it.
+    /// Its code, a number of [`EmergencyCode`] if this version knows it.
     pub code: i64,
 }
 
 impl RecordedFault {
     /// What the code means.
-    pub fn cause(&self) -> Option<FaultCode> {
-        u16::try_from(self.code).ok().and_then(FaultCode::from_code)
+    pub fn cause(&self) -> Option<EmergencyCode> {
+        u16::try_from(self.code).ok().and_then(EmergencyCode::from_code)
     }
 }
 
