@@ -1,4 +1,4 @@
-//! Branches as figures: stable blue, unstable red, as the paper has them.
+//! Branches as figures: stable blue, unstable red and dashed.
 
 use crate::analysis::{self, BifurcationKind, Branch, Row};
 use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
@@ -19,8 +19,9 @@ pub(super) fn figure(conditions: String, axis_label: &str, branches: &[&Branch])
 /// The panel with the branches of one joint's amplitude and their bifurcations.
 pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize) -> Panel {
     for (k, branch) in branches.iter().enumerate() {
-        for (label, color, stable) in [("stable", Color::Stable, true), ("unstable", Color::Unstable, false)] {
-            let series = Series::line(label, color, stretches(branch, joint, stable));
+        for series in
+            [Series::stable(stretches(branch, joint, true)), Series::unstable(stretches(branch, joint, false))]
+        {
             panel = panel.with(if k == 0 { series } else { series.unlabelled() });
         }
     }

@@ -12,13 +12,14 @@ use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output;
-use crate::analysis::{Drive, FrequencyResponse, Quantity, Response};
-use crate::plot::{Axis, Color, Figure, Panel, Series};
+use crate::analysis::{Drive, FrequencyResponse, Quantity, Response, frequencies_hz, modes};
+use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 use crate::scenario::Scenario;
 
 /// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C.
 ///
-/// As CSV a line for each frequency, with modulus and phase; as JSON complex, [real, imaginary]. Every response names its unit.
+/// As CSV a line for each frequency, with modulus and phase; as JSON complex, [real, imaginary]. Every response names its unit. With
+/// --plot both go to files beside the figure, and standard output says which.
 #[derive(Debug, Args)]
 pub(super) struct Frf {
     #[command(flatten)]
@@ -38,16 +39,19 @@ pub(super) struct Frf {
     /// Last frequency, Hz.
     #[arg(long, value_name = "F", default_value_t = 80.0, allow_hyphen_values = true)]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced, at most a million.
-    #[arg(long, value_name = "N", default_value_t = 801, value_parser = flags::points())]
-    points: u32,
-    /// Plot to STEM.svg and STEM.png.
+    /// Number of frequencies, evenly spaced, at most a million [default: 801, and more about each natural frequency].
+    #[arg(long, value_name = "N", value_parser = flags::points())]
+    points: Option<u32>,
+    /// Plot to STEM.svg and STEM.png; CSV and JSON beside them, instead of CSV on standard output.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
 }
+
+/// Evenly spaced frequencies where no number is given.
+const EVEN_POINTS: u32 = 801;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum DriveFlag {
@@ -181,6 +185,19 @@ impl ResponseFlag {
         }
     }
 
+    /// A colour each; what lies along y, and the second angle, is dashed, so that print without colours tells them apart.
+    const fn style(self) -> Style {
+        let (color, dash) = match self {
+            ResponseFlag::Alpha1 => (Color::Blue, Dash::Solid),
+            ResponseFlag::Alpha2 => (Color::Vermillion, Dash::Dashed),
+            ResponseFlag::BX => (Color::Orange, Dash::Solid),
+            ResponseFlag::BY => (Color::Orange, Dash::Dashed),
+            ResponseFlag::CX => (Color::Black, Dash::Solid),
+            ResponseFlag::CY => (Color::Black, Dash::Dashed),
+        };
+        Style::Line { color, width: 1.6, dash }
+    }
+
     const fn is_angle(self) -> bool {
         matches!(self, ResponseFlag::Alpha1 | ResponseFlag::Alpha2)
     }
@@ -212,13 +229,16 @@ impl Frf {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let document = self.compute(&scenario)?;
-        if let Some(stem) = &self.plot {
-            self.figure(&scenario, &document).write(stem)?;
-        }
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&self.table(&document))?;
+        let files = match &self.plot {
+            Some(stem) => {
+                Some(output::plot(stem, &self.figure(&scenario, &document), &self.table(&document), &document)?)
+            }
+            None => None,
+        };
+        match (self.json, files) {
+            (true, _) => output::print_json(&document)?,
+            (false, Some(files)) => output::print_written(&files)?,
+            (false, None) => output::print(&self.table(&document))?,
         }
         Ok(Verdict::Positive)
     }
@@ -234,10 +254,13 @@ impl Frf {
                 "--from-hz {from} --to-hz {to}: the frequencies must rise from 0 or above"
             )));
         }
-        let linear = FrequencyResponse::new(&scenario.build_arm()?);
+        let arm = scenario.build_arm()?;
+        let linear = FrequencyResponse::new(&arm);
         let (drive, quantity) = (self.drive.into(), self.quantity.into());
-        let last = f64::from(self.points - 1);
-        let frequency_hz: Vec<f64> = (0..self.points).map(|k| from + (to - from) * (f64::from(k) / last)).collect();
+        let frequency_hz = match self.points {
+            Some(points) => frequencies_hz(from, to, points, &[]),
+            None => frequencies_hz(from, to, EVEN_POINTS, &modes(&arm)),
+        };
         let curve = |flag: ResponseFlag| -> Result<Curve, Failure> {
             let response = flag.response();
             let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
@@ -270,38 +293,32 @@ impl Frf {
         text
     }
 
-    /// The quantity with its unit.
-    fn label(&self) -> String {
-        let wanted = self.wanted();
-        let [angle, length] = ["rad", "m"].map(|motion| self.quantity.unit(motion));
-        let motion = match wanted.iter().filter(|flag| flag.is_angle()).count() {
-            0 => length,
-            all if all == wanted.len() => angle,
-            _ => format!("{angle} or {length}"),
-        };
-        format!("{} ({motion} per {})", self.quantity.name(), self.drive.unit())
-    }
-
+    /// The moduli of angles and of displacements in panels of their own, for their units differ, over the phases of all.
     fn figure(&self, scenario: &Scenario, document: &Document) -> Figure {
         let x = || Axis::linear("frequency (Hz)");
-        let mut modulus = Panel::new(x(), Axis::log(self.label()));
+        let modulus = |motion: &str| {
+            let unit = self.quantity.unit(motion);
+            Panel::new(x(), Axis::log(format!("{} ({unit} per {})", self.quantity.name(), self.drive.unit())))
+        };
+        let (mut angles, mut displacements) = (modulus("rad"), modulus("m"));
         let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
-        let labels = self.wanted();
-        for ((curve, flag), color) in document.responses.iter().zip(labels).zip(Color::CYCLE.into_iter().cycle()) {
+        for (curve, flag) in document.responses.iter().zip(self.wanted()) {
             let points = |value: &dyn Fn(f64, f64) -> f64| {
                 document.frequency_hz.iter().zip(&curve.value).map(|(hz, [re, im])| (*hz, value(*re, *im))).collect()
             };
             // A zero has no logarithm: it is left out.
             let size = |re: f64, im: f64| Some(libm::hypot(re, im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
-            modulus = modulus.with(Series::line(flag.label(), color, points(&size)));
             let angle =
                 |re: f64, im: f64| if size(re, im).is_nan() { f64::NAN } else { libm::atan2(im, re).to_degrees() };
-            phase = phase.with(Series::line(flag.label(), color, broken_at_wraps(points(&angle))));
+            let line = |points| Series::line(flag.label(), Color::Black, points).style(flag.style());
+            let panel = if flag.is_angle() { &mut angles } else { &mut displacements };
+            panel.series.push(line(points(&size)));
+            phase.series.push(line(broken_at_wraps(points(&angle))));
         }
-        Figure::new(format!("Frequency response to {}", self.drive.label()))
-            .subtitle(captions::pose(&scenario.arm))
-            .with(modulus)
-            .with(phase.legend(crate::plot::Legend::None))
+        let moduli = [angles, displacements].into_iter().filter(|panel| !panel.series.is_empty());
+        let figure = Figure::new(format!("Frequency response to {}", self.drive.label()));
+        let figure = figure.subtitle(captions::pose(&scenario.arm));
+        moduli.fold(figure, Figure::with).with(phase.legend(Legend::None))
     }
 }
 

@@ -18,7 +18,8 @@ use crate::scenario::{ArmSection, Scenario};
 
 /// Natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
 ///
-/// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal mass.
+/// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal mass. With --plot
+/// CSV and JSON go to files beside the figure, and standard output says which.
 #[derive(Debug, Args)]
 pub(super) struct Modes {
     #[command(flatten)]
@@ -38,7 +39,7 @@ pub(super) struct Modes {
     /// Number of poses in the range, evenly spaced, at most a million.
     #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg", value_parser = flags::points())]
     points: u32,
-    /// Plot the natural frequencies over the range to STEM.svg and STEM.png.
+    /// Plot the natural frequencies over the range to STEM.svg and STEM.png; CSV and JSON beside them.
     #[arg(long, value_name = "STEM", requires = "from_beta2_deg")]
     plot: Option<PathBuf>,
     /// Print one JSON document.
@@ -119,10 +120,15 @@ impl Modes {
         // β2 varies, and stands beside each pose.
         let _beta2 = configuration.as_object_mut().and_then(|arm| arm.remove("beta2_deg"));
         let document = RangeDocument { configuration, poses };
-        if let Some(stem) = &self.plot {
-            document.figure(&scenario.arm).write(stem)?;
+        let files = match &self.plot {
+            Some(stem) => Some(output::plot(stem, &document.figure(&scenario.arm), &document.csv(), &document)?),
+            None => None,
+        };
+        match (self.json, files) {
+            (true, _) => output::print_json(&document),
+            (false, Some(files)) => output::print_written(&files),
+            (false, None) => output::print(&document.csv()),
         }
-        if self.json { output::print_json(&document) } else { output::print(&document.csv()) }
     }
 }
 

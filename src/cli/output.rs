@@ -1,11 +1,15 @@
 //! What goes to standard output, standard error and files.
+//!
+//! Standard output holds one thing: the JSON document with `--json`; else the data, if there is no other place for them; else, with
+//! `--plot` or `--out`, a summary and the names of the files that hold the data.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::failure::Failure;
+use crate::plot::{Figure, beside};
 
 /// Writes text to standard output.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
@@ -32,6 +36,25 @@ pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
 /// Writes a file of one JSON document likewise.
 pub(super) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBuf, Failure> {
     write(path, &(serde_json::to_string(value)? + "\n"))
+}
+
+/// Writes a figure and its data beside `stem`, as SVG, PNG, CSV and JSON, and returns the paths.
+pub(super) fn plot(
+    stem: &Path,
+    figure: &Figure,
+    csv: &str,
+    document: &impl Serialize,
+) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = figure.write(stem)?.to_vec();
+    files.push(write(beside(stem, ".csv"), csv)?);
+    files.push(write_json(beside(stem, ".json"), document)?);
+    Ok(files)
+}
+
+/// Says on standard output which files were written.
+pub(super) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
+    let names: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
+    print(&format!("written to {}\n", names.join(", ")))
 }
 
 /// Tells on standard error why a command failed.

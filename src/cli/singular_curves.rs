@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::quantity::Quantity;
 use super::walk_flags::WalkFlags;
 use crate::analysis::{BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, trace_singular_curves};
-use crate::plot::{Axis, Color, Figure, Marker, Panel, Series};
+use crate::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
 #[derive(Clone, Debug, Args)]
@@ -124,13 +124,14 @@ impl Curves {
     /// The plane of both quantities with the curves in it.
     pub fn figure(&self, conditions: String) -> Figure {
         let mut panel = Panel::new(Axis::linear(self.first.label), Axis::linear(self.second.label));
-        for (kind, label, color) in [
-            (BifurcationKind::Fold, "fold", Color::Black),
-            (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion),
+        for (kind, label, color, dash) in [
+            (BifurcationKind::Fold, "fold", Color::Black, Dash::Solid),
+            (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion, Dash::DashDot),
         ] {
             let of_kind = self.curves.iter().filter(|curve| curve.kind == kind);
             for (k, curve) in of_kind.enumerate() {
-                let line = Series::line(label, color, curve.curve.points.iter().map(|p| (p.lambda, p.mu)).collect());
+                let line = Series::line(label, color, curve.curve.points.iter().map(|p| (p.lambda, p.mu)).collect())
+                    .style(Style::Line { color, width: 1.6, dash });
                 panel = panel.with(if k == 0 { line } else { line.unlabelled() });
             }
         }

@@ -265,6 +265,17 @@ impl Series {
         Self { label: Some(label.into()), points, style: Style::Line { color, width: 1.6, dash: Dash::Solid } }
     }
 
+    /// Stable motions of a branch: a solid blue line.
+    pub fn stable(points: Vec<(f64, f64)>) -> Self {
+        Self::line("stable", Color::Stable, points)
+    }
+
+    /// Unstable motions of a branch: a dashed red line, which print without colours tells from a stable one.
+    pub fn unstable(points: Vec<(f64, f64)>) -> Self {
+        let style = Style::Line { color: Color::Unstable, width: 1.6, dash: Dash::Dashed };
+        Self::line("unstable", Color::Unstable, points).style(style)
+    }
+
     /// Markers of the usual size.
     pub fn markers(label: impl Into<String>, color: Color, shape: Marker, points: Vec<(f64, f64)>) -> Self {
         Self { label: Some(label.into()), points, style: Style::Markers { color, shape, size: 6.0, filled: true } }

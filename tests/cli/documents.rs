@@ -62,7 +62,7 @@ fn modes_over_beta2_are_those_of_the_oracles() {
         assert_eq!(poses[0]["modes"], poses[10]["modes"]);
 
         let folder = tempfile::tempdir().unwrap();
-        let csv = crate::resonarm(folder.path(), &[range.as_slice(), &["--plot", "figure"]].concat());
+        let csv = crate::resonarm(folder.path(), &range);
         let mut lines = csv.stdout.lines();
         let header = lines.next().unwrap();
         assert!(
@@ -76,8 +76,47 @@ fn modes_over_beta2_are_those_of_the_oracles() {
             assert!(values.iter().zip(expected).all(|(got, expected)| near(*got, expected)), "{line} {pose}");
             assert!(values.len() == 9 && near(values[5], &modes[1]["frequency_hz"]), "{line} {pose}");
         }
-        assert!(folder.path().join("figure.svg").exists() && folder.path().join("figure.png").exists());
+        plots_beside_its_data(folder.path(), &range, &csv.stdout, &got);
     }
+}
+
+/// With `--plot` the data are in files beside the figure, and standard output says which; with `--json`, too, it has the document.
+fn plots_beside_its_data(folder: &std::path::Path, command: &[&str], csv: &str, document: &Value) {
+    let plot = [command, &["--plot", "figure"]].concat();
+    let said = crate::resonarm(folder, &plot).stdout;
+    assert!(said == "written to figure.svg, figure.png, figure.csv, figure.json\n", "{} bytes", said.len());
+    assert!(folder.join("figure.svg").exists() && folder.join("figure.png").exists());
+    assert!(std::fs::read_to_string(folder.join("figure.csv")).unwrap() == csv);
+    let json = std::fs::read_to_string(folder.join("figure.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&json).unwrap(), *document);
+    assert_eq!(crate::document(folder, 0, &[plot.as_slice(), &["--json"]].concat()), *document);
+}
+
+#[test]
+fn a_plotted_response_leaves_standard_output_readable() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = crate::resonarm(folder.path(), &["frf"]).stdout;
+    plots_beside_its_data(folder.path(), &["frf"], &csv, &document(folder.path(), 0, &["frf", "--json"]));
+    // A unit an axis: rad and m apart.
+    let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
+    let axes = ["receptance (rad per N·m)", "receptance (m per N·m)", "phase (°)"];
+    assert!(axes.iter().all(|axis| svg.contains(&format!(">{axis}<"))), "{svg}");
+}
+
+/// The default frequencies meet the peak of a lightly damped mode: half a width off the natural frequency the modulus is 1/√2 of it.
+#[test]
+fn default_frequencies_meet_the_peaks() {
+    let drive = ["frf", "--drive", "force-x", "--quantity", "accelerance", "--response", "c-x"];
+    let got = document(here(), 0, &[drive.as_slice(), &["--json"]].concat());
+    let modulus = |at: &Value| libm::hypot(at[0].as_f64().unwrap(), at[1].as_f64().unwrap());
+    let values = got["responses"][0]["value"].as_array().unwrap();
+    let largest = values.iter().map(modulus).fold(0.0, f64::max);
+    let modes = document(here(), 0, &["modes", "--json"]);
+    let natural = modes["modes"][0]["frequency_hz"].as_f64().unwrap();
+    let ends = [natural, natural * 1.5].map(|hz| hz.to_string());
+    let near = ["--from-hz", &ends[0], "--to-hz", &ends[1], "--points", "2", "--json"];
+    let peak = modulus(&document(here(), 0, &[drive.as_slice(), &near].concat())["responses"][0]["value"][0]);
+    assert!((largest / peak - 1.0).abs() < 1e-3, "{largest} of {peak}");
 }
 
 /// The unit of every response stands beside it, in the document and in the columns; their numbers are the same. At rest α1 is the

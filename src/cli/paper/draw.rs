@@ -1,4 +1,4 @@
-//! The figures drawn: stable blue, unstable red, as the paper has them.
+//! The figures drawn: stable blue, unstable red and dashed.
 
 use crate::analysis;
 use crate::paper::{Abscissa, Curve, Curves, ForcedBranch, Motion, NaturalFrequencies, Panel};
@@ -62,9 +62,8 @@ fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
     };
     let mut drawn = plot::Panel::new(Axis::linear(x).range(range[0], range[1]), y);
     for curve in branches() {
-        for (name, color, stable) in [("stable", Color::Stable, true), ("unstable", Color::Unstable, false)] {
-            drawn = drawn.with(Series::line(name, color, stretches(&curve.branch, panel, stable)));
-        }
+        drawn = drawn.with(Series::stable(stretches(&curve.branch, panel, true)));
+        drawn = drawn.with(Series::unstable(stretches(&curve.branch, panel, false)));
     }
     if panel.names {
         drawn = with_names(drawn, panel, range, branches());
