@@ -8,8 +8,8 @@ use std::io::Write;
 
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
-    Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording, SampleRecord,
-    StepRecord, TickRecord,
+    Clipped, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording,
+    SampleRecord, StepRecord, TickRecord,
 };
 
 /// Time from one step to the next, s.
@@ -59,12 +59,14 @@ fn records(step: u64) -> Result<[Record; 5], Box<dyn Error>> {
             alpha_dot_rad_s: [-2.0 * alpha, alpha],
             torque_nm: [0.0, 0.0],
             force_n: [10.0 * libm::sin(phase), 0.0],
+            is_end: false,
         }),
         Record::Sample(SampleRecord {
             step,
             acceleration_b_m_s2: [alpha, 2.0 * alpha],
             acceleration_c_m_s2: [3.0 * alpha, 4.0 * alpha],
             head_force_n: [10.0 * libm::sin(phase), 0.0],
+            clipped: Some(Clipped::NONE),
         }),
         frame(0x201, Direction::Received)?,
         frame(0x203, Direction::Sent)?,

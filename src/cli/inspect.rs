@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::failure::{Failure, Verdict};
 use super::output;
-use crate::recording::{Integrity, Recording, RecordingSummary};
+use crate::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 
 /// What is in a recording: its run, its faults, its contents, and whether it is whole (else exit code 1).
 #[derive(Debug, Args)]
@@ -36,7 +36,7 @@ pub(super) fn integrity_note(integrity: &Integrity) -> Option<String> {
     let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
     match integrity {
         Integrity::Complete => None,
-        Integrity::Unfinished => Some(String::from("the recording was recovered: not all of the run is in it")),
+        Integrity::Unfinished => Some(String::from("the recording was recovered from a truncated or damaged one")),
         Integrity::Truncated { readable_bytes, file_bytes, last_step } => Some(format!(
             "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
             last(last_step)
@@ -45,6 +45,29 @@ pub(super) fn integrity_note(integrity: &Integrity) -> Option<String> {
             "the recording is damaged ({cause}): {readable_bytes} of {file_bytes} bytes can be read, {}",
             last(last_step)
         )),
+    }
+}
+
+fn time_text(origin: &Origin) -> String {
+    let time = match origin.time {
+        RunTime::Simulated => "simulated time",
+        RunTime::Lockstep => "lockstep",
+        RunTime::RealTime => "real time",
+    };
+    match origin.start_unix_ns {
+        Some(start_ns) => format!("{time}, begun {:.3} s after the UNIX epoch", start_ns as f64 * 1e-9),
+        None => time.to_string(),
+    }
+}
+
+fn plotting_text(origin: &Origin) -> String {
+    match (origin.plot_every_samples, origin.format) {
+        (0, _) => String::from("nothing"),
+        (1, _) => String::from("every sample"),
+        (every, 1) => {
+            format!("one of {every} samples, unfiltered: frequencies above half that rate show as lower ones")
+        }
+        (every, _) => format!("one of {every} samples, filtered against aliases"),
     }
 }
 
@@ -64,6 +87,11 @@ fn text(summary: &RecordingSummary) -> String {
     for fault in &summary.faults {
         line("fault", fault.to_string());
     }
+    if let Some(clipped) = summary.clipped_samples.filter(|clipped| *clipped > 0) {
+        line("clipped", format!("{clipped} samples with a reading beyond the range of its sensor"));
+    }
+    line("format", format!("{}, {}", summary.origin.format, time_text(&summary.origin)));
+    line("plotting", plotting_text(&summary.origin));
     line("bus", summary.origin.interface.clone());
     line(
         "build",

@@ -11,14 +11,12 @@ use super::flags::Mode;
 use crate::node::{PlantNode, Timing};
 use crate::plant::Plant;
 use crate::realtime::{Clock, Percentiles, SampleRate, SystemClock, unix_time_ns};
-use crate::recording::{Channel, Existing, FlushPolicy, Options, Recorder, Summary};
+use crate::recording::{Channel, Existing, Options, Recorder, Summary};
 use crate::run::{PlantReport, PlantSide, Tape};
 use crate::scenario::Scenario;
 
 /// Records on their way to the writer: at 1 kHz about four seconds of everything.
 const TAPE_CAPACITY: usize = 1 << 15;
-/// How often a run in wall-clock time flushes its recording: what a kill can lose.
-const FLUSH_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Where to record.
 #[derive(Clone, Debug, Args)]
@@ -60,11 +58,8 @@ impl Session {
     pub fn record(&self, path: &Path, existing: Existing, interface: &str) -> Result<Recorder, Failure> {
         let dt_s = 1.0 / self.scenario.simulation.rate_hz;
         let mut options = match self.mode {
-            Mode::RealTime => Options::real_time(dt_s, interface, unix_time_ns(), monotonic),
-            Mode::Lockstep => Options {
-                flush: FlushPolicy::Interval { interval: FLUSH_INTERVAL, clock: monotonic },
-                ..Options::virtual_time(dt_s, interface)
-            },
+            Mode::RealTime => Options::real_time(dt_s, interface, clock_epoch_unix_ns(), monotonic),
+            Mode::Lockstep => Options::lockstep(dt_s, interface, clock_epoch_unix_ns(), monotonic),
             Mode::Free => Options::virtual_time(dt_s, interface),
         };
         options.existing = existing;
@@ -88,6 +83,11 @@ impl Session {
         let node = PlantNode::new(network, rate_hz, self.timing, *self.plant.exciter());
         Ok(PlantSide::new(self.plant.clone(), node, tape))
     }
+}
+
+/// When the monotonic clock read 0, ns of the UNIX epoch.
+fn clock_epoch_unix_ns() -> u64 {
+    unix_time_ns().saturating_sub(SystemClock.now_ns())
 }
 
 /// The monotonic clock, as the recorder wants it.

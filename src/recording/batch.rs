@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use super::schema::Topic;
 use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
-use super::{SampleRecord, StepRecord, TickRecord};
+use super::{Clipped, SampleRecord, StepRecord, TickRecord};
 
 /// A message that holds one row for each of a number of consecutive steps, column by column.
 pub(super) trait Batch: prost::Message + Default {
@@ -26,6 +26,13 @@ pub(super) trait Batch: prost::Message + Default {
     fn columns(&self) -> Vec<usize>;
     /// Row `index`, if every column has it.
     fn row(&self, index: usize) -> Option<Self::Row>;
+
+    /// Time from sample to sample that it states, s.
+    fn dt_s(&self) -> Option<f64>;
+    /// Whether the row can stand behind those that it has.
+    fn takes(&self, _row: &Self::Row) -> bool {
+        true
+    }
 
     /// All rows; what is wrong, if columns differ in length or the steps run out of range.
     fn rows(&self) -> Result<Vec<Self::Row>, String> {
@@ -54,6 +61,7 @@ impl<B: Batch> Batcher<B> {
     /// Whether `row` can't be appended before the batch is taken.
     pub fn must_take_before(&self, row: &B::Row) -> bool {
         self.rows == self.limit
+            || (self.rows > 0 && !self.batch.takes(row))
             || (self.rows > 0 && self.batch.first_step().checked_add(u64::from(self.rows)) != Some(B::step(row)))
     }
 
@@ -100,6 +108,15 @@ impl Batch for StepBatch {
         self.torque2_nm.push(row.torque_nm[1]);
         self.force_x_n.push(row.force_n[0]);
         self.force_y_n.push(row.force_n[1]);
+        self.last_row_is_end = row.is_end;
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        Some(self.dt_s)
+    }
+
+    fn takes(&self, _row: &StepRecord) -> bool {
+        !self.last_row_is_end
     }
 
     fn columns(&self) -> Vec<usize> {
@@ -115,6 +132,7 @@ impl Batch for StepBatch {
             alpha_dot_rad_s: [*self.alpha1_dot_rad_s.get(index)?, *self.alpha2_dot_rad_s.get(index)?],
             torque_nm: [*self.torque1_nm.get(index)?, *self.torque2_nm.get(index)?],
             force_n: [*self.force_x_n.get(index)?, *self.force_y_n.get(index)?],
+            is_end: self.last_row_is_end && index + 1 == self.force_x_n.len(),
         })
     }
 }
@@ -144,22 +162,38 @@ impl Batch for SampleBatch {
         self.acceleration_c_y_m_s2.push(row.acceleration_c_m_s2[1]);
         self.head_force_x_n.push(row.head_force_n[0]);
         self.head_force_y_n.push(row.head_force_n[1]);
+        self.clipped.extend(row.clipped.map(Clipped::bits));
+    }
+
+    fn takes(&self, row: &SampleRecord) -> bool {
+        self.clipped.is_empty() == row.clipped.is_none()
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        Some(self.dt_s)
     }
 
     fn columns(&self) -> Vec<usize> {
         let accelerations = [&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2];
         let others =
             [&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2, &self.head_force_x_n, &self.head_force_y_n];
-        accelerations.iter().chain(&others).map(|column| column.len()).collect()
+        // Format 1 has no column of what was clipped.
+        let clipped = (!self.clipped.is_empty()).then_some(self.clipped.len());
+        accelerations.iter().chain(&others).map(|column| column.len()).chain(clipped).collect()
     }
 
     fn row(&self, index: usize) -> Option<SampleRecord> {
+        let clipped = match self.clipped.as_slice() {
+            [] => None,
+            column => Some(Clipped::from_bits(*column.get(index)?)?),
+        };
         let pair = |x: &[f64], y: &[f64]| Some([*x.get(index)?, *y.get(index)?]);
         Some(SampleRecord {
             step: self.first_step.checked_add(index as u64)?,
             acceleration_b_m_s2: pair(&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2)?,
             acceleration_c_m_s2: pair(&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2)?,
             head_force_n: pair(&self.head_force_x_n, &self.head_force_y_n)?,
+            clipped,
         })
     }
 }
@@ -185,6 +219,10 @@ impl Batch for TickBatch {
         self.wakeup_ns.push(row.wakeup_ns);
         self.exec_ns.push(row.exec_ns);
         self.overruns.push(row.overruns);
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        None
     }
 
     fn columns(&self) -> Vec<usize> {

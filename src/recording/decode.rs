@@ -11,13 +11,14 @@ use super::{Direction, Event, FrameRecord, Record};
 
 /// Hands the records in a message to `visit`, in order. The messages for plotting repeat others and give none.
 ///
-/// Errors: what is wrong with the message.
-pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)) -> Result<(), String> {
+/// Returns the time from sample to sample that the message states, s, if it states one. Errors: what is wrong with the
+/// message.
+pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)) -> Result<Option<f64>, String> {
     let bytes = raw.bytes;
     match raw.topic {
-        Topic::Steps => rows::<StepBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Step(row))),
-        Topic::Samples => rows::<SampleBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Sample(row))),
-        Topic::Ticks => rows::<TickBatch>(bytes)?.into_iter().for_each(|row| visit(Record::Tick(row))),
+        Topic::Steps => return rows::<StepBatch>(bytes, |row| visit(Record::Step(row))),
+        Topic::Samples => return rows::<SampleBatch>(bytes, |row| visit(Record::Sample(row))),
+        Topic::Ticks => return rows::<TickBatch>(bytes, |row| visit(Record::Tick(row))),
         Topic::Frames => visit(Record::Frame(frame(message::<proto::CanFrame>(bytes)?)?)),
         Topic::Events => {
             let proto::Event { step, time_ns, name, value } = message(bytes)?;
@@ -25,15 +26,17 @@ pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)
         }
         Topic::State | Topic::Command | Topic::Sensors => {}
     }
-    Ok(())
+    Ok(None)
 }
 
 fn message<M: Message + Default>(bytes: &[u8]) -> Result<M, String> {
     M::decode(bytes).map_err(|error| error.to_string())
 }
 
-fn rows<B: Batch>(bytes: &[u8]) -> Result<Vec<B::Row>, String> {
-    message::<B>(bytes)?.rows()
+fn rows<B: Batch>(bytes: &[u8], visit: impl FnMut(B::Row)) -> Result<Option<f64>, String> {
+    let batch = message::<B>(bytes)?;
+    batch.rows()?.into_iter().for_each(visit);
+    Ok(batch.dt_s())
 }
 
 fn frame(message: proto::CanFrame) -> Result<FrameRecord, String> {

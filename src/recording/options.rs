@@ -35,24 +35,45 @@ impl Configuration {
     }
 }
 
-/// What the times in a recording count from.
+/// What the times in a recording count from. Log times are simulated time: that of the sample to which a message belongs.
+/// Publish times are those of the machine's clock, if the run went by it.
+///
+/// The run loops have a monotonic clock; `clock_epoch_unix_ns` is the time of the UNIX epoch at which that clock read 0. With
+/// what it read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the moment at which the run began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeBase {
-    /// The start of the run is time 0: for virtual time, so that the same run gives the same bytes.
-    Virtual,
-    /// The start of the run is a moment of the UNIX epoch: for real time.
-    Unix {
-        /// That moment, ns.
-        start_ns: u64,
+    /// Simulated time alone: log times from 0, publish times equal to them, so that the same run gives the same bytes.
+    Simulated,
+    /// Simulated time that waits for a partner: log times from 0, publish times of the UNIX epoch.
+    Lockstep {
+        /// When the run loop's clock read 0, ns of the UNIX epoch.
+        clock_epoch_unix_ns: u64,
+    },
+    /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on, publish times
+    /// of the UNIX epoch.
+    RealTime {
+        /// When the run loop's clock read 0, ns of the UNIX epoch.
+        clock_epoch_unix_ns: u64,
     },
 }
 
 impl TimeBase {
-    /// The start of the run, ns of the epoch in use.
-    pub const fn start_ns(self) -> u64 {
+    /// When the run began, ns of the UNIX epoch; `None` for simulated time alone.
+    pub(super) const fn start_unix_ns(self, clock_ns: u64) -> Option<u64> {
         match self {
-            TimeBase::Virtual => 0,
-            TimeBase::Unix { start_ns } => start_ns,
+            TimeBase::Simulated => None,
+            TimeBase::Lockstep { clock_epoch_unix_ns } | TimeBase::RealTime { clock_epoch_unix_ns } => {
+                Some(clock_epoch_unix_ns.saturating_add(clock_ns))
+            }
+        }
+    }
+
+    /// How it is called in the file.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            TimeBase::Simulated => "simulated",
+            TimeBase::Lockstep { .. } => "lockstep",
+            TimeBase::RealTime { .. } => "real-time",
         }
     }
 }
@@ -67,9 +88,9 @@ pub enum FlushPolicy {
         /// A monotonic clock; only differences count.
         clock: fn() -> Duration,
     },
-    /// When the first record of a step this many steps after the last flush comes. The bytes of the file then depend on
+    /// When the first record of a sample this many samples after the last flush comes. The bytes of the file then depend on
     /// the records alone, provided that they all come through one channel.
-    Steps(u64),
+    Samples(u64),
 }
 
 /// How chunks are compressed.
@@ -93,7 +114,7 @@ pub enum Existing {
 /// How to record.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Time from one step to the next, s; finite and positive.
+    /// Time from one sample to the next, s; finite and positive.
     pub dt_s: f64,
     /// Name of the bus interface, noted with every frame.
     pub interface: String,
@@ -105,39 +126,46 @@ pub struct Options {
     pub compression: Compression,
     /// What to do if the file is there already.
     pub existing: Existing,
-    /// Steps in a full-rate batch, at least 1.
-    pub batch_steps: u32,
-    /// Every how many steps a message for plotting is written, at least 1.
-    pub plot_every_steps: u64,
+    /// Samples in a full-rate batch, at least 1.
+    pub batch_samples: u32,
+    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none. From 2 on
+    /// they are filtered against aliases.
+    pub plot_every_samples: u64,
 }
 
 impl Options {
-    /// For a run in real time: starts at `start_unix_ns` of the UNIX epoch, flushes every half second of `clock`.
-    pub fn real_time(dt_s: f64, interface: &str, start_unix_ns: u64, clock: fn() -> Duration) -> Options {
+    /// For a run in real time: `clock` read 0 at `clock_epoch_unix_ns` of the UNIX epoch; flushes every half second of it.
+    pub fn real_time(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
         Options {
-            time_base: TimeBase::Unix { start_ns: start_unix_ns },
+            time_base: TimeBase::RealTime { clock_epoch_unix_ns },
             flush: FlushPolicy::Interval { interval: Duration::from_millis(500), clock },
             ..Options::virtual_time(dt_s, interface)
         }
     }
 
-    /// For a run in virtual time: starts at 0, flushes every 1000 steps; the same run gives the same bytes.
+    /// For a run in lockstep: as [`Options::real_time`], but log times count from 0.
+    pub fn lockstep(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
+        let time_base = TimeBase::Lockstep { clock_epoch_unix_ns };
+        Options { time_base, ..Options::real_time(dt_s, interface, clock_epoch_unix_ns, clock) }
+    }
+
+    /// For a run of simulated time alone: starts at 0, flushes every 1000 samples; the same run gives the same bytes.
     pub fn virtual_time(dt_s: f64, interface: &str) -> Options {
         Options {
             dt_s,
             interface: interface.to_string(),
-            time_base: TimeBase::Virtual,
-            flush: FlushPolicy::Steps(1000),
+            time_base: TimeBase::Simulated,
+            flush: FlushPolicy::Samples(1000),
             compression: Compression::Lz4,
             existing: Existing::Refuse,
-            batch_steps: 100,
-            plot_every_steps: 10,
+            batch_samples: 100,
+            plot_every_samples: 10,
         }
     }
 
-    /// When step `step` was, ns of the epoch in use: start + step·dt, rounded to the nearest nanosecond.
-    pub(super) fn time_of_step_ns(&self, step: u64) -> u64 {
-        self.time_base.start_ns().saturating_add(libm::round(step as f64 * self.dt_s * 1e9) as u64)
+    /// When a sample is in simulated time, ns from the start of the run: sample·dt, rounded to the nearest nanosecond.
+    pub(super) fn simulated_ns(&self, sample: u64) -> u64 {
+        libm::round(sample as f64 * self.dt_s * 1e9) as u64
     }
 
     /// Refuses values that make no sense.
@@ -146,9 +174,14 @@ impl Options {
         let dt = self.dt_s.is_finite() && self.dt_s > 0.0;
         let checks = [
             ("dt_s", dt, self.dt_s.to_string(), "a finite time above 0 s"),
-            ("batch_steps", self.batch_steps > 0, self.batch_steps.to_string(), at_least_one),
-            ("plot_every_steps", self.plot_every_steps > 0, self.plot_every_steps.to_string(), at_least_one),
-            ("flush", !matches!(self.flush, FlushPolicy::Steps(0)), String::from("every 0 steps"), at_least_one),
+            ("batch_samples", self.batch_samples > 0, self.batch_samples.to_string(), at_least_one),
+            (
+                "plot_every_samples",
+                self.plot_every_samples <= 1000,
+                self.plot_every_samples.to_string(),
+                "at most 1000",
+            ),
+            ("flush", !matches!(self.flush, FlushPolicy::Samples(0)), String::from("every 0 samples"), at_least_one),
         ];
         match checks.into_iter().find(|(_, holds, _, _)| !holds) {
             Some((option, _, got, expected)) => Err(RecordingError::Option { option, got, expected }),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::records::Records;
 use super::scan::{Scan, scan};
-use super::schema::{Topic, metadata};
+use super::schema::{DT_S, Topic, metadata};
 use super::{
     Configuration, Event, FrameRecord, Integrity, Origin, Record, RecordingError, RecordingSummary, SampleRecord,
     StepRecord, TickRecord,
@@ -34,6 +34,11 @@ impl Recording {
         let path = path.as_ref();
         let scan = scan(path)?;
         let origin = Origin::of(path, &scan)?;
+        if scan.tally.dt_s.is_some_and(|dt_s| dt_s.to_bits() != origin.dt_s.to_bits()) {
+            let (path, name, key) = (path.to_path_buf(), metadata::RECORDING, String::from(DT_S));
+            let expected = "what its batches state";
+            return Err(RecordingError::Metadata { path, name, key, got: origin.dt_s.to_string(), expected });
+        }
         let configuration = Configuration(scan.required(path, metadata::CONFIGURATION)?.clone());
         Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })
     }
@@ -73,6 +78,7 @@ impl Recording {
             origin: self.origin.clone(),
             duration_s: steps.map_or(0.0, |(first, last)| (last - first) as f64 * self.origin.dt_s),
             samples: steps,
+            clipped_samples: self.scan.tally.clipped_samples,
             faults: self.scan.tally.faults.clone(),
             topics: Topic::ALL.map(|topic| (topic.name(), self.scan.tally.topics[topic as usize].summary)).into(),
             lost: self.scan.lost.clone(),

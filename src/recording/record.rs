@@ -48,6 +48,9 @@ pub struct StepRecord {
     pub torque_nm: [f64; 2],
     /// Force at point C along x and y, N.
     pub force_n: [f64; 2],
+    /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means nothing.
+    /// Recordings of format 1 don't say it of their last.
+    pub is_end: bool,
 }
 
 /// What the sensors said at step `step`: after range, noise and quantisation, before the wire's scaling.
@@ -61,6 +64,43 @@ pub struct SampleRecord {
     pub acceleration_c_m_s2: [f64; 2],
     /// Force in the impedance head at C along x and y, N.
     pub head_force_n: [f64; 2],
+    /// Which of these were beyond the range of their sensor; `None` in recordings of format 1, which don't say.
+    pub clipped: Option<Clipped>,
+}
+
+/// Which readings of a sample were beyond the range of their sensor, so that the value is the end of the range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clipped {
+    /// Acceleration of point B along x and y.
+    pub acceleration_b: [bool; 2],
+    /// Acceleration of point C along x and y.
+    pub acceleration_c: [bool; 2],
+    /// Force in the impedance head along x and y.
+    pub head_force: [bool; 2],
+}
+
+impl Clipped {
+    /// None of them.
+    pub const NONE: Clipped =
+        Clipped { acceleration_b: [false; 2], acceleration_c: [false; 2], head_force: [false; 2] };
+
+    /// As in the file: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
+    pub(super) fn bits(self) -> u32 {
+        let pairs = [self.acceleration_b, self.acceleration_c, self.head_force];
+        pairs.as_flattened().iter().enumerate().map(|(bit, clipped)| u32::from(*clipped) << bit).sum()
+    }
+
+    /// From the file; what is wrong with it, if there are other bits.
+    pub(super) fn from_bits(bits: u32) -> Option<Clipped> {
+        let pair = |bit: u32| [bits >> bit & 1 == 1, bits >> (bit + 1) & 1 == 1];
+        let clipped = Clipped { acceleration_b: pair(0), acceleration_c: pair(2), head_force: pair(4) };
+        (bits < 64).then_some(clipped)
+    }
+
+    /// Whether there is any.
+    pub fn any(self) -> bool {
+        self != Clipped::NONE
+    }
 }
 
 /// Which way a frame went, seen from the plant.

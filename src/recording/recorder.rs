@@ -29,6 +29,8 @@ pub struct Recorder {
 pub(super) struct Shared {
     pub path: PathBuf,
     pub failure: OnceLock<RecordingError>,
+    /// What the run loop's clock read at the start of the run, ns.
+    pub start_clock_ns: AtomicU64,
 }
 
 /// What was written.
@@ -40,8 +42,8 @@ pub struct Summary {
     pub bytes: u64,
     /// Messages in each topic, by its name in the file; of batched topics the batches.
     pub messages: BTreeMap<&'static str, u64>,
-    /// Steps recorded.
-    pub steps: u64,
+    /// States recorded.
+    pub samples: u64,
     /// Records lost because a channel was full, by the channel's name.
     pub lost: BTreeMap<String, u64>,
 }
@@ -84,13 +86,14 @@ impl Recorder {
     ) -> Result<Recorder, RecordingError> {
         options.check()?;
         let path = path.as_ref();
-        let shared = Arc::new(Shared { path: path.to_path_buf(), failure: OnceLock::new() });
+        let shared =
+            Arc::new(Shared { path: path.to_path_buf(), failure: OnceLock::new(), start_clock_ns: AtomicU64::new(0) });
         let (control, commands) = mpsc::channel();
         let writer = Writer::create(path, configuration, options, commands)?;
         let for_thread = Arc::clone(&shared);
         let thread = thread::Builder::new()
             .name(String::from("recorder"))
-            .spawn(move || writer.run(&for_thread.failure))
+            .spawn(move || writer.run(&for_thread))
             .map_err(|source| RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) })?;
         Ok(Recorder { control, shared, thread: Some(thread) })
     }
@@ -180,6 +183,12 @@ impl Shared {
 }
 
 impl Channel {
+    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record, by the loop
+    /// itself, so that its times and those of the bus have one origin. Never blocks, locks or allocates.
+    pub fn begin(&mut self, clock_ns: u64) {
+        self.shared.start_clock_ns.store(clock_ns, Ordering::Release);
+    }
+
     /// Records `record`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     pub fn push(&mut self, record: Record) -> Pushed {
         if !self.ring.is_abandoned() && self.ring.push(record).is_ok() {

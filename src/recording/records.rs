@@ -37,7 +37,8 @@ impl<T> Records<T> {
                     for message in self.walk.contents().messages() {
                         if self.topics.contains(&message.topic) {
                             decode(message, &mut |record| self.queue.extend((self.pick)(record)))
-                                .map_err(|cause| self.walk.damaged(offset, cause))?;
+                                .map_err(|cause| self.walk.damaged(offset, cause))
+                                .map(drop)?;
                         }
                     }
                 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::salvage::{LostChunk, Piece, Salvage};
-use super::scan::{Scan, Tally, scan};
+use super::scan::{Scan, Tally, lost, scan};
 use super::schema::{Topic, metadata};
 use super::sink::Sink;
 use super::staged::{Staged, same_file};
@@ -40,8 +40,7 @@ pub struct MissingSamples {
 /// Copies everything that can be read of `input` into a new file `output`, which is whole. Damaged chunks are left out.
 ///
 /// The messages are copied byte for byte. The new file says in its metadata `resonarm.recovered` what it was made from,
-/// and opens as [`Integrity::Unfinished`] unless the end of the run could be read and nothing is left out. It takes its name
-/// when it is on the disk, so that nothing that was there before is lost if recovery fails.
+/// and opens as [`Integrity::Unfinished`]. It takes its name when it is on the disk, so that nothing that was there before is lost if recovery fails.
 ///
 /// # Errors
 /// [`RecordingError::Whole`] if nothing is wrong with `input`, [`RecordingError::SameFile`] if `output` is `input`,
@@ -54,7 +53,7 @@ pub fn recover(
 ) -> Result<Recovered, RecordingError> {
     let (input, output) = (input.as_ref(), output.as_ref());
     let mut scan = scan(input)?;
-    let first = survey(input, &mut scan)?;
+    let salvage = survey(input, &mut scan)?;
     let about = scan.required(input, metadata::RECORDING)?;
     let configuration = scan.required(input, metadata::CONFIGURATION)?;
     if matches!(scan.integrity, Integrity::Complete | Integrity::Unfinished) {
@@ -68,37 +67,50 @@ pub fn recover(
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
     let (staged, file) = Staged::create(output, existing)?;
     let mut sink = Sink::begin(file, output, Compression::Lz4, &head)?;
-    let copied = copy(first, &mut sink).and_then(|copied| {
-        // Without the counts of lost records the new file opens as what it is: not all of the run.
-        let whole = copied.lost.is_empty();
-        let tail = [Some(metadata::STATISTICS), whole.then_some(metadata::LOST)].into_iter().flatten();
-        let tail = tail.filter_map(|name| Some((name, scan.metadata.get(name)?)));
-        head.into_iter().chain(tail).try_for_each(|(name, content)| sink.metadata(name, content))?;
-        sink.metadata(metadata::RECOVERED, &account(input, &scan.integrity, &copied))?;
+    let filled = fill(&mut sink, salvage, input, &scan).and_then(|copied| {
+        head.into_iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
+        finish(&mut sink, input, &scan, &copied)?;
         Ok(copied)
     });
-    let messages = Topic::ALL.into_iter().map(|topic| sink.messages(topic)).sum();
-    let copied = match copied {
-        Ok(copied) if messages > 0 => copied,
-        Ok(_) => {
-            sink.abandon();
-            return Err(RecordingError::NothingRecovered { path: input.to_path_buf(), integrity: scan.integrity });
-        }
+    let copied = match filled {
+        Ok(copied) => copied,
         Err(error) => {
             sink.abandon();
             return Err(error);
         }
     };
+    let messages = messages(&sink);
     let bytes = sink.finish()?.len();
     staged.publish()?;
-    Ok(Recovered {
-        path: output.to_path_buf(),
-        bytes,
-        messages,
-        source: scan.integrity,
-        lost_chunks: copied.lost,
-        missing_samples: copied.missing,
-    })
+    let (lost_chunks, missing_samples) = (copied.lost, copied.missing);
+    Ok(Recovered { path: output.to_path_buf(), bytes, messages, source: scan.integrity, lost_chunks, missing_samples })
+}
+
+/// Writes the messages that are left, of which there must be one.
+fn fill(sink: &mut Sink, salvage: Salvage, input: &Path, scan: &Scan) -> Result<Copied, RecordingError> {
+    if let Some(start) = scan.metadata.get(metadata::START) {
+        sink.metadata(metadata::START, start)?;
+    }
+    let expected = Tally { dt_s: scan.tally.dt_s, ..Tally::default() };
+    let copied = copy(salvage, expected, sink)?;
+    if messages(sink) == 0 {
+        let (path, integrity) = (input.to_path_buf(), scan.integrity.clone());
+        return Err(RecordingError::NothingRecovered { path, integrity });
+    }
+    Ok(copied)
+}
+
+/// Writes what is known of the end of the run, and what the new file was made from.
+fn finish(sink: &mut Sink, input: &Path, scan: &Scan, copied: &Copied) -> Result<(), RecordingError> {
+    if let Some(statistics) = scan.metadata.get(metadata::STATISTICS) {
+        sink.metadata(metadata::STATISTICS, statistics)?;
+    }
+    // Without metadata `resonarm.lost` the new file opens as what it is: recovered.
+    sink.metadata(metadata::RECOVERED, &account(input, scan, copied))
+}
+
+fn messages(sink: &Sink) -> u64 {
+    Topic::ALL.into_iter().map(|topic| sink.messages(topic)).sum()
 }
 
 /// A first pass: metadata behind what is damaged go into `scan`, and what is declared anywhere is known to the second.
@@ -109,6 +121,7 @@ fn survey(input: &Path, scan: &mut Scan) -> Result<Salvage, RecordingError> {
             scan.metadata.entry(name).or_insert(content);
         }
     }
+    scan.lost = lost(input, &scan.metadata)?;
     Ok(salvage.again())
 }
 
@@ -119,8 +132,8 @@ struct Copied {
 }
 
 /// Copies the messages of every chunk that is whole.
-fn copy(mut salvage: Salvage, sink: &mut Sink) -> Result<Copied, RecordingError> {
-    let (mut lost, mut missing, mut tally) = (Vec::new(), Vec::new(), Tally::default());
+fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copied, RecordingError> {
+    let (mut lost, mut missing) = (Vec::new(), Vec::new());
     while let Some(piece) = salvage.next()? {
         match piece {
             Piece::Chunk { offset, bytes } => match tally.clone().with(salvage.contents()) {
@@ -146,21 +159,22 @@ fn between(before: &Tally, with: &Tally) -> Option<MissingSamples> {
 }
 
 /// What the new file says about the old.
-fn account(input: &Path, source: &Integrity, copied: &Copied) -> BTreeMap<String, String> {
+fn account(input: &Path, scan: &Scan, copied: &Copied) -> BTreeMap<String, String> {
     let mut account = BTreeMap::from([(String::from("source"), input.display().to_string())]);
     let mut note = |key: &str, value: String| account.insert(String::from(key), value);
     if let Integrity::Truncated { readable_bytes, file_bytes, .. }
-    | Integrity::Damaged { readable_bytes, file_bytes, .. } = source
+    | Integrity::Damaged { readable_bytes, file_bytes, .. } = &scan.integrity
     {
         note("source_readable_bytes", readable_bytes.to_string());
         note("source_bytes", file_bytes.to_string());
     }
-    if let Integrity::Damaged { cause, .. } = source {
+    if let Integrity::Damaged { cause, .. } = &scan.integrity {
         note("cause", cause.clone());
     }
     note("lost_chunks", copied.lost.len().to_string());
     note("lost_bytes", copied.lost.iter().map(|chunk| chunk.bytes).sum::<u64>().to_string());
     let missing: Vec<_> = copied.missing.iter().map(|missing| format!("{}-{}", missing.first, missing.last)).collect();
     note("missing_samples", missing.join(" "));
+    scan.lost.iter().for_each(|(channel, count)| drop(note(&format!("lost_records.{channel}"), count.to_string())));
     account
 }

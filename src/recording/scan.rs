@@ -5,9 +5,9 @@ use std::path::Path;
 
 use super::contents::Contents;
 use super::decode::decode;
-use super::schema::{FAULT_EVENT, OUR_LIBRARY, Topic, metadata};
+use super::schema::{DT_S, FAULT_EVENT, OUR_LIBRARY, Topic, metadata};
 use super::walk::{Part, Walk};
-use super::{Integrity, Record, RecordedFault, RecordingError, TopicSummary};
+use super::{Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 
 /// How many faults are told one by one; what comes after these is in `/events`.
 const MOST_FAULTS: usize = 100;
@@ -32,6 +32,10 @@ pub(super) struct Scan {
 pub(super) struct Tally {
     /// First and last step of any record.
     pub steps: Option<(u64, u64)>,
+    /// Time from sample to sample, s, that the metadata, or else the first batch, state.
+    pub dt_s: Option<f64>,
+    /// Samples with a reading beyond the range of its sensor; `None` if nothing is said of it.
+    pub clipped_samples: Option<u64>,
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
     /// One for each of [`Topic::ALL`].
@@ -63,6 +67,9 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
         match walk.next() {
             Ok(Some(Part::Header(name))) => library = name,
             Ok(Some(Part::Metadata(name, content))) => {
+                if name == metadata::RECORDING && tally.dt_s.is_none() {
+                    tally.dt_s = content.get(DT_S).and_then(|value| value.parse().ok());
+                }
                 metadata.entry(name).or_insert(content);
             }
             Ok(Some(Part::Chunk)) => match tally.clone().with(walk.contents()) {
@@ -91,7 +98,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
 }
 
 /// The counts of lost records.
-fn lost(
+pub(super) fn lost(
     path: &Path,
     metadata: &BTreeMap<String, BTreeMap<String, String>>,
 ) -> Result<BTreeMap<String, u64>, RecordingError> {
@@ -134,9 +141,20 @@ impl Tally {
             let summary = &mut self.topics[message.topic as usize].summary;
             summary.messages += 1;
             summary.bytes += message.bytes.len() as u64;
-            decode(message, &mut |record| self.record(message.topic, &record))?;
+            let dt_s = decode(message, &mut |record| self.record(message.topic, &record))?;
+            self.check_period(dt_s)?;
         }
         Ok(self)
+    }
+
+    /// Refuses a batch of samples that are not as far apart as those of the rest.
+    fn check_period(&mut self, dt_s: Option<f64>) -> Result<(), String> {
+        let Some(got_s) = dt_s else { return Ok(()) };
+        let expected_s = *self.dt_s.get_or_insert(got_s);
+        if got_s.to_bits() == expected_s.to_bits() {
+            return Ok(());
+        }
+        Err(format!("a batch states {got_s} s from sample to sample, expected {expected_s} s"))
     }
 
     /// Takes in one record.
@@ -144,6 +162,9 @@ impl Tally {
         let step = record.step();
         let (first, last) = self.steps.unwrap_or((step, step));
         self.steps = Some((first.min(step), last.max(step)));
+        if let Record::Sample(SampleRecord { clipped: Some(clipped), .. }) = record {
+            *self.clipped_samples.get_or_insert(0) += u64::from(clipped.any());
+        }
         if let Record::Event(event) = record
             && event.name == FAULT_EVENT
             && self.faults.len() < MOST_FAULTS

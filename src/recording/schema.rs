@@ -10,15 +10,15 @@ pub(super) mod proto {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Topic {
-    /// `/plant/steps`: states and loads at full rate, in batches.
+    /// `/plant/steps`: states and loads of every sample, in batches.
     Steps,
-    /// `/plant/samples`: sensors at full rate, in batches.
+    /// `/plant/samples`: readings of every sample, in batches.
     Samples,
-    /// `/plant/state`: every n-th state, for plotting.
+    /// `/plant/state`: every n-th state, filtered, for plotting.
     State,
-    /// `/plant/command`: every n-th load, for plotting.
+    /// `/plant/command`: every n-th load, filtered, for plotting.
     Command,
-    /// `/plant/sensors`: every n-th sample, for plotting.
+    /// `/plant/sensors`: every n-th sample's readings, filtered, for plotting.
     Sensors,
     /// `/can/frames`: every frame on the bus.
     Frames,
@@ -88,6 +88,10 @@ impl Topic {
 pub(super) mod metadata {
     /// What the recorder itself knows: format, time step, interface, build.
     pub const RECORDING: &str = "resonarm.recording";
+    /// When the run began, as soon as it has: not in runs of simulated time alone, nor in format 1.
+    pub const START: &str = "resonarm.start";
+    /// The key of the start of the run, ns of the UNIX epoch.
+    pub const START_UNIX_NS: &str = "start_unix_ns";
     /// The configuration handed in.
     pub const CONFIGURATION: &str = "resonarm.configuration";
     /// The statistics handed in at the end.
@@ -98,8 +102,15 @@ pub(super) mod metadata {
     pub const RECOVERED: &str = "resonarm.recovered";
 }
 
-/// Version of topics, schemas and metadata; a reader refuses any other.
-pub(super) const FORMAT: &str = "1";
+/// Version of topics, schemas and metadata that is written.
+pub(super) const FORMAT: &str = "2";
+
+/// Versions that are read. 1 has no column of clipped readings and no mark at the end of a run; its plotting topics are not
+/// filtered, its publish times are the log times, and the log times of frames and events are when they were handled.
+pub(super) const FORMATS_READ: [&str; 2] = ["1", "2"];
+
+/// The key of the time from sample to sample in [`metadata::RECORDING`].
+pub(super) const DT_S: &str = "dt_s";
 
 /// How the name of the library begins in the head of a recording.
 pub(super) const OUR_LIBRARY: &str = "resonarm";

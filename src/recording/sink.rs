@@ -23,6 +23,13 @@ pub(super) struct Sink {
     unflushed: bool,
 }
 
+/// The times of a message, ns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stamp {
+    pub log_ns: u64,
+    pub publish_ns: u64,
+}
+
 /// What was written to one topic.
 struct Written {
     id: u16,
@@ -65,11 +72,14 @@ impl Sink {
     }
 
     /// Writes one message.
-    pub fn message(&mut self, topic: Topic, time_ns: u64, message: &impl prost::Message) -> Result<(), RecordingError> {
+    pub fn message(&mut self, topic: Topic, stamp: Stamp, message: &impl prost::Message) -> Result<(), RecordingError> {
         let mut buffer = core::mem::take(&mut self.buffer);
         buffer.clear();
         let written = match message.encode(&mut buffer) {
-            Ok(()) => self.raw(RawMessage { topic, log_time_ns: time_ns, publish_time_ns: time_ns, bytes: &buffer }),
+            Ok(()) => {
+                let (log_time_ns, publish_time_ns) = (stamp.log_ns, stamp.publish_ns);
+                self.raw(RawMessage { topic, log_time_ns, publish_time_ns, bytes: &buffer })
+            }
             Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
         };
         self.buffer = buffer;

@@ -8,20 +8,38 @@ use resonarm_protocol::EmergencyCode;
 use serde::ser::SerializeStruct;
 
 use super::scan::Scan;
-use super::schema::{FORMAT, metadata};
+use super::schema::{DT_S, FORMATS_READ, metadata};
 use super::{BuildInfo, RecordingError};
 
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Origin {
-    /// Time from one step to the next, s.
+    /// Version of the format: 1 or 2.
+    pub format: u32,
+    /// Time from one sample to the next, s.
     pub dt_s: f64,
     /// Name of the bus interface.
     pub interface: String,
-    /// Start of the run, ns of the UNIX epoch; 0 for a run in virtual time.
-    pub start_unix_ns: u64,
+    /// How the run went: by simulated time alone, in lockstep, or in real time. Format 1 calls a run in lockstep simulated.
+    pub time: RunTime,
+    /// Start of the run, ns of the UNIX epoch; `None` for simulated time alone.
+    pub start_unix_ns: Option<u64>,
+    /// Every how many samples the plotting topics hold a message; 0 is never.
+    pub plot_every_samples: u64,
     /// The build that recorded.
     pub build: BuildInfo,
+}
+
+/// What drove the time of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RunTime {
+    /// Nothing but the simulation itself.
+    Simulated,
+    /// The answers of a partner.
+    Lockstep,
+    /// The machine's clock.
+    RealTime,
 }
 
 /// Whether a file is whole, and how much of it can be had if not.
@@ -30,7 +48,7 @@ pub struct Origin {
 pub enum Integrity {
     /// The whole run is there.
     Complete,
-    /// The file is whole, but not all of the run is in it: it was recovered from a truncated or damaged one.
+    /// The file is whole, but it was recovered from a truncated or damaged one: parts of the run may be missing.
     Unfinished,
     /// The file ends inside a record: the run was killed, or a copy was cut short.
     Truncated {
@@ -58,7 +76,7 @@ impl fmt::Display for Integrity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let last_step = match self {
             Integrity::Complete => return f.write_str("complete"),
-            Integrity::Unfinished => return f.write_str("recovered: not all of the run is in it"),
+            Integrity::Unfinished => return f.write_str("recovered from a truncated or damaged one"),
             Integrity::Truncated { readable_bytes, file_bytes, last_step } => {
                 write!(f, "truncated: {readable_bytes} of {file_bytes} bytes can be read")?;
                 last_step
@@ -90,6 +108,8 @@ pub struct RecordingSummary {
     pub duration_s: f64,
     /// First and last sample, if there is any.
     pub samples: Option<(u64, u64)>,
+    /// Samples with a reading beyond the range of its sensor; `None` if the recording doesn't say.
+    pub clipped_samples: Option<u64>,
     /// The plant's faults, in order; at most 100.
     pub faults: Vec<RecordedFault>,
     /// What is in each topic, by its name in the file.
@@ -162,18 +182,31 @@ impl Origin {
             got: value(key),
             expected,
         };
-        if value("format") != FORMAT {
-            return Err(wrong("format", "`1`: read it with the version of resonarm that wrote it"));
-        }
-        let dt_s: f64 = value("dt_s").parse().map_err(|_| wrong("dt_s", "a time in s"))?;
+        let format = match FORMATS_READ.iter().position(|known| *known == value("format")) {
+            Some(place) => place as u32 + 1,
+            None => return Err(wrong("format", "`1` or `2`: read it with the version of resonarm that wrote it")),
+        };
+        let dt_s = match value(DT_S).parse::<f64>() {
+            Ok(dt_s) if dt_s.is_finite() && dt_s > 0.0 => dt_s,
+            Ok(_) => return Err(wrong(DT_S, "a finite time above 0 s")),
+            Err(_) => return Err(wrong(DT_S, "a time in s")),
+        };
+        let start = scan.metadata.get(metadata::START).unwrap_or(about).get(metadata::START_UNIX_NS);
+        let start_unix_ns = match start.map(|start| start.parse::<u64>()).transpose() {
+            Ok(start) => start.filter(|start| *start > 0),
+            Err(_) => return Err(wrong(metadata::START_UNIX_NS, "a time in ns")),
+        };
+        let time = RunTime::stated(format, &value("time"), start_unix_ns)
+            .ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
+        let every = if format == 1 { "plot_every_steps" } else { "plot_every_samples" };
+        let plot_every_samples = value(every).parse().map_err(|_| wrong(every, "a number of samples"))?;
         Ok(Origin {
-            dt_s: if dt_s.is_finite() && dt_s > 0.0 {
-                dt_s
-            } else {
-                return Err(wrong("dt_s", "a finite time above 0 s"));
-            },
+            dt_s,
             interface: value("interface"),
-            start_unix_ns: value("start_unix_ns").parse().map_err(|_| wrong("start_unix_ns", "a time in ns"))?,
+            format,
+            time,
+            start_unix_ns,
+            plot_every_samples,
             build: BuildInfo {
                 version: value("version"),
                 git_commit: value("git_commit"),
@@ -182,5 +215,18 @@ impl Origin {
                 compiler: value("compiler"),
             },
         })
+    }
+}
+
+impl RunTime {
+    /// What a file of `format` states.
+    fn stated(format: u32, time: &str, start_unix_ns: Option<u64>) -> Option<RunTime> {
+        match (format, time) {
+            (1, _) if start_unix_ns.is_some() => Some(RunTime::RealTime),
+            (1, _) | (_, "simulated") => Some(RunTime::Simulated),
+            (_, "lockstep") => Some(RunTime::Lockstep),
+            (_, "real-time") => Some(RunTime::RealTime),
+            _ => None,
+        }
     }
 }

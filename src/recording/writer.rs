@@ -3,21 +3,22 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock, mpsc};
+use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
 
 use resonarm_protocol::{FrameFormat, Id};
 
 use super::batch::{Batch, Batcher};
-use super::recorder::Summary;
+use super::plots::{Plot, Plots};
+use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
-use super::schema::{FORMAT, Topic, metadata};
-use super::sink::{self, Sink};
+use super::schema::{DT_S, FORMAT, Topic, metadata};
+use super::sink::{self, Sink, Stamp};
 use super::staged::is_at;
 use super::{
     Configuration, Direction, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StepRecord,
-    build_info,
+    TickRecord, TimeBase, build_info, decimate,
 };
 
 /// How often the thread looks into empty channels.
@@ -57,18 +58,20 @@ pub(super) struct Writer {
     configuration: BTreeMap<String, String>,
     commands: mpsc::Receiver<Control>,
     sources: Vec<Source>,
-    steps: Batcher<StepBatch>,
-    samples: Batcher<SampleBatch>,
+    states: Batcher<StepBatch>,
+    readings: Batcher<SampleBatch>,
     ticks: Batcher<TickBatch>,
-    step_count: u64,
-    last_step: u64,
+    plots: Plots,
+    state_count: u64,
+    last_sample: u64,
+    times: Times,
     flushed: Flushed,
 }
 
 /// When the last flush was.
 struct Flushed {
     time: Duration,
-    step: Option<u64>,
+    sample: Option<u64>,
 }
 
 impl Writer {
@@ -80,32 +83,34 @@ impl Writer {
         commands: mpsc::Receiver<Control>,
     ) -> Result<Writer, RecordingError> {
         let configuration = configuration.0.clone();
-        let about = about(&options);
+        let about = about(&options, None);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
         let file = sink::open(path, options.existing)?;
         let sink = Sink::begin(file, path, options.compression, &head)?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
-            FlushPolicy::Steps(_) => Duration::ZERO,
+            FlushPolicy::Samples(_) => Duration::ZERO,
         };
         Ok(Writer {
             sink,
             configuration,
             commands,
             sources: Vec::new(),
-            steps: Batcher::new(options.batch_steps, options.dt_s),
-            samples: Batcher::new(options.batch_steps, options.dt_s),
-            ticks: Batcher::new(options.batch_steps, options.dt_s),
-            step_count: 0,
-            last_step: 0,
-            flushed: Flushed { time, step: None },
+            states: Batcher::new(options.batch_samples, options.dt_s),
+            readings: Batcher::new(options.batch_samples, options.dt_s),
+            ticks: Batcher::new(options.batch_samples, options.dt_s),
+            plots: Plots::new(options.plot_every_samples),
+            state_count: 0,
+            last_sample: 0,
+            times: Times { start_unix_ns: None, elapsed_ns: 0 },
+            flushed: Flushed { time, sample: None },
             options,
         })
     }
 
-    /// Writes until told to finish. A failure is put into `failure` before the channels are let go.
-    pub fn run(mut self, failure: &OnceLock<RecordingError>) -> Result<Summary, RecordingError> {
-        let result = self.write_all();
+    /// Writes until told to finish. A failure is put into `shared` before the channels are let go.
+    pub fn run(mut self, shared: &Shared) -> Result<Summary, RecordingError> {
+        let result = self.write_all(&shared.start_clock_ns);
         let ended = match result {
             Ok(()) => {
                 let summary = self.summary();
@@ -121,17 +126,19 @@ impl Writer {
         };
         ended.inspect_err(|error| {
             tracing::error!("the recording has failed: {error}");
-            let _set_once = failure.set(error.clone());
+            let _set_once = shared.failure.set(error.clone());
         })
     }
 
     /// Everything but the footer.
-    fn write_all(&mut self) -> Result<(), RecordingError> {
+    fn write_all(&mut self, start_clock_ns: &AtomicU64) -> Result<(), RecordingError> {
         loop {
             let finish = self.take_commands();
+            self.note_start(start_clock_ns)?;
             let taken = self.take_records()?;
             self.report_losses()?;
             if let Some(statistics) = finish {
+                self.note_start(start_clock_ns)?;
                 self.take_rest()?;
                 return self.write_end(&statistics);
             }
@@ -178,72 +185,99 @@ impl Writer {
         self.report_losses()
     }
 
-    /// Writes one record, after a flush if its step calls for one.
-    fn write(&mut self, record: &Record) -> Result<(), RecordingError> {
-        self.flush_by_step(record.step())?;
-        self.last_step = self.last_step.max(record.step());
-        match record {
-            Record::Step(step) => self.write_step(step),
-            Record::Sample(sample) => self.write_sample(sample),
-            Record::Frame(frame) => {
-                let time_ns = self.time_of_run_ns(frame.time_ns);
-                self.sink.message(Topic::Frames, time_ns, &frame_message(frame, &self.options.interface))
+    /// Writes down when the run began, once there is a record: the run loop has said it by then.
+    fn note_start(&mut self, start_clock_ns: &AtomicU64) -> Result<(), RecordingError> {
+        if self.times.start_unix_ns.is_some() || self.sources.iter().all(|source| source.records.is_empty()) {
+            return Ok(());
+        }
+        self.times.start_unix_ns = self.options.time_base.start_unix_ns(start_clock_ns.load(Ordering::Acquire));
+        match self.times.start_unix_ns {
+            Some(start_ns) => {
+                let start = BTreeMap::from([(String::from(metadata::START_UNIX_NS), start_ns.to_string())]);
+                self.sink.metadata(metadata::START, &start)
             }
-            Record::Tick(tick) => append(&mut self.ticks, tick, &mut self.sink, &self.options),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes one record, after a flush if its sample calls for one.
+    fn write(&mut self, record: &Record) -> Result<(), RecordingError> {
+        self.flush_by_sample(record.step())?;
+        self.last_sample = self.last_sample.max(record.step());
+        match record {
+            Record::Step(state) => self.write_state(state),
+            Record::Sample(reading) => self.write_reading(reading),
+            Record::Frame(frame) => {
+                let stamp = self.stamp_at(frame.step, frame.time_ns);
+                self.sink.message(Topic::Frames, stamp, &frame_message(frame, &self.options.interface))
+            }
+            Record::Tick(tick) => self.write_tick(tick),
             Record::Event(event) => self.write_event(event.step, event.time_ns, event.name.to_string(), event.value),
         }
     }
 
-    fn write_step(&mut self, record: &StepRecord) -> Result<(), RecordingError> {
-        self.step_count += 1;
-        append(&mut self.steps, record, &mut self.sink, &self.options)?;
-        if !record.step.is_multiple_of(self.options.plot_every_steps) {
-            return Ok(());
+    fn write_state(&mut self, record: &StepRecord) -> Result<(), RecordingError> {
+        self.state_count += 1;
+        if self.states.must_take_before(record) {
+            self.take_states()?;
         }
-        let state = proto::State {
-            step: record.step,
-            alpha1_rad: record.alpha_rad[0],
-            alpha2_rad: record.alpha_rad[1],
-            alpha1_dot_rad_s: record.alpha_dot_rad_s[0],
-            alpha2_dot_rad_s: record.alpha_dot_rad_s[1],
-        };
-        let command = proto::Command {
-            step: record.step,
-            torque1_nm: record.torque_nm[0],
-            torque2_nm: record.torque_nm[1],
-            force_x_n: record.force_n[0],
-            force_y_n: record.force_n[1],
-        };
-        let time_ns = self.options.time_of_step_ns(record.step);
-        self.sink.message(Topic::State, time_ns, &state)?;
-        self.sink.message(Topic::Command, time_ns, &command)
+        self.states.append(record);
+        self.plots.state(record);
+        self.write_plots()
     }
 
-    fn write_sample(&mut self, record: &SampleRecord) -> Result<(), RecordingError> {
-        append(&mut self.samples, record, &mut self.sink, &self.options)?;
-        if !record.step.is_multiple_of(self.options.plot_every_steps) {
-            return Ok(());
+    fn write_reading(&mut self, record: &SampleRecord) -> Result<(), RecordingError> {
+        if self.readings.must_take_before(record) {
+            self.take_readings()?;
         }
-        let sensors = proto::Sensors {
-            step: record.step,
-            acceleration_b_x_m_s2: record.acceleration_b_m_s2[0],
-            acceleration_b_y_m_s2: record.acceleration_b_m_s2[1],
-            acceleration_c_x_m_s2: record.acceleration_c_m_s2[0],
-            acceleration_c_y_m_s2: record.acceleration_c_m_s2[1],
-            head_force_x_n: record.head_force_n[0],
-            head_force_y_n: record.head_force_n[1],
-        };
-        self.sink.message(Topic::Sensors, self.options.time_of_step_ns(record.step), &sensors)
+        self.readings.append(record);
+        self.plots.reading(record);
+        self.write_plots()
+    }
+
+    fn write_tick(&mut self, record: &TickRecord) -> Result<(), RecordingError> {
+        if self.ticks.must_take_before(record) {
+            self.take_ticks()?;
+        }
+        self.ticks.append(record);
+        Ok(())
+    }
+
+    fn take_states(&mut self) -> Result<(), RecordingError> {
+        take(&mut self.states, &mut self.sink, &self.options, self.times)
+    }
+
+    fn take_readings(&mut self) -> Result<(), RecordingError> {
+        take(&mut self.readings, &mut self.sink, &self.options, self.times)
+    }
+
+    fn take_ticks(&mut self) -> Result<(), RecordingError> {
+        take(&mut self.ticks, &mut self.sink, &self.options, self.times)
+    }
+
+    /// Writes what is ready for plotting.
+    fn write_plots(&mut self) -> Result<(), RecordingError> {
+        for message in self.plots.ready() {
+            let stamp = self.times.stamp(&self.options, message.sample());
+            match message {
+                Plot::State(state) => self.sink.message(Topic::State, stamp, &state)?,
+                Plot::Command(command) => self.sink.message(Topic::Command, stamp, &command)?,
+                Plot::Sensors(sensors) => self.sink.message(Topic::Sensors, stamp, &sensors)?,
+            }
+        }
+        Ok(())
     }
 
     fn write_event(&mut self, step: u64, time_ns: u64, name: String, value: i64) -> Result<(), RecordingError> {
         let event = proto::Event { step, time_ns, name, value };
-        self.sink.message(Topic::Events, self.time_of_run_ns(time_ns), &event)
+        let stamp = self.stamp_at(step, time_ns);
+        self.sink.message(Topic::Events, stamp, &event)
     }
 
-    /// A time since the start of the run, in ns of the epoch in use.
-    fn time_of_run_ns(&self, time_ns: u64) -> u64 {
-        self.options.time_base.start_ns().saturating_add(time_ns)
+    /// The times of a record that the run loop handled `time_ns` after the start of the run.
+    fn stamp_at(&mut self, sample: u64, time_ns: u64) -> Stamp {
+        self.times.elapsed_ns = self.times.elapsed_ns.max(time_ns);
+        Times { elapsed_ns: time_ns, ..self.times }.stamp(&self.options, sample)
     }
 
     /// Writes an event for every channel that has lost records since the last time.
@@ -254,8 +288,11 @@ impl Writer {
             let new = lost - core::mem::replace(&mut source.lost_reported, lost);
             if new > 0 {
                 let name = format!("recording.lost.{}", source.name);
-                let time_ns = self.options.time_of_step_ns(self.last_step) - self.options.time_base.start_ns();
-                self.write_event(self.last_step, time_ns, name, i64::try_from(new).unwrap_or(i64::MAX))?;
+                let time_ns = match self.times.start_unix_ns {
+                    Some(_) => self.times.elapsed_ns,
+                    None => self.options.simulated_ns(self.last_sample),
+                };
+                self.write_event(self.last_sample, time_ns, name, i64::try_from(new).unwrap_or(i64::MAX))?;
             }
         }
         Ok(())
@@ -273,13 +310,13 @@ impl Writer {
         Ok(())
     }
 
-    /// Flushes if `step` is far enough from the step of the last flush.
-    fn flush_by_step(&mut self, step: u64) -> Result<(), RecordingError> {
-        if let FlushPolicy::Steps(steps) = self.options.flush {
-            let last = *self.flushed.step.get_or_insert(step);
-            if step.saturating_sub(last) >= steps {
+    /// Flushes if `sample` is far enough from the sample of the last flush.
+    fn flush_by_sample(&mut self, sample: u64) -> Result<(), RecordingError> {
+        if let FlushPolicy::Samples(samples) = self.options.flush {
+            let last = *self.flushed.sample.get_or_insert(sample);
+            if sample.saturating_sub(last) >= samples {
                 self.flush()?;
-                self.flushed.step = Some(step);
+                self.flushed.sample = Some(sample);
             }
         }
         Ok(())
@@ -287,16 +324,18 @@ impl Writer {
 
     /// Writes the batches begun and hands everything to the system.
     fn flush(&mut self) -> Result<(), RecordingError> {
-        take(&mut self.steps, &mut self.sink, &self.options)?;
-        take(&mut self.samples, &mut self.sink, &self.options)?;
-        take(&mut self.ticks, &mut self.sink, &self.options)?;
+        self.take_states()?;
+        self.take_readings()?;
+        self.take_ticks()?;
         self.sink.flush()
     }
 
     /// Writes the configuration again, the statistics and the count of lost records.
     fn write_end(&mut self, statistics: &BTreeMap<String, String>) -> Result<(), RecordingError> {
+        self.plots.end();
+        self.write_plots()?;
         self.flush()?;
-        self.sink.metadata(metadata::RECORDING, &about(&self.options))?;
+        self.sink.metadata(metadata::RECORDING, &about(&self.options, self.times.start_unix_ns))?;
         self.sink.metadata(metadata::CONFIGURATION, &self.configuration)?;
         self.sink.metadata(metadata::STATISTICS, statistics)?;
         let lost = self.lost().into_iter().map(|(name, count)| (name, count.to_string())).collect();
@@ -318,50 +357,67 @@ impl Writer {
             path: self.sink.path().to_path_buf(),
             bytes: 0,
             messages: Topic::ALL.map(|topic| (topic.name(), self.sink.messages(topic))).into(),
-            steps: self.step_count,
+            samples: self.state_count,
             lost: self.lost(),
         }
     }
 }
 
-/// Appends a row to its batch, after writing the batch if it is full or the row is not the next step.
-fn append<B: Batch>(
-    batcher: &mut Batcher<B>,
-    row: &B::Row,
-    sink: &mut Sink,
-    options: &Options,
-) -> Result<(), RecordingError> {
-    if batcher.must_take_before(row) {
-        take(batcher, sink, options)?;
+/// Where the run has got to by the machine's clock.
+#[derive(Clone, Copy)]
+struct Times {
+    /// When the run began, ns of the UNIX epoch; `None` before it has, and for simulated time alone.
+    start_unix_ns: Option<u64>,
+    /// The latest time that a frame or an event has stated, ns from there.
+    elapsed_ns: u64,
+}
+
+impl Times {
+    /// Log and publish time of a message that belongs to `sample` and is written now.
+    fn stamp(self, options: &Options, sample: u64) -> Stamp {
+        let simulated_ns = options.simulated_ns(sample);
+        match (options.time_base, self.start_unix_ns) {
+            (TimeBase::RealTime { .. }, Some(start_ns)) => Stamp {
+                log_ns: start_ns.saturating_add(simulated_ns),
+                publish_ns: start_ns.saturating_add(self.elapsed_ns),
+            },
+            (_, Some(start_ns)) => Stamp { log_ns: simulated_ns, publish_ns: start_ns.saturating_add(self.elapsed_ns) },
+            (_, None) => Stamp { log_ns: simulated_ns, publish_ns: simulated_ns },
+        }
     }
-    batcher.append(row);
-    Ok(())
 }
 
 /// Writes a batch, if it holds a row.
-fn take<B: Batch>(batcher: &mut Batcher<B>, sink: &mut Sink, options: &Options) -> Result<(), RecordingError> {
+fn take<B: Batch>(
+    batcher: &mut Batcher<B>,
+    sink: &mut Sink,
+    options: &Options,
+    times: Times,
+) -> Result<(), RecordingError> {
     match batcher.take() {
-        Some(batch) => sink.message(B::TOPIC, options.time_of_step_ns(batch.first_step()), batch),
+        Some(batch) => sink.message(B::TOPIC, times.stamp(options, batch.first_step()), batch),
         None => Ok(()),
     }
 }
 
 /// What the recorder itself knows about a recording.
-fn about(options: &Options) -> BTreeMap<String, String> {
+fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, String> {
     let build = build_info();
     let entries = [
         ("format", FORMAT.to_string()),
-        ("dt_s", options.dt_s.to_string()),
+        (DT_S, options.dt_s.to_string()),
         ("interface", options.interface.clone()),
-        ("start_unix_ns", options.time_base.start_ns().to_string()),
-        ("plot_every_steps", options.plot_every_steps.to_string()),
+        ("time", options.time_base.name().to_string()),
+        ("plot_every_samples", options.plot_every_samples.to_string()),
+        ("plot_filter", decimate::describe(options.plot_every_samples)),
         ("version", build.version),
         ("git_commit", build.git_commit),
         ("target", build.target),
         ("profile", build.profile),
         ("compiler", build.compiler),
     ];
-    entries.into_iter().map(|(key, value)| (key.to_string(), value)).collect()
+    let start = start_unix_ns.map(|start_ns| (metadata::START_UNIX_NS, start_ns.to_string()));
+    entries.into_iter().chain(start).map(|(key, value)| (key.to_string(), value)).collect()
 }
 
 /// A frame as it goes into the file.

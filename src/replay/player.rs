@@ -6,7 +6,7 @@ use super::ReplayError;
 use crate::bus::{Bus, Sent};
 use crate::protocol::Frame;
 use crate::realtime::Clock;
-use crate::recording::{Direction, FrameRecord, Recording};
+use crate::recording::{Direction, FrameRecord, Recording, RunTime};
 use crate::run::Signals;
 
 /// How long to wait before a full transmit queue is tried again, ns.
@@ -38,7 +38,8 @@ pub struct Played {
     pub latest_s: f64,
 }
 
-/// Sends the recording's frames in their order, each as long after the first as it was recorded, divided by the speed.
+/// Sends the recording's frames in their order, each as long after the first as it was recorded, divided by the speed: of a
+/// run in real time by the machine's clock, else in simulated time, where the frames of a sample come together.
 ///
 /// # Errors
 /// [`ReplayError`] if the speed is impossible, the recording holds no frames, or recording or bus fail.
@@ -61,7 +62,11 @@ pub fn play<C: Clock>(
         if direction.is_some_and(|direction| direction != record.direction) {
             continue;
         }
-        let recorded_ns = record.time_ns.saturating_sub(*first_ns.get_or_insert(record.time_ns));
+        let time_ns = match recording.origin().time {
+            RunTime::Lockstep => libm::round(record.step as f64 * recording.origin().dt_s * 1e9) as u64,
+            RunTime::RealTime | RunTime::Simulated => record.time_ns,
+        };
+        let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
         let due_ns = match speed {
             0.0 => clock.now_ns(),
             speed => start_ns.saturating_add((recorded_ns as f64 / speed) as u64),

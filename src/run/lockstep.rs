@@ -32,6 +32,7 @@ pub fn lockstep<C: Clock>(
         Err(error) => return (PlantReport::empty(), Err(error.into())),
     };
     let start_ns = clock.now_ns();
+    side.begin(start_ns);
     let mut run = Lockstep { side, bus, clock, rate, end, signals, start_ns, exec };
     let result = run.samples().and_then(|()| run.side.finish());
     let timing =

@@ -6,7 +6,7 @@ use crate::bus::{Bus, Received, Sent};
 use crate::node::{NodeEvent, PlantNode};
 use crate::plant::{Plant, PlantError};
 use crate::protocol::{EmergencyCode, Frame, NodeState};
-use crate::recording::{Direction, Event, FrameRecord, Record, SampleRecord, StepRecord};
+use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StepRecord};
 use crate::rig::Reading;
 
 /// Frames taken from the bus in one go: bounds the work of a tick. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
@@ -54,6 +54,11 @@ impl PlantSide {
     /// Whether the plant was armed once and has been disarmed or has faulted.
     pub(super) fn has_left_armed(&self) -> bool {
         self.ended
+    }
+
+    /// Tells the recording when the run began, by the loop's clock.
+    pub(super) fn begin(&mut self, clock_ns: u64) {
+        self.tape.begin(clock_ns);
     }
 
     pub(super) fn start(&mut self, now_ns: u64) {
@@ -108,11 +113,17 @@ impl PlantSide {
     pub(super) fn measure(&mut self) -> Result<(), RunError> {
         let measurement = self.plant.measure();
         let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
+        let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);
         self.tape.record(Record::Sample(SampleRecord {
             step: measurement.step,
             acceleration_b_m_s2: values(measurement.acceleration_b_m_s2),
             acceleration_c_m_s2: values(measurement.acceleration_c_m_s2),
             head_force_n: values(measurement.head_force_n),
+            clipped: Some(Clipped {
+                acceleration_b: clipped(measurement.acceleration_b_m_s2),
+                acceleration_c: clipped(measurement.acceleration_c_m_s2),
+                head_force: clipped(measurement.head_force_n),
+            }),
         }))?;
         Ok(self.node.publish(&measurement)?)
     }
@@ -121,7 +132,7 @@ impl PlantSide {
     /// plant stays where it is.
     pub(super) fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
-        self.record_step(&load)?;
+        self.record_step(&load, false)?;
         if let Err(error) = self.plant.advance(&load) {
             let PlantError::Integrate { .. } = error;
             self.node.fault(now_ns, EmergencyCode::SimulationFailed, 0);
@@ -133,10 +144,10 @@ impl PlantSide {
 
     /// Records the last state, from which nothing was advanced.
     pub(super) fn finish(&mut self) -> Result<(), RunError> {
-        self.record_step(&Load::default())
+        self.record_step(&Load::default(), true)
     }
 
-    fn record_step(&mut self, load: &Load) -> Result<(), RunError> {
+    fn record_step(&mut self, load: &Load, is_end: bool) -> Result<(), RunError> {
         let state = self.plant.state();
         self.record(Record::Step(StepRecord {
             step: self.plant.step(),
@@ -144,6 +155,7 @@ impl PlantSide {
             alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
+            is_end,
         }))
     }
 

@@ -59,6 +59,7 @@ fn ticks<C: Clock>(
     signals: &Signals,
 ) -> Result<(), RunError> {
     let start_ns = periodic.start_ns();
+    side.begin(start_ns);
     side.start(0);
     loop {
         let tick = periodic.tick()?;

@@ -14,6 +14,14 @@ pub enum Tape {
 }
 
 impl Tape {
+    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record.
+    pub fn begin(&mut self, clock_ns: u64) {
+        match self {
+            Tape::Off => {}
+            Tape::Lossy(channel) | Tape::Whole(channel) => channel.begin(clock_ns),
+        }
+    }
+
     /// Records `record`.
     ///
     /// # Errors

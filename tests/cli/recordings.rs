@@ -61,7 +61,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let mended = document(folder.path(), 1, &["inspect", "whole.mcap", "--json"]);
     assert_eq!((&mended["integrity"]["state"], &mended["topics"]), (&"unfinished".into(), &cut["topics"]));
     let resim = resonarm(folder.path(), &["resim", "whole.mcap"]);
-    let note = "the recording was recovered: not all of the run is in it\n";
+    let note = "the recording was recovered from a truncated or damaged one\n";
     assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {steps} samples, bit for bit\n")));
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "whole.mcap"]), @"resonarm: recording `whole.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "whole.mcap", "again.mcap"]), @"resonarm: recording `whole.mcap` is whole: there is nothing to recover");
@@ -114,6 +114,32 @@ fn a_state_that_is_off_by_a_bit_is_found() {
     assert!(said.stdout.starts_with("differs from sample 321 on; "), "{}", said.stdout);
 }
 
+/// Runs the program with files limited to 32 KiB, which to it is as a full disk.
+fn with_little_space(folder: &Path, arguments: &str) -> std::process::Output {
+    let script = format!("ulimit -f 64; trap '' XFSZ; exec \"$0\" {arguments}");
+    let program = env!("CARGO_BIN_EXE_resonarm");
+    std::process::Command::new("dash").args(["-c", &script, program]).current_dir(folder).output().unwrap()
+}
+
+#[test]
+fn a_disk_that_fills_up_is_told_and_leaves_what_was_there() {
+    let folder = recorded();
+    let run = with_little_space(folder.path(), "run --mode free --duration-s 2.5 --record full.mcap");
+    let said = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("ERROR the recording has failed: can't write recording `full.mcap`: File too large"),
+        "{said}"
+    );
+
+    damage(&folder.path().join("run.mcap"), 1);
+    fs::write(folder.path().join("other.mcap"), "something else").unwrap();
+    let recover = with_little_space(folder.path(), "recover run.mcap other.mcap --overwrite");
+    assert_eq!(recover.status.code(), Some(3), "{}", String::from_utf8_lossy(&recover.stderr));
+    assert_eq!(fs::read(folder.path().join("other.mcap")).unwrap(), b"something else");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "a part of a file is left");
+}
+
 /// Where the chunks of a recording lie: the places of their records, bytes.
 fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
@@ -161,7 +187,7 @@ fn recovery_goes_on_behind_a_damaged_chunk_and_says_what_is_gone() {
     assert_eq!((&mended["samples"][0], &mended["samples"][1]), (&0.into(), &2500.into()));
     assert_eq!(mended["topics"]["/plant/steps"]["gaps"], 1);
     let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
-    assert!(said.stdout.contains("are gone, which states log times from 1.000 to "), "{}", said.stdout);
+    assert!(said.stdout.contains("are gone, which states log times from 0.740 to 1.999 s: "), "{}", said.stdout);
     assert!(said.stdout.contains("samples 1000 to 1999 are gone"), "{}", said.stdout);
 }
 
@@ -263,6 +289,34 @@ fn a_fault_is_told() {
     let text = resonarm(folder.path(), &["inspect", "fault.mcap"]).stdout;
     let line = text.lines().find(|line| line.starts_with("fault")).unwrap_or_default();
     assert_snapshot!(line, @"fault        code 2 at sample 1234: no sensor data in time");
+}
+
+#[test]
+fn what_a_sensor_could_not_tell_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = "
+        rig = { accelerometer_b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
+        [excitation]
+        amplitude = { force_x_n = 300.0 }
+        profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.15, settle_s = 0.05 }
+    ";
+    fs::write(folder.path().join("small.toml"), scenario).unwrap();
+    let run = ["run", "--mode", "free", "--scenario", "small.toml", "--record", "run.mcap"];
+    assert_eq!(resonarm(folder.path(), &run).code, 0);
+    let summary = document(folder.path(), 0, &["inspect", "run.mcap", "--json"]);
+    let (mut clipped, mut samples) = (0, 0);
+    for sample in Recording::open(folder.path().join("run.mcap")).unwrap().samples().unwrap() {
+        let sample = sample.unwrap();
+        let marked = sample.clipped.unwrap();
+        assert_eq!(marked.acceleration_b, sample.acceleration_b_m_s2.map(|value| value.abs() == 0.5), "{sample:?}");
+        assert_eq!((marked.acceleration_c, marked.head_force), ([false; 2], [false; 2]));
+        clipped += u64::from(marked.any());
+        samples += 1;
+    }
+    assert!((10..samples).contains(&clipped), "{clipped} of {samples}");
+    assert_eq!(summary["clipped_samples"], clipped);
+    let text = resonarm(folder.path(), &["inspect", "run.mcap"]).stdout;
+    assert!(text.contains(&format!("{clipped} samples with a reading beyond the range of its sensor")), "{text}");
 }
 
 #[test]

@@ -13,7 +13,7 @@ const STEPS: u64 = 300;
 /// The bytes of a recording of 300 steps in chunks of 50.
 fn bytes(directory: &Path) -> Outcome<Vec<u8>> {
     let path = directory.join("whole.mcap");
-    record(&path, Options { flush: FlushPolicy::Steps(50), ..options() }, &run(STEPS)?)?;
+    record(&path, Options { flush: FlushPolicy::Samples(50), ..options() }, &run(STEPS)?)?;
     Ok(fs::read(path)?)
 }
 
@@ -85,6 +85,37 @@ proptest! {
         }
     }
 
+    /// Whatever is wrong, what is recovered can be read, and holds nothing but what was recorded.
+    #[test]
+    fn what_is_recovered_was_recorded(
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 1..4),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let directory = tempfile::tempdir()?;
+        let fail = |error: Box<dyn std::error::Error>| TestCaseError::fail(error.to_string());
+        let mut bytes = bytes(directory.path()).map_err(fail)?;
+        let recorded = steps_recorded().map_err(fail)?;
+        for (index, flip) in flips {
+            let place = index.index(bytes.len());
+            bytes[place] ^= flip;
+        }
+        bytes.truncate(cut.map_or(bytes.len(), |cut| cut.index(bytes.len())));
+        let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
+        fs::write(&path, &bytes)?;
+        if recover(&path, &mended, Existing::Refuse).is_ok() {
+            let recording = Recording::open(&mended)?;
+            prop_assert_eq!(recording.integrity(), &Integrity::Unfinished);
+            for record in recording.records()? {
+                if let resonarm::recording::Record::Step(state) = record? {
+                    prop_assert_eq!(Some(&state), recorded.get(state.step as usize));
+                }
+            }
+        } else {
+            prop_assert!(!mended.exists());
+        }
+        prop_assert_eq!(fs::read_dir(directory.path())?.count(), 2 + usize::from(mended.exists()));
+    }
+
     /// Bytes that only begin like a recording.
     #[test]
     fn garbage_never_panics(length in 0..5000_usize, garbage in prop::collection::vec(any::<u8>(), 0..3000)) {
@@ -124,13 +155,53 @@ fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
     let directory = tempfile::tempdir()?;
     let mut whole = bytes(directory.path())?;
     let (cut, mended) = (directory.path().join("cut.mcap"), directory.path().join("mended.mcap"));
-    let key = b"start_unix_ns";
+    let key = b"dt_s";
     let place = whole.windows(key.len()).position(|bytes| bytes == key).ok_or("no such key")?;
     whole[place + key.len() + 4] = b'x';
     fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
     let message = |error: RecordingError| error.to_string().replace(&directory.path().display().to_string(), "DIR");
     let refused = recover(&cut, &mended, Existing::Refuse).map_err(message);
     assert_eq!(refused.as_ref().err(), Recording::open(&cut).map_err(message).err().as_ref());
-    assert!(refused.is_err_and(|message| message.contains("start_unix_ns")) && !mended.exists());
+    assert!(refused.is_err_and(|message| message.contains("dt_s")) && !mended.exists());
     Ok(())
+}
+
+/// Wherever one byte of a chunk is wrong, that chunk alone is lost: its length and its opcode included.
+#[test]
+fn one_wrong_byte_costs_one_chunk() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let whole = bytes(directory.path())?;
+    let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
+    let recorded = steps_recorded()?;
+    let second = chunk(&whole, 1).ok_or("no second chunk")?;
+    let middle = usize::midpoint(second.start, second.end);
+    for place in (second.start..second.start + 9).chain([second.start + 50, middle]) {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 0x41;
+        fs::write(&path, &bytes)?;
+        let recovered = recover(&path, &mended, Existing::Overwrite)?;
+        let steps = Recording::open(&mended)?.records()?.filter_map(|record| match record {
+            Ok(resonarm::recording::Record::Step(state)) => Some(state.step),
+            _ => None,
+        });
+        let steps: Vec<_> = steps.collect();
+        let expected: Vec<_> = (0..recorded.len() as u64).filter(|step| !(50..100).contains(step)).collect();
+        assert_eq!(steps, expected, "byte {} of the chunk: {recovered:?}", place - second.start);
+        let missing: Vec<_> = recovered.missing_samples.iter().map(|missing| (missing.first, missing.last)).collect();
+        assert_eq!(missing, [(50, 99)], "byte {} of the chunk", place - second.start);
+    }
+    Ok(())
+}
+
+/// Where the chunk with this number stands.
+fn chunk(bytes: &[u8], number: usize) -> Option<std::ops::Range<usize>> {
+    const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
+    let mut offset = mcap::MAGIC.len();
+    let mut chunks = std::iter::from_fn(|| {
+        let length = u64::from_le_bytes(bytes.get(offset + 1..offset + 9)?.try_into().ok()?);
+        let record = offset..offset + 9 + usize::try_from(length).ok()?;
+        offset = record.end;
+        Some(record)
+    });
+    chunks.by_ref().filter(|record| bytes[record.start] == CHUNK).nth(number)
 }

@@ -13,6 +13,7 @@ mod real_time_alloc;
 mod reference_recordings;
 mod round_trip;
 mod schemas;
+mod times;
 mod writing;
 
 use std::error::Error;
@@ -20,8 +21,8 @@ use std::path::Path;
 
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
-    Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StepRecord, Summary,
-    TickRecord,
+    Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StepRecord,
+    Summary, TickRecord,
 };
 
 /// What tests return: any error fails them.
@@ -37,12 +38,14 @@ fn records_of(step: u64) -> Outcome<Vec<Record>> {
             alpha_dot_rad_s: [0.1 + x, 0.2 - x],
             torque_nm: [0.0, -0.0],
             force_n: [x / 3.0, 1.0],
+            is_end: false,
         }),
         Record::Sample(SampleRecord {
             step,
             acceleration_b_m_s2: [x, 2.0 * x],
             acceleration_c_m_s2: [3.0 * x, 4.0 * x],
             head_force_n: [5.0, 6.0],
+            clipped: Some(Clipped::NONE),
         }),
         Record::Tick(TickRecord {
             step,

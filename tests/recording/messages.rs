@@ -37,9 +37,9 @@ fn of_options_that_make_no_sense() -> Outcome {
     let create = |options| text(Recorder::create(&path, &Configuration::new(), options), &directory);
     insta::assert_snapshot!(create(Options { dt_s: f64::NAN, ..options() })?, @"recording option `dt_s` is NaN, expected a finite time above 0 s");
     insta::assert_snapshot!(create(Options { dt_s: 0.0, ..options() })?, @"recording option `dt_s` is 0, expected a finite time above 0 s");
-    insta::assert_snapshot!(create(Options { batch_steps: 0, ..options() })?, @"recording option `batch_steps` is 0, expected at least 1");
-    insta::assert_snapshot!(create(Options { plot_every_steps: 0, ..options() })?, @"recording option `plot_every_steps` is 0, expected at least 1");
-    insta::assert_snapshot!(create(Options { flush: FlushPolicy::Steps(0), ..options() })?, @"recording option `flush` is every 0 steps, expected at least 1");
+    insta::assert_snapshot!(create(Options { batch_samples: 0, ..options() })?, @"recording option `batch_samples` is 0, expected at least 1");
+    insta::assert_snapshot!(create(Options { plot_every_samples: 1001, ..options() })?, @"recording option `plot_every_samples` is 1001, expected at most 1000");
+    insta::assert_snapshot!(create(Options { flush: FlushPolicy::Samples(0), ..options() })?, @"recording option `flush` is every 0 samples, expected at least 1");
     assert!(!path.exists(), "a refusal has made a file");
     let recorder = Recorder::create(&path, &Configuration::new(), options())?;
     insta::assert_snapshot!(text(recorder.channel("plant", 0), &directory)?, @"recording option `capacity` is 0, expected at least 1 record");
@@ -83,7 +83,7 @@ fn foreign(about: &[(&str, &str)], topic: &str, schema: &str) -> Outcome<Vec<u8>
 fn of_recordings_of_another_kind() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
-    let good = [("format", "1"), ("dt_s", "0.001"), ("interface", "vcan0"), ("start_unix_ns", "0")];
+    let good = [("format", "1"), ("dt_s", "0.001"), ("interface", "vcan0"), ("plot_every_steps", "10")];
     let open = |about: &[(&str, &str)], topic: &str, schema: &str| -> Result<Recording, RecordingError> {
         let bytes = foreign(about, topic, schema).unwrap_or_default();
         let _written = fs::write(&path, bytes);
@@ -92,7 +92,7 @@ fn of_recordings_of_another_kind() -> Outcome {
     let (topic, schema) = ("/plant/samples", "resonarm.v1.SampleBatch");
     let recording = open(&good, topic, schema)?;
     insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
-    insta::assert_snapshot!(text(open(&[("format", "2")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `2` in its metadata `resonarm.recording`, expected `1`: read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(text(open(&[("format", "3")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `3` in its metadata `resonarm.recording`, expected `1` or `2`: read it with the version of resonarm that wrote it");
     insta::assert_snapshot!(text(open(&[("format", "1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
     insta::assert_snapshot!(text(open(&[("format", "1"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
     insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/plant/samples`, expected `resonarm.v1.SampleBatch (protobuf)`: read it with the version of resonarm that wrote it");
@@ -126,7 +126,7 @@ fn without_numbers(text: &str) -> String {
 fn of_integrity() -> Outcome {
     let directory = tempfile::tempdir()?;
     let (path, cut) = (directory.path().join("run.mcap"), directory.path().join("cut.mcap"));
-    let options = Options { compression: Compression::None, flush: FlushPolicy::Steps(50), ..options() };
+    let options = Options { compression: Compression::None, flush: FlushPolicy::Samples(50), ..options() };
     record(&path, options, &run(200)?)?;
     let integrity = |bytes: &[u8]| -> Outcome<String> {
         fs::write(&cut, bytes)?;

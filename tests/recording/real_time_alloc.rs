@@ -5,8 +5,8 @@ use std::error::Error;
 use assert_no_alloc::assert_no_alloc;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
-    Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError, SampleRecord,
-    StepRecord, TickRecord,
+    Clipped, Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError,
+    SampleRecord, StepRecord, TickRecord,
 };
 
 #[test]
@@ -22,10 +22,10 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
         let time_ns = step * 1_000_000;
         let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = (pair, pair, pair, pair);
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
-        let (direction, bus_timestamp_ns) = (Direction::Sent, Some(1));
+        let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Some(Clipped::NONE));
         let records = [
-            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n }),
-            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n }),
+            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false }),
+            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
             Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }),
             Record::Tick(TickRecord { step, wakeup_ns: 1, exec_ns: 2, overruns: 0 }),
             Record::Event(Event { step, time_ns, name: "plant.state.fault", value: 1 }),

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::recording::{
-    Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording, SampleRecord,
-    StepRecord, TickRecord,
+    Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
+    SampleRecord, StepRecord, TickRecord,
 };
 
 use crate::{Outcome, options, record, run};
@@ -32,14 +32,24 @@ fn frame() -> impl Strategy<Value = Frame> {
     (id, format, data).prop_filter_map("length", |(id, format, data)| Frame::new(id, format, &data).ok())
 }
 
+fn clipped() -> impl Strategy<Value = Option<Clipped>> {
+    let pairs = any::<[[bool; 2]; 3]>();
+    prop::option::of(pairs.prop_map(|[acceleration_b, acceleration_c, head_force]| Clipped {
+        acceleration_b,
+        acceleration_c,
+        head_force,
+    }))
+}
+
 fn any_record(step: u64) -> impl Strategy<Value = Record> {
     let direction = prop_oneof![Just(Direction::Received), Just(Direction::Sent)];
     prop_oneof![
         4 => [pair(), pair(), pair(), pair()].prop_map(move |[alpha_rad, alpha_dot_rad_s, torque_nm, force_n]| {
-            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n })
+            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: step % 7 == 3 })
         }),
-        4 => [pair(), pair(), pair()].prop_map(move |[acceleration_b_m_s2, acceleration_c_m_s2, head_force_n]| {
-            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n })
+        4 => ([pair(), pair(), pair()], clipped()).prop_map(move |([b, c, head_force_n], clipped)| {
+            let (acceleration_b_m_s2, acceleration_c_m_s2) = (b, c);
+            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
         }),
         4 => (frame(), direction, any::<u64>(), any::<Option<u64>>()).prop_map(
             move |(frame, direction, time_ns, bus_timestamp_ns)| {
@@ -68,12 +78,14 @@ fn any_run() -> impl Strategy<Value = Vec<Record>> {
 }
 
 fn any_options() -> impl Strategy<Value = Options> {
-    (any::<bool>(), 1..50_u64, 1..20_u32, 1..20_u64).prop_map(|(lz4, flush, batch_steps, plot_every_steps)| Options {
-        compression: if lz4 { Compression::Lz4 } else { Compression::None },
-        flush: FlushPolicy::Steps(flush),
-        batch_steps,
-        plot_every_steps,
-        ..options()
+    (any::<bool>(), 1..50_u64, 1..20_u32, 0..20_u64).prop_map(|(lz4, flush, batch_samples, plot_every_samples)| {
+        Options {
+            compression: if lz4 { Compression::Lz4 } else { Compression::None },
+            flush: FlushPolicy::Samples(flush),
+            batch_samples,
+            plot_every_samples,
+            ..options()
+        }
     })
 }
 
@@ -82,9 +94,13 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
     let bits =
         |pairs: &[[f64; 2]]| pairs.iter().map(|pair| format!("{:x?}", pair.map(f64::to_bits))).collect::<String>();
     match record {
-        Record::Step(r) => format!("{} {}", r.step, bits(&[r.alpha_rad, r.alpha_dot_rad_s, r.torque_nm, r.force_n])),
+        Record::Step(r) => {
+            let numbers = bits(&[r.alpha_rad, r.alpha_dot_rad_s, r.torque_nm, r.force_n]);
+            format!("{} {} {numbers}", r.step, r.is_end)
+        }
         Record::Sample(r) => {
-            format!("{} {}", r.step, bits(&[r.acceleration_b_m_s2, r.acceleration_c_m_s2, r.head_force_n]))
+            let numbers = bits(&[r.acceleration_b_m_s2, r.acceleration_c_m_s2, r.head_force_n]);
+            format!("{} {:?} {numbers}", r.step, r.clipped)
         }
         Record::Frame(r) => format!("{r:?} {:?}", r.frame.format()),
         Record::Tick(r) => format!("{r:?}"),

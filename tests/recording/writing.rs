@@ -17,7 +17,7 @@ fn the_same_records_give_the_same_bytes() -> Outcome {
     let bytes = fs::read(&one)?;
     assert!(bytes == fs::read(&two)?, "two recordings of the same records differ");
     assert_eq!(summary.bytes, bytes.len() as u64);
-    assert_eq!(summary.steps, 2500);
+    assert_eq!(summary.samples, 2500);
     assert_eq!(summary.messages_in(Topic::Steps), 25);
     assert_eq!(summary.messages_in(Topic::State), 250);
     assert_eq!(summary.messages_in(Topic::Frames), 5000);
@@ -53,7 +53,7 @@ fn a_full_channel_loses_records_and_says_so() -> Outcome {
     stored += 1;
     let summary = recorder.finish(&[])?;
     assert!(lost > 0, "a channel of 2 records kept up with 20000");
-    assert_eq!((summary.steps, summary.lost["plant"], channel.lost()), (stored, lost, lost));
+    assert_eq!((summary.samples, summary.lost["plant"], channel.lost()), (stored, lost, lost));
 
     let recording = Recording::open(&path)?;
     assert_eq!(recording.summary().lost["plant"], lost);
@@ -136,7 +136,7 @@ fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
         let path = path.clone();
         std::thread::spawn(move || fs::File::open(path)) // opening either end waits for the other
     };
-    let piped = Options { existing: Existing::Overwrite, flush: FlushPolicy::Steps(10), ..options() };
+    let piped = Options { existing: Existing::Overwrite, flush: FlushPolicy::Samples(10), ..options() };
     let recorder = Recorder::create(&path, &configuration(), piped)?;
     drop(reader.join().map_err(|_| "the reader has died")??);
     let mut channel = recorder.channel("plant", 16)?;

@@ -1,0 +1,227 @@
+//! Every n-th row of a series, filtered so that nothing is left of what the lower rate can't tell.
+//!
+//! A linear-phase FIR filter: the ideal low-pass under a Kaiser window (J. F. Kaiser, 1974). With n the decimation, f_s the rate
+//! of the series and f_N = f_s/(2n) half the lower rate, it passes up to 0.8 f_N and stops from f_N on. For an attenuation of
+//! A = 80 dB and a transition Δω = 2π·0.2 f_N/f_s = 0.2π/n,
+//!
+//! ```text
+//! β = 0.1102 (A − 8.7) = 7.857,   taps − 1 ≥ (A − 7.95)/(2.285 Δω) = 50.2 n,   so 2h + 1 taps with h = 26 n
+//! w_i = I0(β √(1 − (i/h)²)) · sinc(0.9 i/n),   i = −h … h,   divided by Σ w_i
+//! ```
+//!
+//! Both bands ripple by 10^(−A/20) = 1e-4 of the amplitude at most. The taps are symmetric about the row that a value is given
+//! for, so nothing is delayed. Beyond the ends of the series its first and last row are taken to go on.
+
+use std::collections::VecDeque;
+use std::f64::consts::PI;
+
+/// β of the Kaiser window for 80 dB.
+const BETA: f64 = 0.1102 * (80.0 - 8.7);
+/// Half the length of the filter, rows for each of the decimation.
+const HALF_LENGTH: usize = 26;
+/// Where the ideal low-pass ends, in f_N: in the middle of the transition.
+const CUT_OFF: f64 = 0.9;
+
+/// What the filter of a decimation is, in words.
+pub(super) fn describe(every: u64) -> String {
+    match every {
+        0 => String::from("none: nothing is repeated"),
+        1 => String::from("none: every sample is repeated as it is"),
+        every => format!(
+            "linear-phase FIR, {} taps, Kaiser window: pass band to {:?} of the sample rate, stop band from {:?}, ripple 1e-4 \
+             in both",
+            2 * HALF_LENGTH * every as usize + 1,
+            0.4 / every as f64,
+            0.5 / every as f64
+        ),
+    }
+}
+
+/// Takes rows of `N` numbers, and gives every n-th filtered.
+pub(super) struct Decimator<const N: usize> {
+    every: u64,
+    taps: Vec<f64>,
+    /// The rows under the filter, oldest first, each with its flags.
+    window: VecDeque<([f64; N], u32)>,
+    /// The first row of the series and the one after its last.
+    series: Option<(u64, u64)>,
+}
+
+/// A filtered row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Decimated<const N: usize> {
+    /// The index of the row for which it stands.
+    pub index: u64,
+    pub values: [f64; N],
+    /// The flags of all rows that it was made of.
+    pub flags: u32,
+}
+
+impl<const N: usize> Decimator<N> {
+    /// Gives the rows whose index is a multiple of `every`; none for 0, and for 1 all as they are.
+    pub fn new(every: u64) -> Decimator<N> {
+        let taps = if every < 2 { vec![1.0] } else { taps(every) };
+        Decimator { every, window: VecDeque::with_capacity(taps.len() + 1), taps, series: None }
+    }
+
+    /// Takes the next row; a row that doesn't follow the last begins another series. Hands over what is ready.
+    pub fn push(&mut self, index: u64, values: [f64; N], flags: u32, ready: &mut Vec<Decimated<N>>) {
+        if self.every == 0 {
+            return;
+        }
+        if self.series.is_some_and(|(_, next)| next != index) {
+            self.end(ready);
+        }
+        let (first, _) = *self.series.get_or_insert_with(|| {
+            self.window.clear();
+            self.window.extend(core::iter::repeat_n((values, flags), self.taps.len()));
+            (index, index)
+        });
+        self.series = Some((first, index.wrapping_add(1)));
+        self.shift(index, (values, flags), ready);
+    }
+
+    /// Ends the series, and hands over the rest of it.
+    pub fn end(&mut self, ready: &mut Vec<Decimated<N>>) {
+        let (Some((_, next)), Some(last)) = (self.series, self.window.back().copied()) else { return };
+        for index in 0..self.half_length() {
+            self.shift(next.wrapping_add(index), last, ready);
+        }
+        self.series = None;
+    }
+
+    fn half_length(&self) -> u64 {
+        (self.taps.len() / 2) as u64
+    }
+
+    /// Moves the filter on to `newest`, and gives the row in its middle, if it is asked for.
+    fn shift(&mut self, newest: u64, row: ([f64; N], u32), ready: &mut Vec<Decimated<N>>) {
+        self.window.pop_front();
+        self.window.push_back(row);
+        let middle = newest.wrapping_sub(self.half_length());
+        let within = self.series.is_some_and(|(first, next)| middle.wrapping_sub(first) < next.wrapping_sub(first));
+        if within && middle.is_multiple_of(self.every) {
+            ready.push(self.filtered(middle));
+        }
+    }
+
+    fn filtered(&self, index: u64) -> Decimated<N> {
+        if let ([_], Some((values, flags))) = (self.taps.as_slice(), self.window.back()) {
+            return Decimated { index, values: *values, flags: *flags };
+        }
+        let (mut values, mut flags) = ([0.0; N], 0);
+        for (tap, (row, flag)) in self.taps.iter().zip(&self.window) {
+            values.iter_mut().zip(row).for_each(|(sum, value)| *sum += tap * value);
+            flags |= flag;
+        }
+        Decimated { index, values, flags }
+    }
+}
+
+/// The weights of the filter, oldest first; their sum is 1.
+fn taps(every: u64) -> Vec<f64> {
+    let half = HALF_LENGTH * every as usize;
+    let weight = |place: usize| {
+        let i = place.abs_diff(half) as f64;
+        let inside = 1.0 - (i / half as f64) * (i / half as f64);
+        bessel_i0(BETA * inside.sqrt()) * sinc(CUT_OFF * i / every as f64)
+    };
+    let weights: Vec<f64> = (0..=2 * half).map(weight).collect();
+    let sum: f64 = weights.iter().sum();
+    weights.into_iter().map(|weight| weight / sum).collect()
+}
+
+/// sin(πx)/(πx).
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
+}
+
+/// The modified Bessel function of the first kind and order 0: Σ ((x/2)^k / k!)², to the last digit for the x in use, below 8.
+fn bessel_i0(x: f64) -> f64 {
+    let (mut sum, mut term) = (1.0, 1.0);
+    for k in 1..=40 {
+        term *= x / (2.0 * f64::from(k));
+        sum += term * term;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every 10th row of a sine of 1 at `frequency`, in parts of the rate.
+    fn decimated(frequency: f64) -> Vec<f64> {
+        let mut decimator = Decimator::<1>::new(10);
+        let mut ready = Vec::new();
+        for index in 0..5000_u64 {
+            decimator.push(index, [libm::sin(2.0 * PI * frequency * index as f64)], 0, &mut ready);
+        }
+        decimator.end(&mut ready);
+        assert!(ready.iter().map(|row| row.index).eq((0..5000).step_by(10)));
+        ready.iter().map(|row| row.values[0]).collect()
+    }
+
+    #[test]
+    fn passes_what_the_lower_rate_can_tell_and_stops_the_rest() {
+        // Away from the ends, where the sine is taken to stand still.
+        let inner = 26..500 - 26;
+        for hundredth in 0..=400 {
+            let frequency = f64::from(hundredth) * 1e-4; // to 0.04 = 0.8 · 0.5/10
+            let values = decimated(frequency);
+            for place in inner.clone() {
+                let expected = libm::sin(2.0 * PI * frequency * (10 * place) as f64);
+                assert!((values[place] - expected).abs() < 1.1e-4, "{frequency}: {} for {expected}", values[place]);
+            }
+        }
+        for thousandth in 50..=500 {
+            let frequency = f64::from(thousandth) * 1e-3; // from 0.5/10 to half the rate; 0.1015 would show as 0.0015
+            let peak = decimated(frequency)[inner.clone()].iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+            assert!(peak < 1.1e-4, "{frequency}: {peak}");
+        }
+        let alias = decimated(0.1015)[inner].iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+        assert!(alias < 1.1e-4, "{alias}");
+    }
+
+    #[test]
+    fn a_constant_stays_and_flags_reach_every_value_that_rests_on_them() {
+        let mut decimator = Decimator::<2>::new(4);
+        let mut ready = Vec::new();
+        for index in 1000..2000_u64 {
+            decimator.push(index, [3.0, -2.0], u32::from(index == 1500), &mut ready);
+        }
+        decimator.end(&mut ready);
+        assert!(ready.iter().map(|row| row.index).eq((1000..2000).step_by(4)));
+        for row in &ready {
+            assert!((row.values[0] - 3.0).abs() < 1e-14 && (row.values[1] + 2.0).abs() < 1e-14);
+            assert_eq!(row.flags == 1, row.index.abs_diff(1500) <= 26 * 4, "{row:?}");
+        }
+    }
+
+    #[test]
+    fn all_or_nothing_is_given_as_it_is() {
+        for (every, count) in [(0, 0), (1, 100)] {
+            let mut decimator = Decimator::<1>::new(every);
+            let mut ready = Vec::new();
+            for index in (0..60_u64).chain(100..140) {
+                decimator.push(index, [if index == 3 { -0.0 } else { index as f64 }], 0, &mut ready);
+            }
+            decimator.end(&mut ready);
+            assert_eq!(ready.len(), count);
+            assert!(ready.iter().all(|row| row.values[0] == row.index as f64 || row.index == 3));
+            assert!(ready.get(3).is_none_or(|row| row.values[0].to_bits() == (-0.0_f64).to_bits()));
+        }
+    }
+
+    #[test]
+    fn a_gap_ends_a_series() {
+        let mut decimator = Decimator::<1>::new(10);
+        let mut ready = Vec::new();
+        for index in (0..400_u64).chain(1_000..1_400) {
+            decimator.push(index, [if index < 400 { 1.0 } else { 5.0 }], 0, &mut ready);
+        }
+        decimator.end(&mut ready);
+        assert!(ready.iter().map(|row| row.index).eq((0..400).step_by(10).chain((1_000..1_400).step_by(10))));
+        assert!(ready.iter().all(|row| (row.values[0] - if row.index < 400 { 1.0 } else { 5.0 }).abs() < 1e-14));
+    }
+}

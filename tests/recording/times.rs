@@ -1,0 +1,170 @@
+//! What a message says of its times, its samples and its instruments.
+
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use resonarm::protocol::{Frame, Id};
+use resonarm::recording::{
+    Clipped, Direction, Event, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime, SampleRecord,
+    StepRecord,
+};
+use resonarm::replay::resimulate;
+
+use crate::{Outcome, configuration, options, record, run};
+
+/// What the machine's clocks read when the loop's clock read 0, ns of the UNIX epoch.
+const CLOCK_EPOCH_UNIX_NS: u64 = 1_700_000_000_000_000_000;
+/// What the loop's clock read at the start of the run, ns: the recorder was created some time before.
+const BEGUN_NS: u64 = 5_000_000_000;
+/// Both together.
+const START_UNIX_NS: u64 = CLOCK_EPOCH_UNIX_NS + BEGUN_NS;
+
+fn never() -> Duration {
+    Duration::ZERO
+}
+
+/// Records sample 7 of a run, of which the loop took in a frame 7.5 ms and an event 7.75 ms after its start; gives topic, log
+/// time and publish time of every message.
+fn stamps(path: &Path, options: Options) -> Outcome<Vec<(String, u64, u64)>> {
+    let recorder = Recorder::create(path, &configuration(), options)?;
+    let mut channel = recorder.channel("plant", 64)?;
+    channel.begin(BEGUN_NS);
+    let frame = Frame::classic(Id::Standard(0x201), &[1])?;
+    let (step, direction, bus_timestamp_ns) = (7, Direction::Received, Some(START_UNIX_NS + 7_400_000));
+    let time_ns = 7_500_000;
+    channel.push_blocking(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }))?;
+    channel.push_blocking(Record::Event(Event { step, time_ns: 7_750_000, name: "state.fault", value: 0 }))?;
+    channel.push_blocking(crate::records_of(7)?[0])?;
+    recorder.finish(&[])?;
+    let bytes = fs::read(path)?;
+    let messages = mcap::MessageStream::new(&bytes)?;
+    let stamp = |message: mcap::Message<'_>| (message.channel.topic.clone(), message.log_time, message.publish_time);
+    Ok(messages.map(|message| message.map(stamp)).collect::<Result<_, _>>()?)
+}
+
+fn expected(log_ns: u64, publish_ns: [u64; 3]) -> Vec<(String, u64, u64)> {
+    let [frame_ns, event_ns, state_ns] = publish_ns;
+    let topics = [("/can/frames", frame_ns), ("/events", event_ns), ("/plant/steps", state_ns)];
+    topics.into_iter().map(|(topic, publish_ns)| (topic.to_string(), log_ns, publish_ns)).collect()
+}
+
+#[test]
+fn log_times_are_simulated_and_publish_times_the_walls() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let options = |kind: fn(f64, &str, u64, fn() -> Duration) -> Options| Options {
+        existing: resonarm::recording::Existing::Overwrite,
+        plot_every_samples: 0,
+        ..kind(1e-3, "vcan0", CLOCK_EPOCH_UNIX_NS, never)
+    };
+    // The bus stamped the frame 7.4 ms after the start of the run: 0.1 ms before the loop took it in, not 5 s before.
+    let wall_ns = [7_500_000, 7_750_000, 7_750_000].map(|time_ns| START_UNIX_NS + time_ns);
+
+    assert_eq!(stamps(&path, options(Options::real_time))?, expected(START_UNIX_NS + 7_000_000, wall_ns));
+    let origin = Recording::open(&path)?.origin().clone();
+    assert_eq!((origin.time, origin.start_unix_ns), (RunTime::RealTime, Some(START_UNIX_NS)));
+
+    assert_eq!(stamps(&path, options(Options::lockstep))?, expected(7_000_000, wall_ns));
+    let origin = Recording::open(&path)?.origin().clone();
+    assert_eq!((origin.time, origin.start_unix_ns), (RunTime::Lockstep, Some(START_UNIX_NS)));
+
+    let simulated = Options { time_base: crate::options().time_base, ..options(Options::lockstep) };
+    assert_eq!(stamps(&path, simulated)?, expected(7_000_000, [7_000_000; 3]));
+    let origin = Recording::open(&path)?.origin().clone();
+    assert_eq!((origin.time, origin.start_unix_ns), (RunTime::Simulated, None));
+    Ok(())
+}
+
+#[test]
+fn a_recording_of_format_1_is_read_as_it_was() -> Outcome {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/format-1.mcap");
+    let recording = Recording::open(&path)?;
+    let origin = recording.origin();
+    assert_eq!((origin.format, origin.time, origin.start_unix_ns), (1, RunTime::Simulated, None));
+    assert_eq!((recording.integrity(), recording.summary().clipped_samples), (&Integrity::Complete, None));
+    let verdict = resimulate(&recording)?;
+    assert!(verdict.identical && verdict.samples == 151, "{verdict:?}");
+    for sample in recording.samples()? {
+        assert_eq!(sample?.clipped, None);
+    }
+    assert!(recording.steps()?.all(|state| state.is_ok_and(|state| !state.is_end)));
+    assert_eq!(recording.frames()?.count(), 619);
+    Ok(())
+}
+
+#[test]
+fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let mut records = run(250)?;
+    let end = StepRecord {
+        step: 250,
+        alpha_rad: [0.1, 0.2],
+        alpha_dot_rad_s: [0.3, 0.4],
+        torque_nm: [0.0; 2],
+        force_n: [0.0; 2],
+        is_end: true,
+    };
+    let at_the_limit = |clipped| SampleRecord {
+        step: 250,
+        acceleration_b_m_s2: [0.0, 1600.0],
+        acceleration_c_m_s2: [0.0; 2],
+        head_force_n: [-650.0, 0.0],
+        clipped,
+    };
+    let clipped = Clipped { acceleration_b: [false, true], head_force: [true, false], ..Clipped::NONE };
+    records.extend([Record::Sample(at_the_limit(Some(clipped))), Record::Step(end)]);
+    record(&path, options(), &records)?;
+    let recording = Recording::open(&path)?;
+    assert_eq!(recording.summary().clipped_samples, Some(1));
+    let states = recording.steps()?.collect::<Result<Vec<_>, _>>()?;
+    assert_eq!(states.iter().filter(|state| state.is_end).collect::<Vec<_>>(), [&end]);
+    assert_eq!(states.last(), Some(&end));
+    let samples = recording.samples()?.collect::<Result<Vec<_>, _>>()?;
+    assert_eq!(samples.last(), Some(&at_the_limit(Some(clipped))));
+    Ok(())
+}
+
+/// The file once more, with `doctor` applied to the data of every message, and its checksums right.
+fn rewritten(path: &Path, mut doctor: impl FnMut(&str, &mut Vec<u8>)) -> Outcome<Vec<u8>> {
+    let bytes = fs::read(path)?;
+    let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
+    let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
+    let summary = mcap::Summary::read(&bytes)?.ok_or("no summary")?;
+    for index in &summary.metadata_indexes {
+        writer.write_metadata(&mcap::read::metadata(&bytes, index)?)?;
+    }
+    for message in mcap::MessageStream::new(&bytes)? {
+        let mut message = message?;
+        let mut data = message.data.into_owned();
+        doctor(&message.channel.topic, &mut data);
+        message.data = data.into();
+        writer.write(&message)?;
+    }
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}
+
+#[test]
+fn a_batch_that_states_another_period_is_damage() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    record(&path, options(), &run(300)?)?;
+    let mut batches = 0;
+    let bytes = rewritten(&path, |topic, data| {
+        batches += u32::from(topic == "/plant/steps");
+        let stated = [&[0x11_u8][..], &1e-3_f64.to_le_bytes()].concat(); // field 2, of 64 bits (Protobuf, "Encoding")
+        if topic == "/plant/steps" && batches == 2 {
+            let place = data.windows(9).position(|window| window == stated).unwrap();
+            data[place + 1..place + 9].copy_from_slice(&2e-3_f64.to_le_bytes());
+        }
+    })?;
+    fs::write(&path, bytes)?;
+    let recording = Recording::open(&path)?;
+    let Integrity::Damaged { cause, .. } = recording.integrity() else {
+        return Err(format!("{:?}", recording.integrity()).into());
+    };
+    insta::assert_snapshot!(cause, @"a batch states 0.002 s from sample to sample, expected 0.001 s");
+    Ok(())
+}
