@@ -55,6 +55,7 @@ pub mod ensemble;
 pub mod excitation;
 pub mod integrate;
 pub mod node;
+mod number;
 pub mod plant;
 pub mod rig;
 
@@ -76,6 +77,8 @@ pub mod run;
 pub mod scenario;
 #[cfg(feature = "std")]
 pub mod study;
+#[cfg(feature = "std")]
+mod text_file;
 #[cfg(feature = "std")]
 pub mod toml_error;
 

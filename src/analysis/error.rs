@@ -6,6 +6,7 @@ use core::fmt;
 use thiserror::Error;
 
 use super::continuation::Refusal;
+use crate::number::short;
 
 /// A value of what a walk goes along, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +19,11 @@ pub struct Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.6}{}", self.value, Behind(self.unit))
+        if self.value.abs() < 1e9 {
+            write!(f, "{:.6}{}", self.value, Behind(self.unit))
+        } else {
+            write!(f, "{:.6e}{}", self.value, Behind(self.unit))
+        }
     }
 }
 
@@ -92,8 +97,7 @@ pub enum AnalysisError {
     /// The interval is none.
     #[error(
         "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
-        Behind(unit)
-    )]
+        Behind(unit), from = short(.from), to = short(.to))]
     Interval {
         /// Where the walk was to start.
         from: f64,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::Arm;
+use crate::number::short;
 
 /// Where the arm is driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -86,15 +87,14 @@ impl Quantity {
 #[non_exhaustive]
 pub enum FrfError {
     /// The frequency is not a number from zero up.
-    #[error("frequency {got_hz} Hz: it must be zero or a positive number")]
+    #[error("frequency {got_hz} Hz: it must be zero or a positive number", got_hz = short(.got_hz))]
     Frequency {
         /// What was given, Hz.
         got_hz: f64,
     },
     /// The response is infinite: an arm without dampers at its natural frequency.
     #[error(
-        "the response at {frequency_hz} Hz is infinite: nothing damps this mode; give the joints damping or move off"
-    )]
+        "the response at {frequency_hz} Hz is infinite: nothing damps this mode; give the joints damping or move off", frequency_hz = short(.frequency_hz))]
     Unbounded {
         /// The frequency, Hz.
         frequency_hz: f64,

@@ -2,6 +2,7 @@
 
 use alloc::string::String;
 
+use crate::number::short;
 use thiserror::Error;
 
 /// Why a set of numbers is not an arm.
@@ -9,7 +10,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum ArmError {
     /// A parameter is outside what is physically possible.
-    #[error("arm parameter `{name}` is {got}: it must be {expected}")]
+    #[error("arm parameter `{name}` is {got}: it must be {expected}", got = short(.got))]
     Parameter {
         /// The parameter, as it is called in a scenario.
         name: &'static str,
@@ -19,7 +20,7 @@ pub enum ArmError {
         expected: &'static str,
     },
     /// A pose angle is not a usable number.
-    #[error("pose angle `{name}` is {got}: it must be a number from -360 to 360 degrees")]
+    #[error("pose angle `{name}` is {got}: it must be a number from -360 to 360 degrees", got = short(.got))]
     Pose {
         /// The angle, as it is called in a scenario.
         name: &'static str,
@@ -29,8 +30,7 @@ pub enum ArmError {
     /// The springs can't hold the arm's weight in this pose.
     #[error(
         "the joints can't hold the arm's weight at {gravity_m_s2} m/s²: no stable equilibrium is found from this pose; \
-         raise the stiffnesses or lower the masses"
-    )]
+         raise the stiffnesses or lower the masses", gravity_m_s2 = short(.gravity_m_s2))]
     Collapse {
         /// The acceleration of gravity, m/s².
         gravity_m_s2: f64,

@@ -204,7 +204,7 @@ impl DriveFlags {
         let amplitude = if self.torque1_nm.is_some() { load.torque_nm.x.abs() } else { load.force_n.norm() };
         if !amplitude.is_finite() || amplitude == 0.0 {
             return Err(Failure::Usage(format!(
-                "the excitation's amplitude is {amplitude}: it must be a number other than 0"
+                "the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is {amplitude}: it must be a finite number other than 0"
             )));
         }
         Ok((load.scaled(1.0 / amplitude), amplitude))

@@ -8,7 +8,7 @@ use clap::builder::RangedI64ValueParser;
 use super::failure::Failure;
 use crate::integrate::Scheme;
 use crate::realtime::{FifoPriority, ThreadSetup};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, seed};
 
 /// How many points a range may have: as many as fit in memory and in a figure with room to spare.
 pub(super) fn points() -> RangedI64ValueParser<u32> {
@@ -22,10 +22,10 @@ pub(super) struct ArmFlags {
     #[arg(long, value_name = "NAME")]
     pub preset: Option<String>,
     /// Angle β1 of link 1 against the x axis, degrees [default: 0].
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG")]
     pub beta1_deg: Option<f64>,
     /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm [default: 60].
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG")]
     pub beta2_deg: Option<f64>,
     /// TOML file with the whole scenario; flags win over it.
     #[arg(long, value_name = "FILE")]
@@ -38,16 +38,16 @@ pub(super) struct SessionFlags {
     #[command(flatten)]
     pub arm: ArmFlags,
     /// Samples a second, whole Hz [default: 1000].
-    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
+    #[arg(long, value_name = "HZ")]
     pub rate_hz: Option<f64>,
-    /// Seed of the sensor noise [default: 0].
-    #[arg(long, value_name = "N")]
+    /// Seed of the sensor noise, decimal or as 0x1F [default: 0].
+    #[arg(long, value_name = "N", value_parser = seed::parse)]
     pub seed: Option<u64>,
     /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: exponential].
     #[arg(long, value_name = "NAME")]
     pub scheme: Option<String>,
     /// Length of the run, s [default: until it is stopped].
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S")]
     pub duration_s: Option<f64>,
 }
 
@@ -107,6 +107,11 @@ impl SessionFlags {
         }
         Ok(scenario)
     }
+}
+
+/// What is said of a flag whose value an error refuses.
+pub(super) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
+    Failure::Usage(format!("{flag}: {error}"))
 }
 
 /// The scheme of this name.

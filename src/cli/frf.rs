@@ -13,6 +13,7 @@ use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output;
 use crate::analysis::{Drive, FrequencyResponse, Quantity, Response, frequencies_hz, modes};
+use crate::number::short;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 use crate::scenario::Scenario;
 
@@ -34,10 +35,10 @@ pub(super) struct Frf {
     #[arg(long, value_enum, value_delimiter = ',')]
     response: Vec<ResponseFlag>,
     /// First frequency, Hz.
-    #[arg(long, value_name = "F", default_value_t = 1.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = 1.0)]
     from_hz: f64,
     /// Last frequency, Hz.
-    #[arg(long, value_name = "F", default_value_t = 80.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = 80.0)]
     to_hz: f64,
     /// Number of frequencies, evenly spaced, at most a million [default: 801, and more about each natural frequency].
     #[arg(long, value_name = "N", value_parser = flags::points())]
@@ -49,6 +50,9 @@ pub(super) struct Frf {
     #[arg(long)]
     json: bool,
 }
+
+/// Beyond any vibration of an arm; squares of it are numbers still.
+const HIGHEST_HZ: f64 = 1e9;
 
 /// Evenly spaced frequencies where no number is given.
 const EVEN_POINTS: u32 = 801;
@@ -249,9 +253,11 @@ impl Frf {
 
     fn compute(&self, scenario: &Scenario) -> Result<Document, Failure> {
         let (from, to) = (self.from_hz, self.to_hz);
-        if !(from >= 0.0 && to > from && to.is_finite()) {
+        if !(from >= 0.0 && to > from && to <= HIGHEST_HZ) {
             return Err(Failure::Usage(format!(
-                "--from-hz {from} --to-hz {to}: the frequencies must rise from 0 or above"
+                "--from-hz {} --to-hz {}: the frequencies must rise from 0 or above, to {HIGHEST_HZ:e} at most",
+                short(&from),
+                short(&to)
             )));
         }
         let arm = scenario.build_arm()?;

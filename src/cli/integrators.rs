@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::configuration;
 use super::failure::{Failure, Verdict};
-use super::flags::ArmFlags;
+use super::flags::{self, ArmFlags};
 use super::output;
 use super::paper::Progress;
 use crate::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors, modes};
@@ -100,7 +100,9 @@ impl Integrators {
     fn row(&self, arm: &Arm, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
         let mut row = Row { scheme, order: scheme.order(), modes: None, energy: None, cost_ns: None, refused: None };
         match self.measure(arm, rate_hz, &mut row) {
-            Err(error @ (IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })) => return Err(error.into()),
+            Err(error @ (IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })) => {
+                return Err(if self.rate_hz.is_some() { flags::refused("--rate-hz", &error) } else { error.into() });
+            }
             Err(error) => row.refused = Some(error.to_string()),
             Ok(()) => {}
         }

@@ -22,6 +22,7 @@ mod integrators;
 mod interval;
 mod modes;
 mod motion_flags;
+mod numbers;
 mod output;
 mod paper;
 mod poincare;
@@ -38,10 +39,11 @@ mod supervise;
 mod sweep;
 mod walk_flags;
 
+use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 
@@ -85,7 +87,10 @@ enum Command {
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match parse(std::env::args_os()) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    };
     log_to_stderr(cli.verbose);
     let result = match cli.command {
         Command::Demo(command) => command.execute(),
@@ -124,7 +129,14 @@ pub fn main() -> ExitCode {
 /// What the program would say of them.
 pub fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(), String> {
     let command_line = core::iter::once("resonarm").chain(arguments);
-    Cli::try_parse_from(command_line).map(|_cli| ()).map_err(|error| error.to_string())
+    parse(command_line).map(|_cli| ()).map_err(|error| error.to_string())
+}
+
+/// The command line, with strict numbers.
+fn parse(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Cli, clap::Error> {
+    let mut command = numbers::strict(Cli::command());
+    let matches = command.try_get_matches_from_mut(arguments)?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
 }
 
 /// Logs to standard error: warnings, more with `-v`, and whatever `RESONARM_LOG` asks for.

@@ -13,6 +13,7 @@ use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output;
 use crate::analysis::{Mode, modes};
+use crate::number::short;
 use crate::plot::{Axis, Color, Figure, Panel, Series};
 use crate::scenario::{ArmSection, Scenario};
 
@@ -25,16 +26,10 @@ pub(super) struct Modes {
     #[command(flatten)]
     arm: ArmFlags,
     /// First β2 of a range, degrees.
-    #[arg(
-        long,
-        value_name = "DEG",
-        allow_hyphen_values = true,
-        requires = "to_beta2_deg",
-        conflicts_with = "beta2_deg"
-    )]
+    #[arg(long, value_name = "DEG", requires = "to_beta2_deg", conflicts_with = "beta2_deg")]
     from_beta2_deg: Option<f64>,
     /// Last β2 of a range, degrees.
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "from_beta2_deg")]
+    #[arg(long, value_name = "DEG", requires = "from_beta2_deg")]
     to_beta2_deg: Option<f64>,
     /// Number of poses in the range, evenly spaced, at most a million.
     #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg", value_parser = flags::points())]
@@ -103,10 +98,12 @@ impl Modes {
 
     fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<(), Failure> {
         // NaN fails it, too.
-        let rises = from_deg < to_deg && (to_deg - from_deg).is_finite();
+        let rises = -360.0 <= from_deg && from_deg < to_deg && to_deg <= 360.0;
         if !rises {
             return Err(Failure::Usage(format!(
-                "--from-beta2-deg {from_deg} --to-beta2-deg {to_deg}: the poses must rise from one angle to the other"
+                "--from-beta2-deg {} --to-beta2-deg {}: the poses must rise from one angle to the other, within -360 to 360",
+                short(&from_deg),
+                short(&to_deg)
             )));
         }
         let last = f64::from(self.points - 1);

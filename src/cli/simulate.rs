@@ -6,10 +6,11 @@ use serde_json::{Value, json};
 
 use super::configuration;
 use super::failure::{Failure, Verdict};
-use super::flags::{ArmFlags, parse_scheme};
+use super::flags::{self, ArmFlags, parse_scheme};
 use super::output;
 use crate::arm::{Load, State};
 use crate::integrate::{Integrator, Sine};
+use crate::number::short;
 use crate::plant::PlantSpecError;
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
@@ -20,28 +21,28 @@ pub(super) struct Simulate {
     #[command(flatten)]
     arm: ArmFlags,
     /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s [default: at rest].
-    #[arg(long, value_name = "α1,α2,α̇1,α̇2", allow_hyphen_values = true, value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Torque at joint 1, N·m.
-    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "A", default_value_t = 0.0)]
     torque1_nm: f64,
     /// Force at point C along x, N.
-    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "A", default_value_t = 0.0)]
     force_x_n: f64,
     /// Force at point C along y, N.
-    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "A", default_value_t = 0.0)]
     force_y_n: f64,
     /// Frequency f of the excitation, Hz.
-    #[arg(long, value_name = "F", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
     excitation_hz: f64,
     /// Integration steps a second [default: that of the scenario].
-    #[arg(long, value_name = "R", allow_hyphen_values = true)]
+    #[arg(long, value_name = "R")]
     rate_hz: Option<f64>,
     /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: exponential].
     #[arg(long, value_name = "NAME")]
     scheme: Option<String>,
     /// Length, s, a whole number of steps.
-    #[arg(long, value_name = "T", allow_hyphen_values = true)]
+    #[arg(long, value_name = "T")]
     duration_s: f64,
     /// Print one JSON document.
     #[arg(long)]
@@ -59,6 +60,9 @@ struct Document {
     wall_s: f64,
 }
 
+/// The most steps that are made, some hours of work.
+const MOST_STEPS: u64 = 10_000_000_000;
+
 impl Simulate {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
@@ -66,7 +70,10 @@ impl Simulate {
         let scheme = self.scheme.as_deref().map_or(Ok(scenario.simulation.scheme), parse_scheme)?;
         let simulation = &scenario.simulation;
         let rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz * f64::from(simulation.steps_per_sample));
-        let integrator = Integrator::new(scheme, rate_hz, &arm)?;
+        let integrator = Integrator::new(scheme, rate_hz, &arm).map_err(|error| match self.rate_hz {
+            Some(_) => flags::refused("--rate-hz", &error),
+            None => error.into(),
+        })?;
         let steps = self.steps(rate_hz)?;
         let excitation = self.excitation()?;
 
@@ -108,7 +115,18 @@ impl Simulate {
         let exact = self.duration_s * rate_hz;
         let steps = exact.round();
         if !(exact.is_finite() && steps >= 1.0) {
-            return Err(Failure::Usage(format!("--duration-s is {}: it must be a positive number", self.duration_s)));
+            return Err(Failure::Usage(format!(
+                "--duration-s is {}: it must be a positive number",
+                short(&self.duration_s)
+            )));
+        }
+        if steps > MOST_STEPS as f64 {
+            return Err(Failure::Usage(format!(
+                "--duration-s {} is {} steps at {} Hz: at most {MOST_STEPS} are made; take a shorter time or a lower rate",
+                short(&self.duration_s),
+                short(&steps),
+                short(&rate_hz)
+            )));
         }
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
@@ -136,21 +154,11 @@ impl Simulate {
     }
 
     fn excitation(&self) -> Result<Sine, Failure> {
-        let numbers = [
-            ("--torque1-nm", self.torque1_nm),
-            ("--force-x-n", self.force_x_n),
-            ("--force-y-n", self.force_y_n),
-            ("--excitation-hz", self.excitation_hz),
-        ];
-        for (flag, got) in numbers {
-            if !got.is_finite() {
-                return Err(Failure::Usage(format!("{flag} is {got}: it must be a number")));
-            }
-        }
-        if self.excitation_hz <= 0.0 && numbers[..3].iter().any(|(_, amplitude)| *amplitude != 0.0) {
+        let amplitudes = [self.torque1_nm, self.force_x_n, self.force_y_n];
+        if self.excitation_hz <= 0.0 && amplitudes.iter().any(|amplitude| *amplitude != 0.0) {
             return Err(Failure::Usage(format!(
                 "--excitation-hz is {}: an excitation A·sin(2πft) needs a positive frequency",
-                self.excitation_hz
+                short(&self.excitation_hz)
             )));
         }
         let force_n = [self.force_x_n, self.force_y_n].into();

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::Load;
+use crate::number::short;
 
 /// What to play: a waveform, how strong, and how gently it starts and ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,7 +103,7 @@ pub enum Waveform {
 #[non_exhaustive]
 pub enum ExcitationError {
     /// A number is impossible.
-    #[error("excitation: `{name}` is {got}: it must be {expected}")]
+    #[error("excitation: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
         /// The value, as it is called in a scenario.
         name: &'static str,
@@ -117,8 +118,7 @@ pub enum ExcitationError {
     /// A step ends before its response can be read.
     #[error(
         "excitation: a step of {dwell_s:.3} s leaves no time to read its response after settling ({settle_s} s) and the \
-         ramps ({ramp_s} s): make the step longer or the others shorter"
-    )]
+         ramps ({ramp_s} s): make the step longer or the others shorter", settle_s = short(.settle_s), ramp_s = short(.ramp_s))]
     NoWindow {
         /// Length of the step, s.
         dwell_s: f64,
@@ -128,7 +128,7 @@ pub enum ExcitationError {
         ramp_s: f64,
     },
     /// A frequency that the samples can't carry.
-    #[error("excitation: {frequency_hz} Hz can't be told at {rate_hz} samples a second: it must be below half of that")]
+    #[error("excitation: {frequency_hz} Hz can't be told at {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
     AboveNyquist {
         /// The highest frequency asked for, Hz.
         frequency_hz: f64,

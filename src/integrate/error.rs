@@ -3,13 +3,14 @@
 use thiserror::Error;
 
 use super::Scheme;
+use crate::number::short;
 
 /// What keeps an integrator from starting or going on.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IntegrateError {
     /// The rate is not a positive number.
-    #[error("integration rate {got_hz} Hz: it must be a positive number")]
+    #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
         /// What was given, Hz.
         got_hz: f64,
@@ -26,7 +27,7 @@ pub enum IntegrateError {
         most_hz: f64,
     },
     /// The scheme is not stable, or sees less than one step a period, at this rate.
-    #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz")]
+    #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz", got_hz = short(.got_hz), needed_hz = short(.needed_hz))]
     RateTooLow {
         /// The scheme.
         scheme: Scheme,

@@ -228,7 +228,7 @@ impl Settings {
     /// [`SettingsError::Read`] if the file can't be read; else as [`Settings::parse`].
     pub fn read(path: &Path) -> Result<(String, Settings), SettingsError> {
         let text =
-            std::fs::read_to_string(path).map_err(|source| SettingsError::Read { path: path.to_path_buf(), source })?;
+            crate::text_file::read(path).map_err(|source| SettingsError::Read { path: path.to_path_buf(), source })?;
         let settings = Settings::parse(&text, &path.display().to_string())?;
         Ok((text, settings))
     }

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::number::short;
 use thiserror::Error;
 
 /// Why a figure can't be drawn or written. Panels, series and points are counted from 0.
@@ -28,8 +29,7 @@ pub enum PlotError {
     },
     /// A coordinate is infinite.
     #[error(
-        "point {point} of series {series} in panel {panel} is at ({x}, {y}); coordinates must be finite, or NaN for a gap"
-    )]
+        "point {point} of series {series} in panel {panel} is at ({x}, {y}); coordinates must be finite, or NaN for a gap", x = short(.x), y = short(.y))]
     NotFinite {
         /// Which panel.
         panel: usize,
@@ -45,8 +45,7 @@ pub enum PlotError {
     /// A value on a logarithmic axis isn't positive.
     #[error(
         "point {point} of series {series} in panel {panel} is at {value} on the logarithmic axis `{axis}`; values must be \
-         positive there: leave the point out, put NaN for a gap, or take a linear axis"
-    )]
+         positive there: leave the point out, put NaN for a gap, or take a linear axis", value = short(.value))]
     NotPositive {
         /// Which panel.
         panel: usize,
@@ -61,8 +60,7 @@ pub enum PlotError {
     },
     /// An axis can't have this range.
     #[error(
-        "the axis `{axis}` can't go from {low} to {high}; both must be finite, ascending, and positive on a logarithmic axis"
-    )]
+        "the axis `{axis}` can't go from {low} to {high}; both must be finite, ascending, and positive on a logarithmic axis", low = short(.low), high = short(.high))]
     Range {
         /// Label of the axis.
         axis: String,

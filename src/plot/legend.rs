@@ -22,11 +22,16 @@ pub(super) struct Entries<'a> {
 }
 
 impl<'a> Entries<'a> {
-    /// Those of `panel`: its series that have a label and at least one point, each label and style once.
+    /// Those of `panel`: its series that have a label and at least one point to draw, each label and style once.
     pub fn new(panel: &'a Panel, fonts: &Fonts) -> Self {
         let mut entries: Vec<(&str, Style)> = Vec::new();
         let named = |series: &'a Series| series.label.as_deref().map(|label| (label, series.style));
-        for entry in panel.series.iter().filter(|series| !series.points.is_empty()).filter_map(named) {
+        for entry in panel
+            .series
+            .iter()
+            .filter(|series| series.points.iter().any(|(x, y)| !x.is_nan() && !y.is_nan()))
+            .filter_map(named)
+        {
             if !entries.contains(&entry) {
                 entries.push(entry);
             }

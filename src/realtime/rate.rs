@@ -1,5 +1,6 @@
 //! The sample rate, and the instants it gives: exact, without drift.
 
+use crate::number::short;
 use thiserror::Error;
 
 /// The lowest rate of a periodic loop, Hz.
@@ -66,7 +67,7 @@ impl SampleRate {
 
 /// A rate that no periodic loop has.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("the sample rate is {rate_hz} Hz; it must be from {MIN_RATE_HZ} to {MAX_RATE_HZ} Hz")]
+#[error("the sample rate is {rate_hz} Hz; it must be from {MIN_RATE_HZ} to {MAX_RATE_HZ} Hz", rate_hz = short(.rate_hz))]
 pub struct RateError {
     /// The rate asked for, Hz.
     pub rate_hz: f64,

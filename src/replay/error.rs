@@ -4,6 +4,7 @@ use thiserror::Error;
 
 use super::player::SPEEDS;
 use crate::bus::BusError;
+use crate::number::short;
 use crate::plant::{PlantError, PlantSpecError};
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
@@ -36,8 +37,7 @@ pub enum ReplayError {
     /// The speed is impossible.
     #[error(
         "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",
-        SPEEDS.start(), SPEEDS.end()
-    )]
+        SPEEDS.start(), SPEEDS.end(), got = short(.got))]
     Speed {
         /// What was given.
         got: f64,

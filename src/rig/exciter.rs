@@ -4,13 +4,14 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::Load;
+use crate::number::short;
 
 /// What no rig can be.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RigError {
     /// A value of the specification is impossible.
-    #[error("{instrument}: `{name}` is {got}: it must be {expected}")]
+    #[error("{instrument}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Spec {
         /// The instrument, as it is called in a scenario.
         instrument: &'static str,

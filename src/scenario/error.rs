@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::arm::ArmError;
 use crate::excitation::ExcitationError;
+use crate::number::short;
 use crate::protocol::NetworkError;
 use crate::toml_error::TomlError;
 
@@ -40,7 +41,7 @@ pub enum ScenarioError {
     #[error("network.base_id: {0}")]
     Network(#[from] NetworkError),
     /// The sample rate can't be put on the wire.
-    #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535")]
+    #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535", got_hz = short(.got_hz))]
     Rate {
         /// What was given, Hz.
         got_hz: f64,
@@ -55,7 +56,7 @@ pub enum ScenarioError {
         got_hz: u16,
     },
     /// The excitation is more than the exciter can produce or the wire can carry.
-    #[error("{name} is {got}, beyond {limit_name}, {limit}: {mend}")]
+    #[error("{name} is {got}, beyond {limit_name}, {limit}: {mend}", got = short(.got), limit = short(.limit))]
     BeyondLimit {
         /// The key of the excitation.
         name: &'static str,
@@ -69,7 +70,7 @@ pub enum ScenarioError {
         mend: &'static str,
     },
     /// A number is impossible.
-    #[error("{name} is {got}: it must be {expected}")]
+    #[error("{name} is {got}: it must be {expected}", got = short(.got))]
     Value {
         /// The key.
         name: &'static str,
@@ -77,6 +78,19 @@ pub enum ScenarioError {
         got: f64,
         /// What would do.
         expected: &'static str,
+    },
+    /// The run would be longer than can be counted.
+    #[error(
+        "simulation.duration_s is {}, which is {} samples: at most {most} are simulated; leave it out for a run until it is stopped",
+        short(.duration_s), short(.samples)
+    )]
+    TooLong {
+        /// What was given, s.
+        duration_s: f64,
+        /// The samples that this is.
+        samples: f64,
+        /// The most samples that do.
+        most: u64,
     },
     /// An exciter was asked for, and the scenario has nothing to play.
     #[error("the scenario has no [excitation]: add one, as scenarios/demo.toml shows")]

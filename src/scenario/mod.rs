@@ -7,6 +7,7 @@ mod error;
 mod label;
 mod limit;
 mod provenance;
+pub(crate) mod seed;
 
 pub use error::ScenarioError;
 
@@ -21,10 +22,14 @@ use crate::node::Timing;
 use crate::plant::PlantSpec;
 use crate::protocol::{Network, timing};
 use crate::rig::RigSpec;
+use crate::text_file;
 use crate::toml_error::TomlError;
 
 /// The longest timeout, s.
 const TIMEOUT_MAX_S: f64 = 3600.0;
+
+/// The most samples of a run that has an end: 31 years at 1 kHz.
+pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
 
 /// Everything about a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -83,7 +88,8 @@ pub struct SimulationSection {
     pub steps_per_sample: u32,
     /// Integration scheme.
     pub scheme: Scheme,
-    /// Seed of all noise, from 0 to 2⁶³ − 1.
+    /// Seed of all noise.
+    #[serde(with = "seed")]
     pub seed: u64,
     /// Length of the run, s; without it the run goes on until it is stopped.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -130,8 +136,7 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario.
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
+        let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
         Scenario::parse(&text, &path.display().to_string())
     }
 
@@ -165,7 +170,7 @@ impl Scenario {
     /// The scenario as TOML, with every default written out.
     ///
     /// # Errors
-    /// [`ScenarioError::Write`] if a number can't be written: a seed above 2⁶³ − 1.
+    /// [`ScenarioError::Write`] if a parameter of the arm can't be written.
     pub fn to_toml(&self) -> Result<String, ScenarioError> {
         toml::to_string(self).map_err(|error| ScenarioError::Write { reason: error.to_string() })
     }
@@ -226,11 +231,17 @@ impl Scenario {
     /// The length of the run in samples, if it has an end.
     ///
     /// # Errors
-    /// [`ScenarioError::Value`] if the length is not a positive number.
+    /// [`ScenarioError::Value`] if the length is not a positive number, [`ScenarioError::TooLong`] if it has more than
+    /// [`MOST_SAMPLES`] samples.
     pub fn duration_samples(&self) -> Result<Option<u64>, ScenarioError> {
         let samples = |duration_s| {
             let seconds = positive("simulation.duration_s", duration_s)?;
-            Ok(libm::ceil(seconds * self.simulation.rate_hz) as u64)
+            let samples = libm::ceil(seconds * self.simulation.rate_hz);
+            if samples <= MOST_SAMPLES as f64 {
+                Ok(samples as u64)
+            } else {
+                Err(ScenarioError::TooLong { duration_s, samples, most: MOST_SAMPLES })
+            }
         };
         self.simulation.duration_s.map(samples).transpose()
     }

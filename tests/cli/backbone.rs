@@ -230,9 +230,17 @@ fn bad_input_is_said() {
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(says(2, "backbone --to-rad=0"), @"resonarm: --to-rad is 0: it must be above 0 and at most 3.1416 rad");
-    insta::assert_snapshot!(says(2, "backbone --to-rad=NaN"), @"resonarm: --to-rad is NaN: it must be above 0 and at most 3.1416 rad");
-    insta::assert_snapshot!(says(2, "backbone --torque1-nm=0"), @"resonarm: the excitation's amplitude is 0: it must be a number other than 0");
-    insta::assert_snapshot!(says(2, "backbone --force-x-n=NaN"), @"resonarm: the excitation's amplitude is NaN: it must be a number other than 0");
+    insta::assert_snapshot!(says(2, "backbone --to-rad=NaN"), @r"
+    error: invalid value 'NaN' for '--to-rad <RAD>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says(2, "backbone --torque1-nm=0"), @"resonarm: the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is 0: it must be a finite number other than 0");
+    insta::assert_snapshot!(says(2, "backbone --force-x-n=NaN"), @r"
+    error: invalid value 'NaN' for '--force-x-n <A>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     insta::assert_snapshot!(says(2, "backbone --largest-step=0"), @"resonarm: --largest-step is 0: it must be from 0.000001 to 1");
     insta::assert_snapshot!(says(2, "backbone --preset=none"), @"resonarm: there is no preset `none`: the presets are irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(says(2, "backbone --to-rad=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
@@ -313,7 +321,11 @@ fn continue_says_what_it_can_not_do() {
     };
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=NaN"), @"resonarm: along frequency_hz: the interval from 22 to NaN Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=NaN"), @r"
+    error: invalid value 'NaN' for '--to-hz <F>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --to-deg=3"), @"resonarm: --to-deg is not for --parameter frequency: its interval is --from-hz a --to-hz b");
     insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");

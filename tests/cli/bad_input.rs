@@ -21,19 +21,35 @@ fn scenario(text: &str) -> String {
 #[test]
 fn arms_that_cannot_be() {
     assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--beta2-deg", "nan"]), @"resonarm: pose angle `beta2_deg` is NaN: it must be a number from -360 to 360 degrees");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--beta1-deg", "inf", "--duration-s", "1"]), @"resonarm: pose angle `beta1_deg` is inf: it must be a number from -360 to 360 degrees");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--beta2-deg", "nan"]), @r"
+    error: invalid value 'nan' for '--beta2-deg <DEG>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--beta1-deg", "inf", "--duration-s", "1"]), @r"
+    error: invalid value 'inf' for '--beta1-deg <DEG>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     assert_snapshot!(scenario("[arm.parameters]\nmass2_kg = -1.0"), @"resonarm: arm parameter `mass2_kg` is -1: it must be a positive number");
 }
 
 #[test]
 fn rates_and_times_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: integration rate 0 Hz: it must be a positive number");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");
-    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--rate-hz", "nan"]), @"resonarm: simulation.rate_hz is NaN: the wire states it as a whole number of hertz from 1 to 65535");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--rate-hz", "nan"]), @r"
+    error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "-1"]), @"resonarm: --duration-s is -1: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: take 0.002, or another rate");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @"resonarm: the initial state [NaN, 0.0, 0.0, 0.0] is not finite: give four numbers, rad and rad/s");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @r"
+    error: invalid value 'nan' for '--initial <α1,α2,α̇1,α̇2>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--force-x-n", "1", "--duration-s", "1"]), @"resonarm: --excitation-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential");
 }
@@ -64,6 +80,49 @@ fn scenarios_that_cannot_be_read() {
     invalid type: string "up", expected f64
     "#);
     assert_snapshot!(scenario("[arm]\nbeta1_deg = 3"), @"resonarm: the scenario has no [excitation]: add one, as scenarios/demo.toml shows");
+}
+
+#[test]
+fn scenarios_that_are_too_much() {
+    assert_snapshot!(complaint(here(), 2, &["modes", "--scenario", "/dev/zero"]), @"resonarm: can't read the scenario /dev/zero: it is larger than 1 MiB");
+    // A line of the file is not repeated in the message.
+    for text in
+        [format!("a = {}", "[".repeat(200_000)), format!("{} = 1", ["a"; 100_000].join(".")), "{".repeat(100_000)]
+    {
+        let said = scenario(&text);
+        assert!(said.starts_with("resonarm: scenario.toml: ") && said.len() < 1000, "{} bytes", said.len());
+    }
+    assert_snapshot!(scenario("arm.beta1_deg = 1e300\nexcitation = { amplitude = { force_x_n = 1 }, profile = { waveform = 'swept-sine', from_hz = 1, to_hz = 2, duration_s = 1 } }"), @"resonarm: pose angle `beta1_deg` is 1e300: it must be a number from -360 to 360 degrees");
+    let run = ["run", "--mode", "free", "--duration-s", "1e300"];
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 are simulated; leave it out for a run until it is stopped");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 4e18 steps at 4000 Hz: at most 10000000000 are made; take a shorter time or a lower rate");
+}
+
+/// A seed of 64 bits goes into a recording and comes back.
+#[test]
+fn seeds_are_exact_up_to_the_largest() {
+    let folder = tempfile::tempdir().unwrap();
+    for (seed, key) in [("18446744073709551615", "seed = \"18446744073709551615\""), ("0x10", "seed = 16")] {
+        let run =
+            ["run", "--mode", "free", "--duration-s", "0.01", "--seed", seed, "--record", "a.mcap", "--overwrite"];
+        assert_eq!(crate::resonarm(folder.path(), &run).code, 0);
+        let recording = fs::read(folder.path().join("a.mcap")).unwrap();
+        let recording = String::from_utf8_lossy(&recording);
+        assert!(recording.contains(key), "{key}");
+        assert_eq!(crate::resonarm(folder.path(), &["resim", "a.mcap"]).code, 0);
+    }
+    assert_snapshot!(complaint(here(), 2, &["run", "--seed", "-1"]), @r"
+    error: invalid value '-1' for '--seed <N>': a seed is a whole number from 0 to 18446744073709551615, or hexadecimal as 0x1F
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(scenario("simulation.seed = -1"), @r"
+    resonarm: scenario.toml: TOML parse error at line 1, column 19
+      |
+    1 | simulation.seed = -1
+      |                   ^^
+    invalid value: integer `-1`, expected a whole number from 0 to 9223372036854775807, or up to 18446744073709551615 in quotes
+    ");
 }
 
 #[test]
@@ -111,13 +170,17 @@ fn words_that_are_not_understood() {
 
 #[test]
 fn ranges_of_poses_that_are_none() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30: the poses must rise from one angle to the other");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30: the poses must rise from one angle to the other, within -360 to 360");
     assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "90", "--points", "1"]), @r"
     error: invalid value '1' for '--points <N>': 1 is not in 2..=1000000
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "inf"]), @"resonarm: --from-beta2-deg 0 --to-beta2-deg inf: the poses must rise from one angle to the other");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "inf"]), @r"
+    error: invalid value 'inf' for '--to-beta2-deg <DEG>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0"]), @r"
     error: the following required arguments were not provided:
       --to-beta2-deg <DEG>
@@ -146,8 +209,12 @@ fn ranges_of_poses_that_are_none() {
 
 #[test]
 fn responses_that_are_none() {
-    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise from 0 or above");
-    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "nan"]), @"resonarm: --from-hz NaN --to-hz 80: the frequencies must rise from 0 or above");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise from 0 or above, to 1e9 at most");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "nan"]), @r"
+    error: invalid value 'nan' for '--from-hz <F>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     assert_snapshot!(complaint(here(), 2, &["frf", "--points", "4000000000"]), @r"
     error: invalid value '4000000000' for '--points <N>': 4000000000 is not in 2..=1000000
 

@@ -28,7 +28,7 @@ fn document_has_every_scheme_measured() {
     let rate_hz = simulation.rate_hz * f64::from(simulation.steps_per_sample);
     let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
     let got = document(&["--drift-steps", "500"]);
-    assert_eq!((&got["preset"], got["rate_hz"].as_f64()), (&"irb1600-fitted".into(), Some(rate_hz)));
+    assert_eq!((&got["configuration"]["preset"], got["rate_hz"].as_f64()), (&"irb1600-fitted".into(), Some(rate_hz)));
     assert_eq!(got["default_scheme"], Scheme::default().name());
     let rows = got["schemes"].as_array().unwrap();
     assert_eq!(rows.len(), Scheme::ALL.len());
@@ -92,9 +92,13 @@ fn table_has_a_line_for_every_scheme() {
 
 #[test]
 fn says_what_is_wrong() {
-    insta::assert_snapshot!(complaint(&["--rate-hz", "0"]), @"resonarm: integration rate 0 Hz: it must be a positive number");
-    insta::assert_snapshot!(complaint(&["--rate-hz", "nan"]), @"resonarm: integration rate NaN Hz: it must be a positive number");
-    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this arm; what a shorter step changes is lost in rounding");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "0"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "nan"]), @r"
+    error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this arm; what a shorter step changes is lost in rounding");
     insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(complaint(&["--drift-steps", "9"]), @r"
     error: invalid value '9' for '--drift-steps <N>': 9 is not in 10..=4294967295

@@ -5,6 +5,7 @@ mod backbone;
 mod bad_input;
 mod documents;
 mod integrators;
+mod numbers;
 mod paper;
 mod readme;
 mod recordings;

@@ -123,19 +123,27 @@ fn bad_input_is_said_with_exit_code_2() {
     let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
     insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=5 --over-beta2-deg=60,90,60"), @"resonarm: --over-beta2-deg has 60 twice: give each angle once");
     insta::assert_snapshot!(sweep("--steps=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
-    insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude is 0: it must be a number other than 0");
+    insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is 0: it must be a finite number other than 0");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=23 --to-hz=21"), @"resonarm: a sweep from 23 to 21: both ends must be numbers, the second above the first; its direction says which way it steps");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1,NaN,0"), @"resonarm: the initial state [0.0, 1.0, NaN, 0.0] is not finite: give four numbers, rad and rad/s");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1,NaN,0"), @r"
+    error: invalid value 'NaN' for '--initial <α1,α2,α̇1,α̇2>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
     insta::assert_snapshot!(says("poincare --torque1-nm=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --torque1-nm=60 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what is stepped: leave --torque1-nm out");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-n=1 --to-n=2"), @"resonarm: --from-n is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
-    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=NaN --to-hz=21"), @"resonarm: a sweep from NaN to 21: both ends must be numbers, the second above the first; its direction says which way it steps");
-    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 0.000001 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=NaN --to-hz=21"), @r"
+    error: invalid value 'NaN' for '--from-hz <F>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
     insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
     insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --steps=3"), @r"
     error: the following required arguments were not provided:

@@ -3,13 +3,14 @@
 use thiserror::Error;
 
 use crate::integrate::IntegrateError;
+use crate::number::short;
 
 /// Why the forced arm can't be followed through time.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TimeDomainError {
     /// The excitation has no period.
-    #[error("excitation frequency {got_hz} Hz: it must be a positive number")]
+    #[error("excitation frequency {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Frequency {
         /// What was given, Hz.
         got_hz: f64,
@@ -17,8 +18,7 @@ pub enum TimeDomainError {
     /// A period of the excitation has too many steps.
     #[error(
         "excitation frequency {got_hz} Hz: a period would take {steps:.1e} steps, more than {most}; go no lower than \
-         {lowest_hz:.2e} Hz, where the motion is quasi-static"
-    )]
+         {lowest_hz:.2e} Hz, where the motion is quasi-static", got_hz = short(.got_hz))]
     FrequencyTooLow {
         /// What was given, Hz.
         got_hz: f64,
@@ -34,8 +34,7 @@ pub enum TimeDomainError {
     Load,
     /// Both ends of a sweep must be numbers, different ones.
     #[error(
-        "a sweep from {from} to {to}: both ends must be numbers, the second above the first; its direction says which way it steps"
-    )]
+        "a sweep from {from} to {to}: both ends must be numbers, the second above the first; its direction says which way it steps", from = short(.from), to = short(.to))]
     Interval {
         /// Lower end.
         from: f64,
@@ -69,7 +68,7 @@ pub enum TimeDomainError {
         got: f64,
     },
     /// A step can't be made.
-    #[error("excited at {frequency_hz} Hz: {}", reason(source))]
+    #[error("excited at {frequency_hz} Hz: {}", reason(source), frequency_hz = short(.frequency_hz))]
     Integrate {
         /// Frequency of the excitation, Hz.
         frequency_hz: f64,

@@ -1,0 +1,36 @@
+//! What every numeric flag has in common.
+
+use core::any::TypeId;
+
+use clap::{Arg, Command};
+
+/// The command line with its numeric flags made strict: values may be negative, also after a blank, and those of type `f64` must be
+/// finite. So `--beta1-deg -1` is an angle and not an unknown flag, and `--rate-hz nan` is refused by the name of the flag.
+pub(super) fn strict(command: Command) -> Command {
+    command.mut_subcommands(|subcommand| subcommand.mut_args(strict_flag))
+}
+
+fn strict_flag(arg: Arg) -> Arg {
+    let holds = arg.get_value_parser().type_id();
+    let integers = [
+        TypeId::of::<u8>(),
+        TypeId::of::<u16>(),
+        TypeId::of::<u32>(),
+        TypeId::of::<u64>(),
+        TypeId::of::<usize>(),
+        TypeId::of::<i64>(),
+    ];
+    if holds == TypeId::of::<f64>() {
+        arg.allow_hyphen_values(true).value_parser(finite)
+    } else if integers.iter().any(|integer| holds == *integer) && arg.get_action().takes_values() {
+        arg.allow_negative_numbers(true)
+    } else {
+        arg
+    }
+}
+
+/// A number that is one.
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    if number.is_finite() { Ok(number) } else { Err(String::from("it must be a finite number")) }
+}

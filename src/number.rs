@@ -1,0 +1,47 @@
+//! Numbers in messages.
+
+use core::fmt;
+
+/// A number in as few digits as tell it from every other, at most 17, plain or with a power of ten.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Short(f64);
+
+/// The number for a message.
+pub(crate) const fn short(value: &f64) -> Short {
+    Short(*value)
+}
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        // Beyond these plain digits go on with zeros: 301 of them for 1e300.
+        if size == 0.0 || !size.is_finite() || (1e-5..1e15).contains(&size) {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:e}", self.0)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::string::ToString;
+    use proptest::prelude::*;
+
+    #[test]
+    fn large_and_small_numbers_have_a_power_of_ten() {
+        let told =
+            [0.0, -1.0, 1.0 / 3.0, 65535.0, 1e300, -2.5e-300, f64::NAN, f64::INFINITY].map(|x| short(&x).to_string());
+        assert_eq!(told, ["0", "-1", "0.3333333333333333", "65535", "1e300", "-2.5e-300", "NaN", "inf"]);
+    }
+
+    proptest! {
+        #[test]
+        fn they_are_bounded_and_exact(value in proptest::num::f64::NORMAL | proptest::num::f64::SUBNORMAL) {
+            let text = short(&value).to_string();
+            prop_assert!(text.len() <= 24, "{}", text);
+            prop_assert_eq!(text.parse::<f64>().unwrap(), value);
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! Every numeric flag of every command, given what no flag can take, and what few can.
+
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::resonarm;
+
+/// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or with little to do.
+const COMMANDS: [(&str, &str); 17] = [
+    ("demo", "--out /dev/null/none"),
+    ("run", "--mode free --duration-s 0.05"),
+    ("exciter", "--bus vcan999"),
+    ("simulate", "--excitation-hz 10 --duration-s 0.01"),
+    ("modes", "--from-beta2-deg 0 --to-beta2-deg 90 --points 3"),
+    ("frf", "--points 2"),
+    ("integrators", "--drift-steps 10"),
+    ("continue", "--torque1-nm 1 --from-hz 10 --to-hz 10.1"),
+    ("backbone", "--to-rad 0.001"),
+    ("sweep", "--torque1-nm 1 --from-hz 10 --to-hz 10.1 --steps 2 --time-constants 0.01"),
+    ("poincare", "--torque1-nm 1 --frequency-hz 10 --time-constants 0.01"),
+    ("paper", ""),
+    ("replay", "none.mcap --bus vcan999"),
+    ("resim", "none.mcap"),
+    ("inspect", "none.mcap"),
+    ("recover", "none.mcap"),
+    ("doctor", ""),
+];
+
+/// Value names of numeric flags in the help, and of all others.
+const NUMERIC: [&str; 14] = ["N", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
+const OTHERS: [&str; 17] = [
+    "NAME",
+    "FILE",
+    "DIR",
+    "STEM",
+    "BUS",
+    "POLICY",
+    "MODE",
+    "DRIVE",
+    "QUANTITY",
+    "RESPONSE",
+    "DIRECTION",
+    "PARAMETER",
+    "FRAMES",
+    "WHICH",
+    "SIDE",
+    "KIND",
+    "ADDRESS",
+];
+
+/// The numeric flags in the help of a command.
+fn numeric_flags(command: &str) -> Vec<String> {
+    let help = resonarm(Path::new("/"), &[command, "--help"]).stdout;
+    let mut flags = Vec::new();
+    for line in help.lines().map(str::trim) {
+        let Some((flag, rest)) = line.find("--").map(|at| line[at..].split_once(' ').unwrap_or((line, ""))) else {
+            continue;
+        };
+        let Some(name) = rest.trim_start().strip_prefix('<').and_then(|rest| rest.split_once('>')) else { continue };
+        if !line.starts_with('-') {
+            continue;
+        }
+        let is_numeric = NUMERIC.contains(&name.0);
+        assert!(is_numeric || OTHERS.contains(&name.0), "{command} {flag} <{}>: numeric or not?", name.0);
+        if is_numeric {
+            flags.push(String::from(flag));
+        }
+    }
+    flags
+}
+
+/// The command's arguments with `flag` set to `value`.
+fn with(command: &str, usual: &str, flag: &str, value: &str) -> Vec<String> {
+    let mut arguments = vec![String::from(command)];
+    let mut words = usual.split_whitespace().peekable();
+    while let Some(word) = words.next() {
+        // An angle in place of a range of angles.
+        let replaced = word == flag || (command == "modes" && flag == "--beta2-deg" && word.starts_with("--"));
+        if replaced {
+            let _value = words.next();
+        } else {
+            arguments.push(String::from(word));
+        }
+    }
+    arguments.extend([flag, value].map(String::from));
+    arguments
+}
+
+/// Ends a command that goes on for longer than any of these can: none has more than a second's work.
+fn wait(mut child: Child) -> (Option<i32>, String) {
+    let (mut stderr, deadline) = (child.stderr.take().unwrap(), Instant::now() + Duration::from_secs(120));
+    while child.try_wait().unwrap().is_none() {
+        if Instant::now() > deadline {
+            child.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let mut said = String::new();
+    stderr.read_to_string(&mut said).unwrap();
+    (child.wait().unwrap().code(), said)
+}
+
+/// What is wrong with how a command took a value, if anything is.
+fn wrong(folder: &Path, arguments: &[String], flag: &str, value: &str) -> Option<String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    command.args(arguments).current_dir(folder).env_remove("RESONARM_LOG");
+    let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let (code, said) = wait(child);
+    let key = flag.trim_start_matches('-').replace('-', "_");
+    // Where the quantity is told in words its value stands there, too; the usual arguments may be what is refused next.
+    let named = [flag, &key, value, "/dev/null/none", "none.mcap"].iter().any(|name| said.contains(name));
+    let must_fail = !matches!(value, "-1" | "1e300");
+    let problem = match code {
+        None => "it did not end",
+        _ if said.contains("panicked") => "it panicked",
+        _ if said.contains("unexpected argument") => "the value is taken for a flag",
+        _ if said.len() > 1000 => "the message is long",
+        Some(2) if !named => "the message does not name the flag",
+        Some(0..=3) if must_fail && code != Some(2) => "it is accepted",
+        Some(0..=3) => return None,
+        Some(_) => "an exit code of its own",
+    };
+    let said: String = said.chars().take(400).collect();
+    Some(format!("{}: {problem} ({code:?}): {said}", arguments.join(" ")))
+}
+
+#[test]
+fn every_numeric_flag_takes_its_value_or_says_why_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = resonarm(folder.path(), &["--help"]).stdout;
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    // Descriptions that take more than a line go on further to the right.
+    let listed = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let listed: Vec<&str> =
+        listed.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
+    assert_eq!(listed.iter().filter(|name| !COMMANDS.iter().any(|(known, _)| known == *name)).count(), 0, "{listed:?}");
+    let mut cases = Vec::new();
+    for (command, usual) in COMMANDS {
+        for flag in numeric_flags(command) {
+            for value in ["-1", "NaN", "inf", "1e300", "garbage"] {
+                cases.push((with(command, usual, &flag, value), flag.clone(), value));
+            }
+        }
+    }
+    assert!(cases.len() > 300, "{}", cases.len());
+    let problems: Vec<String> =
+        cases.iter().filter_map(|(arguments, flag, value)| wrong(folder.path(), arguments, flag, value)).collect();
+    assert!(problems.is_empty(), "{} of {}:\n{}", problems.len(), cases.len(), problems.join("\n"));
+}
