@@ -113,6 +113,7 @@ impl Failure {
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Run(error) => run(error),
             Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
+            Failure::Integrate(error) => integrate(error),
             Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
             Failure::Paper(PaperError::Settings(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
@@ -137,9 +138,19 @@ fn analysis(error: &AnalysisError) -> Exit {
     }
 }
 
+/// A motion that can't be carried on is a verdict on the excitation, not on the way it was asked for.
+fn integrate(error: &IntegrateError) -> Exit {
+    match error {
+        IntegrateError::NoConvergence { .. } | IntegrateError::Unbalanced { .. } | IntegrateError::NotFinite { .. } => {
+            Exit::Negative
+        }
+        _ => Exit::Usage,
+    }
+}
+
 fn time_domain(error: &TimeDomainError) -> Exit {
     match error {
-        TimeDomainError::Integrate { .. } => Exit::Negative,
+        TimeDomainError::Integrate { source, .. } => integrate(source),
         _ => Exit::Usage,
     }
 }
