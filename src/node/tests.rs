@@ -1,5 +1,10 @@
 //! Two nodes in virtual time, with a wire between them that can lose, repeat, corrupt and delay.
 
+mod indices;
+mod ramp;
+mod sending;
+mod stalls;
+
 use super::*;
 use crate::arm::Load;
 use crate::excitation::{Amplitude, ExcitationSpec, Profile, Waveform};
@@ -8,8 +13,8 @@ use alloc::vec::Vec;
 use proptest::prelude::*;
 use resonarm_protocol::Node as NodeName;
 use resonarm_protocol::{
-    EmergencyCode, ForceCommand, Frame, Hello, Message, Network, NodeState, OperatorCommand, OperatorRequest,
-    Transmitter,
+    Emergency, EmergencyCode, ForceCommand, Frame, Hello, Message, Network, NodeState, OperatorCommand,
+    OperatorRequest, Transmitter,
 };
 
 const RATE_HZ: u16 = 1000;
@@ -22,7 +27,11 @@ fn profile(duration_s: f64) -> Profile {
 }
 
 fn plant_node() -> PlantNode {
-    PlantNode::new(Network::default(), RATE_HZ, Timing::real_time(RATE_HZ), ExciterSpec::default())
+    plant_with(Timing::real_time(RATE_HZ))
+}
+
+fn plant_with(timing: Timing) -> PlantNode {
+    PlantNode::new(Network::default(), RATE_HZ, timing, ExciterSpec::default())
 }
 
 fn exciter_node(duration_s: f64) -> ExciterNode {
@@ -48,7 +57,12 @@ fn faithful(_: u64, frame: Frame) -> Vec<Frame> {
 
 impl Bench {
     fn new(duration_s: f64) -> Bench {
-        let (mut plant, mut exciter) = (plant_node(), exciter_node(duration_s));
+        Bench::with(Timing::real_time(RATE_HZ), duration_s)
+    }
+
+    fn with(timing: Timing, duration_s: f64) -> Bench {
+        let mut plant = plant_with(timing);
+        let mut exciter = ExciterNode::new(Network::default(), RATE_HZ, timing, profile(duration_s));
         plant.start(0);
         exciter.start(0);
         let (loads, plant_events) = (Vec::new(), Vec::new());
@@ -147,7 +161,10 @@ fn a_controller_that_lost_the_plant_faults() {
     let mut bench = Bench::new(10.0);
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
-    (1..=351).for_each(|tick| exciter.handle_deadline(bench.now_ns + tick * TICK_NS));
+    for tick in 1..=351 {
+        exciter.handle_deadline(bench.now_ns + tick * TICK_NS);
+        while exciter.poll_transmit().is_some() {}
+    }
     let Some(Outcome::Faulted(emergency)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
     assert_eq!((emergency.node, emergency.code), (NodeName::Exciter, EmergencyCode::SensorTimeout));
 }
@@ -178,7 +195,11 @@ fn lost_repeated_and_corrupt_commands_do_no_harm() {
 
 /// An armed plant and a transmitter in place of the controller.
 fn armed() -> (PlantNode, Transmitter) {
-    let (mut plant, mut transmitter) = (plant_node(), Transmitter::new(Network::default()));
+    armed_with(Timing::real_time(RATE_HZ))
+}
+
+fn armed_with(timing: Timing) -> (PlantNode, Transmitter) {
+    let (mut plant, mut transmitter) = (plant_with(timing), Transmitter::new(Network::default()));
     plant.start(0);
     let hello = Message::ExciterHello(Hello::classic(RATE_HZ));
     let arm = Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: NodeName::Plant });

@@ -1,4 +1,4 @@
-//! One axis of a sensor with its converter: noise, then resolution, then range.
+//! One axis of a sensor with its converter: noise, then rounding to counts, then range.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use super::noise::Noise;
 pub struct Reading {
     /// The value, in the sensor's unit.
     pub value: f64,
-    /// Whether the truth was beyond the range, so that the value is the range's end.
+    /// Whether the reading, noise included, was beyond the range, so that the value is the last count within it.
     pub clipped: bool,
 }
 
@@ -71,7 +71,8 @@ impl ForceSensorSpec {
 /// One axis at work, in whatever unit its specification has.
 #[derive(Clone, Debug)]
 pub(super) struct Sensor {
-    range: f64,
+    /// Largest magnitude it says: the last count within the range.
+    largest: f64,
     noise_rms: f64,
     resolution: f64,
     noise: Noise,
@@ -93,15 +94,26 @@ impl Sensor {
                 return Err(RigError::Spec { instrument, name, got, expected: "zero or a positive number" });
             }
         }
-        Ok(Sensor { range, noise_rms, resolution, noise })
+        if resolution > range {
+            let expected = "at most the range, or no count is within it";
+            return Err(RigError::Spec { instrument, name: names[2], got: resolution, expected });
+        }
+        Ok(Sensor { largest: largest(range, resolution), noise_rms, resolution, noise })
     }
 
-    /// What the axis says of `truth`: the next noise added, rounded to whole counts, held within the range and then marked.
+    /// What the axis says of `truth`, as a converter does: the next noise added, rounded to the nearest count, and if that is
+    /// beyond the range the last count within it, marked.
     pub fn read(&mut self, truth: f64) -> Reading {
         let noisy = truth + self.noise_rms * self.noise.next();
-        let clipped = noisy.abs() > self.range;
-        let held = noisy.clamp(-self.range, self.range);
-        let value = if self.resolution > 0.0 { libm::rint(held / self.resolution) * self.resolution } else { held };
-        Reading { value, clipped }
+        let counted = if self.resolution > 0.0 { libm::rint(noisy / self.resolution) * self.resolution } else { noisy };
+        let clipped = counted.abs() > self.largest;
+        Reading { value: counted.clamp(-self.largest, self.largest), clipped }
     }
+}
+
+/// The largest magnitude that a converter says: of whole counts the last within the range. A range that is a whole number of
+/// counts but for the rounding of the two numbers counts as one.
+fn largest(range: f64, resolution: f64) -> f64 {
+    const ROUNDING: f64 = 1e-9;
+    if resolution == 0.0 { range } else { libm::floor(range / resolution * (1.0 + ROUNDING)) * resolution }
 }
