@@ -20,6 +20,7 @@ mod frf;
 mod inspect;
 mod integrators;
 mod interval;
+mod logging;
 mod modes;
 mod motion_flags;
 mod numbers;
@@ -40,12 +41,9 @@ mod sweep;
 mod walk_flags;
 
 use std::ffi::OsString;
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
 
 use failure::{Failure, Verdict};
 
@@ -91,7 +89,10 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
-    log_to_stderr(cli.verbose);
+    if let Err(failure) = logging::log_to_stderr(cli.verbose) {
+        output::complain(&failure);
+        return failure.exit_code();
+    }
     let result = match cli.command {
         Command::Demo(command) => command.execute(),
         Command::Run(command) => command.execute(),
@@ -137,20 +138,4 @@ fn parse(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Re
     let mut command = numbers::strict(Cli::command());
     let matches = command.try_get_matches_from_mut(arguments)?;
     Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
-}
-
-/// Logs to standard error: warnings, more with `-v`, and whatever `RESONARM_LOG` asks for.
-fn log_to_stderr(verbose: u8) {
-    let level = match verbose {
-        0 => LevelFilter::WARN,
-        1 => LevelFilter::INFO,
-        2 => LevelFilter::DEBUG,
-        _ => LevelFilter::TRACE,
-    };
-    let filter =
-        EnvFilter::builder().with_default_directive(level.into()).with_env_var("RESONARM_LOG").from_env_lossy();
-    // Colours are for people: none in a file or a pipe, and none where NO_COLOR (no-color.org) asks for none.
-    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    log.with_ansi(colours).with_target(false).init();
 }

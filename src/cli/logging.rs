@@ -1,0 +1,81 @@
+//! What is logged: levels from `-v` and from the environment variable `RESONARM_LOG`.
+
+use std::io::IsTerminal;
+
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
+use super::failure::Failure;
+
+/// Names level and targets: `debug`, `resonarm::bus=trace`, or several with commas between them.
+const VARIABLE: &str = "RESONARM_LOG";
+
+/// Logs to standard error: warnings, more with `-v`, and what `RESONARM_LOG` asks for.
+pub(super) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
+    let level = match verbose {
+        0 => LevelFilter::WARN,
+        1 => LevelFilter::INFO,
+        2 => LevelFilter::DEBUG,
+        _ => LevelFilter::TRACE,
+    };
+    let filter = filter(level, &std::env::var(VARIABLE).unwrap_or_default())?;
+    // Colours are for people: none in a file or a pipe, and none where NO_COLOR (no-color.org) asks for none.
+    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours).with_target(false);
+    tracing_subscriber::registry().with(lines).with(filter).init();
+    Ok(())
+}
+
+/// What `directives` ask for, and `level` wherever they name none.
+fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
+    let mut filter = Targets::new().with_default(level);
+    for directive in directives.split(',').map(str::trim).filter(|directive| !directive.is_empty()) {
+        let asked: Targets = directive.parse().map_err(|error| {
+            Failure::Usage(format!(
+                "{VARIABLE}: `{directive}`: {error}; it is a level (off, error, warn, info, debug, trace) or target=level, \
+                 as `debug` or `resonarm::bus=trace`"
+            ))
+        })?;
+        filter = match asked.default_level() {
+            Some(level) => filter.with_default(level),
+            None => filter.with_targets(asked),
+        };
+    }
+    Ok(filter)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use tracing::Level;
+
+    use super::*;
+
+    /// The most verbose level that is logged for a target.
+    fn logged(directives: &str, target: &str) -> Option<Level> {
+        let filter = filter(LevelFilter::WARN, directives).unwrap();
+        [Level::TRACE, Level::DEBUG, Level::INFO, Level::WARN, Level::ERROR]
+            .into_iter()
+            .find(|level| filter.would_enable(target, level))
+    }
+
+    #[test]
+    fn a_level_is_for_all_and_a_target_for_its_part() {
+        assert_eq!(logged("", "resonarm::run"), Some(Level::WARN));
+        assert_eq!(logged("debug", "resonarm::run"), Some(Level::DEBUG));
+        assert_eq!(logged("OFF", "resonarm::run"), None);
+        assert_eq!(logged("resonarm::bus=trace", "resonarm::bus::socketcan"), Some(Level::TRACE));
+        assert_eq!(logged("resonarm::bus=trace", "resonarm::run"), Some(Level::WARN));
+        assert_eq!(logged("resonarm::bus", "resonarm::bus"), Some(Level::TRACE));
+        let several = "info, resonarm::bus=error,resonarm::bus::socketcan=debug,";
+        let targets = ["resonarm::run", "resonarm::bus", "resonarm::bus::socketcan"];
+        assert_eq!(targets.map(|target| logged(several, target)), [Level::INFO, Level::ERROR, Level::DEBUG].map(Some));
+    }
+
+    #[test]
+    fn what_is_no_directive_is_said() {
+        let complaint = filter(LevelFilter::WARN, "info,resonarm::bus=loud").unwrap_err();
+        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm::bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; it is a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm::bus=trace`"#);
+    }
+}
