@@ -221,12 +221,13 @@ fn refuses_fd_frames_where_the_interface_is_classical() {
     assert_eq!(bus.send(&frame(1, &[])).unwrap(), Sent::Queued);
 }
 
-/// A transmit queue of four frames before a slow wire, as a real adapter has.
+/// A transmit queue of four frames before a slow wire, as a real adapter has: so slow that no frame leaves it before all are sent,
+/// should this process be stopped in between.
 #[test]
 #[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
 fn counts_the_frames_that_the_transmit_queue_refuses() {
     let interface = Interface::new("rtslow");
-    run("tc qdisc add dev rtslow root netem delay 300ms limit 4");
+    run("tc qdisc add dev rtslow root netem delay 2000ms limit 4");
     let (mut near, mut far) = (interface.open(), interface.open());
     let outcomes: Vec<Sent> = (0..6).map(|id| near.send(&frame(id, &[])).unwrap()).collect();
     assert_eq!(outcomes[..4], [Sent::Queued; 4]);

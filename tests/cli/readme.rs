@@ -8,7 +8,8 @@ use resonarm::cli;
 /// The documents, with the folder that their links count from.
 fn documents() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut paths: Vec<PathBuf> = ["README.md", "DESIGN.md", "COMPARE.md"].map(|name| root.join(name)).into();
+    let mut paths: Vec<PathBuf> =
+        ["README.md", "DESIGN.md", "COMPARE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)).into();
     for folder in ["docs", "scenarios", "recordings"] {
         let entries = fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         paths.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "md")));

@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 RESONARM = os.environ.get("RESONARM_BIN", "target/release/resonarm")
-WITH_PYTHON_CAN = os.environ.get("RESONARM_PYTHON_CAN_BIN", RESONARM)
 
 
 class Program:
@@ -98,8 +97,8 @@ class Programs:
         self.started.append(program)
         return program
 
-    def resonarm(self, command, *arguments, program=RESONARM):
-        return self.start(command, program, command, *arguments)
+    def resonarm(self, command, *arguments):
+        return self.start(command, RESONARM, command, *arguments)
 
     def candump(self, interface="vcan0"):
         """Logs every frame from now on; see `wire.log`."""

@@ -21,18 +21,17 @@ def programs():
         yield programs
 
 
-def session(folder, plant_bus, exciter_bus, scenario, *, candump=None, program=None):
+def session(folder, plant_bus, exciter_bus, scenario, *, candump=None):
     """A whole run in lockstep, plant and exciter as processes of their own; what the two and candump said."""
     recording = folder / "run.mcap"
     common = ["--mode", "lockstep", "--scenario", scenario, "--json"]
-    options = {"program": program} if program else {}
     with Programs() as programs:
         dump = programs.candump(candump) if candump else None
-        plant = programs.resonarm("run", "--bus", plant_bus, *common, "--stop-on-disarm", "--record", recording, **options)
+        plant = programs.resonarm("run", "--bus", plant_bus, *common, "--stop-on-disarm", "--record", recording)
         if dump:
             # So that it misses no frame of the exciter's.
             wait_until(lambda: dump.stdout, "the plant to be on the bus")
-        exciter = programs.resonarm("exciter", "--bus", exciter_bus, *common, **options)
+        exciter = programs.resonarm("exciter", "--bus", exciter_bus, *common)
         result = SimpleNamespace(path=recording, exciter=exciter.result(240), plant=plant.result(30))
         if dump:
             result.frames = wire.log(dump)

@@ -5,7 +5,7 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 from conftest import free, session
-from processes import WITH_PYTHON_CAN, wait_until
+from processes import wait_until
 from recordings import bits
 
 SCENARIO = """
@@ -51,17 +51,17 @@ def ends_like(run, native):
 
 def test_socketcan(tmp_path, native, scenario):
     bus = "python-can:interface=socketcan,channel=vcan0"
-    ends_like(session(tmp_path, bus, bus, scenario, candump="vcan0", program=WITH_PYTHON_CAN), native)
+    ends_like(session(tmp_path, bus, bus, scenario, candump="vcan0"), native)
 
 
 def test_one_end_on_python_can_the_other_native(tmp_path, native, scenario):
     bus = "python-can:interface=socketcan,channel=vcan0"
-    ends_like(session(tmp_path, "vcan0", bus, scenario, program=WITH_PYTHON_CAN), native)
+    ends_like(session(tmp_path, "vcan0", bus, scenario), native)
 
 
 def test_slcan_over_a_null_modem(tmp_path, native, scenario, null_modem):
     buses = [f"python-can:interface=slcan,channel={end},bitrate=1000000,sleep_after_open=0" for end in null_modem]
-    ends_like(session(tmp_path, *buses, scenario, program=WITH_PYTHON_CAN), native)
+    ends_like(session(tmp_path, *buses, scenario), native)
 
 
 def test_all_give_the_states_of_a_free_run(tmp_path, native, scenario):
@@ -75,6 +75,6 @@ def test_the_ordinary_build_says_how_to_get_python_can(programs):
 
 
 def test_doctor_says_which_python_can_it_found(programs):
-    findings = programs.resonarm("doctor", "--json", program=WITH_PYTHON_CAN).result()["findings"]
+    findings = programs.resonarm("doctor", "--json").result()["findings"]
     found = next(finding for finding in findings if finding["subject"] == "python-can")
     assert found == {"subject": "python-can", "state": version("python-can"), "mend": None}
