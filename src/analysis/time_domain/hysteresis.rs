@@ -11,9 +11,8 @@ type Motion = (f64, [f64; 2]);
 /// The intervals in which the motions at the same values differ, each from its first value to its last. A motion is given as its
 /// value and the largest |α1| and |α2|; both sweeps go up.
 pub fn hysteresis(up: &[(f64, [f64; 2])], down: &[(f64, [f64; 2])]) -> Vec<[f64; 2]> {
-    let differ = |&(a, b): &(&Motion, &Motion)| {
-        (0..2).any(|joint| libm::fabs(a.1[joint] - b.1[joint]) > DIFFERENT * b.1[joint])
-    };
+    let differ =
+        |&(a, b): &(&Motion, &Motion)| (0..2).any(|joint| libm::fabs(a.1[joint] - b.1[joint]) > DIFFERENT * b.1[joint]);
     let pairs: Vec<_> = up.iter().zip(down).collect();
     let stretches = pairs.chunk_by(|a, b| differ(a) == differ(b)).filter(|stretch| differ(&stretch[0]));
     stretches.map(|stretch| [stretch[0].0.0, stretch[stretch.len() - 1].0.0]).collect()
