@@ -117,6 +117,13 @@ pub enum BusError {
     PythonCan(#[from] super::python_can::PythonCanError),
 }
 
+impl BusError {
+    /// Whether the bus may work again without being opened anew: it is down, or its controller is bus-off.
+    pub const fn is_recoverable(&self) -> bool {
+        matches!(self, BusError::InterfaceDown { .. } | BusError::BusOff { .. })
+    }
+}
+
 fn is_virtual(interface: &str) -> bool {
     interface.starts_with("vcan")
 }

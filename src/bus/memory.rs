@@ -8,6 +8,7 @@
 //!
 //! There is no bus time: a frame can be received as soon as it was sent, and has no timestamp.
 
+use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
@@ -34,6 +35,14 @@ pub fn hub(nodes: usize, capacity: usize) -> Vec<MemoryBus> {
         }
     }
     ends
+}
+
+/// A bus with two ends, as [`hub`] makes it.
+pub fn pair(capacity: usize) -> [MemoryBus; 2] {
+    match hub(2, capacity).try_into() {
+        Ok(ends) => ends,
+        Err(_) => unreachable!("a hub of two has two ends"),
+    }
 }
 
 /// One end of the bus that [`hub`] makes.
@@ -122,6 +131,10 @@ impl MemoryBus {
 }
 
 impl Bus for MemoryBus {
+    fn name(&self) -> String {
+        String::from("memory")
+    }
+
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         self.check_open()?;
         let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);

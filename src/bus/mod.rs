@@ -9,6 +9,7 @@ pub mod python_can;
 pub mod socketcan;
 
 use alloc::boxed::Box;
+use alloc::string::String;
 use core::time::Duration;
 
 use resonarm_protocol::{Frame, Id};
@@ -39,6 +40,9 @@ pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
 /// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for everyone else.
 /// A node does not receive the frames it sent itself. Frames come in the order in which they were on the bus.
 pub trait Bus: Send {
+    /// What the bus is called, as its address has it: `vcan0`, `memory`.
+    fn name(&self) -> String;
+
     /// Queues one frame for sending. A full transmit queue is not an error: it is [`Sent::QueueFull`], and counted.
     ///
     /// # Errors
@@ -51,7 +55,8 @@ pub trait Bus: Send {
     /// [`BusError`] if the bus is gone or the backend failed.
     fn receive(&mut self) -> Result<Option<Received>, BusError>;
 
-    /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`).
+    /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`). Unread frames end it at once, so it
+    /// is no way to let time pass: for that there is [`Clock::sleep_until_ns`](crate::realtime::Clock::sleep_until_ns).
     ///
     /// # Errors
     /// [`BusError`] if the bus is gone or the backend failed.

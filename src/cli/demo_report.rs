@@ -9,19 +9,30 @@ use crate::analysis::{Drive, FrequencyResponse, FrfError, Quantity, Response, mo
 use crate::excitation::Profile;
 use crate::node::ResponsePoint;
 use crate::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
+use crate::run::{Mode, Speed};
 use crate::scenario::Scenario;
 
 /// Points of the theory's curves.
 const CURVE_POINTS: usize = 1200;
 
 /// What is about to happen.
-pub(super) fn introduction(scenario: &Scenario, profile: &Profile) -> Result<String, Failure> {
+pub(super) fn introduction(
+    scenario: &Scenario,
+    profile: &Profile,
+    mode: Mode,
+    speed: Speed,
+) -> Result<String, Failure> {
     let [first, second] = modes(&scenario.build_arm()?);
     let settling_s = 1.0 / (core::f64::consts::TAU * first.frequency_hz * first.damping_ratio);
+    let pace = match (mode, speed.times()) {
+        (Mode::RealTime, _) => String::from("in real time"),
+        (_, 0.0) => String::from("in lockstep, as fast as it goes"),
+        (_, times) => format!("in lockstep at {times} times the speed of the clock"),
+    };
     Ok(format!(
         "arm          {} at β1 = {}°, β2 = {}°\n\
          modes        {:.2} Hz (damping ratio {:.1e}, time constant {settling_s:.2} s), {:.2} Hz\n\
-         bus          in memory, {} samples a second, in real time for {:.1} s\n\n",
+         bus          in memory, {} samples a second for {:.1} simulated seconds, {pace}\n\n",
         scenario.arm.label(),
         scenario.arm.beta1_deg,
         scenario.arm.beta2_deg,
@@ -69,6 +80,9 @@ fn linear_accelerances(scenario: &Scenario, linear: &FrequencyResponse, hz: f64)
 
 /// The responses for reading.
 pub(super) fn table(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<String, Failure> {
+    if responses.is_empty() {
+        return Ok(String::from("no response was read\n\n"));
+    }
     let linear = FrequencyResponse::new(&scenario.build_arm()?);
     let mut text = String::from("  frequency   force    accelerance at B, linear     at C, linear   (m/s² per N)\n");
     for point in responses {
@@ -101,13 +115,17 @@ pub(super) fn table(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<
     Ok(text)
 }
 
-/// The responses as a figure: two panels, points B and C, over the linear theory.
-pub(super) fn figure(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<Figure, Failure> {
+/// The responses as a figure: two panels, points B and C, over the linear theory; `None` without a response.
+pub(super) fn figure(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<Option<Figure>, Failure> {
+    if responses.is_empty() {
+        return Ok(None);
+    }
     let linear = FrequencyResponse::new(&scenario.build_arm()?);
     let (low, high) = responses.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
         (low.min(point.frequency_hz), high.max(point.frequency_hz))
     });
-    let margin = 0.05 * (high - low);
+    // One point alone gets 1 Hz to each side.
+    let margin = if high > low { 0.05 * (high - low) } else { 1.0 };
     let grid = (0..=CURVE_POINTS).map(|k| low - margin + (high - low + 2.0 * margin) * k as f64 / CURVE_POINTS as f64);
     let curve: Vec<(f64, [f64; 2])> = grid
         .map(|hz| linear_accelerances(scenario, &linear, hz).map(|values| (hz, values)))
@@ -136,5 +154,5 @@ pub(super) fn figure(scenario: &Scenario, responses: &[ResponsePoint]) -> Result
         }
         figure = figure.with(panel);
     }
-    Ok(figure)
+    Ok(Some(figure))
 }

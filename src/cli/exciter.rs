@@ -1,38 +1,37 @@
 //! `resonarm exciter`: the emulated exciter controller on a bus.
 
 use core::fmt::Write;
-use core::time::Duration;
 use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
-use super::flags::{Mode, SessionFlags, ThreadFlags, become_real_time};
+use super::flags::{SessionFlags, ThreadFlags};
 use super::output;
+use super::session::{mode_parser, seconds};
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
 use crate::excitation::Phasor;
-use crate::node::{ExciterNode, Outcome, ResponsePoint};
-use crate::protocol::{Emergency, EmergencyCode, Mismatch, Node};
-use crate::realtime::SystemClock;
-use crate::run::{ExciterReport, Signals, exciter};
+use crate::node::{Outcome, ResponsePoint};
+use crate::run::{BusCounts, ExciterReport, Fault, Mode, Options, RunError, Session, Signals, fault_text};
 
-/// Runs the exciter controller: arms the plant, plays the scenario's excitation, reads the responses, disarms.
+/// Runs the exciter controller: arms the plant, plays the scenario's excitation, reads the responses, disarms. Without
+/// --scenario it plays the demo's stepped sine.
 #[derive(Debug, Args)]
 pub(super) struct Exciter {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
     #[arg(long, value_name = "BUS")]
     bus: String,
     /// How the plant runs; in lockstep both ends wait longer for each other.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = mode_parser(&[Mode::RealTime, Mode::Lockstep]), default_value_t)]
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
     thread: ThreadFlags,
-    /// How long to wait for a plant, s.
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    /// How long to wait until there is a plant and it is armed, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
     /// Print one JSON document.
     #[arg(long)]
@@ -54,19 +53,12 @@ pub(super) struct ResponseDocument {
 #[derive(Serialize)]
 struct Document {
     outcome: &'static str,
-    fault: Option<String>,
+    fault: Option<Fault>,
+    error: Option<String>,
     samples_played: u64,
     missed_samples: u64,
-    bus: BusDocument,
+    bus: BusCounts,
     responses: Vec<ResponseDocument>,
-}
-
-#[derive(Serialize)]
-struct BusDocument {
-    received: u64,
-    sent: u64,
-    dropped: u64,
-    e2e_errors: u64,
 }
 
 impl From<&ResponsePoint> for ResponseDocument {
@@ -87,64 +79,48 @@ impl From<&ResponsePoint> for ResponseDocument {
 impl Exciter {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let address: BusAddress = self.bus.parse()?;
-        let mut scenario = self.session.scenario(super::demo::scenario)?;
-        if scenario.excitation.is_none() {
-            scenario.excitation = super::demo::scenario()?.excitation;
-        }
-        let timing = match self.mode {
-            Mode::RealTime => scenario.real_time_timing()?,
-            Mode::Lockstep => scenario.lockstep_timing()?,
-            Mode::Free => {
-                return Err(Failure::Usage(String::from("--mode free has no bus: it is a mode of `resonarm run`")));
-            }
+        let scenario = self.session.scenario(super::demo::scenario)?;
+        let samples = scenario.profile()?.samples();
+        let options = Options {
+            thread: if self.mode == Mode::RealTime { Some(self.thread.setup()?) } else { None },
+            patience: Some(seconds("--patience-s", self.patience_s)?),
+            ..Options::default()
         };
-        let patience = Duration::try_from_secs_f64(self.patience_s)
-            .map_err(|error| Failure::Usage(format!("--patience-s is {}: {error}", self.patience_s)))?;
-        let profile = scenario.profile()?;
-        let samples = profile.samples();
-        let mut node = ExciterNode::new(scenario.network()?, scenario.wire_rate_hz()?, timing, profile);
-        let setup = self.thread.setup()?;
-        let real_time = self.mode == Mode::RealTime;
+        let session = Session::new(scenario, self.mode, options)?;
         let mut bus = bus::open(&address)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
-        let (report, responses) = supervise("exciter", &signals, Some(samples), move || {
-            if real_time {
-                become_real_time(&setup);
-            }
-            let mut responses = Vec::new();
-            let keep = |point| responses.push(point);
-            let report = exciter(&mut node, bus.as_mut(), &SystemClock, patience, &watched, keep);
-            let closed = bus.close();
-            report.and_then(|report| closed.map(|()| (report, responses)).map_err(Into::into))
-        })??;
-        self.print(&report, &responses)?;
-        if let Outcome::Faulted(emergency) = report.outcome {
-            tracing::error!("{}", fault_text(&emergency));
+        let report = supervise(
+            "exciter",
+            &signals,
+            Some(samples),
+            || {},
+            move || {
+                let report = session.exciter(bus.as_mut(), &watched)?;
+                let error = report.error.or(bus.close().err().map(RunError::from));
+                Ok::<_, RunError>(ExciterReport { error, ..report })
+            },
+        )??;
+        self.print(&report)?;
+        let complaint = complaint(&report);
+        complaint.iter().for_each(|text| tracing::error!("{text}"));
+        match report.error {
+            Some(error) => Err(error.into()),
+            None => Ok(Verdict::of(complaint.is_none())),
         }
-        Ok(Verdict::of(!matches!(report.outcome, Outcome::Faulted(_))))
     }
 
-    fn print(&self, report: &ExciterReport, responses: &[ResponsePoint]) -> Result<(), Failure> {
-        let (outcome, fault) = match &report.outcome {
-            Outcome::Finished => ("finished", None),
-            Outcome::Stopped => ("stopped", None),
-            Outcome::PlantLeft => ("plant-left", None),
-            Outcome::Faulted(emergency) => ("faulted", Some(fault_text(emergency))),
-        };
+    fn print(&self, report: &ExciterReport) -> Result<(), Failure> {
+        let outcome = outcome(report);
         if self.json {
             return output::print_json(&Document {
                 outcome,
-                fault,
+                fault: report.fault().map(Fault::from),
+                error: report.error.as_ref().map(RunError::to_string),
                 samples_played: report.samples_played,
                 missed_samples: report.missed_samples,
-                bus: BusDocument {
-                    received: report.bus.received,
-                    sent: report.bus.sent,
-                    dropped: report.bus.dropped,
-                    e2e_errors: report.refused_frames,
-                },
-                responses: responses.iter().map(ResponseDocument::from).collect(),
+                bus: report.bus,
+                responses: report.responses.iter().map(ResponseDocument::from).collect(),
             });
         }
         let mut text = format!(
@@ -154,12 +130,12 @@ impl Exciter {
             report.bus.received,
             report.bus.sent,
             report.bus.dropped,
-            report.refused_frames
+            report.bus.e2e_errors
         );
-        if !responses.is_empty() {
+        if !report.responses.is_empty() {
             text.push_str("\n  frequency   head force   B            C            drift\n");
         }
-        for point in responses {
+        for point in &report.responses {
             let _infallible = writeln!(
                 text,
                 "  {:7.3} Hz {:8.3} N {:8.2} m/s² {:8.2} m/s² {:7.3} {}",
@@ -181,24 +157,30 @@ impl Exciter {
     }
 }
 
+/// How it ended, in a word.
+fn outcome(report: &ExciterReport) -> &'static str {
+    match report.outcome {
+        _ if report.error.is_some() => "failed",
+        Some(Outcome::Finished) => "finished",
+        Some(Outcome::Faulted(_)) => "faulted",
+        Some(Outcome::PlantLeft) => "plant-left",
+        Some(Outcome::Stopped) | None => "stopped",
+    }
+}
+
+/// Why the exciter did not do what it was for, and what to do; `None` if it did, or an error says so.
+pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
+    match (report.fault(), report.outcome) {
+        (Some(emergency), _) => Some(fault_text(emergency)),
+        (None, Some(Outcome::PlantLeft)) => Some(String::from("the plant left the bus before the excitation was over")),
+        (None, Some(Outcome::Stopped)) if report.samples_played == 0 => {
+            Some(String::from("stopped before the plant was armed, so nothing was played"))
+        }
+        _ => None,
+    }
+}
+
 /// √(|x|² + |y|²): the size of a vector of phasors.
 pub(super) fn magnitude(phasors: &[Phasor; 2]) -> f64 {
     (phasors[0].norm_sqr() + phasors[1].norm_sqr()).sqrt()
-}
-
-/// A fault in words, with the way to mend it where there is one.
-pub(super) fn fault_text(emergency: &Emergency) -> String {
-    let node = match emergency.node {
-        Node::Plant => "the plant",
-        Node::Exciter => "the exciter",
-    };
-    let mismatch = Mismatch::from_detail(emergency.detail).filter(|_| emergency.code == EmergencyCode::Incompatible);
-    match mismatch {
-        Some(mismatch) => {
-            format!("{node} faulted: {}: {mismatch}; start both ends with the same scenario", emergency.code)
-        }
-        None => {
-            format!("{node} faulted: {} (detail {}, sample {})", emergency.code, emergency.detail, emergency.sample)
-        }
-    }
 }

@@ -176,7 +176,12 @@ fn run(error: &RunError) -> Exit {
     match error {
         RunError::Bus(error) => bus(error),
         RunError::Recording(error) => recording(error),
-        RunError::NoPlant { .. } | RunError::Histogram(_) => Exit::Environment,
+        RunError::Scenario(_)
+        | RunError::PlantSpec(_)
+        | RunError::Rate(_)
+        | RunError::Speed(_)
+        | RunError::FreeHasNoBus => Exit::Usage,
+        RunError::NoPlant { .. } | RunError::PlantNotArmed { .. } | RunError::Histogram(_) => Exit::Environment,
         RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
     }
 }

@@ -70,13 +70,6 @@ impl ThreadFlags {
     }
 }
 
-/// Makes the calling thread a real-time thread, and says what it could not have.
-pub(super) fn become_real_time(setup: &ThreadSetup) {
-    for shortfall in setup.apply().shortfalls {
-        tracing::warn!("{shortfall}");
-    }
-}
-
 impl ArmFlags {
     /// The scenario of the file, or `default`, with the flags in it.
     pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
@@ -117,26 +110,4 @@ pub(super) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
 /// The scheme of this name.
 pub(super) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
     name.parse().map_err(|error: crate::integrate::UnknownScheme| Failure::Usage(error.to_string()))
-}
-
-/// Which run loop drives the nodes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Mode {
-    /// Samples at deadlines of the clock.
-    #[default]
-    RealTime,
-    /// Virtual time: the plant waits for the command that answers each sample.
-    Lockstep,
-    /// Virtual time without a bus: plant and exciter of the scenario in one loop.
-    Free,
-}
-
-impl Mode {
-    pub const fn name(self) -> &'static str {
-        match self {
-            Mode::RealTime => "real-time",
-            Mode::Lockstep => "lockstep",
-            Mode::Free => "free",
-        }
-    }
 }

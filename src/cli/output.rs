@@ -57,8 +57,13 @@ pub(super) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
     print(&format!("written to {}\n", names.join(", ")))
 }
 
+/// Writes a line to standard error.
+pub(super) fn note(line: &str) {
+    // If this can't be written there is nobody to tell.
+    let _unwritten = writeln!(io::stderr(), "{line}");
+}
+
 /// Tells on standard error why a command failed.
 pub(super) fn complain(failure: &Failure) {
-    // If not even this can be written there is nobody to tell.
-    let _unwritten = writeln!(io::stderr(), "resonarm: {failure}");
+    note(&format!("resonarm: {failure}"));
 }

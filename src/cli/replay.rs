@@ -59,11 +59,17 @@ impl Replay {
         let mut bus = bus::open(&address)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
-        let played = supervise("replay", &signals, None, move || {
-            let result = play(&recording, bus.as_mut(), &SystemClock, playback, &watched);
-            let closed = bus.close();
-            result.and_then(|played| closed.map(|()| played).map_err(Into::into))
-        })??;
+        let played = supervise(
+            "replay",
+            &signals,
+            None,
+            || {},
+            move || {
+                let result = play(&recording, bus.as_mut(), &SystemClock, playback, &watched);
+                let closed = bus.close();
+                result.and_then(|played| closed.map(|()| played).map_err(Into::into))
+            },
+        )??;
         if self.json {
             output::print_json(&played)?;
         } else {

@@ -1,22 +1,20 @@
-//! What `run` and `demo` share: making the plant's side of a session, and recording it.
+//! What `run`, `exciter` and `demo` share: flags of a session, and its report in words.
 
+use core::fmt::Write;
 use core::time::Duration;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use serde::Serialize;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::failure::Failure;
-use super::flags::Mode;
-use crate::node::{PlantNode, Timing};
-use crate::plant::Plant;
-use crate::realtime::{Clock, Percentiles, SampleRate, SystemClock, unix_time_ns};
-use crate::recording::{Channel, Existing, Options, Recorder, Summary};
-use crate::run::{PlantReport, PlantSide, Tape};
-use crate::scenario::Scenario;
+use crate::realtime::Percentiles;
+use crate::recording::Existing;
+use crate::run::{Mode, Outcome, PlantReport, RecordTo, RunEvent, fault_text};
 
-/// Records on their way to the writer: at 1 kHz about four seconds of everything.
-const TAPE_CAPACITY: usize = 1 << 15;
+/// Events on their way to standard error.
+const EVENTS: usize = 256;
 
 /// Where to record.
 #[derive(Clone, Debug, Args)]
@@ -29,119 +27,133 @@ pub(super) struct RecordFlags {
     pub overwrite: bool,
 }
 
-/// The plant of a scenario with its timing, before it has a tape.
-pub(super) struct Session {
-    pub scenario: Scenario,
-    pub mode: Mode,
-    pub rate: SampleRate,
-    pub timing: Timing,
-    pub plant: Plant,
-    pub after_samples: Option<u64>,
+impl RecordFlags {
+    pub fn target(&self) -> Option<RecordTo> {
+        let existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        self.record.clone().map(|path| RecordTo { path, existing })
+    }
 }
 
-impl Session {
-    /// Checks the whole scenario before anything is opened or written.
-    pub fn new(scenario: Scenario, mode: Mode) -> Result<Session, Failure> {
-        let timing = match mode {
-            Mode::RealTime => scenario.real_time_timing()?,
-            Mode::Lockstep | Mode::Free => scenario.lockstep_timing()?,
-        };
-        scenario.wire_rate_hz()?;
-        scenario.network()?;
-        let plant = Plant::new(&scenario.plant_spec()?)?;
-        let rate = SampleRate::new(scenario.simulation.rate_hz)?;
-        let after_samples = scenario.duration_samples()?;
-        Ok(Session { scenario, mode, rate, timing, plant, after_samples })
+/// Reads one of these modes.
+pub(super) fn mode_parser(modes: &'static [Mode]) -> impl TypedValueParser<Value = Mode> {
+    PossibleValuesParser::new(modes.iter().map(|mode| mode.name())).try_map(|name| name.parse::<Mode>())
+}
+
+/// A time that was given as seconds.
+pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
+    Duration::try_from_secs_f64(given_s)
+        .map_err(|error| Failure::Usage(format!("{flag} is {given_s}: {error}; it is a time in seconds, 0 or more")))
+}
+
+/// The way of a run's events from its loop, which must not wait, to standard error.
+pub(super) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
+    RingBuffer::new(EVENTS)
+}
+
+/// Writes a run's events to standard error: a line each, for people or as JSON.
+pub(super) struct EventLog {
+    pub events: Consumer<RunEvent>,
+    pub json: bool,
+    /// The name of the bus.
+    pub bus: String,
+}
+
+impl EventLog {
+    /// Writes what has happened since the last call.
+    pub fn write(&mut self) {
+        while let Ok(event) = self.events.pop() {
+            let line = if self.json { serde_json::to_string(&event).ok() } else { self.words(&event) };
+            if let Some(line) = line {
+                super::output::note(&line);
+            }
+        }
     }
 
-    /// Creates the recording.
-    pub fn record(&self, path: &Path, existing: Existing, interface: &str) -> Result<Recorder, Failure> {
-        let dt_s = 1.0 / self.scenario.simulation.rate_hz;
-        let mut options = match self.mode {
-            Mode::RealTime => Options::real_time(dt_s, interface, clock_epoch_unix_ns(), monotonic),
-            Mode::Lockstep => Options::lockstep(dt_s, interface, clock_epoch_unix_ns(), monotonic),
-            Mode::Free => Options::virtual_time(dt_s, interface),
-        };
-        options.existing = existing;
-        Ok(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?)
-    }
-
-    /// A tape of the session's kind into `recorder`.
-    pub fn tape(&self, recorder: Option<&Recorder>) -> Result<Tape, Failure> {
-        let channel =
-            |recorder: &Recorder| -> Result<Channel, Failure> { Ok(recorder.channel("plant", TAPE_CAPACITY)?) };
-        Ok(match (recorder, self.mode) {
-            (None, _) => Tape::Off,
-            (Some(recorder), Mode::RealTime) => Tape::Lossy(channel(recorder)?),
-            (Some(recorder), Mode::Lockstep | Mode::Free) => Tape::Whole(channel(recorder)?),
+    fn words(&self, event: &RunEvent) -> Option<String> {
+        let bus = &self.bus;
+        Some(match event {
+            RunEvent::Ready => format!("ready on {bus}: waiting for a controller to arm the plant"),
+            RunEvent::Armed { sample } => format!("armed at sample {sample}"),
+            RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
+            RunEvent::Faulted { fault } => format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample),
+            RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
+            RunEvent::BusLost { .. } => format!("{bus} is off or down: going on for a while in case it comes back"),
+            RunEvent::BusBack { .. } => format!("{bus} is back: a controller can reset and arm the plant"),
+            // On a machine that stalls all the time a line each would be a flood; the summary has the sum.
+            RunEvent::Slipped { .. } => return None,
         })
     }
-
-    /// The plant with its node and its tape.
-    pub fn side(&self, tape: Tape) -> Result<PlantSide, Failure> {
-        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        let node = PlantNode::new(network, rate_hz, self.timing, *self.plant.exciter());
-        Ok(PlantSide::new(self.plant.clone(), node, tape))
-    }
-}
-
-/// When the monotonic clock read 0, ns of the UNIX epoch.
-fn clock_epoch_unix_ns() -> u64 {
-    unix_time_ns().saturating_sub(SystemClock.now_ns())
-}
-
-/// The monotonic clock, as the recorder wants it.
-fn monotonic() -> Duration {
-    Duration::from_nanos(SystemClock.now_ns())
-}
-
-/// Closes the recording with the run's figures in it.
-pub(super) fn finish(recorder: Option<Recorder>, report: &PlantReport) -> Result<Option<Summary>, Failure> {
-    let Some(recorder) = recorder else { return Ok(None) };
-    let statistics = [
-        ("steps", report.timing.steps.to_string()),
-        ("overruns", report.timing.overruns.to_string()),
-        ("frames_received", report.bus.received.to_string()),
-        ("frames_sent", report.bus.sent.to_string()),
-        ("frames_dropped", report.bus.dropped.to_string()),
-        ("frames_e2e_errors", report.bus.e2e_errors.to_string()),
-    ];
-    Ok(Some(recorder.finish(&statistics)?))
-}
-
-/// A run's result as JSON.
-#[derive(Serialize)]
-pub(super) struct Document<'a> {
-    #[serde(flatten)]
-    pub report: &'a PlantReport,
-    /// The fault that was latched at the end, in words; only if there was one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub fault: Option<String>,
-    pub recording: Option<&'a Path>,
 }
 
 /// A run's result for people.
-pub(super) fn report_text(report: &PlantReport, recording: Option<&Summary>) -> String {
-    let (timing, bus) = (&report.timing, &report.bus);
-    let mut text = format!("samples      {}, {} overruns\n", timing.steps, timing.overruns);
-    for (name, latency) in [("wake-up", timing.wakeup_us), ("execution", timing.exec_us)] {
+pub(super) fn report_text(report: &PlantReport) -> String {
+    let mut text = format!("samples      {}, of {} integration steps", report.samples, report.steps);
+    if report.slipped > 0 {
+        let _infallible =
+            write!(text, ", {} overruns, schedule slipped by {} periods", report.overruns, report.slipped);
+    } else if report.pacing.is_none() && report.wakeup_us.is_some() {
+        let _infallible = write!(text, ", {} overruns", report.overruns);
+    }
+    text.push('\n');
+    if let Some(pacing) = report.pacing {
+        let _infallible = writeln!(
+            text,
+            "pacing       speed {}, at most {:.3} s behind the clock, {:.3} s at the end",
+            pacing.speed, pacing.longest_lag_s, pacing.lag_s
+        );
+    }
+    for (name, latency) in [("wake-up", report.wakeup_us), ("execution", report.exec_us)] {
         if let Some(Percentiles { p50, p99, p99_9, p99_99, max }) = latency {
-            text.push_str(&format!(
-                "{name:12} p50 {p50:.1} µs, p99 {p99:.1}, p99.9 {p99_9:.1}, p99.99 {p99_99:.1}, max {max:.1}\n"
-            ));
+            let _infallible = writeln!(
+                text,
+                "{name:12} p50 {p50:.1} µs, p99 {p99:.1}, p99.9 {p99_9:.1}, p99.99 {p99_99:.1}, max {max:.1}"
+            );
         }
     }
-    text.push_str(&format!(
-        "frames       {} received, {} sent, {} dropped, {} refused\n",
+    let bus = &report.bus;
+    let _infallible = writeln!(
+        text,
+        "frames       {} received, {} sent, {} dropped, {} refused",
         bus.received, bus.sent, bus.dropped, bus.e2e_errors
-    ));
-    if let Some(summary) = recording {
+    );
+    let refused = &report.refused;
+    let reasons = [
+        ("not armed", refused.not_armed),
+        ("late", refused.late),
+        ("out of order", refused.out_of_order),
+        ("repeated", refused.repeated),
+        ("out of range", refused.out_of_range),
+    ];
+    let reasons: Vec<String> =
+        reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{count} {reason}")).collect();
+    if !reasons.is_empty() {
+        let _infallible = writeln!(text, "refused      commands: {}", reasons.join(", "));
+    }
+    if let Some(summary) = &report.recording {
         let lost: u64 = summary.lost.values().sum();
-        text.push_str(&format!(
-            "recording    {}, {} bytes, {lost} records lost\n",
-            summary.path.display(),
-            summary.bytes
-        ));
+        let _infallible =
+            writeln!(text, "recording    {}, {} bytes, {lost} records lost", summary.path.display(), summary.bytes);
     }
     text
+}
+
+/// Why a run did not do what it was for, and what to do; `None` if it did.
+pub(super) fn complaint(report: &PlantReport) -> Option<String> {
+    let mut text = match (&report.emergency, report.outcome) {
+        (Some(emergency), _) => fault_text(emergency),
+        (None, Outcome::NotArmed) => String::from(
+            "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
+             same mode and scenario; --patience-s says how long to wait",
+        ),
+        (None, _) => return None,
+    };
+    if report.overruns > 0 {
+        let _infallible = write!(
+            text,
+            "; this process missed {} deadlines itself (see `wake-up`): on a machine that stalls, --mode lockstep gives exact \
+             results",
+            report.overruns
+        );
+    }
+    Some(text)
 }

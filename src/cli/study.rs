@@ -24,10 +24,10 @@ pub(super) fn walk(
     let signals = Arc::new(Signals::default());
     let watched = Arc::clone(&signals);
     let work = move || {
-        let (stop, done) = (|| watched.is_stopped(), |points| watched.set_step(points));
+        let (stop, done) = (|| watched.is_stopped(), |points| watched.set_done(points));
         walk.go_on(&Control { stop: &stop, done: &done })
     };
-    let walk = supervise(name, &signals, Some(total as u64), work)??;
+    let walk = supervise(name, &signals, Some(total as u64), || {}, work)??;
     if walk.is_complete() {
         return Ok(Some(walk));
     }

@@ -16,12 +16,14 @@ use crate::run::Signals;
 /// How often the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
 
-/// Does `work` on a thread of its own, called `name`. Ctrl-C and SIGTERM ask it to stop, and it ends in order; a second
-/// Ctrl-C ends the process. `samples` is how many the run will have, if it is known.
+/// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends in
+/// order; a second one ends the process. `samples` is how many the run will have, if it is known; `tell` is called now and
+/// then, and once at the end.
 pub(super) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,
     samples: Option<u64>,
+    mut tell: impl FnMut(),
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Failure> {
     let start = |source| Failure::Start { what: name, source };
@@ -35,7 +37,8 @@ pub(super) fn supervise<T: Send + 'static>(
             result
         })
         .map_err(start)?;
-    runtime.block_on(watch(signals, samples, finished)).map_err(start)?;
+    runtime.block_on(watch(signals, samples, &mut tell, finished)).map_err(start)?;
+    tell();
     worker.join().map_err(|_panic| Failure::Panic(name))
 }
 
@@ -43,9 +46,12 @@ pub(super) fn supervise<T: Send + 'static>(
 async fn watch(
     signals: &Signals,
     samples: Option<u64>,
+    tell: &mut impl FnMut(),
     finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
 ) -> std::io::Result<()> {
     let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    // `nohup` has it ignored, and it stays so.
+    let mut hangup = if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) };
     let bar = bar(samples);
     let mut beat = tokio::time::interval(PROGRESS);
     tokio::pin!(finished);
@@ -55,11 +61,22 @@ async fn watch(
             _ended = &mut finished => break,
             _ = interrupt.recv() => ask_to_stop(signals),
             _ = terminate.recv() => ask_to_stop(signals),
-            _ = beat.tick() => bar.set_position(signals.step()),
+            Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals),
+            _ = beat.tick() => {
+                bar.set_position(signals.done());
+                tell();
+            }
         }
     }
     bar.finish_and_clear();
     Ok(())
+}
+
+/// Whether this process was started with SIGHUP ignored: the first bit of `SigIgn` in its status (proc(5)).
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).map(str::trim);
+    mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 1 == 1)
 }
 
 fn ask_to_stop(signals: &Signals) {

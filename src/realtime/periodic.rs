@@ -26,8 +26,22 @@
 //! is the number of overruns of the run. A lateness is recorded for every tick, including those that caught up: a
 //! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; Tene 2013).
 //!
-//! What a miss means is the [`OverrunPolicy`]'s matter. Behind by more than [`MAX_LAG_NS`], the loop ends with an error
-//! under every policy: the other end of the bus has long stopped to believe in it.
+//! What a miss means is the [`OverrunPolicy`]'s matter. Under [`OverrunPolicy::Slip`], the default, a loop behind by more
+//! than [`CATCH_UP_TICKS`] moves its schedule by the whole periods that it is behind, and goes on from there: no burst of
+//! stale samples on the bus, and no tick left out either. With s periods slipped so far, tick k is due at
+//! start + (k + s) / rate:
+//!
+//! ```text
+//!  deadline      d0        d1        d2        d3        d4        d5        d6        d7        d8
+//!                |---------|---------|---------|---------|---------|---------|---------|---------|----
+//!  stopped       [0]       [1]       . . . stopped until here . . . . . . . . . . .[2]   [3]      [4]
+//!  missed        0         0                                                       5     0        0
+//!  slipped       0         0                                                       4     0        0
+//!  lateness      ε         ε                                                       4.4   ε        ε
+//! ```
+//!
+//! Under the other policies every tick is caught up, and behind by more than [`MAX_LAG_NS`] the loop ends with an error:
+//! the other end of the bus has long stopped to believe in it.
 
 use core::fmt;
 use core::str::FromStr;
@@ -39,14 +53,23 @@ use super::latency::HistogramError;
 use super::{Clock, LatencyHistogram, Percentiles, SampleRate};
 
 /// How far behind its deadline a tick may be: 1 s. A loop further behind ends with [`PeriodicError::TooFarBehind`].
+/// Only [`OverrunPolicy::Slip`], which catches nothing up that is so old, goes on.
 pub const MAX_LAG_NS: u64 = 1_000_000_000;
 
-/// What a missed deadline leads to. In text: `continue`, `fault`, `stop`.
+/// How many ticks a loop that slips catches up: 3. At the highest load that the protocol recommends, 70 % of the wire, the
+/// frames of a sample take 0.7 of a period, so the wire works off a backlog of 3 samples in 3 · 0.7/0.3 = 7 periods. A
+/// longer burst would hold stale forces for longer than it is worth.
+pub const CATCH_UP_TICKS: u64 = 3;
+
+/// What a missed deadline leads to. In text: `slip`, `continue`, `fault`, `stop`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
-    /// The overdue ticks are run late, marked, and the run goes on.
+    /// Up to [`CATCH_UP_TICKS`] overdue ticks are run late, marked, and the run goes on; further behind, the schedule moves
+    /// by the periods missed, and that is told ([`Tick::slipped`]). No tick is left out.
     #[default]
+    Slip,
+    /// All overdue ticks are run late, one after another, marked, and the run goes on.
     Continue,
     /// As `Continue`, and each tick that tells of a miss asks for a fault ([`Action::Fault`]): the plant's force goes to
     /// zero, and stays there until it is armed again.
@@ -57,11 +80,12 @@ pub enum OverrunPolicy {
 
 impl OverrunPolicy {
     /// Every policy.
-    pub const ALL: [Self; 3] = [Self::Continue, Self::Fault, Self::Stop];
+    pub const ALL: [Self; 4] = [Self::Slip, Self::Continue, Self::Fault, Self::Stop];
 
     /// Its name in text.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Slip => "slip",
             Self::Continue => "continue",
             Self::Fault => "fault",
             Self::Stop => "stop",
@@ -86,7 +110,7 @@ impl FromStr for OverrunPolicy {
 
 /// A text that names no [`OverrunPolicy`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("unknown overrun policy `{got}`; it is one of continue, fault, stop")]
+#[error("unknown overrun policy `{got}`; it is one of slip, continue, fault, stop")]
 pub struct UnknownOverrunPolicy {
     /// The text.
     pub got: String,
@@ -114,6 +138,8 @@ pub struct Tick {
     pub wakeup_ns: u64,
     /// Deadlines missed that no tick before has told of; 0 when on time.
     pub missed: u32,
+    /// Periods by which the schedule moves with this tick; 0 but under [`OverrunPolicy::Slip`].
+    pub slipped: u32,
     /// What the overrun policy asks for.
     pub action: Action,
 }
@@ -121,10 +147,12 @@ pub struct Tick {
 /// The figures of a loop so far. The field names are those of the program's JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LoopSummary {
-    /// Ticks given out.
-    pub steps: u64,
+    /// Ticks given out; a tick is a sample of the bench.
+    pub samples: u64,
     /// Deadlines missed.
     pub overruns: u64,
+    /// Periods by which the schedule was moved.
+    pub slipped: u64,
     /// Lateness of all ticks, µs; `None` before the first.
     pub wakeup_us: Option<Percentiles>,
     /// Duration of the work of all finished ticks, µs; `None` before the first.
@@ -142,7 +170,9 @@ pub struct Periodic<'c, C: Clock> {
     start_ns: u64,
     /// Index of the tick to give out next.
     next: u64,
-    /// Deadlines below this index were waited for or counted as missed.
+    /// Periods by which the schedule was moved: tick k is due with period k + slipped.
+    slipped: u64,
+    /// Periods below this one were waited for or counted as missed.
     settled: u64,
     overruns: u64,
     wakeup: LatencyHistogram,
@@ -157,7 +187,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
     pub fn start(clock: &'c C, rate: SampleRate, policy: OverrunPolicy) -> Result<Self, HistogramError> {
         let (wakeup, exec) = (LatencyHistogram::new()?, LatencyHistogram::new()?);
         let start_ns = clock.now_ns() + rate.offset_ns(1);
-        Ok(Self { clock, rate, policy, start_ns, next: 0, settled: 0, overruns: 0, wakeup, exec })
+        Ok(Self { clock, rate, policy, start_ns, next: 0, slipped: 0, settled: 0, overruns: 0, wakeup, exec })
     }
 
     /// When tick 0 is due, on the loop's clock, ns.
@@ -169,14 +199,16 @@ impl<'c, C: Clock> Periodic<'c, C> {
     ///
     /// # Errors
     /// [`PeriodicError::Overrun`] if a deadline was missed and the policy is to stop;
-    /// [`PeriodicError::TooFarBehind`] if the tick is late by more than [`MAX_LAG_NS`]. The tick named by the error is not
-    /// given out, the deadlines missed up to it are in [`LoopSummary::overruns`], and the loop is over.
+    /// [`PeriodicError::TooFarBehind`] if the tick is late by more than [`MAX_LAG_NS`] and the policy is not to slip. The
+    /// tick named by the error is not given out, the deadlines missed up to it are in [`LoopSummary::overruns`], and the
+    /// loop is over.
     pub fn tick(&mut self) -> Result<Tick, PeriodicError> {
         let index = self.next;
-        let deadline_ns = self.start_ns + self.rate.offset_ns(index);
+        let period = index + self.slipped;
+        let deadline_ns = self.start_ns + self.rate.offset_ns(period);
         let ready_ns = self.clock.now_ns();
         let woke_ns = if ready_ns <= deadline_ns {
-            self.settled = index + 1;
+            self.settled = period + 1;
             self.clock.sleep_until_ns(deadline_ns);
             self.clock.now_ns()
         } else {
@@ -184,17 +216,29 @@ impl<'c, C: Clock> Periodic<'c, C> {
         };
         let missed = self.count_missed(woke_ns);
         let late_ns = woke_ns.saturating_sub(deadline_ns);
-        if late_ns > MAX_LAG_NS {
+        if late_ns > MAX_LAG_NS && self.policy != OverrunPolicy::Slip {
             return Err(PeriodicError::TooFarBehind { index, late_ns });
         }
         if missed > 0 && self.policy == OverrunPolicy::Stop {
             return Err(PeriodicError::Overrun { index, missed, late_ns });
         }
+        let slipped = self.slip(period, woke_ns);
         let faulty = missed > 0 && self.policy == OverrunPolicy::Fault;
         let action = if faulty { Action::Fault } else { Action::Proceed };
         self.next = index + 1;
         self.wakeup.record(late_ns);
-        Ok(Tick { index, deadline_ns, woke_ns, wakeup_ns: late_ns, missed, action })
+        Ok(Tick { index, deadline_ns, woke_ns, wakeup_ns: late_ns, missed, slipped, action })
+    }
+
+    /// Moves the schedule if the policy is to slip and the tick due with `period` is too far behind: by the whole periods
+    /// since, so that it counts as due with the last period that has begun.
+    fn slip(&mut self, period: u64, now_ns: u64) -> u32 {
+        let behind = self.rate.last_due(now_ns.saturating_sub(self.start_ns)).saturating_sub(period);
+        if self.policy != OverrunPolicy::Slip || behind <= CATCH_UP_TICKS {
+            return 0;
+        }
+        self.slipped += behind;
+        u32::try_from(behind).unwrap_or(u32::MAX)
     }
 
     /// Ends the work of `tick`, and returns how long it took since the loop woke for it, ns.
@@ -207,8 +251,9 @@ impl<'c, C: Clock> Periodic<'c, C> {
     /// The figures so far.
     pub fn summary(&self) -> LoopSummary {
         LoopSummary {
-            steps: self.next,
+            samples: self.next,
             overruns: self.overruns,
+            slipped: self.slipped,
             wakeup_us: self.wakeup.percentiles(),
             exec_us: self.exec.percentiles(),
         }
@@ -223,7 +268,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
         let missed = passed.saturating_sub(self.settled);
         self.settled += missed;
         self.overruns += missed;
-        u32::try_from(missed).unwrap_or(u32::MAX) // 2^32 periods are 11 hours at least, far beyond the lag allowed
+        u32::try_from(missed).unwrap_or(u32::MAX) // 2^32 periods are 11 hours at least
     }
 }
 
@@ -232,8 +277,8 @@ impl<'c, C: Clock> Periodic<'c, C> {
 pub enum PeriodicError {
     /// Deadlines were missed, and the policy is to stop.
     #[error(
-        "overrun at step {index}: {missed} deadline(s) missed, {:.3} ms late, and the overrun policy is `stop`; lower \
-         the rate, give the loop a core of its own, or choose the policy `continue` or `fault`",
+        "overrun at sample {index}: {missed} deadline(s) missed, {:.3} ms late, and the overrun policy is `stop`; lower \
+         the rate, give the loop a core of its own, or choose the policy `slip`, `continue` or `fault`",
         *late_ns as f64 / 1e6
     )]
     Overrun {
@@ -246,8 +291,8 @@ pub enum PeriodicError {
     },
     /// The loop can't catch up any more.
     #[error(
-        "the loop is {:.3} s behind at step {index}, more than the {:.0} s allowed; the machine can't keep \
-         this rate, or the process was paused: lower the rate, or run in lockstep",
+        "the loop is {:.3} s behind at sample {index}, more than the {:.0} s allowed; the machine can't keep \
+         this rate, or the process was paused: lower the rate, choose the policy `slip`, or run in lockstep",
         *late_ns as f64 / 1e9,
         MAX_LAG_NS as f64 / 1e9
     )]

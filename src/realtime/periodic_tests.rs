@@ -48,7 +48,7 @@ impl Clock for ScriptedClock {
 fn trace(clock: &ScriptedClock, policy: OverrunPolicy, work_ns: &[u64]) -> String {
     let rate = SampleRate::new(1000.0).unwrap();
     let mut periodic = Periodic::start(clock, rate, policy).unwrap();
-    let mut lines = Vec::new();
+    let (mut lines, mut slipped) = (Vec::new(), 0);
     for &work_ns in work_ns {
         match periodic.tick() {
             Ok(tick) => {
@@ -56,9 +56,12 @@ fn trace(clock: &ScriptedClock, policy: OverrunPolicy, work_ns: &[u64]) -> Strin
                 let exec_ns = periodic.finish(&tick);
                 assert_eq!(exec_ns, work_ns);
                 assert_eq!(tick.woke_ns - tick.deadline_ns, tick.wakeup_ns);
-                assert_eq!(tick.deadline_ns, periodic.start_ns() + tick.index * MS);
+                assert_eq!(tick.deadline_ns, periodic.start_ns() + (tick.index + slipped) * MS);
+                slipped += u64::from(tick.slipped);
+                let slip = if tick.slipped > 0 { format!(", slipped {}", tick.slipped) } else { String::new() };
                 let late_us = tick.wakeup_ns / 1000;
-                lines.push(format!("{} late {late_us} us, missed {}, {:?}", tick.index, tick.missed, tick.action));
+                lines
+                    .push(format!("{} late {late_us} us, missed {}{slip}, {:?}", tick.index, tick.missed, tick.action));
             }
             Err(error) => {
                 lines.push(error.to_string());
@@ -67,7 +70,8 @@ fn trace(clock: &ScriptedClock, policy: OverrunPolicy, work_ns: &[u64]) -> Strin
         }
     }
     let summary = periodic.summary();
-    lines.push(format!("steps {}, overruns {}, sleeps {}", summary.steps, summary.overruns, clock.sleeps.get()));
+    assert_eq!(summary.slipped, slipped);
+    lines.push(format!("samples {}, overruns {}, sleeps {}", summary.samples, summary.overruns, clock.sleeps.get()));
     lines.join("\n")
 }
 
@@ -79,7 +83,7 @@ fn on_time() {
     1 late 60 us, missed 0, Proceed
     2 late 70 us, missed 0, Proceed
     3 late 0 us, missed 0, Proceed
-    steps 4, overruns 0, sleeps 4
+    samples 4, overruns 0, sleeps 4
     ");
 }
 
@@ -94,7 +98,7 @@ fn long_work_is_caught_up_tick_by_tick() {
     3 late 900 us, missed 0, Proceed
     4 late 200 us, missed 1, Proceed
     5 late 0 us, missed 0, Proceed
-    steps 6, overruns 3, sleeps 3
+    samples 6, overruns 3, sleeps 3
     ");
 }
 
@@ -108,7 +112,7 @@ fn a_late_wake_up_is_caught_up_tick_by_tick() {
     3 late 700 us, missed 0, Proceed
     4 late 0 us, missed 0, Proceed
     5 late 0 us, missed 0, Proceed
-    steps 6, overruns 2, sleeps 4
+    samples 6, overruns 2, sleeps 4
     ");
 }
 
@@ -123,7 +127,7 @@ fn the_policy_fault_asks_for_a_fault_at_each_miss() {
     3 late 900 us, missed 0, Proceed
     4 late 200 us, missed 1, Fault
     5 late 0 us, missed 0, Proceed
-    steps 6, overruns 3, sleeps 3
+    samples 6, overruns 3, sleeps 3
     ");
 }
 
@@ -133,8 +137,8 @@ fn the_policy_stop_ends_the_loop_at_the_first_miss() {
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Stop, &[MS / 10, 7 * MS / 2, MS / 10]), @"
     0 late 0 us, missed 0, Proceed
     1 late 0 us, missed 0, Proceed
-    overrun at step 2: 3 deadline(s) missed, 2.500 ms late, and the overrun policy is `stop`; lower the rate, give the loop a core of its own, or choose the policy `continue` or `fault`
-    steps 2, overruns 3, sleeps 2
+    overrun at sample 2: 3 deadline(s) missed, 2.500 ms late, and the overrun policy is `stop`; lower the rate, give the loop a core of its own, or choose the policy `slip`, `continue` or `fault`
+    samples 2, overruns 3, sleeps 2
     ");
 }
 
@@ -145,23 +149,71 @@ fn a_deadline_met_to_the_nanosecond_is_met_and_a_microsecond_more_is_a_miss() {
     0 late 0 us, missed 0, Proceed
     1 late 0 us, missed 0, Proceed
     2 late 0 us, missed 0, Proceed
-    overrun at step 3: 1 deadline(s) missed, 0.001 ms late, and the overrun policy is `stop`; lower the rate, give the loop a core of its own, or choose the policy `continue` or `fault`
-    steps 3, overruns 1, sleeps 3
+    overrun at sample 3: 1 deadline(s) missed, 0.001 ms late, and the overrun policy is `stop`; lower the rate, give the loop a core of its own, or choose the policy `slip`, `continue` or `fault`
+    samples 3, overruns 1, sleeps 3
     ");
 }
 
 #[test]
-fn a_loop_more_than_a_second_behind_ends_under_every_policy() {
+fn a_loop_more_than_a_second_behind_ends_under_every_policy_but_slip() {
     let clock = ScriptedClock::with_wakeups(&[MAX_LAG_NS]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[1, 0]), @"
     0 late 1000000 us, missed 1000, Proceed
     1 late 999000 us, missed 0, Proceed
-    steps 2, overruns 1000, sleeps 1
+    samples 2, overruns 1000, sleeps 1
     ");
     let clock = ScriptedClock::with_wakeups(&[MAX_LAG_NS + MS]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[1, 0]), @"
-    the loop is 1.001 s behind at step 0, more than the 1 s allowed; the machine can't keep this rate, or the process was paused: lower the rate, or run in lockstep
-    steps 0, overruns 1001, sleeps 1
+    the loop is 1.001 s behind at sample 0, more than the 1 s allowed; the machine can't keep this rate, or the process was paused: lower the rate, choose the policy `slip`, or run in lockstep
+    samples 0, overruns 1001, sleeps 1
+    ");
+}
+
+#[test]
+fn slip_catches_up_three_ticks() {
+    let clock = ScriptedClock::with_wakeups(&[0, 7 * MS / 2]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10; 7]), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 3500 us, missed 3, Proceed
+    2 late 2600 us, missed 0, Proceed
+    3 late 1700 us, missed 0, Proceed
+    4 late 800 us, missed 0, Proceed
+    5 late 0 us, missed 0, Proceed
+    6 late 0 us, missed 0, Proceed
+    samples 7, overruns 3, sleeps 4
+    ");
+}
+
+#[test]
+fn slip_moves_the_schedule_beyond_that_and_leaves_no_tick_out() {
+    let clock = ScriptedClock::with_wakeups(&[0, 9 * MS / 2]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10; 5]), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 4500 us, missed 4, slipped 4, Proceed
+    2 late 0 us, missed 0, Proceed
+    3 late 0 us, missed 0, Proceed
+    4 late 0 us, missed 0, Proceed
+    samples 5, overruns 4, sleeps 5
+    ");
+    let clock = ScriptedClock::with_wakeups(&[]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10, 301 * MS, 51 * MS / 10, MS / 10]), @"
+    0 late 0 us, missed 0, Proceed
+    1 late 0 us, missed 0, Proceed
+    2 late 300000 us, missed 301, slipped 300, Proceed
+    3 late 4100 us, missed 5, slipped 4, Proceed
+    samples 4, overruns 306, sleeps 2
+    ");
+}
+
+#[test]
+fn a_loop_that_slips_outlives_any_stall() {
+    let clock = ScriptedClock::with_wakeups(&[MS, 3_600_000 * MS + MS / 2]);
+    insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10; 4]), @"
+    0 late 1000 us, missed 1, Proceed
+    1 late 100 us, missed 0, Proceed
+    2 late 3600000500 us, missed 3600000, slipped 3600000, Proceed
+    3 late 0 us, missed 0, Proceed
+    samples 4, overruns 3600001, sleeps 3
     ");
 }
 
@@ -173,7 +225,7 @@ fn policies_are_read_and_written_as_text() {
         assert_eq!(serde_json::to_value(policy).unwrap(), *name);
     }
     let error = "skip".parse::<OverrunPolicy>().unwrap_err();
-    insta::assert_snapshot!(error, @"unknown overrun policy `skip`; it is one of continue, fault, stop");
+    insta::assert_snapshot!(error, @"unknown overrun policy `skip`; it is one of slip, continue, fault, stop");
 }
 
 #[test]
@@ -181,11 +233,11 @@ fn the_summary_has_the_keys_of_the_program_s_json() {
     let clock = ScriptedClock::with_wakeups(&[2_000]);
     let rate = SampleRate::new(500.0).unwrap();
     let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Continue).unwrap();
-    assert_eq!(periodic.summary(), LoopSummary { steps: 0, overruns: 0, wakeup_us: None, exec_us: None });
+    assert_eq!(periodic.summary(), LoopSummary { samples: 0, overruns: 0, slipped: 0, wakeup_us: None, exec_us: None });
     let tick = periodic.tick().unwrap();
     clock.work(1_000);
     periodic.finish(&tick);
-    insta::assert_snapshot!(serde_json::to_string(&periodic.summary()).unwrap(), @r#"{"steps":1,"overruns":0,"wakeup_us":{"p50":2.0,"p99":2.0,"p99_9":2.0,"p99_99":2.0,"max":2.0},"exec_us":{"p50":1.0,"p99":1.0,"p99_9":1.0,"p99_99":1.0,"max":1.0}}"#);
+    insta::assert_snapshot!(serde_json::to_string(&periodic.summary()).unwrap(), @r#"{"samples":1,"overruns":0,"slipped":0,"wakeup_us":{"p50":2.0,"p99":2.0,"p99_9":2.0,"p99_99":2.0,"max":2.0},"exec_us":{"p50":1.0,"p99":1.0,"p99_9":1.0,"p99_99":1.0,"max":1.0}}"#);
 }
 
 proptest! {
@@ -194,12 +246,13 @@ proptest! {
     #[test]
     fn every_miss_is_told_once(
         rate_hz in 10.0..20_000.0_f64,
-        delays_periods in prop::collection::vec((0.0..3.0_f64, 0.0..3.0_f64), 1..60),
+        delays_periods in prop::collection::vec((0.0..6.0_f64, 0.0..3.0_f64), 1..60),
+        policy in prop::sample::select(vec![OverrunPolicy::Slip, OverrunPolicy::Continue]),
     ) {
         let rate = SampleRate::new(rate_hz).unwrap();
         let period_ns = 1e9 / rate_hz;
         let clock = ScriptedClock::with_wakeups(&[]);
-        let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Continue).unwrap();
+        let mut periodic = Periodic::start(&clock, rate, policy).unwrap();
         let start_ns = periodic.start_ns();
         let (mut told, mut waited) = (0, 0);
         let mut woke_ns = 0;
@@ -248,6 +301,6 @@ fn a_second_on_the_real_clock() {
         periodic.finish(&tick);
     }
     let summary = periodic.summary();
-    assert_eq!((summary.steps, summary.overruns), (1000, told));
+    assert_eq!((summary.samples, summary.overruns), (1000, told));
     assert!(last_woke_ns - start_ns >= 999 * MS);
 }

@@ -1,17 +1,35 @@
-//! What ends a run before its end.
+//! What keeps a run from beginning, or ends it before its end.
 
 use thiserror::Error;
 
 use crate::bus::BusError;
-use crate::plant::PlantError;
+use crate::plant::{PlantError, PlantSpecError};
 use crate::protocol::EncodeError;
-use crate::realtime::{HistogramError, PeriodicError};
+use crate::realtime::{HistogramError, PeriodicError, RateError};
 use crate::recording::RecordingError;
+use crate::scenario::ScenarioError;
 
-/// Why a run ended early.
+use super::SpeedError;
+
+/// Why a run can't begin, or ended early.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RunError {
+    /// The scenario is impossible.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The scenario's plant is impossible.
+    #[error(transparent)]
+    PlantSpec(#[from] PlantSpecError),
+    /// The sample rate is impossible.
+    #[error(transparent)]
+    Rate(#[from] RateError),
+    /// The speed is impossible.
+    #[error(transparent)]
+    Speed(#[from] SpeedError),
+    /// A bus was given to a run without one.
+    #[error("the mode free has no bus: plant and exciter run in one loop; take the mode lockstep")]
+    FreeHasNoBus,
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -35,6 +53,15 @@ pub enum RunError {
         "no plant was heard within {waited_s} s: start one with `resonarm run` on the same bus, with the same rate and base identifier"
     )]
     NoPlant {
+        /// How long the exciter waited, s.
+        waited_s: f64,
+    },
+    /// The plant that answered did not let itself be armed.
+    #[error(
+        "a plant was heard, but it was not armed within {waited_s} s: it may have failed, or another exciter holds it: its own \
+         messages say which"
+    )]
+    PlantNotArmed {
         /// How long the exciter waited, s.
         waited_s: f64,
     },

@@ -2,92 +2,125 @@
 
 use core::time::Duration;
 
-use super::{RunError, Signals};
-use crate::bus::{Bus, Sent, Statistics};
-use crate::node::{ExciterNode, Outcome, ResponsePoint};
+use super::{BusCounts, ExciterReport, RunError, Signals};
+use crate::bus::{Bus, Sent};
+use crate::node::{ExciterNode, ResponsePoint};
+use crate::protocol::NodeState;
 use crate::realtime::Clock;
 
 /// Longest sleep between two looks at the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
 /// How long to wait before a full transmit queue is tried again, ns.
 const RETRY_NS: u64 = 200_000;
-/// How long to go on sending what is left after the end, tries.
-const LAST_TRIES: u32 = 500;
+/// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125 kbit/s.
+const SEND_LIMIT_NS: u64 = 500_000_000;
 
-/// What the exciter's work came to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ExciterReport {
-    /// How it ended.
-    pub outcome: Outcome,
-    /// Samples answered, counted from the start of the profile.
-    pub samples_played: u64,
-    /// Samples that never came in whole.
-    pub missed_samples: u64,
-    /// Frames of the protocol refused for their checks.
-    pub refused_frames: u64,
-    /// What the bus counted.
-    pub bus: Statistics,
-}
+/// How long to wait for a plant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patience(pub Option<Duration>);
 
 /// Runs the exciter on the calling thread until its profile is played, it faults, or it is asked to stop.
-///
-/// # Errors
-/// [`RunError::NoPlant`] if no plant was heard within `patience`, [`RunError::Bus`] if the bus failed.
-pub fn exciter<C: Clock>(
+pub(super) fn run<C: Clock>(
     node: &mut ExciterNode,
     bus: &mut dyn Bus,
     clock: &C,
-    patience: Duration,
+    patience: Patience,
     signals: &Signals,
-    mut on_response: impl FnMut(ResponsePoint),
-) -> Result<ExciterReport, RunError> {
+) -> ExciterReport {
     let start_ns = clock.now_ns();
-    node.start(0);
-    let outcome = loop {
-        let now_ns = clock.now_ns().saturating_sub(start_ns);
-        while let Some(received) = bus.receive()? {
-            node.handle_frame(now_ns, &received.frame);
-            // An answer must not wait for the frames behind the sample.
-            transmit(node, bus)?;
-        }
-        if signals.is_stopped() {
-            node.stop(now_ns);
-        }
-        node.handle_deadline(now_ns);
-        let sent = transmit(node, bus)?;
-        core::iter::from_fn(|| node.poll_response()).for_each(&mut on_response);
-        signals.set_step(node.samples_played());
-        if let Some(outcome) = node.outcome() {
-            break outcome;
-        }
-        if !node.has_heard_plant() && u128::from(now_ns) > patience.as_nanos() {
-            return Err(RunError::NoPlant { waited_s: patience.as_secs_f64() });
-        }
-        let due_ns = node.next_deadline_ns().saturating_sub(now_ns);
-        bus.wait(Duration::from_nanos(due_ns.min(if sent { LOOK_NS } else { RETRY_NS })))?;
-    };
-    for _ in 0..LAST_TRIES {
-        if transmit(node, bus)? {
-            break;
-        }
-        bus.wait(Duration::from_nanos(RETRY_NS))?;
-    }
-    Ok(ExciterReport {
-        outcome,
-        samples_played: node.samples_played(),
-        missed_samples: node.missed_samples(),
-        refused_frames: node.refused_frames(),
-        bus: bus.statistics(),
-    })
+    let mut run = Run { node, bus, clock, start_ns, patience, signals, responses: Vec::new() };
+    let error = run.answer().and_then(|()| run.send_rest()).err();
+    let Run { bus, responses, .. } = run;
+    let counts = BusCounts::new(bus.statistics(), 0, node.refused_frames());
+    ExciterReport { responses, bus: counts, ..ExciterReport::new(node, error) }
 }
 
-/// Sends what there is to send; `true` if all is sent.
-fn transmit(node: &mut ExciterNode, bus: &mut dyn Bus) -> Result<bool, RunError> {
-    while let Some(frame) = node.next_frame() {
-        if bus.send(&frame)? == Sent::QueueFull {
-            return Ok(false);
+impl ExciterReport {
+    /// What the work of `node` came to, without its responses and what was counted on the bus.
+    pub(super) fn new(node: &ExciterNode, error: Option<RunError>) -> ExciterReport {
+        ExciterReport {
+            outcome: node.outcome(),
+            error,
+            samples_played: node.samples_played(),
+            missed_samples: node.missed_samples(),
+            bus: BusCounts::default(),
+            responses: Vec::new(),
         }
-        node.frame_sent();
     }
-    Ok(true)
+}
+
+struct Run<'r, C: Clock> {
+    node: &'r mut ExciterNode,
+    bus: &'r mut dyn Bus,
+    clock: &'r C,
+    start_ns: u64,
+    patience: Patience,
+    signals: &'r Signals,
+    responses: Vec<ResponsePoint>,
+}
+
+impl<C: Clock> Run<'_, C> {
+    fn now_ns(&self) -> u64 {
+        self.clock.now_ns().saturating_sub(self.start_ns)
+    }
+
+    fn answer(&mut self) -> Result<(), RunError> {
+        self.node.start(0);
+        loop {
+            let now_ns = self.now_ns();
+            while let Some(received) = self.bus.receive()? {
+                self.node.handle_frame(now_ns, &received.frame);
+                // An answer must not wait for the frames behind the sample.
+                self.transmit()?;
+            }
+            if self.signals.is_stopped() {
+                self.node.stop(now_ns);
+            }
+            self.node.handle_deadline(now_ns);
+            let sent = self.transmit()?;
+            self.responses.extend(core::iter::from_fn(|| self.node.poll_response()));
+            self.signals.set_done(self.node.samples_played());
+            if self.node.outcome().is_some() {
+                return Ok(());
+            }
+            self.check_patience(now_ns)?;
+            let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
+            self.bus.wait(Duration::from_nanos(due_ns.min(if sent { LOOK_NS } else { RETRY_NS })))?;
+        }
+    }
+
+    fn check_patience(&self, now_ns: u64) -> Result<(), RunError> {
+        let Some(patience) = self.patience.0.filter(|patience| u128::from(now_ns) > patience.as_nanos()) else {
+            return Ok(());
+        };
+        let waited_s = patience.as_secs_f64();
+        if !self.node.has_heard_plant() {
+            return Err(RunError::NoPlant { waited_s });
+        }
+        if self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0 {
+            return Err(RunError::PlantNotArmed { waited_s });
+        }
+        Ok(())
+    }
+
+    /// Sends what there is to send; `true` if all is sent.
+    fn transmit(&mut self) -> Result<bool, RunError> {
+        while let Some(frame) = self.node.next_frame() {
+            if self.bus.send(&frame)? == Sent::QueueFull {
+                return Ok(false);
+            }
+            self.node.frame_sent();
+        }
+        Ok(true)
+    }
+
+    /// Sends what is left, the disarm above all.
+    fn send_rest(&mut self) -> Result<(), RunError> {
+        let end_ns = self.now_ns() + SEND_LIMIT_NS;
+        while !self.transmit()? && self.now_ns() < end_ns {
+            // Not the bus's own wait, which unread frames end at once.
+            self.clock.sleep_until_ns(self.clock.now_ns() + RETRY_NS);
+        }
+        Ok(())
+    }
 }

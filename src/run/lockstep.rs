@@ -1,4 +1,4 @@
-//! Lockstep: virtual time, advanced by the controller's answers.
+//! Lockstep: simulated time, advanced by the controller's answers, and held to the clock if a speed is asked for.
 //!
 //! Sample 0 is published when the plant is armed for the first time. From then on an armed plant waits for the command that
 //! answers the sample it published, with the node's own timeout; after a fault or a disarm there is nobody to wait for, and
@@ -6,95 +6,106 @@
 
 use core::time::Duration;
 
-use super::{BusCounts, End, PlantReport, PlantSide, RunError, Signals};
+use super::bench::Bench;
+use super::finish::{EndedBy, RETRY_NS, finish};
+use super::pace::Pace;
+use super::{Ending, PlantReport, RunError, Signals, Speed};
 use crate::bus::Bus;
-use crate::realtime::{Clock, LatencyHistogram, LoopSummary, SampleRate};
+use crate::realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 
 /// Longest sleep between two looks at the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
-/// How long to wait before a full transmit queue is tried again, ns.
-const RETRY_NS: u64 = 500_000;
 
 /// Runs the plant in lockstep on the calling thread, until its end or until it is asked to stop.
-///
-/// # Errors
-/// [`RunError`], with the report of what went before it.
-pub fn lockstep<C: Clock>(
-    side: &mut PlantSide,
+pub(super) fn lockstep<C: Clock>(
+    bench: &mut Bench,
     bus: &mut dyn Bus,
     clock: &C,
-    rate: SampleRate,
-    end: End,
+    (rate, speed): (SampleRate, Speed),
+    ending: Ending,
     signals: &Signals,
-) -> (PlantReport, Result<(), RunError>) {
-    let exec = match LatencyHistogram::new() {
-        Ok(exec) => exec,
-        Err(error) => return (PlantReport::empty(), Err(error.into())),
-    };
-    let start_ns = clock.now_ns();
-    side.begin(start_ns);
-    let mut run = Lockstep { side, bus, clock, rate, end, signals, start_ns, exec };
-    let result = run.samples().and_then(|()| run.side.finish());
-    let timing =
-        LoopSummary { steps: run.side.plant().step(), overruns: 0, wakeup_us: None, exec_us: run.exec.percentiles() };
-    let bus = BusCounts::new(run.bus.statistics(), run.side.counts());
-    (PlantReport { timing, bus, fault: run.side.node().latched_fault() }, result)
+) -> Result<PlantReport, HistogramError> {
+    let (pace, exec) = (Pace::start(clock, rate, speed)?, LatencyHistogram::new()?);
+    let mut run = Lockstep { bench, bus, pace, rate, ending, signals, exec };
+    let ended = run.samples();
+    let Lockstep { bench, bus, mut pace, exec, .. } = run;
+    let (outcome, error) = finish(bench, bus, &mut pace, ended);
+    Ok(PlantReport {
+        wakeup_us: pace.wakeup_us(),
+        exec_us: exec.percentiles(),
+        pacing: pace.report(),
+        ..PlantReport::new(bench, bench.counts(bus.statistics()), outcome, error)
+    })
 }
 
-struct Lockstep<'a, C: Clock> {
-    side: &'a mut PlantSide,
-    bus: &'a mut dyn Bus,
-    clock: &'a C,
+struct Lockstep<'r, 'b, 'c, C: Clock> {
+    bench: &'r mut Bench<'b>,
+    bus: &'r mut dyn Bus,
+    pace: Pace<'c, C>,
     rate: SampleRate,
-    end: End,
-    signals: &'a Signals,
-    start_ns: u64,
+    ending: Ending,
+    signals: &'r Signals,
     exec: LatencyHistogram,
 }
 
-impl<C: Clock> Lockstep<'_, C> {
-    fn now_ns(&self) -> u64 {
-        self.clock.now_ns().saturating_sub(self.start_ns)
+impl<C: Clock> Lockstep<'_, '_, '_, C> {
+    fn ended(&self) -> Option<EndedBy> {
+        self.ending.reached(self.bench, self.signals, self.pace.now_ns())
     }
 
-    fn is_over(&self) -> bool {
-        let samples = self.end.after_samples.is_some_and(|samples| self.side.plant().step() >= samples);
-        samples || self.signals.is_stopped() || (self.end.on_disarm && self.side.has_left_armed())
-    }
-
-    fn samples(&mut self) -> Result<(), RunError> {
-        self.side.start(self.now_ns());
-        while !self.side.node().is_armed() {
-            if self.is_over() {
-                return Ok(());
+    fn samples(&mut self) -> Result<EndedBy, RunError> {
+        self.bench.start(self.pace.start_ns(), self.pace.now_ns())?;
+        while !self.bench.node().is_armed() {
+            if let Some(end) = self.ended() {
+                return Ok(end);
             }
             self.serve(LOOK_NS)?;
         }
+        self.pace.anchor(0);
         loop {
-            let published_ns = self.now_ns();
-            let awaited = self.side.node().is_armed();
-            self.side.measure()?;
-            while awaited && self.side.node().is_armed() && !self.side.node().is_answered() && !self.is_over() {
+            self.wait_until_due()?;
+            let begun_ns = self.pace.now_ns();
+            let awaited = self.bench.node().is_armed();
+            self.pace.note(self.bench.sample());
+            self.bench.measure()?;
+            self.bench.transmit(self.pace.now_ns(), self.bus)?;
+            let published_ns = self.pace.now_ns();
+            while awaited && self.waits_for_answer() && self.ended().is_none() {
                 self.serve(LOOK_NS)?;
             }
-            if !self.side.node().is_armed() {
+            if !self.bench.node().is_armed() {
                 self.pass_period(published_ns)?;
             }
-            if self.is_over() {
-                return self.flush();
+            if let Some(end) = self.ended() {
+                return Ok(end);
             }
-            let before_ns = self.clock.now_ns();
-            self.side.advance(before_ns.saturating_sub(self.start_ns))?;
-            self.exec.record(self.clock.now_ns().saturating_sub(before_ns));
-            self.signals.set_step(self.side.plant().step());
+            let answered_ns = self.pace.now_ns();
+            self.bench.advance(answered_ns)?;
+            self.exec.record(published_ns - begun_ns + (self.pace.now_ns() - answered_ns));
+            self.signals.set_done(self.bench.sample());
+        }
+    }
+
+    fn waits_for_answer(&self) -> bool {
+        self.bench.node().is_armed() && !self.bench.node().is_answered()
+    }
+
+    /// Waits for the clock, taking in what comes.
+    fn wait_until_due(&mut self) -> Result<(), RunError> {
+        loop {
+            let left_ns = self.pace.left_ns(self.bench.sample());
+            if left_ns == 0 || self.signals.is_stopped() {
+                return Ok(());
+            }
+            self.serve(left_ns.min(LOOK_NS))?;
         }
     }
 
     /// Nobody answers: lets one sample period pass, taking in what comes.
     fn pass_period(&mut self, published_ns: u64) -> Result<(), RunError> {
         let due_ns = published_ns + self.rate.offset_ns(1);
-        while !self.is_over() {
-            let left_ns = due_ns.saturating_sub(self.now_ns());
+        while self.pace.report().is_none() && self.ended().is_none() {
+            let left_ns = due_ns.saturating_sub(self.pace.now_ns());
             if left_ns == 0 {
                 break;
             }
@@ -105,23 +116,15 @@ impl<C: Clock> Lockstep<'_, C> {
 
     /// Sends what there is, sleeps until a frame or a deadline comes, `limit_ns` at most, and takes in what came.
     fn serve(&mut self, limit_ns: u64) -> Result<(), RunError> {
-        let sent = self.side.transmit(self.now_ns(), self.bus)?;
+        let sent = self.bench.transmit(self.pace.now_ns(), self.bus)?;
         let limit_ns = if sent { limit_ns } else { limit_ns.min(RETRY_NS) };
-        let due_ns = self.side.node().next_deadline_ns().saturating_sub(self.now_ns());
-        self.bus.wait(Duration::from_nanos(due_ns.min(limit_ns)))?;
-        let now_ns = self.now_ns();
-        self.side.receive(now_ns, self.bus)?;
-        self.side.handle_deadline(now_ns)
-    }
-
-    /// Sends what is left.
-    fn flush(&mut self) -> Result<(), RunError> {
-        for _ in 0..100 {
-            if self.side.transmit(self.now_ns(), self.bus)? {
-                break;
-            }
-            self.bus.wait(Duration::from_nanos(RETRY_NS))?;
+        let due_ns = self.bench.node().next_deadline_ns().saturating_sub(self.pace.now_ns());
+        if let Err(error) = self.bus.wait(Duration::from_nanos(due_ns.min(limit_ns))) {
+            self.bench.lose_bus(self.pace.now_ns(), error)?;
+            self.pace.clock().sleep_until_ns(self.pace.clock().now_ns() + due_ns.min(limit_ns));
         }
-        Ok(())
+        let now_ns = self.pace.now_ns();
+        self.bench.receive(now_ns, self.bus)?;
+        self.bench.handle_deadline(now_ns)
     }
 }

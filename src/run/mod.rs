@@ -1,4 +1,22 @@
-//! The run loops: real time, lockstep and free, all driving the same nodes through the same steps.
+//! Runs: a scenario put to work, by the three run loops, as one session.
+//!
+//! [`Session`] puts everything together once: plant, exciter, bus, recording, pace and end. A plant on a memory bus, with a
+//! controller of one's own at its other end, takes this much:
+//!
+//! ```
+//! use resonarm::bus::memory;
+//! use resonarm::run::{Mode, Options, Outcome, Session, Signals};
+//! use resonarm::scenario::Scenario;
+//!
+//! let mut ends = memory::hub(2, 1024);
+//! let (controller, mut plant) = (ends.pop().unwrap(), ends.pop().unwrap());
+//! # drop(controller);
+//! let options = Options { patience: Some(std::time::Duration::from_millis(10)), ..Options::default() };
+//! let session = Session::new(Scenario::default(), Mode::Lockstep, options)?;
+//! let report = session.plant(&mut plant, &Signals::default(), |event| println!("{event:?}"))?;
+//! assert_eq!(report.outcome, Outcome::NotArmed); // nobody holds the other end
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! One sample, whatever the loop:
 //!
@@ -6,106 +24,66 @@
 //! measure(k) → frames out → frames in, until the deadline → command held (zero-order) → advance to k + 1
 //! ```
 //!
-//! - [`real_time`]: samples at absolute deadlines of the monotonic clock; whatever came in by then counts.
-//! - [`lockstep`]: virtual time; an armed plant waits for the command that answers the sample before it advances.
-//! - [`free`]: virtual time and no bus: plant and exciter in one loop, as fast as it goes.
+//! - [`Mode::RealTime`]: samples at absolute deadlines of the monotonic clock; whatever came in by then counts.
+//! - [`Mode::Lockstep`]: simulated time; an armed plant waits for the command that answers the sample before it advances.
+//! - [`Mode::Free`]: simulated time and no bus: plant and exciter in one loop, as fast as it goes.
 //!
-//! For the same commands the three give the same states, bit for bit.
+//! For the same commands the three give the same states, bit for bit. Simulated time may be held to the clock ([`Speed`]),
+//! which changes no state either.
+//!
+//! However a run ends, it ends in order: an armed plant is disarmed, or faults if an error ends it, samples go on while what
+//! is held ramps to zero, and the partner is told.
 
+mod bench;
 mod error;
 mod exciter;
+mod finish;
 mod free;
 mod lockstep;
-mod plant_side;
+mod mode;
+mod pace;
 mod real_time;
-mod tape;
+mod record_sink;
+mod report;
+mod session;
+mod signals;
 
 pub use error::RunError;
-pub use exciter::{ExciterReport, exciter};
-pub use free::{FreeReport, free};
-pub use lockstep::lockstep;
-pub use plant_side::{Counts, PlantSide};
-pub use real_time::{RealTimeOptions, real_time};
-pub use tape::Tape;
+pub use mode::{Mode, UnknownMode};
+pub use pace::{Speed, SpeedError};
+pub use report::{
+    BothReport, BusCounts, ExciterReport, Fault, Outcome, Pacing, PlantReport, RefusedCommands, fault_text,
+};
+pub use session::{Options, RecordTo, Session};
+pub use signals::{RunEvent, Signals};
 
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-
-use serde::Serialize;
-
-use crate::bus::Statistics;
-use crate::protocol::Emergency;
-use crate::realtime::LoopSummary;
+use self::bench::Bench;
+use self::finish::EndedBy;
 
 /// When a run ends by itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct End {
+struct Ending {
     /// After this many samples.
-    pub after_samples: Option<u64>,
+    after_samples: Option<u64>,
     /// When an armed plant is disarmed or faults.
-    pub on_disarm: bool,
+    on_disarm: bool,
+    /// If nobody has armed the plant after this time, ns.
+    patience_ns: Option<u64>,
 }
 
-/// What the run's threads and the rest of the program tell each other.
-#[derive(Debug, Default)]
-pub struct Signals {
-    stop: AtomicBool,
-    step: AtomicU64,
-}
-
-impl Signals {
-    /// Asks the run to end.
-    pub fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether the run was asked to end.
-    pub fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
-    /// The sample at which the run is.
-    pub fn step(&self) -> u64 {
-        self.step.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn set_step(&self, step: u64) {
-        self.step.store(step, Ordering::Relaxed);
-    }
-}
-
-/// What a plant's run came to.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PlantReport {
-    /// Samples, overruns and latencies. Out of real time nothing is late and there are no wake-ups.
-    #[serde(flatten)]
-    pub timing: LoopSummary,
-    /// What the bus and the protocol's checks counted.
-    pub bus: BusCounts,
-    /// The fault that was latched at the end.
-    #[serde(skip)]
-    pub fault: Option<Emergency>,
-}
-
-/// What the bus and the protocol's checks counted, in frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct BusCounts {
-    /// Frames received.
-    pub received: u64,
-    /// Frames sent.
-    pub sent: u64,
-    /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in time.
-    pub dropped: u64,
-    /// Frames of the protocol refused for their checks (E2E, length, values).
-    pub e2e_errors: u64,
-}
-
-impl BusCounts {
-    fn new(statistics: Statistics, counts: Counts) -> BusCounts {
-        BusCounts {
-            received: statistics.received,
-            sent: statistics.sent,
-            dropped: statistics.dropped + counts.unsent_frames,
-            e2e_errors: counts.refused_frames,
+impl Ending {
+    /// What ends the run now, if anything does.
+    fn reached(&self, bench: &Bench, signals: &Signals, now_ns: u64) -> Option<EndedBy> {
+        if signals.is_stopped() {
+            Some(EndedBy::Signal)
+        } else if self.on_disarm && bench.has_left_armed() {
+            Some(EndedBy::Disarm)
+        } else if self.after_samples.is_some_and(|samples| bench.sample() >= samples) {
+            Some(EndedBy::Duration)
+        } else if !bench.was_armed() && self.patience_ns.is_some_and(|patience_ns| now_ns >= patience_ns) {
+            Some(EndedBy::Patience)
+        } else {
+            None
         }
     }
 }

@@ -2,90 +2,76 @@
 //!
 //! Tick k, due at k/rate: take in what came over the bus since tick k − 1, hold the command, advance from sample k − 1 to k,
 //! measure and send sample k. A command that answers sample k − 1 before tick k thus acts from k − 1 on, exactly as in
-//! lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the tape promise the same.
+//! lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording promise the same.
 
-use super::{BusCounts, End, PlantReport, PlantSide, RunError, Signals};
+use super::bench::Bench;
+use super::finish::{EndedBy, finish};
+use super::pace::{Pace, Speed};
+use super::{Ending, PlantReport, RunError, Signals};
 use crate::bus::Bus;
 use crate::protocol::EmergencyCode;
-use crate::realtime::{Action, Clock, OverrunPolicy, Periodic, SampleRate, Tick};
+use crate::realtime::{Action, Clock, HistogramError, OverrunPolicy, Periodic, SampleRate, Tick};
 use crate::recording::{Record, TickRecord};
 
-/// How to run in real time.
-#[derive(Clone, Copy, Debug)]
-pub struct RealTimeOptions {
-    /// Samples a second.
-    pub rate: SampleRate,
-    /// What a missed deadline leads to.
-    pub overrun: OverrunPolicy,
-    /// When the run ends.
-    pub end: End,
-}
-
 /// Runs the plant in real time on the calling thread, until its end or until it is asked to stop.
-///
-/// # Errors
-/// [`RunError`], with the report of what went before it.
-pub fn real_time<C: Clock>(
-    side: &mut PlantSide,
+pub(super) fn real_time<C: Clock>(
+    bench: &mut Bench,
     bus: &mut dyn Bus,
     clock: &C,
-    options: &RealTimeOptions,
+    (rate, overrun): (SampleRate, OverrunPolicy),
+    ending: Ending,
     signals: &Signals,
-) -> (PlantReport, Result<(), RunError>) {
-    let mut periodic = match Periodic::start(clock, options.rate, options.overrun) {
-        Ok(periodic) => periodic,
-        Err(error) => return (PlantReport::empty(), Err(error.into())),
-    };
-    let result = ticks(side, bus, &mut periodic, options, signals).and_then(|()| side.finish());
-    let bus = BusCounts::new(bus.statistics(), side.counts());
-    let report = PlantReport { timing: periodic.summary(), bus, fault: side.node().latched_fault() };
-    (report, result)
-}
-
-impl PlantReport {
-    /// The report of a run that never began.
-    pub(super) fn empty() -> PlantReport {
-        use crate::realtime::LoopSummary;
-        let timing = LoopSummary { steps: 0, overruns: 0, wakeup_us: None, exec_us: None };
-        PlantReport { timing, bus: BusCounts::default(), fault: None }
-    }
+) -> Result<PlantReport, HistogramError> {
+    let mut periodic = Periodic::start(clock, rate, overrun)?;
+    let mut pace = Pace::start_at(clock, periodic.start_ns(), rate, Speed::ACTUAL)?;
+    let ended = ticks(bench, bus, &mut periodic, &pace, ending, signals);
+    let (outcome, error) = finish(bench, bus, &mut pace, ended);
+    let timing = periodic.summary();
+    Ok(PlantReport {
+        overruns: timing.overruns,
+        slipped: timing.slipped,
+        wakeup_us: timing.wakeup_us,
+        exec_us: timing.exec_us,
+        ..PlantReport::new(bench, bench.counts(bus.statistics()), outcome, error)
+    })
 }
 
 fn ticks<C: Clock>(
-    side: &mut PlantSide,
+    bench: &mut Bench,
     bus: &mut dyn Bus,
     periodic: &mut Periodic<'_, C>,
-    options: &RealTimeOptions,
+    pace: &Pace<'_, C>,
+    ending: Ending,
     signals: &Signals,
-) -> Result<(), RunError> {
-    let start_ns = periodic.start_ns();
-    side.begin(start_ns);
-    side.start(0);
+) -> Result<EndedBy, RunError> {
+    bench.start(pace.start_ns(), pace.now_ns())?;
     loop {
         let tick = periodic.tick()?;
-        let now_ns = tick.woke_ns.saturating_sub(start_ns);
-        work(side, bus, &tick, now_ns)?;
+        let now_ns = pace.now_ns();
+        work(bench, bus, &tick, now_ns)?;
         let exec_ns = periodic.finish(&tick);
         let (step, wakeup_ns, overruns) = (tick.index, tick.wakeup_ns, tick.missed);
-        side.record(Record::Tick(TickRecord { step, wakeup_ns, exec_ns, overruns }))?;
-        signals.set_step(tick.index);
-        let over = options.end.after_samples.is_some_and(|samples| tick.index >= samples);
-        if over || signals.is_stopped() || (options.end.on_disarm && side.has_left_armed()) {
-            return Ok(());
+        bench.record(Record::Tick(TickRecord { step, wakeup_ns, exec_ns, overruns }))?;
+        signals.set_done(tick.index);
+        if let Some(end) = ending.reached(bench, signals, now_ns) {
+            return Ok(end);
         }
     }
 }
 
-fn work(side: &mut PlantSide, bus: &mut dyn Bus, tick: &Tick, now_ns: u64) -> Result<(), RunError> {
-    side.receive(now_ns, bus)?;
+fn work(bench: &mut Bench, bus: &mut dyn Bus, tick: &Tick, now_ns: u64) -> Result<(), RunError> {
+    bench.receive(now_ns, bus)?;
     if tick.action == Action::Fault {
-        side.fault(now_ns, EmergencyCode::Overrun, u16::try_from(tick.missed).unwrap_or(u16::MAX));
+        bench.fault(now_ns, EmergencyCode::Overrun, u64::from(tick.missed));
     }
-    side.handle_deadline(now_ns)?;
+    if tick.slipped > 0 {
+        bench.slipped(tick.slipped);
+    }
+    bench.handle_deadline(now_ns)?;
     if tick.index > 0 {
-        side.advance(now_ns)?;
+        bench.advance(now_ns)?;
     }
-    side.measure()?;
-    side.transmit(now_ns, bus)?;
+    bench.measure()?;
+    bench.transmit(now_ns, bus)?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-"""The demo, as a user runs it: once, in real time, without a bus of this machine."""
+"""The demo, as a user runs it: once, without a bus of this machine."""
 
 import struct
 import xml.etree.ElementTree as ElementTree
@@ -14,8 +14,6 @@ from recordings import Recording
 FREQUENCIES_HZ = np.linspace(18, 26, 17)
 ARM = LinearArm(beta1_deg=30, beta2_deg=60, d1=180, d2=180)
 FORCE_N = 20
-# A machine that stalls may leave some steps disturbed; the others must be right.
-AT_LEAST = 12
 
 
 @pytest.fixture(scope="module")
@@ -29,25 +27,22 @@ def demo(tmp_path_factory):
 def test_responses_are_those_of_linear_theory(demo):
     responses = demo.said["responses"]
     assert [response["frequency_hz"] for response in responses] == pytest.approx(FREQUENCIES_HZ)
-    right = 0
     for response in responses:
         measured = [np.linalg.norm(response[f"acceleration_{point}_m_s2"]) for point in "bc"]
         force_n = np.linalg.norm(response["head_force_n"])
         of_b, of_c = ARM.accelerations(response["frequency_hz"], [1.0, 0.0]).reshape(2, 2)
         expected = [np.linalg.norm(of_b), np.linalg.norm(of_c)]
         near = np.allclose(np.array(measured) / force_n, expected, rtol=0.05)
-        right += bool(near and response["settled"] and abs(force_n - FORCE_N) < 0.5)
-    assert right >= AT_LEAST, responses
+        assert near and response["settled"] and abs(force_n - FORCE_N) < 0.5, response
 
 
 def test_the_recording_is_whole_and_of_the_same_run(demo):
     assert demo.said["recording"] == str(demo.folder / "demo.mcap")
-    steps = demo.said["steps"]
-    assert steps > 17 * 1200
-    ticks = demo.recording.column("/timing/ticks", ["overruns"])
-    assert ticks.sum() == demo.said["overruns"]
+    samples = demo.said["samples"]
+    assert samples > 17 * 1200 and demo.said["outcome"] == "disarmed"
     lost = int(demo.recording.metadata["resonarm.lost"]["plant"])
-    assert (lost, len(demo.recording.steps)) == (0, steps)
+    assert (lost, len(demo.recording.steps)) == (0, samples)
+    assert demo.said["pacing"]["speed"] == 1 and demo.said["wakeup_us"]["max"] > 0
 
 
 def test_it_simulates_again_bit_for_bit(demo):

@@ -42,7 +42,7 @@ def null_modem(tmp_path, programs):
 def ends_like(run, native):
     assert run.exciter["outcome"] == native.exciter["outcome"] == "finished"
     assert run.exciter["responses"] == native.exciter["responses"]
-    assert run.plant["steps"] == native.plant["steps"] == 1000
+    assert run.plant["samples"] == native.plant["samples"] > 1000
     assert (run.plant["bus"]["dropped"], run.plant["bus"]["e2e_errors"]) == (0, 0)
     assert np.abs(run.recording.steps[:, 4]).max() > 59
     assert np.array_equal(bits(run.recording.steps), bits(native.recording.steps))

@@ -26,19 +26,20 @@ def test_every_tick_and_every_overrun_is_accounted_for(tmp_path, programs):
     common = ["--bus", "vcan0", "--scenario", scenario, "--json"]
     exciter = programs.resonarm("exciter", *common)
     plant = programs.resonarm("run", *common, "--duration-s", DURATION_S, "--record", path).result()
-    assert plant["steps"] == DURATION_S * RATE_HZ + 1
+    # The plant disarms at the end, and its samples go on while the force ramps to zero.
+    assert DURATION_S * RATE_HZ + 1 < plant["samples"] <= (DURATION_S + 0.05) * RATE_HZ + 1
     recording = Recording.whole(path)
     ticks = recording.column("/timing/ticks", ["wakeup_ns", "exec_ns", "overruns"])
-    assert len(ticks) == len(recording.steps) == len(recording.samples) == plant["steps"]
+    assert len(recording.steps) == len(recording.samples) == plant["samples"]
+    assert len(ticks) == DURATION_S * RATE_HZ + 1
     assert ticks[:, 2].sum() == plant["overruns"]
     # The histogram keeps three digits.
     for column, name in ((0, "wakeup_us"), (1, "exec_us")):
         assert np.isclose(ticks[:, column].max() * 1e-3, plant[name]["max"], rtol=2e-3)
     assert recording.metadata["resonarm.lost"] == {"plant": "0"}
-    # The plant leaves before the profile ends, and the exciter says so.
-    assert np.abs(recording.steps[:, 6]).max() > 40
-    ended = exciter.result(code=1)
-    assert ended["outcome"] == "faulted" and "no sensor data in time" in ended["fault"]
+    assert np.abs(recording.steps[:, 6]).max() > 40 and recording.steps[-1, 6] == 0
+    # The plant leaves before the profile ends, and tells the exciter so.
+    assert exciter.result(code=1)["outcome"] == "plant-left"
 
 
 def test_a_signal_ends_a_run_in_order(tmp_path, programs):
@@ -47,7 +48,7 @@ def test_a_signal_ends_a_run_in_order(tmp_path, programs):
     dump = programs.candump()
     wait_until(lambda: dump.stdout.count(" vcan0 205#") > 50, "50 samples")
     assert plant.stop() == 0
-    assert len(Recording.whole(path).steps) == plant.result()["steps"] > 50
+    assert len(Recording.whole(path).steps) == plant.result()["samples"] > 50
 
 
 def test_doctor_finds_the_interfaces(programs):

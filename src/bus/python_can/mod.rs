@@ -30,7 +30,7 @@ use pyo3::types::{PyDict, PyModule};
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Bus, BusError, Filter, Received, Sent, Statistics};
+use super::{Bus, BusAddress, BusError, Filter, Received, Sent, Statistics};
 use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
 pub use error::{Operation, PythonCanError};
 use options::{Options, Value};
@@ -49,6 +49,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// An exception raised while sending or receiving comes out of the next [`Bus::send`], [`Bus::receive`] or [`Bus::wait`],
 /// once; a frame that could not be sent is lost with it. The bridge goes on, so the caller decides whether to.
 pub struct PythonCan {
+    name: String,
     outgoing: Producer<Frame>,
     incoming: Consumer<Received>,
     failures: [Consumer<PythonCanError>; 2],
@@ -72,6 +73,7 @@ impl PythonCan {
     /// # Errors
     /// [`BusError::PythonCan`] with every variant of [`PythonCanError`] except [`PythonCanError::Stuck`].
     pub fn open(options: &[(String, String)]) -> Result<PythonCan, BusError> {
+        let name = BusAddress::PythonCan(options.to_vec()).to_string();
         let options = Options::parse(options)?;
         start_python()?;
         let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
@@ -79,7 +81,9 @@ impl PythonCan {
             "socketcan" => Some(Python::attach(|py| counting_socket(&bus, py))?),
             _ => None,
         };
-        Ok(PythonCan::start(bus, message_class, socket)?)
+        let mut bus = PythonCan::start(bus, message_class, socket)?;
+        bus.name = name;
+        Ok(bus)
     }
 
     /// Starts the bridge threads on an open python-can bus; `socket` is what it reads from, if that counts losses.
@@ -118,6 +122,7 @@ impl PythonCan {
             sender_thread.unpark();
         })?;
         Ok(PythonCan {
+            name: String::from("python-can"),
             outgoing,
             incoming,
             failures: [send_failures, receive_failures],
@@ -149,6 +154,10 @@ impl PythonCan {
 }
 
 impl Bus for PythonCan {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         self.check_open()?;
         self.check_failures()?;

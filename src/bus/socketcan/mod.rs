@@ -137,6 +137,10 @@ impl SocketCan {
 }
 
 impl Bus for SocketCan {
+    fn name(&self) -> String {
+        self.interface.clone()
+    }
+
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         let socket = self.socket()?;
         let kernel_frame = KernelFrame::from(frame);

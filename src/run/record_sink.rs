@@ -4,7 +4,7 @@ use crate::recording::{Channel, Record, RecordingError};
 
 /// Where the records of a run go.
 #[derive(Debug)]
-pub enum Tape {
+pub(super) enum RecordSink {
     /// Nowhere.
     Off,
     /// To a recording that may lose records rather than hold up the loop; losses are counted.
@@ -13,27 +13,31 @@ pub enum Tape {
     Whole(Channel),
 }
 
-impl Tape {
+impl RecordSink {
     /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record.
     pub fn begin(&mut self, clock_ns: u64) {
         match self {
-            Tape::Off => {}
-            Tape::Lossy(channel) | Tape::Whole(channel) => channel.begin(clock_ns),
+            RecordSink::Off => {}
+            RecordSink::Lossy(channel) | RecordSink::Whole(channel) => channel.begin(clock_ns),
         }
     }
 
     /// Records `record`.
     ///
     /// # Errors
-    /// [`RecordingError`] if a whole recording has failed. A lossy one counts.
+    /// [`RecordingError`] if a whole recording has failed; what comes after goes nowhere. A lossy one counts.
     pub fn record(&mut self, record: Record) -> Result<(), RecordingError> {
-        match self {
-            Tape::Off => Ok(()),
-            Tape::Lossy(channel) => {
+        let result = match self {
+            RecordSink::Off => Ok(()),
+            RecordSink::Lossy(channel) => {
                 channel.push(record);
                 Ok(())
             }
-            Tape::Whole(channel) => channel.push_blocking(record),
+            RecordSink::Whole(channel) => channel.push_blocking(record),
+        };
+        if result.is_err() {
+            *self = RecordSink::Off;
         }
+        result
     }
 }

@@ -1,0 +1,303 @@
+//! The plant with its node and its recording: the steps that all run loops share.
+
+use super::record_sink::RecordSink;
+use super::{BusCounts, Fault, RunError, RunEvent};
+use crate::arm::Load;
+use crate::bus::{Bus, BusError, Received, Sent, Statistics};
+use crate::node::{NodeEvent, PlantNode};
+use crate::plant::{Plant, PlantError};
+use crate::protocol::{EmergencyCode, Frame, NodeState};
+use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StepRecord};
+use crate::rig::Reading;
+
+/// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
+const FRAMES_AT_ONCE: usize = 256;
+/// How long a run goes on without its bus, ns: long enough for a controller's automatic restart, or for somebody to plug
+/// the cable in again.
+const BUS_PATIENCE_NS: u64 = 10_000_000_000;
+
+/// The plant, its node and where its records go.
+pub(super) struct Bench<'a> {
+    plant: Plant,
+    node: PlantNode,
+    steps_per_sample: u32,
+    records: RecordSink,
+    on_event: &'a mut dyn FnMut(RunEvent),
+    /// Since when the bus is off or down, ns.
+    lost_since_ns: Option<u64>,
+    samples: u64,
+    was_armed: bool,
+    left_armed: bool,
+}
+
+impl<'a> Bench<'a> {
+    pub fn new(
+        plant: Plant,
+        node: PlantNode,
+        steps_per_sample: u32,
+        records: RecordSink,
+        on_event: &'a mut dyn FnMut(RunEvent),
+    ) -> Bench<'a> {
+        Bench {
+            plant,
+            node,
+            steps_per_sample,
+            records,
+            on_event,
+            lost_since_ns: None,
+            samples: 0,
+            was_armed: false,
+            left_armed: false,
+        }
+    }
+
+    /// The index of the sample at which the plant stands.
+    pub fn sample(&self) -> u64 {
+        self.plant.step()
+    }
+
+    /// Samples measured.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// Integration steps made.
+    pub fn steps(&self) -> u64 {
+        self.plant.step() * u64::from(self.steps_per_sample)
+    }
+
+    pub fn node(&self) -> &PlantNode {
+        &self.node
+    }
+
+    /// What was counted so far, with a bus that has counted `statistics`.
+    pub fn counts(&self, statistics: Statistics) -> BusCounts {
+        BusCounts::new(statistics, self.node.unsent_frames(), self.node.refused_frames())
+    }
+
+    /// Whether the plant was ever armed.
+    pub fn was_armed(&self) -> bool {
+        self.was_armed
+    }
+
+    /// Whether the plant was armed once and has been disarmed or has faulted.
+    pub fn has_left_armed(&self) -> bool {
+        self.left_armed
+    }
+
+    /// Boots the node in a run that began when the loop's clock read `clock_ns`.
+    pub fn start(&mut self, clock_ns: u64, now_ns: u64) -> Result<(), RunError> {
+        self.records.begin(clock_ns);
+        self.node.start(now_ns);
+        self.tell_events(now_ns)?;
+        (self.on_event)(RunEvent::Ready);
+        Ok(())
+    }
+
+    /// Records a record that the loop itself makes.
+    pub fn record(&mut self, record: Record) -> Result<(), RunError> {
+        Ok(self.records.record(record)?)
+    }
+
+    fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) -> Result<(), RunError> {
+        let step = self.sample();
+        self.record(Record::Event(Event { step, time_ns: now_ns, name, value }))
+    }
+
+    /// Faults from outside the node.
+    pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u64) {
+        self.node.fault(now_ns, code, u16::try_from(detail).unwrap_or(u16::MAX));
+    }
+
+    /// The bus has failed.
+    pub fn bus_lost(&mut self, now_ns: u64) {
+        self.node.bus_lost(now_ns);
+    }
+
+    /// The node leaves the bus: an armed plant is disarmed.
+    pub fn leave(&mut self, now_ns: u64) {
+        self.node.leave(now_ns);
+    }
+
+    /// The schedule has moved by `periods`.
+    pub fn slipped(&mut self, periods: u32) {
+        // The node tells its partner, and the recording.
+        self.node.slip(u64::from(periods));
+        let sample = self.sample();
+        (self.on_event)(RunEvent::Slipped { sample, periods });
+    }
+
+    /// Takes in everything that has come over the bus.
+    pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
+        for _ in 0..FRAMES_AT_ONCE {
+            match bus.receive() {
+                Ok(Some(received)) => self.take(now_ns, &received)?,
+                Ok(None) => break,
+                Err(error) => return self.lose_bus(now_ns, error),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in one frame.
+    pub fn take(&mut self, now_ns: u64, received: &Received) -> Result<(), RunError> {
+        let record = FrameRecord {
+            step: self.sample(),
+            direction: Direction::Received,
+            time_ns: now_ns,
+            bus_timestamp_ns: received.timestamp_ns,
+            frame: received.frame,
+        };
+        self.record(Record::Frame(record))?;
+        self.node.handle_frame(now_ns, &received.frame);
+        Ok(())
+    }
+
+    /// Does what is due, and records what happened.
+    pub fn handle_deadline(&mut self, now_ns: u64) -> Result<(), RunError> {
+        self.node.handle_deadline(now_ns);
+        self.tell_events(now_ns)
+    }
+
+    fn tell_events(&mut self, now_ns: u64) -> Result<(), RunError> {
+        while let Some(event) = self.node.poll_event() {
+            let (name, value) = event.record();
+            self.record_event(now_ns, name, value)?;
+            self.tell(&event);
+        }
+        Ok(())
+    }
+
+    /// Tells what somebody watching the run wants to know.
+    fn tell(&mut self, event: &NodeEvent) {
+        let sample = self.sample();
+        match event {
+            NodeEvent::State { to: NodeState::Operational, .. } => {
+                self.was_armed = true;
+                (self.on_event)(RunEvent::Armed { sample });
+            }
+            NodeEvent::State { from: NodeState::Operational, to } => {
+                self.left_armed = true;
+                if *to == NodeState::PreOperational {
+                    (self.on_event)(RunEvent::Disarmed { sample });
+                }
+            }
+            NodeEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
+                (self.on_event)(RunEvent::NotArmed { fault: Fault::from(emergency) });
+            }
+            NodeEvent::Emergency(emergency) if emergency.code.is_notice() => {}
+            NodeEvent::Emergency(emergency) => (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency) }),
+            NodeEvent::State { .. } | NodeEvent::Refused(_) | NodeEvent::Frame(_) => {}
+        }
+    }
+
+    /// Measures the sample, records and publishes it.
+    pub fn measure(&mut self) -> Result<(), RunError> {
+        let measurement = self.plant.measure();
+        self.samples += 1;
+        let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
+        let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);
+        self.record(Record::Sample(SampleRecord {
+            step: measurement.step,
+            acceleration_b_m_s2: values(measurement.acceleration_b_m_s2),
+            acceleration_c_m_s2: values(measurement.acceleration_c_m_s2),
+            head_force_n: values(measurement.head_force_n),
+            clipped: Some(Clipped {
+                acceleration_b: clipped(measurement.acceleration_b_m_s2),
+                acceleration_c: clipped(measurement.acceleration_c_m_s2),
+                head_force: clipped(measurement.head_force_n),
+            }),
+        }))?;
+        Ok(self.node.publish(&measurement)?)
+    }
+
+    /// Advances to the next sample with the command that is held now. If the simulation fails the node faults, and the
+    /// plant stays where it is.
+    pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
+        let load = self.node.load();
+        self.record_state(&load, false)?;
+        if let Err(error) = self.plant.advance(&load) {
+            let PlantError::Integrate { .. } = error;
+            self.node.fault(now_ns, EmergencyCode::SimulationFailed, 0);
+            return Err(RunError::Plant(error));
+        }
+        Ok(())
+    }
+
+    /// Records the last state of the run, from which nothing is advanced.
+    pub fn record_end(&mut self) -> Result<(), RunError> {
+        self.record_state(&Load::default(), true)
+    }
+
+    /// Records the state at the sample, with the load held from it on.
+    fn record_state(&mut self, load: &Load, is_end: bool) -> Result<(), RunError> {
+        let state = self.plant.state();
+        let record = StepRecord {
+            step: self.sample(),
+            alpha_rad: state.alpha_rad.into(),
+            alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
+            torque_nm: load.torque_nm.into(),
+            force_n: load.force_n.into(),
+            is_end,
+        };
+        self.record(Record::Step(record))
+    }
+
+    /// The next frame to send, recorded as sent at `now_ns`.
+    pub fn next_frame(&mut self, now_ns: u64) -> Result<Option<Frame>, RunError> {
+        let Some(frame) = self.node.poll_transmit() else { return Ok(None) };
+        self.record_sent(now_ns, frame)?;
+        Ok(Some(frame))
+    }
+
+    fn record_sent(&mut self, now_ns: u64, frame: Frame) -> Result<(), RunError> {
+        let (step, direction) = (self.sample(), Direction::Sent);
+        self.record(Record::Frame(FrameRecord { step, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }))
+    }
+
+    /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
+    pub fn transmit(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<bool, RunError> {
+        while let Some(frame) = self.node.next_frame() {
+            match bus.send(&frame) {
+                Ok(Sent::Queued) => {
+                    self.node.frame_sent();
+                    self.regain_bus(now_ns)?;
+                    self.record_sent(now_ns, frame)?;
+                }
+                Ok(Sent::QueueFull) => return Ok(false),
+                Err(error) => {
+                    self.lose_bus(now_ns, error)?;
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// A bus that is off or down may come back: an armed plant faults, and the run goes on for a while.
+    pub fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
+        if !error.is_recoverable() {
+            return Err(error.into());
+        }
+        match self.lost_since_ns {
+            None => {
+                self.lost_since_ns = Some(now_ns);
+                self.node.bus_lost(now_ns);
+                let sample = self.sample();
+                (self.on_event)(RunEvent::BusLost { sample });
+                self.record_event(now_ns, "bus.lost", 0)
+            }
+            Some(since_ns) if now_ns.saturating_sub(since_ns) > BUS_PATIENCE_NS => Err(error.into()),
+            Some(_) => Ok(()),
+        }
+    }
+
+    fn regain_bus(&mut self, now_ns: u64) -> Result<(), RunError> {
+        if self.lost_since_ns.take().is_none() {
+            return Ok(());
+        }
+        let sample = self.sample();
+        (self.on_event)(RunEvent::BusBack { sample });
+        self.record_event(now_ns, "bus.back", 0)
+    }
+}

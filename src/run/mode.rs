@@ -1,0 +1,55 @@
+//! The three run loops, by name.
+
+use core::fmt;
+use core::str::FromStr;
+
+use thiserror::Error;
+
+/// Which run loop drives the plant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Samples at absolute deadlines of the clock.
+    #[default]
+    RealTime,
+    /// Simulated time: the plant waits for the command that answers each sample.
+    Lockstep,
+    /// Simulated time without a bus: plant and exciter of the scenario in one loop.
+    Free,
+}
+
+impl Mode {
+    /// Every mode.
+    pub const ALL: [Mode; 3] = [Mode::RealTime, Mode::Lockstep, Mode::Free];
+
+    /// Its name in text.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Mode::RealTime => "real-time",
+            Mode::Lockstep => "lockstep",
+            Mode::Free => "free",
+        }
+    }
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Mode {
+    type Err = UnknownMode;
+
+    fn from_str(text: &str) -> Result<Mode, UnknownMode> {
+        let found = Mode::ALL.into_iter().find(|mode| mode.name() == text);
+        found.ok_or_else(|| UnknownMode { got: text.to_owned() })
+    }
+}
+
+/// A text that names no [`Mode`].
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("unknown mode `{got}`; it is one of real-time, lockstep, free")]
+pub struct UnknownMode {
+    /// The text.
+    pub got: String,
+}

@@ -1,0 +1,265 @@
+//! What a run came to.
+
+use serde::{Serialize, Serializer};
+
+use super::RunError;
+use super::bench::Bench;
+use crate::bus::Statistics;
+use crate::node::{self, Refusals, ResponsePoint};
+use crate::protocol::{Emergency, EmergencyCode, Refusal};
+use crate::realtime::Percentiles;
+use crate::recording::Summary;
+
+/// How a plant's run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// Its duration has passed.
+    Completed,
+    /// The controller disarmed the plant.
+    Disarmed,
+    /// It was asked to stop.
+    Stopped,
+    /// No controller armed the plant: within the patience, or before it was stopped without a single sample.
+    NotArmed,
+    /// A fault was latched at the end.
+    Faulted,
+    /// An error ended it.
+    Failed,
+}
+
+impl Outcome {
+    /// Whether the run did what it was for.
+    pub const fn is_good(self) -> bool {
+        matches!(self, Outcome::Completed | Outcome::Disarmed | Outcome::Stopped)
+    }
+}
+
+/// What a plant's run came to. As JSON it is the document of `resonarm run --json`.
+#[derive(Debug, Serialize)]
+pub struct PlantReport {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The fault that was latched at the end, if one was.
+    pub fault: Option<Fault>,
+    /// The same as the protocol has it.
+    #[serde(skip)]
+    pub emergency: Option<Emergency>,
+    /// What ended it early, if something failed.
+    #[serde(serialize_with = "as_text")]
+    pub error: Option<RunError>,
+    /// Samples measured: samples 0 to `samples` − 1.
+    pub samples: u64,
+    /// Integration steps made.
+    pub steps: u64,
+    /// Real time: deadlines missed.
+    pub overruns: u64,
+    /// Real time: sample periods by which the schedule moved.
+    pub slipped: u64,
+    /// How late the samples were, µs; `None` if there was no schedule, as in simulated time as fast as it goes.
+    pub wakeup_us: Option<Percentiles>,
+    /// How long the work of a sample took, µs.
+    pub exec_us: Option<Percentiles>,
+    /// Simulated time: how it kept up with the clock, if that was asked for.
+    pub pacing: Option<Pacing>,
+    /// What the bus and the protocol's checks counted.
+    pub bus: BusCounts,
+    /// Valid commands that did not reach the arm, by reason.
+    pub refused: RefusedCommands,
+    /// The recording, if there is one.
+    #[serde(serialize_with = "as_path")]
+    pub recording: Option<Summary>,
+}
+
+impl PlantReport {
+    /// What a run of `bench` came to, without its timing.
+    pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: Outcome, error: Option<RunError>) -> PlantReport {
+        let emergency = bench.node().latched_fault();
+        PlantReport {
+            outcome,
+            fault: emergency.as_ref().map(Fault::from),
+            emergency,
+            error,
+            samples: bench.samples(),
+            steps: bench.steps(),
+            overruns: 0,
+            slipped: 0,
+            wakeup_us: None,
+            exec_us: None,
+            pacing: None,
+            bus,
+            refused: RefusedCommands::from(bench.node().refusals()),
+            recording: None,
+        }
+    }
+}
+
+/// What the exciter's work came to.
+#[derive(Debug)]
+pub struct ExciterReport {
+    /// How it ended; `None` if an error ended it.
+    pub outcome: Option<node::Outcome>,
+    /// What ended it early, if something failed.
+    pub error: Option<RunError>,
+    /// Samples answered, counted from the start of the profile.
+    pub samples_played: u64,
+    /// Samples that never came in whole.
+    pub missed_samples: u64,
+    /// What the bus and the protocol's checks counted.
+    pub bus: BusCounts,
+    /// The responses read.
+    pub responses: Vec<ResponsePoint>,
+}
+
+impl ExciterReport {
+    /// The fault that ended it, if one did.
+    pub fn fault(&self) -> Option<&Emergency> {
+        match &self.outcome {
+            Some(node::Outcome::Faulted(emergency)) => Some(emergency),
+            _ => None,
+        }
+    }
+}
+
+/// What a run with both ends in one process came to.
+#[derive(Debug)]
+pub struct BothReport {
+    /// The plant's end.
+    pub plant: PlantReport,
+    /// The exciter's end.
+    pub exciter: ExciterReport,
+}
+
+/// How simulated time kept up with the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pacing {
+    /// Simulated seconds a second that were asked for.
+    pub speed: f64,
+    /// How far simulated time was behind the clock at the last sample, s of the clock.
+    pub lag_s: f64,
+    /// How far it was behind at most, s of the clock.
+    pub longest_lag_s: f64,
+}
+
+/// A fault, as numbers and by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// Its number in the protocol's specification, section 9.
+    pub code: u16,
+    /// Its name there.
+    pub name: &'static str,
+    /// More about it; the meaning depends on the code.
+    pub detail: u16,
+    /// The index, modulo 65536, of the sample at which it was found.
+    pub sample: u16,
+}
+
+impl From<&Emergency> for Fault {
+    fn from(emergency: &Emergency) -> Fault {
+        let Emergency { code, detail, sample, .. } = *emergency;
+        Fault { code: code as u16, name: name(code), detail, sample }
+    }
+}
+
+const fn name(code: EmergencyCode) -> &'static str {
+    match code {
+        EmergencyCode::CommandTimeout => "command timeout",
+        EmergencyCode::SensorTimeout => "sensor timeout",
+        EmergencyCode::HeartbeatLost => "heartbeat lost",
+        EmergencyCode::PartnerFault => "partner fault",
+        EmergencyCode::Incompatible => "incompatible",
+        EmergencyCode::CommandOutOfRange => "command out of range",
+        EmergencyCode::SimulationFailed => "simulation failed",
+        EmergencyCode::Overrun => "overrun",
+        EmergencyCode::BusLoss => "bus loss",
+        EmergencyCode::SampleSequence => "sample sequence",
+        EmergencyCode::ScheduleSlipped => "schedule slipped",
+        EmergencyCode::Leaving => "leaving",
+    }
+}
+
+/// A fault in words, with the way to mend it.
+pub fn fault_text(emergency: &Emergency) -> String {
+    let mend = match emergency.code {
+        EmergencyCode::CommandTimeout if Refusal::from_detail(emergency.detail).1 == Some(Refusal::OutOfRange) => {
+            "lower the excitation, or raise rig.exciter's limits"
+        }
+        EmergencyCode::CommandTimeout => {
+            "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s, or take \
+             --mode lockstep, where time waits"
+        }
+        EmergencyCode::SensorTimeout | EmergencyCode::HeartbeatLost => {
+            "the partner or the bus has gone: see whether it still runs; raise network.partner_timeout_s if it was held up"
+        }
+        EmergencyCode::PartnerFault => "the partner says why",
+        EmergencyCode::Incompatible => "start both ends with the same scenario and the same version",
+        EmergencyCode::CommandOutOfRange => "lower the excitation's amplitude",
+        EmergencyCode::SimulationFailed => {
+            "the load is beyond what the arm can be integrated for: lower the excitation"
+        }
+        EmergencyCode::Overrun => "lower the rate, give the loop a core of its own, or take --overrun slip",
+        EmergencyCode::BusLoss => "see whether the interface is up: `ip -details link show` has its state",
+        EmergencyCode::SampleSequence => "see whether two plants are on this bus",
+        EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving => "this is no fault",
+    };
+    format!("fault of the {emergency}; to mend it: {mend}")
+}
+
+/// Valid commands that did not reach the arm, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RefusedCommands {
+    /// The plant was not armed.
+    pub not_armed: u64,
+    /// The sample answered was too old, or still to come.
+    pub late: u64,
+    /// An older sample was answered after a newer one.
+    pub out_of_order: u64,
+    /// The sample was answered already.
+    pub repeated: u64,
+    /// The exciter can't produce it.
+    pub out_of_range: u64,
+}
+
+impl From<&Refusals> for RefusedCommands {
+    fn from(refusals: &Refusals) -> RefusedCommands {
+        RefusedCommands {
+            not_armed: refusals.count(Refusal::NotArmed),
+            late: refusals.count(Refusal::Late),
+            out_of_order: refusals.count(Refusal::OutOfOrder),
+            repeated: refusals.count(Refusal::Repeated),
+            out_of_range: refusals.count(Refusal::OutOfRange),
+        }
+    }
+}
+
+/// What the bus and the protocol's checks counted, in frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct BusCounts {
+    /// Frames received.
+    pub received: u64,
+    /// Frames sent.
+    pub sent: u64,
+    /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in time.
+    pub dropped: u64,
+    /// Frames of the protocol refused for their checks (E2E, length, values).
+    pub e2e_errors: u64,
+}
+
+impl BusCounts {
+    pub(super) fn new(statistics: Statistics, unsent_frames: u64, refused_frames: u64) -> BusCounts {
+        BusCounts {
+            received: statistics.received,
+            sent: statistics.sent,
+            dropped: statistics.dropped + unsent_frames,
+            e2e_errors: refused_frames,
+        }
+    }
+}
+
+fn as_text<S: Serializer>(error: &Option<RunError>, serializer: S) -> Result<S::Ok, S::Error> {
+    error.as_ref().map(RunError::to_string).serialize(serializer)
+}
+
+fn as_path<S: Serializer>(summary: &Option<Summary>, serializer: S) -> Result<S::Ok, S::Error> {
+    summary.as_ref().map(|summary| summary.path.as_path()).serialize(serializer)
+}

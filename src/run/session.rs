@@ -1,0 +1,305 @@
+//! A scenario put to work: everything of a run put together, in one place.
+
+use core::time::Duration;
+use std::path::PathBuf;
+use std::thread;
+
+use super::bench::Bench;
+use super::exciter::{self, Patience};
+use super::free::Free;
+use super::lockstep::lockstep;
+use super::pace::{Pace, Speed, SpeedError};
+use super::real_time::real_time;
+use super::record_sink::RecordSink;
+use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, Outcome, PlantReport, RunError, RunEvent, Signals};
+use crate::bus::{Bus, memory};
+use crate::node::{ExciterNode, PlantNode, Timing};
+use crate::plant::Plant;
+use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, unix_time_ns};
+use crate::recording::{self, Existing, Recorder};
+use crate::scenario::Scenario;
+
+/// Records on their way to the writer: at 1 kHz about four seconds of everything.
+const RECORDS_CAPACITY: usize = 1 << 15;
+/// Frames that fit a memory bus in each direction.
+const BUS_CAPACITY: usize = 1024;
+
+/// Where to record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordTo {
+    /// The MCAP file.
+    pub path: PathBuf,
+    /// What to do if it is there already.
+    pub existing: Existing,
+}
+
+/// How to run a scenario.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Where to record; `None` records nothing.
+    pub record: Option<RecordTo>,
+    /// Simulated time: how fast it goes.
+    pub speed: Speed,
+    /// Real time: what a missed deadline leads to.
+    pub overrun: OverrunPolicy,
+    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. What it can't have goes to
+    /// the log.
+    pub thread: Option<ThreadSetup>,
+    /// Whether a run ends when an armed plant is disarmed or faults.
+    pub end_on_disarm: bool,
+    /// How long a plant waits to be armed for the first time, and an exciter for a plant; `None` is without end.
+    pub patience: Option<Duration>,
+}
+
+impl Default for Options {
+    /// No recording, as fast as it goes, the default policy, the thread as it is, no end but the scenario's.
+    fn default() -> Options {
+        Options {
+            record: None,
+            speed: Speed::UNPACED,
+            overrun: OverrunPolicy::default(),
+            thread: None,
+            end_on_disarm: false,
+            patience: None,
+        }
+    }
+}
+
+/// A scenario ready to run: plant on a bus, exciter on a bus, or both.
+#[derive(Clone, Debug)]
+pub struct Session {
+    scenario: Scenario,
+    mode: Mode,
+    options: Options,
+    rate: SampleRate,
+    timing: Timing,
+    plant: Plant,
+    ending: Ending,
+}
+
+impl Session {
+    /// Checks everything, before anything is opened or written.
+    ///
+    /// # Errors
+    /// [`RunError`] says what in scenario or options is impossible.
+    pub fn new(scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
+        let timing = match mode {
+            Mode::RealTime => scenario.real_time_timing()?,
+            Mode::Lockstep | Mode::Free => scenario.lockstep_timing()?,
+        };
+        scenario.wire_rate_hz()?;
+        scenario.network()?;
+        let plant = Plant::new(&scenario.plant_spec()?)?;
+        let rate = SampleRate::new(scenario.simulation.rate_hz)?;
+        check_speed(options.speed, mode, rate, timing.partner_timeout_ns)?;
+        let ending = Ending {
+            after_samples: scenario.duration_samples()?,
+            on_disarm: options.end_on_disarm,
+            patience_ns: options.patience.map(|patience| u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX)),
+        };
+        Ok(Session { scenario, mode, options, rate, timing, plant, ending })
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Runs the plant on `bus`, on the calling thread, until its end. What happens on the way is told to `on_event`, which in
+    /// real time must not allocate, lock or block.
+    ///
+    /// # Errors
+    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    pub fn plant(
+        &self,
+        bus: &mut dyn Bus,
+        signals: &Signals,
+        mut on_event: impl FnMut(RunEvent),
+    ) -> Result<PlantReport, RunError> {
+        let recorder = self.recorder(&bus.name())?;
+        let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        // The recorder's thread is there already, and stays an ordinary one.
+        if let Some(setup) = &self.options.thread {
+            become_real_time(setup);
+        }
+        let report = match self.mode {
+            Mode::RealTime => {
+                let how = (self.rate, self.options.overrun);
+                real_time(&mut bench, bus, &SystemClock, how, self.ending, signals)?
+            }
+            Mode::Lockstep => {
+                let how = (self.rate, self.options.speed);
+                lockstep(&mut bench, bus, &SystemClock, how, self.ending, signals)?
+            }
+            Mode::Free => return Err(RunError::FreeHasNoBus),
+        };
+        drop(bench);
+        Ok(finish_recording(recorder, report))
+    }
+
+    /// Runs the exciter on `bus`, on the calling thread, until its profile is played, it faults, or it is asked to stop.
+    ///
+    /// # Errors
+    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    pub fn exciter(&self, bus: &mut dyn Bus, signals: &Signals) -> Result<ExciterReport, RunError> {
+        if self.mode == Mode::Free {
+            return Err(RunError::FreeHasNoBus);
+        }
+        let mut node = self.exciter_node()?;
+        if let Some(setup) = &self.options.thread {
+            become_real_time(setup);
+        }
+        let patience = Patience(self.options.patience);
+        Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
+    }
+
+    /// Runs both: in the mode free in one loop, else on a memory bus, the plant on the calling thread and the exciter on one
+    /// of its own. The run ends with the exciter's work.
+    ///
+    /// # Errors
+    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    pub fn both(&self, signals: &Signals, on_event: impl FnMut(RunEvent)) -> Result<BothReport, RunError> {
+        let mut session = self.clone();
+        session.ending.on_disarm = true;
+        if self.mode == Mode::Free {
+            return session.free(session.recorder("none")?, signals, on_event);
+        }
+        let mut node = session.exciter_node()?;
+        let [mut near, mut far] = memory::pair(BUS_CAPACITY);
+        thread::scope(|scope| {
+            // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
+            let patience = Patience(session.options.patience);
+            // The plant keeps the count of samples; the exciter only listens for the stop.
+            let controller = scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, signals));
+            let plant = session.plant(&mut near, signals, on_event);
+            if plant.is_err() {
+                signals.stop();
+            }
+            drop(near);
+            let exciter = match controller.join() {
+                Ok(report) => report,
+                Err(panic) => std::panic::resume_unwind(panic),
+            };
+            Ok(BothReport { plant: plant?, exciter })
+        })
+    }
+
+    /// Both in one loop, recorded by `recorder`.
+    pub(crate) fn free(
+        &self,
+        recorder: Option<Recorder>,
+        signals: &Signals,
+        mut on_event: impl FnMut(RunEvent),
+    ) -> Result<BothReport, RunError> {
+        let mut exciter = self.exciter_node()?;
+        let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let mut run = Free {
+            bench: &mut bench,
+            exciter: &mut exciter,
+            rate: self.rate,
+            pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
+            ending: self.ending,
+            signals,
+            responses: Vec::new(),
+            bus: BusCounts::default(),
+        };
+        let (outcome, error) = run.run();
+        let Free { pace, responses, bus, .. } = run;
+        let plant = PlantReport {
+            wakeup_us: pace.wakeup_us(),
+            pacing: pace.report(),
+            ..PlantReport::new(&bench, bus, outcome, error)
+        };
+        let (received, sent) = (bus.sent, bus.received);
+        let bus = BusCounts { received, sent, dropped: 0, e2e_errors: exciter.refused_frames() };
+        let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&exciter, None) };
+        drop(bench);
+        Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
+    }
+
+    fn exciter_node(&self) -> Result<ExciterNode, RunError> {
+        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        Ok(ExciterNode::new(network, rate_hz, self.timing, self.scenario.profile()?))
+    }
+
+    pub(super) fn bench<'a>(
+        &self,
+        recorder: Option<&Recorder>,
+        on_event: &'a mut dyn FnMut(RunEvent),
+    ) -> Result<Bench<'a>, RunError> {
+        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        let node = PlantNode::new(network, rate_hz, self.timing, *self.plant.exciter());
+        let channel = recorder.map(|recorder| recorder.channel("plant", RECORDS_CAPACITY)).transpose()?;
+        let records = match (channel, self.mode) {
+            (None, _) => RecordSink::Off,
+            (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
+            (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
+        };
+        Ok(Bench::new(self.plant.clone(), node, self.scenario.simulation.steps_per_sample, records, on_event))
+    }
+
+    /// Creates the recording.
+    pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
+        let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
+        let dt_s = 1.0 / self.scenario.simulation.rate_hz;
+        let mut options = match self.mode {
+            Mode::RealTime => recording::Options::real_time(dt_s, interface, clock_epoch_unix_ns(), monotonic),
+            Mode::Lockstep => recording::Options::lockstep(dt_s, interface, clock_epoch_unix_ns(), monotonic),
+            Mode::Free => recording::Options::virtual_time(dt_s, interface),
+        };
+        options.existing = *existing;
+        Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
+    }
+}
+
+/// A paced sample must not take so long that the ends take each other for lost.
+fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> Result<(), SpeedError> {
+    let (got, period_s, timeout_s) = (speed.times(), speed.period_s(rate), timeout_ns as f64 * 1e-9);
+    if mode == Mode::RealTime && speed != Speed::UNPACED {
+        return Err(SpeedError::RealTime { got });
+    }
+    if period_s > 0.5 * timeout_s {
+        let least = 2.0 / (rate.rate_hz() * timeout_s);
+        return Err(SpeedError::TooSlow { got, period_s, timeout_s, least });
+    }
+    Ok(())
+}
+
+/// When the monotonic clock read 0, ns of the UNIX epoch.
+fn clock_epoch_unix_ns() -> u64 {
+    unix_time_ns().saturating_sub(SystemClock.now_ns())
+}
+
+/// The monotonic clock, as the recorder wants it.
+fn monotonic() -> Duration {
+    Duration::from_nanos(SystemClock.now_ns())
+}
+
+/// Makes the calling thread a real-time thread, and says what it could not have.
+fn become_real_time(setup: &ThreadSetup) {
+    for shortfall in setup.apply().shortfalls {
+        tracing::warn!("{shortfall}");
+    }
+}
+
+/// Closes the recording with the run's figures in it. Its failure counts if nothing failed before.
+fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantReport {
+    let Some(recorder) = recorder else { return report };
+    let statistics = [
+        ("samples", report.samples.to_string()),
+        ("steps", report.steps.to_string()),
+        ("overruns", report.overruns.to_string()),
+        ("slipped", report.slipped.to_string()),
+        ("frames_received", report.bus.received.to_string()),
+        ("frames_sent", report.bus.sent.to_string()),
+        ("frames_dropped", report.bus.dropped.to_string()),
+        ("frames_e2e_errors", report.bus.e2e_errors.to_string()),
+    ];
+    match recorder.finish(&statistics) {
+        Ok(summary) => PlantReport { recording: Some(summary), ..report },
+        Err(error) => {
+            let error = report.error.or(Some(error.into()));
+            PlantReport { outcome: Outcome::Failed, error, ..report }
+        }
+    }
+}

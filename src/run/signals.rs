@@ -1,0 +1,80 @@
+//! What a run and the rest of the program tell each other while it runs.
+
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use serde::Serialize;
+
+use super::Fault;
+
+/// What the run's threads and the rest of the program tell each other.
+#[derive(Debug, Default)]
+pub struct Signals {
+    stop: AtomicBool,
+    done: AtomicU64,
+}
+
+impl Signals {
+    /// Asks the run to end in order.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the run was asked to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// How far it is: the sample at which a run is, or what else the work counts.
+    pub fn done(&self) -> u64 {
+        self.done.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_done(&self, done: u64) {
+        self.done.store(done, Ordering::Relaxed);
+    }
+}
+
+/// Something that happened to a plant during a run. `sample` is the index of the sample at which it was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
+pub enum RunEvent {
+    /// The plant is on its bus and can be armed.
+    Ready,
+    /// It was armed.
+    Armed {
+        /// The sample.
+        sample: u64,
+    },
+    /// It was disarmed.
+    Disarmed {
+        /// The sample.
+        sample: u64,
+    },
+    /// It has faulted.
+    Faulted {
+        /// Why.
+        fault: Fault,
+    },
+    /// It would not be armed.
+    NotArmed {
+        /// Why.
+        fault: Fault,
+    },
+    /// It was behind, and its schedule moved ([`OverrunPolicy::Slip`](crate::realtime::OverrunPolicy::Slip)).
+    Slipped {
+        /// The sample.
+        sample: u64,
+        /// By so many sample periods.
+        periods: u32,
+    },
+    /// The bus is off or down.
+    BusLost {
+        /// The sample.
+        sample: u64,
+    },
+    /// The bus works again.
+    BusBack {
+        /// The sample.
+        sample: u64,
+    },
+}
