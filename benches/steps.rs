@@ -1,9 +1,9 @@
-//! Cost of a step of every scheme, and of an ensemble: `cargo bench --bench steps`.
+//! Cost of a step of every scheme, and of periods alone and side by side: `cargo bench --bench steps`.
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
+use resonarm::analysis::time_domain::StroboscopicMap;
 use resonarm::arm::{Arm, ArmError, Load, Pose, Preset, State};
-use resonarm::ensemble::Ensemble;
 use resonarm::integrate::{Integrator, Scheme, Sine};
 
 const RATE_HZ: f64 = 8000.0;
@@ -45,15 +45,19 @@ fn driven(bencher: Bencher, scheme: Scheme) {
     });
 }
 
-/// A thousand steps of many arms on one thread.
-#[divan::bench(args = [8, 64, 512])]
-fn ensemble(bencher: Bencher, arms: u32) {
+/// A hundred periods of many motions under a sine, on one thread, in periods of one motion: alone, and side by side.
+#[divan::bench(args = [1, 8, 64, 512])]
+fn periods(bencher: Bencher, motions: usize) {
     let Ok(arm) = arm() else { return };
-    let count = arms as usize;
-    let Ok(ensemble) = Ensemble::new(Scheme::Rk4, RATE_HZ, &vec![arm; count], &vec![start(); count]) else { return };
-    let loads = vec![Load::default(); count];
-    bencher
-        .counter(ItemsCount::new(STEPS * arms))
-        .with_inputs(|| ensemble.clone())
-        .bench_local_refs(|ensemble| ensemble.advance(STEPS, black_box(&loads)));
+    let amplitude = Load { torque_nm: [60.0, 0.0].into(), force_n: [0.0, 0.0].into() };
+    let Ok(map) = StroboscopicMap::new(&arm, Sine { amplitude, frequency_hz: 22.1 }) else { return };
+    bencher.counter(ItemsCount::new(100 * motions)).with_inputs(|| vec![start(); motions]).bench_local_refs(|states| {
+        if motions == 1 {
+            let advance = |state, _period| map.advance(&state);
+            (0..100).try_fold(states[0], advance).map(|state| states[0] = state)
+        } else {
+            map.advance_all(states, 100);
+            Ok(())
+        }
+    });
 }

@@ -28,7 +28,7 @@
 //! | | |
 //! | --- | --- |
 //! | [`arm`] | equations of motion, presets, kinematics, energy |
-//! | [`integrate`], [`ensemble`] | one-step methods for one arm; many arms at once |
+//! | [`integrate`] | one-step methods, for one motion or several side by side |
 //! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
 //! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
 //! | [`plant`] | the arm with its instruments, sample by sample |
@@ -51,7 +51,7 @@ extern crate alloc;
 
 pub mod analysis;
 pub mod arm;
-pub mod ensemble;
+pub(crate) mod ensemble;
 pub mod excitation;
 pub mod integrate;
 pub mod node;

@@ -6,13 +6,11 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use resonarm::arm::{Arm, Load, Pose, Preset, State};
-use resonarm::ensemble::Ensemble;
 use resonarm::integrate::{IntegrateError, Integrator, Scheme};
 
 const RATE_HZ: f64 = 8000.0;
 /// Rounds are short, so that some of them run undisturbed.
 const ROUNDS: u32 = 100;
-const ARMS: usize = 64;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arm = Arm::new(Preset::Irb1600Fitted.parameters()?, Pose { beta1_deg: 0.0, beta2_deg: 60.0 })?;
@@ -26,11 +24,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         let seconds = best(|| steps(scheme, &arm, black_box(start), count))?;
         report(&format!("resonarm {scheme}"), f64::from(count) / seconds);
     }
-    let count = 1_000;
-    let ensemble = Ensemble::new(Scheme::Rk4, RATE_HZ, &vec![arm; ARMS], &vec![start; ARMS])?;
-    let loads = vec![Load::default(); ARMS];
-    let seconds = best(|| ensemble.clone().advance(count, black_box(&loads)))?;
-    report("resonarm ensemble rk4", f64::from(count) * ARMS as f64 / seconds);
     Ok(())
 }
 

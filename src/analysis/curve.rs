@@ -4,7 +4,8 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::adapt;
-use super::continuation::{Point, System, Walk, Work, at_parameter};
+use super::continuation::{Cut, Point, Slices, System, Walk, Work, at_parameter};
+use super::locate::{FINE, search};
 use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions};
 use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator, SingularResponse, Singularity};
 
@@ -21,11 +22,24 @@ pub struct SingularPoint {
     pub coefficients: Vec<f64>,
 }
 
+/// Where a curve turns back in `mu`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Turn {
+    /// Whether it is a cusp: the curve turns back in both coordinates at once, and two folds meet and vanish.
+    pub is_cusp: bool,
+    /// The motion there.
+    pub point: SingularPoint,
+    /// How many points of the curve come before it.
+    pub index: usize,
+}
+
 /// A curve of singular motions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SingularCurve {
     /// Its motions in order.
     pub points: Vec<SingularPoint>,
+    /// Where it turns back, in order.
+    pub turns: Vec<Turn>,
     /// What the walk has cost.
     pub work: Work,
 }
@@ -44,7 +58,7 @@ pub fn trace_singular<O: Oscillator>(
 ) -> Result<SingularCurve, EndedEarly<SingularCurve>> {
     let (mut singular, mut walk) = begin(oscillator, bifurcation, lambda, mu, options)?;
     let mut curve = SingularCurve::default();
-    let reason = follow(&mut singular, &mut walk, options, &mut curve.points).err();
+    let reason = follow(&mut singular, &mut walk, options, &mut curve).err();
     curve.work = walk.work();
     match reason {
         None => Ok(curve),
@@ -52,6 +66,8 @@ pub fn trace_singular<O: Oscillator>(
     }
 }
 
+/// dλ/ds below this part of what it is beside the point is zero: a cusp is located far better.
+const STANDS: f64 = 1e-4;
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
 const SAME: f64 = 1e-8;
 
@@ -131,22 +147,53 @@ fn follow<O: Oscillator>(
     singular: &mut SingularResponse<O>,
     walk: &mut Walk,
     options: &BranchOptions,
-    points: &mut Vec<SingularPoint>,
+    curve: &mut SingularCurve,
 ) -> Result<(), AnalysisError> {
     loop {
         adapt(singular, walk, options)?;
-        points.push(singular_point(singular, walk.point()));
-        let before = walk.point().clone();
-        if points.len() >= options.most_points {
-            return Err(AnalysisError::TooManyPoints { points: points.len(), at: singular.place(before.lambda) });
+        curve.points.push(singular_point(singular, walk.point()));
+        let (before, points) = (walk.point().clone(), curve.points.len());
+        if points >= options.most_points {
+            return Err(AnalysisError::TooManyPoints { points, at: singular.place(before.lambda) });
         }
         let after = walk.advance(singular)?;
+        if along_mu(&before) * along_mu(after) < 0.0 {
+            let (is_cusp, point) = turn(singular, options, [&before, after])?;
+            curve.turns.push(Turn { is_cusp, point, index: points });
+        }
         if let Some(limit) = options.left_at(after.lambda) {
             let last = at_parameter(singular, &options.walk, [&before, after], limit)?;
-            points.push(singular_point(singular, &last));
+            curve.points.push(singular_point(singular, &last));
             return Ok(());
         }
     }
+}
+
+/// dμ/ds.
+fn along_mu(point: &Point) -> f64 {
+    point.tangent[point.tangent.len() - 1]
+}
+
+/// The point between two of the curve at which it turns back in μ, dμ/ds = 0, and whether that is a cusp.
+///
+/// With the extended system's unknowns (λ, X) and μ the curve is smooth through a cusp, where its tangent is (0, v, 0), v being
+/// the null vector: dλ/ds = 0, too. Along R = 0 and g = 0 the tangent is a function of the arclength s whose part by μ passes
+/// zero with a slope, so its zero is found as exactly as rounding lets it, and λ and μ, which are even in the distance from it to
+/// first order, more exactly still.
+fn turn<O: Oscillator>(
+    singular: &mut SingularResponse<O>,
+    options: &BranchOptions,
+    ends: [&Point; 2],
+) -> Result<(bool, SingularPoint), AnalysisError> {
+    let n = singular.dimension();
+    let mut slices = Slices::new(n, &options.walk, ends, Cut::Chord);
+    let solved = [slices.solve(singular, ends, 0.0)?, slices.solve(singular, ends, 1.0)?];
+    let values = [along_mu(&solved[0]), along_mu(&solved[1])];
+    let ends = [&solved[0], &solved[1]];
+    let point = search(singular, &options.walk, ends, values, FINE, |_, point| along_mu(point))?;
+    let by_lambda = libm::fabs(point.tangent[0]);
+    let beside = libm::fabs(solved[0].tangent[0]).max(libm::fabs(solved[1].tangent[0]));
+    Ok((by_lambda < STANDS * beside, singular_point(singular, &point)))
 }
 
 fn singular_point<O: Oscillator>(singular: &SingularResponse<O>, point: &Point) -> SingularPoint {

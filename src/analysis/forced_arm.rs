@@ -143,7 +143,9 @@ impl Oscillator for ForcedArm {
 
     fn set_parameter(&mut self, which: ArmParameter, value: f64) -> bool {
         if which == ArmParameter::Amplitude {
-            self.amplitude = value;
+            if value.is_finite() {
+                self.amplitude = value;
+            }
             return value.is_finite();
         }
         self.arm_with(which, value).map(|arm| self.arm = arm).is_ok()
@@ -264,5 +266,14 @@ mod tests {
             assert!((seen - exact).norm() < 1e-6 * (1.0 + exact.norm()), "{which:?}: {seen} {exact}");
         }
         assert!(!forced.set_parameter(Mass2, -1.0) && forced.parameter(Mass2) == 50.58);
+    }
+
+    #[test]
+    fn an_amplitude_that_is_no_number_is_refused_and_not_kept() {
+        let mut forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 25.0, 70.0), Load::torque_nm(1.0, 0.0), 30.0);
+        for value in [f64::NAN, f64::INFINITY] {
+            assert!(!forced.set_parameter(ArmParameter::Amplitude, value));
+            assert_eq!(forced.parameter(ArmParameter::Amplitude), 30.0);
+        }
     }
 }

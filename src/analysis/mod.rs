@@ -25,6 +25,7 @@ pub mod modes;
 mod orbit;
 mod oscillator;
 mod quadrature;
+mod resonances;
 mod response;
 mod rows;
 mod spectrum;
@@ -33,7 +34,7 @@ pub mod time_domain;
 
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
 pub use branch::{trace, trace_doubled, trace_doublings};
-pub use curve::{SingularCurve, SingularPoint, trace_singular, trace_singular_curves};
+pub use curve::{SingularCurve, SingularPoint, Turn, trace_singular, trace_singular_curves};
 pub use error::{AnalysisError, EndedEarly, Place};
 pub use extended::{SingularResponse, Singularity};
 pub use floquet::{Floquet, Stability, StabilityWork};
@@ -45,6 +46,7 @@ pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
 pub use modes::{Mode, modes};
 pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
+pub use resonances::{Resonance, forced_response};
 pub use response::ForcedResponse;
 pub use rows::{Row, segments, stretches};
 

@@ -1,4 +1,4 @@
-//! One number, eight or sixteen at once: what the equation of motion is written in.
+//! One number or eight at once: what the equation of motion is written in.
 //!
 //! The same source computes a single arm and eight arms side by side, so both give the same bits: each lane sees the
 //! same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
@@ -216,96 +216,5 @@ impl Real for Lanes {
         far: fn([f64; 2], f64) -> (f64, f64),
     ) -> (Lanes, Lanes) {
         if key.all_within(limit) { near } else { Lanes::mend(key, limit, near, constants, far) }
-    }
-}
-
-/// Twice as many numbers, in two registers: while one waits for a result the other goes on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Two<T>(pub T, pub T);
-
-impl<T: Real> Add for Two<T> {
-    type Output = Two<T>;
-    #[inline(always)]
-    fn add(self, other: Two<T>) -> Two<T> {
-        Two(self.0 + other.0, self.1 + other.1)
-    }
-}
-
-impl<T: Real> Sub for Two<T> {
-    type Output = Two<T>;
-    #[inline(always)]
-    fn sub(self, other: Two<T>) -> Two<T> {
-        Two(self.0 - other.0, self.1 - other.1)
-    }
-}
-
-impl<T: Real> Mul for Two<T> {
-    type Output = Two<T>;
-    #[inline(always)]
-    fn mul(self, other: Two<T>) -> Two<T> {
-        Two(self.0 * other.0, self.1 * other.1)
-    }
-}
-
-impl<T: Real> Div for Two<T> {
-    type Output = Two<T>;
-    #[inline(always)]
-    fn div(self, other: Two<T>) -> Two<T> {
-        Two(self.0 / other.0, self.1 / other.1)
-    }
-}
-
-impl<T: Real> Neg for Two<T> {
-    type Output = Two<T>;
-    #[inline(always)]
-    fn neg(self) -> Two<T> {
-        Two(-self.0, -self.1)
-    }
-}
-
-impl<T: Real> Real for Two<T> {
-    const WIDTH: usize = 2 * T::WIDTH;
-
-    #[inline(always)]
-    fn gather(of: impl Fn(usize) -> f64) -> Two<T> {
-        Two(T::gather(&of), T::gather(|i| of(i + T::WIDTH)))
-    }
-
-    #[inline(always)]
-    fn lane(self, i: usize) -> f64 {
-        if i < T::WIDTH { self.0.lane(i) } else { self.1.lane(i - T::WIDTH) }
-    }
-
-    #[inline(always)]
-    fn splat(value: f64) -> Two<T> {
-        Two(T::splat(value), T::splat(value))
-    }
-
-    #[inline(always)]
-    fn all_within(self, limit: f64) -> bool {
-        self.0.all_within(limit) & self.1.all_within(limit)
-    }
-
-    #[inline(always)]
-    fn all_zero(self) -> bool {
-        self.0.all_zero() & self.1.all_zero()
-    }
-
-    #[inline(always)]
-    fn where_nonzero(key: Two<T>, value: Two<T>, other: Two<T>) -> Two<T> {
-        Two(T::where_nonzero(key.0, value.0, other.0), T::where_nonzero(key.1, value.1, other.1))
-    }
-
-    #[inline(always)]
-    fn where_within(
-        key: Two<T>,
-        limit: f64,
-        near: (Two<T>, Two<T>),
-        constants: [Two<T>; 2],
-        far: fn([f64; 2], f64) -> (f64, f64),
-    ) -> (Two<T>, Two<T>) {
-        let first = T::where_within(key.0, limit, (near.0.0, near.1.0), [constants[0].0, constants[1].0], far);
-        let second = T::where_within(key.1, limit, (near.0.1, near.1.1), [constants[0].1, constants[1].1], far);
-        (Two(first.0, second.0), Two(first.1, second.1))
     }
 }

@@ -15,7 +15,7 @@ use super::continuation::DriveFlags;
 use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
-use super::output;
+use super::output::{self, OverwriteFlag};
 use super::walk_flags::WalkFlags;
 use crate::analysis::{
     ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
@@ -61,6 +61,8 @@ pub(super) struct Backbone {
     /// them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -99,6 +101,7 @@ struct Document {
 
 impl Backbone {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json", "-response.csv"])?;
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let arm = scenario.build_arm()?;
         let drive = self.drive()?;

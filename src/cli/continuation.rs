@@ -15,7 +15,7 @@ use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::interval::{Ends, interval};
-use super::output;
+use super::output::{self, OverwriteFlag};
 use super::quantity::Quantity;
 use super::singular_curves::{CurveFlags, Curves};
 use super::walk_flags::WalkFlags;
@@ -62,6 +62,8 @@ pub(super) struct Continue {
     /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -239,6 +241,10 @@ impl RangeFlags {
 
 impl Continue {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(
+            self.plot.as_deref(),
+            &[".svg", ".png", ".csv", ".json", "-curves.svg", "-curves.png", "-curves.csv"],
+        )?;
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let arm = scenario.build_arm()?;
         let varied = self.varied()?;

@@ -73,6 +73,8 @@ pub(super) enum Failure {
     Study(#[from] StudyError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
+    #[error("{} already exists: name another place, or allow overwriting it (--overwrite)", path.display())]
+    Exists { path: PathBuf },
     #[error("can't write to standard output: {0}")]
     Output(io::Error),
     #[error("the result can't be written as JSON: {0}")]

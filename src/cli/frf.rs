@@ -11,7 +11,7 @@ use super::captions;
 use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
-use super::output;
+use super::output::{self, OverwriteFlag};
 use crate::analysis::{Drive, FrequencyResponse, Quantity, Response, frequencies_hz, modes};
 use crate::number::short;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
@@ -46,6 +46,8 @@ pub(super) struct Frf {
     /// Plot to STEM.svg and STEM.png; CSV and JSON beside them, instead of CSV on standard output.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -231,6 +233,7 @@ struct Curve {
 
 impl Frf {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let document = self.compute(&scenario)?;
         let files = match &self.plot {

@@ -4,6 +4,7 @@
 //! 3 the environment lacks something.
 
 mod backbone;
+mod basins;
 mod branch_plot;
 mod branch_table;
 mod captions;
@@ -75,6 +76,7 @@ enum Command {
     Backbone(backbone::Backbone),
     Sweep(sweep::Sweep),
     Poincare(poincare::Poincare),
+    Basins(basins::Basins),
     Paper(paper::Paper),
     Replay(replay::Replay),
     Resim(resim::Resim),
@@ -106,6 +108,7 @@ pub fn main() -> ExitCode {
         Command::Backbone(command) => command.execute(),
         Command::Sweep(command) => command.execute(),
         Command::Poincare(command) => command.execute(),
+        Command::Basins(command) => command.execute(),
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
         Command::Inspect(command) => command.execute(),

@@ -11,7 +11,7 @@ use super::captions;
 use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
-use super::output;
+use super::output::{self, OverwriteFlag};
 use crate::analysis::{Mode, modes};
 use crate::number::short;
 use crate::plot::{Axis, Color, Figure, Panel, Series};
@@ -37,6 +37,8 @@ pub(super) struct Modes {
     /// Plot the natural frequencies over the range to STEM.svg and STEM.png; CSV and JSON beside them.
     #[arg(long, value_name = "STEM", requires = "from_beta2_deg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -64,6 +66,7 @@ struct InPose {
 
 impl Modes {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         match (self.from_beta2_deg, self.to_beta2_deg) {
             (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg)?,

@@ -9,6 +9,7 @@ use super::configuration;
 use super::continuation::DriveFlags;
 use super::failure::Failure;
 use super::flags::ArmFlags;
+use super::output::OverwriteFlag;
 use crate::analysis::time_domain::{Direction, SettleOptions};
 use crate::arm::{Load, State};
 use crate::plant::PlantSpecError;
@@ -30,6 +31,8 @@ pub(super) struct MotionFlags {
     /// Folder for the results: CSV, JSON, and figures as SVG and PNG. A stopped run goes on from what it holds.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Print one JSON document.
     #[arg(long)]
     pub json: bool,
@@ -94,12 +97,12 @@ impl MotionFlags {
         SettleOptions { time_constants: self.time_constants, section_points }
     }
 
-    /// The folder for the results, made if it isn't there.
-    pub fn make_out(&self) -> Result<Option<&PathBuf>, Failure> {
-        if let Some(out) = &self.out {
-            std::fs::create_dir_all(out).map_err(|source| Failure::Write { path: out.clone(), source })?;
-        }
-        Ok(self.out.as_ref())
+    /// The folder for the results, made if it isn't there, and the journal in it; `name` is that of all files.
+    pub fn make_out(&self, name: &str) -> Result<Option<PathBuf>, Failure> {
+        let Some(out) = &self.out else { return Ok(None) };
+        self.overwrite.check_stem(Some(&out.join(name)), &[".csv", ".json", ".svg", ".png"])?;
+        std::fs::create_dir_all(out).map_err(|source| Failure::Write { path: out.clone(), source })?;
+        Ok(Some(out.join(name).with_extension("partial.jsonl")))
     }
 
     /// Everything of these flags that results depend on.

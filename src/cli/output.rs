@@ -6,6 +6,7 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use clap::Args;
 use serde::Serialize;
 
 use super::failure::Failure;
@@ -66,4 +67,25 @@ pub(super) fn note(line: &str) {
 /// Tells on standard error why a command failed.
 pub(super) fn complain(failure: &Failure) {
     note(&format!("resonarm: {failure}"));
+}
+
+/// Whether files that are there may be written over. A command that writes files asks before it computes anything.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct OverwriteFlag {
+    /// Write over files that are there.
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+impl OverwriteFlag {
+    /// Refuses to go on if one of these files is there, unless it may be written over.
+    pub fn check(self, files: impl IntoIterator<Item = PathBuf>) -> Result<(), Failure> {
+        let there = files.into_iter().find(|path| !self.overwrite && path.symlink_metadata().is_ok());
+        there.map_or(Ok(()), |path| Err(Failure::Exists { path }))
+    }
+
+    /// The same for the files STEM + ending.
+    pub fn check_stem(self, stem: Option<&Path>, endings: &[&str]) -> Result<(), Failure> {
+        self.check(stem.into_iter().flat_map(|stem| endings.iter().map(|ending| beside(stem, ending))))
+    }
 }

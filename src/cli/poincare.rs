@@ -67,22 +67,22 @@ enum ParameterFlag {
 /// The interval of what is stepped, in its unit.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
-    /// Lowest frequency, Hz.
+    /// One end of the frequencies, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     from_hz: Option<f64>,
-    /// Highest frequency, Hz.
+    /// The other end, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     to_hz: Option<f64>,
-    /// Lowest torque at joint 1, N·m.
+    /// One end of the torques at joint 1, N·m.
     #[arg(long, value_name = "A", allow_hyphen_values = true)]
     from_nm: Option<f64>,
-    /// Highest torque at joint 1, N·m.
+    /// The other end, N·m.
     #[arg(long, value_name = "A", allow_hyphen_values = true)]
     to_nm: Option<f64>,
-    /// Lowest force at C, N.
+    /// One end of the forces at C, N.
     #[arg(long, value_name = "A", allow_hyphen_values = true)]
     from_n: Option<f64>,
-    /// Highest force at C, N.
+    /// The other end, N.
     #[arg(long, value_name = "A", allow_hyphen_values = true)]
     to_n: Option<f64>,
 }
@@ -140,12 +140,12 @@ impl Poincare {
         configuration["poincare"] = json!({
             "parameter": stepped.name,
             "frequency_hz": self.frequency_hz,
-            "values": stepped.sweeps.iter().map(|sweep| [sweep.grid.from(), sweep.grid.to()]).collect::<Vec<_>>(),
+            "values": stepped.sweeps.iter().map(|sweep| sweep.grid.values()).map(|v| [v.first(), v.last()]).collect::<Vec<_>>(),
             "directions": stepped.sweeps.iter().map(|sweep| sweep.direction).collect::<Vec<_>>(),
             "steps": self.parameter.map(|_| self.steps),
             "points": self.section_points(),
         });
-        let journal = self.motion.make_out()?.map(|out| out.join("poincare.partial.jsonl"));
+        let journal = self.motion.make_out("poincare")?;
         let walked = study::walk("section", chains, journal.as_deref().map(|path| (path, &configuration)))?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let document = self.document(configuration, &stepped, walked.points());
@@ -227,16 +227,16 @@ impl Poincare {
     ) -> Result<Stepped, Failure> {
         let grid = Grid::new(from, to, self.steps)?;
         let directions = self.direction.directions().iter();
-        let sweeps = directions.map(|direction| Sweep { parameter, grid, direction: *direction }).collect();
+        let sweep = |direction: &Direction| Sweep { parameter, grid: grid.clone(), direction: *direction };
+        let sweeps = directions.map(sweep).collect();
         Ok(Stepped { name, axis, load, sweeps })
     }
 
     fn chains(&self, scenario: &Scenario, stepped: &Stepped) -> Result<Chains, Failure> {
         let arm = scenario.build_arm()?;
-        let all = |sweep: &Sweep| (0..sweep.grid.points()).map(|index| sweep.sine(index)).collect();
         let excitations: Vec<Vec<Sine>> = match self.parameter {
             None => vec![vec![Sine { amplitude: stepped.load, frequency_hz: self.frequency()? }]],
-            Some(_) => stepped.sweeps.iter().map(all).collect(),
+            Some(_) => stepped.sweeps.iter().map(Sweep::sines).collect(),
         };
         let chains = excitations.into_iter().map(|excitations| Chain { arm: arm.clone(), excitations }).collect();
         let options = self.motion.options(self.section_points());
@@ -257,8 +257,8 @@ impl Poincare {
         let mut motions = Vec::new();
         for (k, chain) in points.iter().enumerate() {
             let sweep = stepped.sweeps.get(k);
-            for (index, point) in (0..).zip(chain) {
-                let value = sweep.map_or(self.frequency_hz.unwrap_or_default(), |sweep| sweep.value(index));
+            let values = sweep.map_or_else(|| vec![self.frequency_hz.unwrap_or_default()], Sweep::values);
+            for (value, point) in values.into_iter().zip(chain) {
                 motions.push(motion(sweep.map(|sweep| sweep.direction), value, point));
             }
         }

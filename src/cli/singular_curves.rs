@@ -10,7 +10,7 @@ use super::ended_early::Early;
 use super::failure::Failure;
 use super::quantity::Quantity;
 use super::walk_flags::WalkFlags;
-use crate::analysis::{BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, trace_singular_curves};
+use crate::analysis::{BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves};
 use crate::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
@@ -76,16 +76,27 @@ impl Curves {
 
     /// The curves as JSON.
     pub fn document(&self) -> Value {
-        let point = |point: &SingularPoint| {
+        let place = |point: &SingularPoint| {
             let mut map = Map::new();
             map.insert(String::from(self.first.name), json!(point.lambda));
             map.insert(String::from(self.second.name), json!(point.mu));
             map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
-            Value::Object(map)
+            map
         };
+        let point = |point: &SingularPoint| Value::Object(place(point));
         let curve = |curve: &Curve| {
             let points: Vec<Value> = curve.curve.points.iter().map(point).collect();
-            json!({ "kind": curve.kind.name(), "points": points })
+            let turns: Vec<Value> = curve
+                .curve
+                .turns
+                .iter()
+                .map(|turn| {
+                    let mut map = place(&turn.point);
+                    map.insert(String::from("kind"), json!(turn_name(turn)));
+                    Value::Object(map)
+                })
+                .collect();
+            json!({ "kind": curve.kind.name(), "points": points, "turns": turns })
         };
         Value::Array(self.curves.iter().map(curve).collect())
     }
@@ -109,13 +120,14 @@ impl Curves {
             return String::from("no fold or period doubling to follow\n");
         }
         let mut text = String::new();
-        for Curve { kind, curve: SingularCurve { points, .. } } in &self.curves {
+        for Curve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
             let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
             let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
             let _infallible =
                 writeln!(text, "curve of {}s: {} points from {} to {}", kind.name(), points.len(), ends[0], ends[1]);
-            if let Some(turn) = turn(points) {
-                let _infallible = writeln!(text, "  turns back near {}", place(turn));
+            for turn in turns {
+                let SingularPoint { lambda, mu, .. } = turn.point;
+                let _infallible = writeln!(text, "  {} at {first} = {lambda:.9}, {second} = {mu:.9}", turn_name(turn));
             }
         }
         text
@@ -141,11 +153,16 @@ impl Curves {
         if !starts.is_empty() {
             panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
         }
+        let cusps = self.curves.iter().flat_map(|curve| &curve.curve.turns).filter(|turn| turn.is_cusp);
+        let cusps: Vec<_> = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
+        if !cusps.is_empty() {
+            panel = panel.with(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
+        }
         Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
     }
 }
 
-/// The point farthest along the second quantity, if the curve turns back there.
-fn turn(points: &[SingularPoint]) -> Option<&SingularPoint> {
-    points.windows(3).find(|w| (w[1].mu - w[0].mu) * (w[2].mu - w[1].mu) < 0.0).map(|w| &w[1])
+/// What a turn is called in results.
+fn turn_name(turn: &Turn) -> &'static str {
+    if turn.is_cusp { "cusp" } else { "turn" }
 }

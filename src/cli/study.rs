@@ -7,8 +7,9 @@ use serde_json::Value;
 
 use super::failure::Failure;
 use super::supervise::supervise;
+use crate::analysis::time_domain::Outcome;
 use crate::run::Signals;
-use crate::study::{Chains, Control, Walk};
+use crate::study::{BasinWalk, Basins, Chains, Control, StudyError, Walk};
 
 /// Walks along the chains, from what the journal holds. `None` if it was stopped before its end, which is told.
 pub(super) fn walk(
@@ -17,25 +18,54 @@ pub(super) fn walk(
     journal: Option<(&Path, &Value)>,
 ) -> Result<Option<Walk>, Failure> {
     let walk = chains.begin(journal)?;
-    let total = walk.total();
-    if walk.done() > 0 {
-        tracing::warn!("going on after {} of {total} points", walk.done());
+    let (done, total) = (walk.done(), walk.total());
+    let walk = watch(name, "points", [done, total], move |control| walk.go_on(control))?;
+    if !walk.is_complete() {
+        stopped("points", [walk.done(), total], walk.is_kept());
+        return Ok(None);
+    }
+    Ok(Some(walk))
+}
+
+/// Computes basins likewise, with what became of each state.
+pub(super) fn basins(
+    basins: Basins,
+    journal: Option<(&Path, &Value)>,
+) -> Result<Option<(BasinWalk, Vec<Outcome>)>, Failure> {
+    let walk = basins.begin(journal)?;
+    let (done, total) = (walk.done(), walk.total());
+    let walk = watch("basins", "states", [done, total], move |control| walk.go_on(control))?;
+    let outcomes = walk.outcomes();
+    if outcomes.is_none() {
+        stopped("states", [walk.done(), total], walk.is_kept());
+    }
+    Ok(outcomes.map(|outcomes| (walk, outcomes)))
+}
+
+/// Does the work on a thread of its own.
+fn watch<T: Send + 'static>(
+    name: &'static str,
+    what: &str,
+    [done, total]: [usize; 2],
+    work: impl FnOnce(&Control<'_>) -> Result<T, StudyError> + Send + 'static,
+) -> Result<T, Failure> {
+    if done > 0 {
+        tracing::warn!("going on after {done} of {total} {what}");
     }
     let signals = Arc::new(Signals::default());
     let watched = Arc::clone(&signals);
     let work = move || {
         let (stop, done) = (|| watched.is_stopped(), |points| watched.set_done(points));
-        walk.go_on(&Control { stop: &stop, done: &done })
+        work(&Control { stop: &stop, done: &done })
     };
-    let walk = supervise(name, &signals, Some(total as u64), || {}, work)??;
-    if walk.is_complete() {
-        return Ok(Some(walk));
-    }
-    let advice = if walk.is_kept() {
+    Ok(supervise(name, &signals, Some(total as u64), || {}, work)??)
+}
+
+fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {
+    let advice = if is_kept {
         "the same command goes on from there"
     } else {
         "with --out the same command would go on from there"
     };
-    tracing::error!("stopped after {} of {total} points; {advice}", walk.done());
-    Ok(None)
+    tracing::error!("stopped after {done} of {total} {what}; {advice}");
 }

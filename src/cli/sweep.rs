@@ -12,6 +12,7 @@ use super::failure::{Failure, Verdict};
 use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
 use super::{output, study};
 use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter, hysteresis};
+use crate::analysis::{EndedEarly, Resonance, forced_response};
 use crate::arm::{Arm, Load, Pose};
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
@@ -30,15 +31,16 @@ Examples:
 pub(super) struct Sweep {
     #[command(flatten)]
     motion: MotionFlags,
-    /// Lowest frequency, Hz.
+    /// One end of the frequencies, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     from_hz: f64,
-    /// Highest frequency, Hz.
+    /// The other end, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced, both ends among them. Steps wider than a resonance throw the motion off it.
-    #[arg(long, value_name = "N", default_value_t = 101)]
-    steps: u32,
+    /// Number of frequencies, evenly spaced, both ends among them; a resonance that they step over is told [default: 101, and
+    /// between them as many as the resonances of the forced response need].
+    #[arg(long, value_name = "N")]
+    steps: Option<u32>,
     /// Which way to step.
     #[arg(long, value_enum, default_value_t)]
     direction: DirectionFlag,
@@ -47,12 +49,26 @@ pub(super) struct Sweep {
     over_beta2_deg: Vec<f64>,
 }
 
+/// Evenly spaced frequencies where none are asked for.
+const STEPS: u32 = 101;
+
+/// The sweeps of one pose.
+struct InPose {
+    pose: Pose,
+    arm: Arm,
+    sweeps: Vec<SteppedSweep>,
+    /// Resonances narrower than the steps.
+    stepped_over: Vec<Resonance>,
+}
+
 /// A sweep in results.
 #[derive(Serialize)]
 struct SweepDocument {
     beta1_deg: f64,
     beta2_deg: f64,
     direction: Direction,
+    /// Resonances of the forced response that are narrower than the steps: their peaks are not in the points.
+    stepped_over: Vec<Resonance>,
     points: Vec<PointDocument>,
 }
 
@@ -80,20 +96,20 @@ impl Sweep {
         let scenario = self.motion.scenario()?;
         let load = self.motion.drive.load()?;
         self.check_poses()?;
-        let sweeps = self.sweeps(&load)?;
-        let chains = self.chains(&scenario, &sweeps)?;
+        let poses = self.poses(&scenario, &load)?;
         let mut configuration = self.motion.configuration(&scenario, &load)?;
         configuration["sweep"] = serde_json::json!({
             "from_hz": self.from_hz,
             "to_hz": self.to_hz,
             "steps": self.steps,
-            "directions": sweeps.iter().map(|sweep| sweep.direction).collect::<Vec<_>>(),
+            "directions": self.direction.directions(),
             "over_beta2_deg": self.over_beta2_deg,
         });
-        let journal = self.motion.make_out()?.map(|out| out.join("sweep.partial.jsonl"));
+        let journal = self.motion.make_out("sweep")?;
+        let chains = self.chains(&scenario, &poses);
         let walked = study::walk("sweep", chains, journal.as_deref().map(|path| (path, &configuration)))?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
-        let document = self.document(&scenario, configuration, &sweeps, walked.points());
+        let document = document(configuration, &poses, walked.points());
         if self.motion.json {
             output::print_json(&document)?;
         } else {
@@ -110,18 +126,6 @@ impl Sweep {
         Ok(Verdict::Positive)
     }
 
-    /// One sweep each way.
-    fn sweeps(&self, load: &Load) -> Result<Vec<SteppedSweep>, Failure> {
-        let grid = Grid::new(self.from_hz, self.to_hz, self.steps)?;
-        let parameter = SweepParameter::Frequency { amplitude: *load };
-        Ok(self
-            .direction
-            .directions()
-            .iter()
-            .map(|direction| SteppedSweep { parameter, grid, direction: *direction })
-            .collect())
-    }
-
     /// Each pose once: sweeps of the same one would be told apart by nothing.
     fn check_poses(&self) -> Result<(), Failure> {
         let angles = &self.over_beta2_deg;
@@ -133,44 +137,54 @@ impl Sweep {
         }
     }
 
-    fn poses(&self, scenario: &Scenario) -> Vec<Pose> {
+    fn poses(&self, scenario: &Scenario, load: &Load) -> Result<Vec<InPose>, Failure> {
         let pose = scenario.pose();
-        if self.over_beta2_deg.is_empty() {
-            return vec![pose];
+        let poses = if self.over_beta2_deg.is_empty() {
+            vec![pose]
+        } else {
+            self.over_beta2_deg.iter().map(|beta2_deg| Pose { beta2_deg: *beta2_deg, ..pose }).collect()
+        };
+        poses.into_iter().map(|pose| self.in_pose(Arm::new(scenario.parameters()?, pose)?, pose, load)).collect()
+    }
+
+    /// The sweeps of one pose, over frequencies that see its resonances if none are asked for.
+    fn in_pose(&self, arm: Arm, pose: Pose, load: &Load) -> Result<InPose, Failure> {
+        let mut grid = Grid::new(self.from_hz, self.to_hz, self.steps.unwrap_or(STEPS))?;
+        let step_hz = grid.values()[1] - grid.values()[0];
+        let ends = [self.from_hz.min(self.to_hz), self.from_hz.max(self.to_hz)];
+        let branch = forced_response(&arm, load, ends).unwrap_or_else(|EndedEarly { reason, so_far }| {
+            tracing::warn!("β2 = {}: resonances are not looked for beyond: {reason}", degrees(pose.beta2_deg));
+            *so_far
+        });
+        let mut stepped_over = Vec::new();
+        match self.steps {
+            None => grid = grid.with(branch.stable_frequencies_hz()),
+            Some(_) => stepped_over.extend(branch.resonances().into_iter().filter(|found| found.width_hz < step_hz)),
         }
-        self.over_beta2_deg.iter().map(|beta2_deg| Pose { beta2_deg: *beta2_deg, ..pose }).collect()
+        let parameter = SweepParameter::Frequency { amplitude: *load };
+        let sweep = |direction: &Direction| SteppedSweep { parameter, grid: grid.clone(), direction: *direction };
+        let sweeps = self.direction.directions().iter().map(sweep).collect();
+        Ok(InPose { pose, arm, sweeps, stepped_over })
     }
 
     /// One chain for each sweep in each pose.
-    fn chains(&self, scenario: &Scenario, sweeps: &[SteppedSweep]) -> Result<Chains, Failure> {
-        let mut chains = Vec::new();
-        for pose in self.poses(scenario) {
-            let arm = Arm::new(scenario.parameters()?, pose)?;
-            chains.extend(sweeps.iter().map(|sweep| {
-                let excitations = (0..sweep.grid.points()).map(|index| sweep.sine(index)).collect();
-                Chain { arm: arm.clone(), excitations }
-            }));
-        }
-        Ok(Chains { chains, start: MotionFlags::start(scenario), options: self.motion.options(0) })
+    fn chains(&self, scenario: &Scenario, poses: &[InPose]) -> Chains {
+        let of = |pose: &InPose, sweep: &SteppedSweep| Chain { arm: pose.arm.clone(), excitations: sweep.sines() };
+        let chains = poses.iter().flat_map(|pose| pose.sweeps.iter().map(move |sweep| of(pose, sweep))).collect();
+        Chains { chains, start: MotionFlags::start(scenario), options: self.motion.options(0) }
     }
+}
 
-    fn document(
-        &self,
-        scenario: &Scenario,
-        configuration: Value,
-        sweeps: &[SteppedSweep],
-        points: &[Vec<Point>],
-    ) -> Document {
-        let poses = self.poses(scenario);
-        let each = poses.iter().flat_map(|pose| sweeps.iter().map(move |sweep| (pose, sweep)));
-        let sweeps = each.zip(points).map(|((pose, sweep), points)| SweepDocument {
-            beta1_deg: pose.beta1_deg,
-            beta2_deg: pose.beta2_deg,
-            direction: sweep.direction,
-            points: (0..).zip(points).map(|(index, point)| PointDocument::new(sweep.value(index), point)).collect(),
-        });
-        Document { configuration, sweeps: sweeps.collect() }
-    }
+fn document(configuration: Value, poses: &[InPose], points: &[Vec<Point>]) -> Document {
+    let each = poses.iter().flat_map(|pose| pose.sweeps.iter().map(move |sweep| (pose, sweep)));
+    let sweeps = each.zip(points).map(|((in_pose, sweep), points)| SweepDocument {
+        beta1_deg: in_pose.pose.beta1_deg,
+        beta2_deg: in_pose.pose.beta2_deg,
+        direction: sweep.direction,
+        stepped_over: in_pose.stepped_over.clone(),
+        points: sweep.values().into_iter().zip(points).map(|(hz, point)| PointDocument::new(hz, point)).collect(),
+    });
+    Document { configuration, sweeps: sweeps.collect() }
 }
 
 impl PointDocument {
@@ -239,6 +253,14 @@ impl Document {
                             writeln!(text, "  largest |α{}|  {amplitude:.6} rad at {hz:.6} Hz", joint + 1);
                     }
                 }
+            }
+            for found in same.first().iter().flat_map(|sweep| &sweep.stepped_over) {
+                let Resonance { joint, frequency_hz, amplitude_rad, width_hz } = found;
+                let _infallible = writeln!(
+                    text,
+                    "  stepped over: the resonance of α{joint} at {frequency_hz:.6} Hz, {amplitude_rad:.6} rad in the forced \
+                     response, is {width_hz:.6} Hz wide, less than a step; take more --steps, or none"
+                );
             }
             if let [up, down] = same {
                 text.push_str(&differences(up, down));

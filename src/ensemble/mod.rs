@@ -1,147 +1,161 @@
-//! Many independent arms at once: side by side in the lanes of the processor, and in groups over the cores.
+//! Many motions of one arm under one excitation at once, side by side in the lanes of the processor.
 //!
-//! A call that makes many steps is faster than many calls: it takes each group of arms through all its steps in registers.
-//!
-//! Every arm moves as if it were alone: the step is the same source as [`Integrator::step`](crate::integrate::Integrator::step)
-//! makes, generic over one number or several, so the states are the same bit for bit, whatever the processor offers.
+//! Every motion goes as if it were alone: the step is the same source as [`Integrator::step`](crate::integrate::Integrator::step)
+//! makes with `dop853`, generic over one number or eight, so the states are the same bit for bit, whatever the processor offers.
+//! The implicit schemes, the default among them, don't go side by side: the number of Newton's iterations, the pivots and the
+//! division of a step differ from motion to motion.
 
-mod lanes;
-#[cfg(feature = "std")]
-mod threads;
+use crate::arm::Load;
+use crate::arm::kernel::{Coefficients, Loads, Motion};
+use crate::arm::real::{Lanes, Real};
+use crate::integrate::{DOP853, explicit};
 
-use alloc::vec::Vec;
+/// Stages of a step.
+pub(crate) const STAGES: usize = DOP853.c.len();
 
-use thiserror::Error;
+/// The loads of the steps of a stretch at the nodes of each.
+pub(crate) type Stretch = [[Load; STAGES]];
 
-use crate::arm::kernel::{Coefficients, Motion};
-use crate::arm::{Arm, State};
-use crate::integrate::{Excitation, IntegrateError, Integrator, Scheme};
+/// Takes a group of motions through a stretch, so many times.
+type Kernel<T> = fn(&Coefficients<f64>, f64, &Stretch, u32, &mut Motion<T>);
 
-/// Why an ensemble can't be made, or an arm of it can't go on.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum EnsembleError {
-    /// The scheme has no form for lanes.
-    #[error("scheme {scheme} does not go side by side: an ensemble takes rk4")]
-    Scheme {
-        /// The scheme.
-        scheme: Scheme,
-    },
-    /// Arms, states and excitations differ in number.
-    #[error("an ensemble of {arms} arms was given {got} {what}: it needs one for each arm")]
-    Count {
-        /// Number of arms.
-        arms: usize,
-        /// What differs: `states` or `excitations`.
-        what: &'static str,
-        /// Its number.
-        got: usize,
-    },
-    /// An arm can't be integrated.
-    #[error("arm {index} of the ensemble: {source}")]
-    Arm {
-        /// The arm, from 0.
-        index: usize,
-        /// What the integrator says.
-        source: IntegrateError,
-    },
+/// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers the processor has. A motion that
+/// grows beyond all bounds ends in a state that is not finite.
+pub(crate) fn advance(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motions: &mut [Motion<f64>]) {
+    #[cfg(all(feature = "std", target_arch = "x86_64"))]
+    {
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            return side_by_side(x86::with_avx512, arm, h_s, stretch, times, motions);
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return side_by_side(x86::with_avx2, arm, h_s, stretch, times, motions);
+        }
+    }
+    side_by_side(portable::<Lanes>, arm, h_s, stretch, times, motions);
 }
 
-/// Independent arms that advance together.
-#[derive(Clone, Debug)]
-pub struct Ensemble {
-    arms: Vec<Coefficients<f64>>,
-    motions: Vec<Motion<f64>>,
-    step_s: f64,
-    time_step: u64,
-}
-
-impl Ensemble {
-    /// The arms at t = 0, each with its state; every arm takes `rate_hz` steps a second of `scheme`, which must
-    /// be `rk4`: the others need too many numbers at a time for the registers, or a different number of iterations for each arm.
-    ///
-    /// # Errors
-    /// [`EnsembleError::Scheme`] if the scheme is another, [`EnsembleError::Count`] if there is not one state for each arm,
-    /// [`EnsembleError::Arm`] if the scheme can't carry an arm at this rate.
-    pub fn new(scheme: Scheme, rate_hz: f64, arms: &[Arm], states: &[State]) -> Result<Ensemble, EnsembleError> {
-        if scheme != Scheme::Rk4 {
-            return Err(EnsembleError::Scheme { scheme });
-        }
-        same_count(arms.len(), "states", states.len())?;
-        for (index, arm) in arms.iter().enumerate() {
-            Integrator::new(scheme, rate_hz, arm).map_err(|source| EnsembleError::Arm { index, source })?;
-        }
-        Ok(Ensemble {
-            arms: arms.iter().map(|arm| arm.coefficients).collect(),
-            motions: states.iter().map(Motion::from).collect(),
-            step_s: 1.0 / rate_hz,
-            time_step: 0,
-        })
-    }
-
-    /// The number of arms.
-    pub fn len(&self) -> usize {
-        self.arms.len()
-    }
-
-    /// Whether there is no arm.
-    pub fn is_empty(&self) -> bool {
-        self.arms.is_empty()
-    }
-
-    /// t = steps made / rate, s.
-    pub fn time_s(&self) -> f64 {
-        self.stretch(0).time_s(0)
-    }
-
-    /// The state of every arm, in the order in which they were given.
-    pub fn states(&self) -> Vec<State> {
-        self.motions.iter().copied().map(State::from).collect()
-    }
-
-    /// Advances every arm by `steps` steps under its own excitation, on the calling thread.
-    ///
-    /// # Errors
-    /// [`EnsembleError::Count`] if there is not one excitation for each arm; [`EnsembleError::Arm`] with the first arm whose state
-    /// is no longer finite: the ensemble then is at the end of the steps all the same.
-    pub fn advance<E: Excitation>(&mut self, steps: u32, excitations: &[E]) -> Result<(), EnsembleError> {
-        same_count(self.arms.len(), "excitations", excitations.len())?;
-        let stretch = self.stretch(steps);
-        stretch.advance(&self.arms, &mut self.motions, excitations);
-        self.finish(steps)
-    }
-
-    fn stretch(&self, steps: u32) -> Stretch {
-        Stretch { first_step: self.time_step, steps, step_s: self.step_s }
-    }
-
-    fn finish(&mut self, steps: u32) -> Result<(), EnsembleError> {
-        self.time_step += u64::from(steps);
-        match self.states().iter().position(|state| !state.is_finite()) {
-            None => Ok(()),
-            Some(index) => Err(EnsembleError::Arm { index, source: IntegrateError::NotFinite { t_s: self.time_s() } }),
+/// Groups of `T::WIDTH` motions, one after the other; lanes that are left over repeat the last motion.
+fn side_by_side<T: Real>(
+    kernel: Kernel<T>,
+    arm: &Coefficients<f64>,
+    h_s: f64,
+    stretch: &Stretch,
+    times: u32,
+    motions: &mut [Motion<f64>],
+) {
+    for group in motions.chunks_mut(T::WIDTH) {
+        let mut together = Motion::gather(|lane| group[lane.min(group.len() - 1)]);
+        kernel(arm, h_s, stretch, times, &mut together);
+        for (lane, own) in group.iter_mut().enumerate() {
+            *own = together.lane(lane);
         }
     }
 }
 
-/// Steps to make, and where in time they begin.
-#[derive(Clone, Copy, Debug)]
-struct Stretch {
-    first_step: u64,
-    steps: u32,
-    step_s: f64,
-}
-
-impl Stretch {
-    /// Start of the step `k`, s.
-    fn time_s(self, k: u32) -> f64 {
-        (self.first_step + u64::from(k)) as f64 * self.step_s
+/// The kernel as the target at hand compiles it; the ones below are the same source for wider registers.
+#[inline(always)]
+fn portable<T: Real>(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<T>) {
+    let arm = Coefficients::<T>::gather(|_lane| arm);
+    for _ in 0..times {
+        for loads in stretch {
+            let loads = loads.each_ref().map(|load| Loads::gather(|_lane| *load));
+            *motion = explicit::step(&DOP853, &arm, h_s, motion, &loads);
+        }
     }
 }
 
-fn same_count(arms: usize, what: &'static str, got: usize) -> Result<(), EnsembleError> {
-    if got == arms { Ok(()) } else { Err(EnsembleError::Count { arms, what, got }) }
+/// The kernel for wider registers of x86-64. FMA stays off: a·b + c is two roundings everywhere.
+#[cfg(all(feature = "std", target_arch = "x86_64"))]
+mod x86 {
+    use super::{Coefficients, Lanes, Motion, Stretch, portable};
+
+    #[allow(unsafe_code)]
+    pub fn with_avx512(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        // SAFETY: `advance` takes this kernel only where the processor says that it has AVX-512 F.
+        unsafe { avx512(arm, h_s, stretch, times, motion) }
+    }
+
+    #[target_feature(enable = "avx512f")]
+    fn avx512(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        portable(arm, h_s, stretch, times, motion);
+    }
+
+    #[allow(unsafe_code)]
+    pub fn with_avx2(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        // SAFETY: `advance` takes this kernel only where the processor says that it has AVX2.
+        unsafe { avx2(arm, h_s, stretch, times, motion) }
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn avx2(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        portable(arm, h_s, stretch, times, motion);
+    }
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::arm::State;
+    use crate::arm::tests::any_arm;
+    use crate::integrate::{Excitation, Integrator, Scheme, Sine};
+    use alloc::vec::Vec;
+    use proptest::prelude::*;
+
+    fn bits(state: &State) -> [u64; 4] {
+        [state.alpha_rad.x, state.alpha_rad.y, state.alpha_dot_rad_s.x, state.alpha_dot_rad_s.y].map(f64::to_bits)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        /// Arms with and without gravity and force, small and large deflections, whole groups and not, by every way there is on
+        /// this machine: each motion is that of the integrator alone.
+        #[test]
+        fn every_motion_goes_as_if_it_were_alone(
+            arm in any_arm(),
+            states in prop::collection::vec(
+                (
+                    prop_oneof![
+                        prop::array::uniform2(-1e-3..1e-3),
+                        prop::array::uniform2(-0.4..0.4),
+                        prop::array::uniform2(-1.5..1.5),
+                    ],
+                    prop::array::uniform2(-20.0..20.0),
+                ),
+                1..20,
+            ),
+            torque_nm in prop::array::uniform2(-500.0..500.0),
+            force_n in prop_oneof![Just([0.0, 0.0]), Just([0.0, 30.0]), prop::array::uniform2(-100.0..100.0)],
+        ) {
+            let states: Vec<State> = states.into_iter().map(|(x, v)| State::new(x, v)).collect();
+            let amplitude = Load { torque_nm: torque_nm.into(), force_n: force_n.into() };
+            let (rate_hz, steps, sine) = (16_000.0, 20_u32, Sine { amplitude, frequency_hz: 22.0 });
+            let integrator = Integrator::new(Scheme::Dop853, rate_hz, &arm).unwrap();
+            let h_s = integrator.step_s();
+            let start_s = |k: u32| f64::from(k) * h_s;
+            let alone = |state: &State| {
+                let once = |state| {
+                    (0..steps).try_fold(state, |state, k| integrator.step(&arm, start_s(k), &state, &sine))
+                };
+                once(*state).and_then(once)
+            };
+            let Ok(expected) = states.iter().map(alone).collect::<Result<Vec<State>, _>>() else { return Ok(()) };
+            let expected: Vec<_> = expected.iter().map(bits).collect();
+            let stretch: Vec<_> =
+                (0..steps).map(|k| DOP853.c.map(|part| sine.load(start_s(k) + part * h_s))).collect();
+            let seen = |advance: &dyn Fn(&mut [Motion<f64>])| {
+                let mut motions: Vec<Motion<f64>> = states.iter().map(Motion::from).collect();
+                advance(&mut motions);
+                motions.into_iter().map(|motion| bits(&State::from(motion))).collect::<Vec<_>>()
+            };
+            prop_assert_eq!(seen(&|motions| advance(&arm.coefficients, h_s, &stretch, 2, motions)), &expected[..]);
+            let by_portable = |motions: &mut [Motion<f64>]| {
+                side_by_side(portable::<Lanes>, &arm.coefficients, h_s, &stretch, 2, motions);
+            };
+            prop_assert_eq!(seen(&by_portable), &expected[..]);
+            let singly = |motions: &mut [Motion<f64>]| {
+                side_by_side(portable::<f64>, &arm.coefficients, h_s, &stretch, 2, motions);
+            };
+            prop_assert_eq!(seen(&singly), &expected[..]);
+        }
+    }
+}

@@ -6,6 +6,9 @@ use thiserror::Error;
 use crate::arm::Load;
 use crate::number::short;
 
+/// Most frequencies of a stepped sine: each is kept ready to be played.
+const MOST_STEPS: u32 = 100_000;
+
 /// What to play: a waveform, how strong, and how gently it starts and ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -206,7 +209,10 @@ impl Waveform {
             Waveform::SteppedSine { from_hz, to_hz, steps, dwell_s, settle_s } => {
                 positive("from_hz", from_hz)?;
                 positive("to_hz", to_hz)?;
-                positive("steps", f64::from(steps))?;
+                if !(1..=MOST_STEPS).contains(&steps) {
+                    let (got, expected) = (f64::from(steps), "from 1 to 100000");
+                    return Err(ExcitationError::Value { name: "steps", got, expected });
+                }
                 positive("dwell_s", dwell_s)?;
                 not_negative("settle_s", settle_s)?;
                 Ok(from_hz.max(to_hz))

@@ -87,3 +87,14 @@ fn reads_from_toml_and_names_unknown_keys() {
             .contains("settel_s")
     );
 }
+
+/// Every step is kept ready: as many as would fill the memory are an error.
+#[test]
+fn a_staircase_has_a_bound() {
+    let stepped =
+        |steps| force(Waveform::SteppedSine { from_hz: 20.0, to_hz: 25.0, steps, dwell_s: 2.0, settle_s: 0.6 });
+    let refusal = |steps| Profile::new(&stepped(steps), 1000.0).unwrap_err().to_string();
+    insta::assert_snapshot!(refusal(u32::MAX), @"excitation: `steps` is 4294967295: it must be from 1 to 100000");
+    insta::assert_snapshot!(refusal(0), @"excitation: `steps` is 0: it must be from 1 to 100000");
+    assert_eq!(Profile::new(&stepped(100_000), 1000.0).unwrap().windows().count(), 100_000);
+}

@@ -4,7 +4,7 @@
 use super::explicit::Tableau;
 
 /// Twelve stages, order 8. Row i of `a` has the slopes that stage i starts from.
-pub(super) const DOP853: Tableau<12> = Tableau {
+pub(crate) const DOP853: Tableau<12> = Tableau {
     a: [
         row(&[]),
         row(&[0.052_600_151_958_767_73]),

@@ -1,4 +1,4 @@
-//! Explicit Runge–Kutta methods; the classical one for one arm or several side by side.
+//! Explicit Runge–Kutta methods, for one arm or several side by side.
 //!
 //! With y = (α, α̇) and f = (α̇, α̈): kᵢ = f(tₙ + cᵢh, yₙ + h Σⱼ aᵢⱼ kⱼ) and yₙ₊₁ = yₙ + h Σ bᵢ kᵢ.
 
@@ -130,29 +130,32 @@ fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     (next, small)
 }
 
-/// One step of a method given by its tableau; `loads` are those at the nodes cᵢ.
-pub(crate) fn step<const S: usize>(
+/// One step of a method given by its tableau, of one motion or several side by side; `loads` are those at the nodes cᵢ.
+#[inline(always)]
+pub(crate) fn step<T: Real, const S: usize>(
     tableau: &Tableau<S>,
-    arm: &Coefficients<f64>,
+    arm: &Coefficients<T>,
     h_s: f64,
-    motion: &Motion<f64>,
-    loads: &[Loads<f64>; S],
-) -> Motion<f64> {
+    motion: &Motion<T>,
+    loads: &[Loads<T>; S],
+) -> Motion<T> {
     if loads.iter().any(|load| arm.needs_links(load)) {
-        step_with::<S, true>(tableau, arm, h_s, motion, loads)
+        step_with::<T, S, true>(tableau, arm, h_s, motion, loads)
     } else {
-        step_with::<S, false>(tableau, arm, h_s, motion, loads)
+        step_with::<T, S, false>(tableau, arm, h_s, motion, loads)
     }
 }
 
-fn step_with<const S: usize, const LINKS: bool>(
+#[inline(always)]
+fn step_with<T: Real, const S: usize, const LINKS: bool>(
     tableau: &Tableau<S>,
-    arm: &Coefficients<f64>,
+    arm: &Coefficients<T>,
     h_s: f64,
-    motion: &Motion<f64>,
-    loads: &[Loads<f64>; S],
-) -> Motion<f64> {
-    let mut slopes = [Motion { x: [0.0; 2], v: [0.0; 2] }; S];
+    motion: &Motion<T>,
+    loads: &[Loads<T>; S],
+) -> Motion<T> {
+    let zero = [T::splat(0.0); 2];
+    let mut slopes = [Motion { x: zero, v: zero }; S];
     for i in 0..S {
         let stage = combined(motion, h_s, &tableau.a[i], &slopes);
         slopes[i] = Motion { x: stage.v, v: arm.acceleration::<true, LINKS>(&stage, &loads[i]) };

@@ -13,6 +13,7 @@ mod gauss_legendre;
 mod linear_solve;
 mod scheme;
 
+pub(crate) use dop853::DOP853;
 pub use error::IntegrateError;
 pub use scheme::{Scheme, UnknownScheme};
 
@@ -153,7 +154,7 @@ impl Integrator {
                 explicit::rk4_single(&arm.coefficients, h, &state.into(), &loads)
             }
             Method::Dop853 => {
-                let loads = dop853::DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
+                let loads = DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
                 dop853(&arm.coefficients, h_s, &state.into(), &loads)
             }
             Method::TwoStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
@@ -167,7 +168,7 @@ impl Integrator {
 // Once for all kinds of excitation.
 #[inline(never)]
 fn dop853(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 12]) -> Motion<f64> {
-    explicit::step(&dop853::DOP853, arm, h_s, motion, loads)
+    explicit::step(&DOP853, arm, h_s, motion, loads)
 }
 
 #[cfg(test)]

@@ -263,3 +263,91 @@ fn help_says_what_there_is() {
       -h, --help                     Print help (see more with '--help')
     ");
 }
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = resonarm(arguments).arg("--json").output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn largest(points: &serde_json::Value) -> f64 {
+    let points = points.as_array().unwrap().iter();
+    points.map(|point| point["amplitude_rad"][0].as_f64().unwrap()).fold(0.0, f64::max)
+}
+
+/// The help's own example: the sweep reaches the peak that the branch has, up to where it jumps off.
+#[test]
+fn a_sweep_sees_the_resonance() {
+    let drive = ["--force-x-n=20", "--from-hz=21", "--to-hz=28"];
+    let branch = json(&[&["continue"], &drive[..]].concat());
+    let sweep = json(&[&["sweep", "--over-beta2-deg=60", "--direction=down"], &drive[..]].concat());
+    let (continued, swept) = (largest(&branch["points"]), largest(&sweep["sweeps"][0]["points"]));
+    assert!((continued - 0.0905).abs() < 1e-4 && (swept / continued - 1.0).abs() < 0.01, "{continued} {swept}");
+    assert_eq!(sweep["sweeps"][0]["stepped_over"], serde_json::json!([]));
+}
+
+/// With steps of one's own the sweep says that it stepped over the resonance.
+#[test]
+fn a_sweep_says_what_it_stepped_over() {
+    let arguments = ["sweep", "--force-x-n=20", "--from-hz=21", "--to-hz=28", "--steps=11", "--direction=up"];
+    let output = resonarm(&arguments).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("stepped over: the resonance of α1 at 22.14"), "{text}");
+    let document = json(&arguments);
+    let stepped_over = document["sweeps"][0]["stepped_over"].as_array().unwrap();
+    assert!(stepped_over.iter().any(|found| found["joint"] == 1 && found["width_hz"].as_f64().unwrap() < 0.1));
+}
+
+/// The ends of a sweep in either order are the same sweep.
+#[test]
+fn a_sweep_takes_its_ends_in_either_order() {
+    let sweep = |from, to| json(&["sweep", "--torque1-nm=1", from, to, "--steps=3"])["sweeps"].clone();
+    assert_eq!(sweep("--from-hz=24", "--to-hz=20"), sweep("--from-hz=20", "--to-hz=24"));
+}
+
+/// Results that are there stay, unless they may be written over: for every command that writes.
+#[test]
+fn results_are_not_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let commands: [(&str, &[&str]); 6] = [
+        ("sweep.csv", &["sweep", "--torque1-nm=1", "--from-hz=20", "--to-hz=24", "--steps=2", "--out=."]),
+        ("poincare.json", &["poincare", "--torque1-nm=1", "--frequency-hz=20", "--out=."]),
+        ("a.svg", &["continue", "--torque1-nm=1", "--from-hz=20", "--to-hz=21", "--plot=a"]),
+        ("b-response.csv", &["backbone", "--torque1-nm=1", "--plot=b"]),
+        ("c.png", &["frf", "--plot=c"]),
+        ("d.svg", &["modes", "--from-beta2-deg=0", "--to-beta2-deg=9", "--plot=d"]),
+    ];
+    for (file, command) in commands {
+        let path = folder.path().join(file);
+        std::fs::write(&path, "mine").unwrap();
+        let refused = resonarm(command).current_dir(folder.path()).output().unwrap();
+        assert_eq!(refused.status.code(), Some(2), "{file}");
+        let says = errors(&refused);
+        assert!(
+            says.ends_with("already exists: name another place, or allow overwriting it (--overwrite)\n"),
+            "{says}"
+        );
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+        let allowed = resonarm(command).arg("--overwrite").current_dir(folder.path()).output().unwrap();
+        assert!(allowed.status.success(), "{file}: {}", errors(&allowed));
+        assert_ne!(std::fs::read(&path).unwrap(), b"mine");
+    }
+}
+
+/// A motion that grows beyond all bounds is a negative verdict, with words, in every command that can meet one.
+#[test]
+fn a_numerical_blow_up_is_exit_code_1_everywhere() {
+    for command in [
+        &["simulate", "--torque1-nm=1e12", "--excitation-hz=22", "--duration-s=1"][..],
+        &["simulate", "--scheme=rk4", "--initial=1e200,0,0,0", "--duration-s=1"],
+        &["sweep", "--torque1-nm=1e12", "--from-hz=21", "--to-hz=23", "--steps=2"],
+        &["poincare", "--torque1-nm=1e12", "--frequency-hz=22"],
+        &["continue", "--torque1-nm=1e12", "--from-hz=21", "--to-hz=23"],
+        &["backbone", "--torque1-nm=1e12", "--to-rad=3.1"],
+    ] {
+        let output = resonarm(command).output().unwrap();
+        let says = errors(&output);
+        assert_eq!(output.status.code(), Some(1), "{command:?}: {says}");
+        assert!(says.contains("less excitation") || says.contains("beyond what the arm can bear"), "{says}");
+    }
+}

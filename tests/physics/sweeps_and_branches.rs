@@ -1,7 +1,9 @@
 //! Two truths that know nothing of each other: stepped sweeps through time, and branches continued by harmonic balance. A sweep
 //! must settle on the stable stretch that its history implies, and jump where that stretch ends in a fold.
 
-use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Settled, Sweep, SweepParameter};
+use resonarm::analysis::time_domain::{
+    Direction, Grid, SettleOptions, Settled, StroboscopicMap, Sweep, SweepParameter, settle,
+};
 use resonarm::analysis::{BifurcationKind, BranchOptions, Coordinate, ForcedArm, Orbit, trace};
 use resonarm::arm::{Arm, Load, Pose, Preset, State};
 use serde_json::Value;
@@ -33,10 +35,11 @@ impl Case {
         for (from, to, count) in parts {
             let parameter = SweepParameter::Frequency { amplitude: self.load };
             let sweep = Sweep { parameter, grid: Grid::new(from, to, count).unwrap(), direction };
-            for index in 0..count {
-                let settled = sweep.respond(&arm, index, &state, &SettleOptions::default(), &|| false).unwrap();
+            for (value, sine) in sweep.values().into_iter().zip(sweep.sines()) {
+                let map = StroboscopicMap::new(&arm, sine).unwrap();
+                let settled = settle(&map, &state, &SettleOptions::default(), &|| false).unwrap();
                 state = settled.end;
-                points.push((sweep.value(index), settled));
+                points.push((value, settled));
             }
         }
         points

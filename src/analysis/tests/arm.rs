@@ -248,3 +248,32 @@ fn bifurcations_do_not_depend_on_where_the_points_lie() {
         assert_same(&found(&walk(from)), &expected);
     }
 }
+
+/// The two folds at β2 = 60° meet in a cusp as the excitation falls. It is the same point by curves of both coordinates, and with
+/// more harmonics.
+#[test]
+fn folds_meet_in_a_cusp() {
+    let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
+    let cusp = |least_harmonics: usize, in_amplitude: bool| {
+        let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0), 60.0);
+        let (first, second) =
+            if in_amplitude { (Coordinate::FrequencyHz, amplitude) } else { (amplitude, Coordinate::FrequencyHz) };
+        let (hz, mut options, to) = if in_amplitude {
+            (21.0, BranchOptions::new(21.0, 23.0), 5.0)
+        } else {
+            (22.12, BranchOptions::new(1.0, 400.0), 22.2)
+        };
+        options.least_harmonics = least_harmonics;
+        let branch = trace(forced.clone(), hz, first, &options).unwrap();
+        let (kind, curve) = trace_singular_curves(&forced, &branch, first, second, &options.between(0.0, to)).remove(0);
+        let curve = curve.unwrap();
+        assert_eq!((kind, curve.turns.len(), curve.turns[0].is_cusp), (BifurcationKind::Fold, 1, true));
+        let point = &curve.turns[0].point;
+        if in_amplitude { [point.lambda, point.mu] } else { [point.mu, point.lambda] }
+    };
+    let [hz, nm] = cusp(3, true);
+    assert!((hz - 22.1513).abs() < 1e-4 && (nm - 11.77).abs() < 1e-2, "{hz} {nm}");
+    for [other_hz, other_nm] in [cusp(9, true), cusp(9, false), cusp(3, false)] {
+        assert!((hz - other_hz).abs() < 1e-8 && (nm - other_nm).abs() < 1e-6, "{hz} {nm}, {other_hz} {other_nm}");
+    }
+}

@@ -33,12 +33,11 @@ pub enum TimeDomainError {
     #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
     Load,
     /// Both ends of a sweep must be numbers, different ones.
-    #[error(
-        "a sweep from {from} to {to}: both ends must be numbers, the second above the first; its direction says which way it steps", from = short(.from), to = short(.to))]
+    #[error("a sweep from {from} to {to}: both ends must be numbers, and different", from = short(.from), to = short(.to))]
     Interval {
-        /// Lower end.
+        /// One end.
         from: f64,
-        /// Upper end.
+        /// The other.
         to: f64,
     },
     /// A sweep has too few points, or too many.

@@ -42,7 +42,7 @@ impl FixedPoint {
     pub fn shoot(map: &StroboscopicMap, start: &Vector4<f64>, period: u32) -> Option<FixedPoint> {
         let mut point = *start;
         for _ in 0..MAX_ITERATIONS {
-            let derivative = map.derivative(&point, period, size_rad(&point)).ok()?;
+            let derivative = map.derivative(&point, period, size_rad(&point))?;
             let defect = map.image(&point, period).ok()? - point;
             let correction = (Matrix4::identity() - derivative).lu().solve(&defect)?;
             point += correction;

@@ -6,6 +6,7 @@
 //! the other, each from where the last one ended, as a stepped sweep on a bench does. The points in which a settled motion
 //! meets the map's section are its Poincaré section; over a range of a parameter they are the bifurcation diagram.
 
+mod basins;
 mod error;
 mod fixed_point;
 mod hysteresis;
@@ -14,6 +15,7 @@ mod settle;
 mod strobe;
 mod sweep;
 
+pub use basins::{Outcome, StableMotion, StateCoordinate, UnknownStateCoordinate, outcomes, stable_motions};
 pub use error::TimeDomainError;
 pub use hysteresis::hysteresis;
 pub use settle::{SettleOptions, Settled, settle};

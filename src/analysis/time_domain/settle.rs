@@ -13,9 +13,9 @@ use crate::arm::State;
 /// Longest period looked for, in periods of the excitation.
 const LONGEST_PERIOD: u32 = 8;
 /// Returns are looked at after this part of the slowest time constant of the linear arm.
-const STRETCH: f64 = 0.25;
+pub(super) const STRETCH: f64 = 0.25;
 /// A motion that comes back this near, as part of its size, has settled.
-const CLOSURE: f64 = 1e-9;
+pub(super) const CLOSURE: f64 = 1e-9;
 /// The return after n periods must be this much nearer than the one after 1 to look for a motion of n periods.
 const NEARER: f64 = 0.5;
 /// Periods over which an unsettled motion is measured.

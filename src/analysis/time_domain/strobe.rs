@@ -1,13 +1,16 @@
 //! The stroboscopic map: from the state at phase 0 of the excitation to the state one period later.
 
+use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::{Matrix4, Vector4};
 
 use super::TimeDomainError;
 use crate::analysis::modes;
+use crate::arm::kernel::Motion;
 use crate::arm::{Arm, State};
-use crate::integrate::{IntegrateError, Integrator, Scheme, Sine};
+use crate::ensemble;
+use crate::integrate::{DOP853, Excitation, IntegrateError, Integrator, Scheme, Sine};
 
 /// The scheme: no damping worth the name at these steps, and twice to ten times as fast here as the implicit ones.
 const SCHEME: Scheme = Scheme::Dop853;
@@ -19,6 +22,8 @@ const AMPLITUDE_TOLERANCE: f64 = 1e-8;
 const FEWEST_STEPS: f64 = 40.0;
 /// Most steps in a period of the excitation.
 const MOST_STEPS: u32 = 1_000_000;
+/// Most steps whose loads are kept at once for [`StroboscopicMap::advance_all`].
+const LONGEST_STRETCH: u32 = 4096;
 /// Difference for the map's derivative, as part of the motion's size: the error of central differences, its square times a
 /// sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
 const DIFFERENCE: f64 = 3e-5;
@@ -99,6 +104,27 @@ impl<'a> StroboscopicMap<'a> {
         self.walk(state, |_step, _state| Ok(()))
     }
 
+    /// The states so many periods after `states`, all at phase 0, side by side; each is to the bit what [`StroboscopicMap::advance`]
+    /// makes of it, and a motion that grows beyond all bounds has a state that is not finite.
+    pub fn advance_all(&self, states: &mut [State], periods: u32) {
+        let h_s = self.integrator.step_s();
+        let loads = |step| DOP853.c.map(|part| self.sine.load(self.time_s(step) + part * h_s));
+        let mut motions: Vec<Motion<f64>> = states.iter().map(Motion::from).collect();
+        let stretches = self.steps.div_ceil(LONGEST_STRETCH);
+        // As a rule a period is one stretch, and its loads are computed once for all periods.
+        let (rounds, times) = if stretches == 1 { (1, periods) } else { (periods, 1) };
+        for _ in 0..rounds {
+            for first in (0..stretches).map(|stretch| stretch * LONGEST_STRETCH) {
+                let last = (first + LONGEST_STRETCH).min(self.steps);
+                let stretch: Vec<_> = (first..last).map(loads).collect();
+                ensemble::advance(&self.arm.coefficients, h_s, &stretch, times, &mut motions);
+            }
+        }
+        for (state, motion) in states.iter_mut().zip(motions) {
+            *state = State::from(motion);
+        }
+    }
+
     /// One period, showing each step's number, 0 to N − 1, and the state at its start.
     pub(super) fn walk(
         &self,
@@ -124,7 +150,6 @@ impl<'a> StroboscopicMap<'a> {
 
     /// α̈ at a time `part_s` after the start of a step, rad/s².
     pub(super) fn acceleration(&self, step: u32, part_s: f64, state: &State) -> [f64; 2] {
-        use crate::integrate::Excitation;
         self.arm.acceleration(state, &self.sine.load(self.time_s(step) + part_s)).into()
     }
 
@@ -164,24 +189,26 @@ impl<'a> StroboscopicMap<'a> {
         Ok(self.point(&state))
     }
 
-    /// The derivative of [`StroboscopicMap::image`] by the point, by central differences for a motion of this size.
-    pub(super) fn derivative(
-        &self,
-        point: &Vector4<f64>,
-        periods: u32,
-        size_rad: f64,
-    ) -> Result<Matrix4<f64>, TimeDomainError> {
+    /// The derivative of [`StroboscopicMap::image`] by the point, by central differences for a motion of this size; `None` where a motion
+    /// beside it grows beyond all bounds.
+    pub(super) fn derivative(&self, point: &Vector4<f64>, periods: u32, size_rad: f64) -> Option<Matrix4<f64>> {
         let difference = DIFFERENCE * size_rad;
+        // Ahead and behind of each coordinate in turn.
+        let points: [Vector4<f64>; 8] = core::array::from_fn(|k| {
+            let mut moved = *point;
+            moved[k / 2] += if k % 2 == 0 { difference } else { -difference };
+            moved
+        });
+        let mut states = points.map(|point| self.state(&point));
+        self.advance_all(&mut states, periods);
         let mut matrix = Matrix4::zeros();
         for column in 0..4 {
-            let (mut ahead, mut behind) = (*point, *point);
-            ahead[column] += difference;
-            behind[column] -= difference;
+            let [ahead, behind] = [2 * column, 2 * column + 1];
             // What was really added, after rounding.
-            let width = ahead[column] - behind[column];
-            let change = self.image(&ahead, periods)? - self.image(&behind, periods)?;
+            let width = points[ahead][column] - points[behind][column];
+            let change = self.point(&states[ahead]) - self.point(&states[behind]);
             matrix.set_column(column, &(change / width));
         }
-        Ok(matrix)
+        matrix.iter().all(|value| value.is_finite()).then_some(matrix)
     }
 }

@@ -1,9 +1,11 @@
 //! Stepped sweeps: a parameter of the excitation set to one value after the other, the motion carried over.
 
+use alloc::vec::Vec;
+
 use serde::{Deserialize, Serialize};
 
-use super::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, settle};
-use crate::arm::{Arm, Load, State};
+use super::TimeDomainError;
+use crate::arm::Load;
 use crate::integrate::Sine;
 
 /// Most points of a sweep.
@@ -36,58 +38,55 @@ pub enum Direction {
     Down,
 }
 
-/// Evenly spaced values, both ends among them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The values of a sweep, rising.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    from: f64,
-    to: f64,
-    points: u32,
+    values: Vec<f64>,
 }
 
 impl Grid {
-    /// `points` values from `from` up to `to`.
+    /// `points` values evenly spaced between two ends, given in either order, both among them.
     ///
     /// # Errors
-    /// [`TimeDomainError::Interval`] unless both are numbers and `to` is above `from`, [`TimeDomainError::Points`] for less than
-    /// two points or more than a million.
+    /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for less than two points
+    /// or more than a million.
     pub fn new(from: f64, to: f64, points: u32) -> Result<Grid, TimeDomainError> {
-        if !(from.is_finite() && to.is_finite() && from < to) {
+        if !(from.is_finite() && to.is_finite() && from != to) {
             return Err(TimeDomainError::Interval { from, to });
         }
         if !(2..=MOST_POINTS).contains(&points) {
             return Err(TimeDomainError::Points { got: points, most: MOST_POINTS });
         }
-        Ok(Grid { from, to, points })
+        let (low, high, last) = (from.min(to), from.max(to), points - 1);
+        let value = |rank| (low * f64::from(last - rank) + high * f64::from(rank)) / f64::from(last);
+        Ok(Grid { values: (0..points).map(value).collect() })
     }
 
-    /// The lowest value.
-    pub fn from(&self) -> f64 {
-        self.from
+    /// The same with further values; those beyond the ends are left out.
+    pub fn with(mut self, values: impl IntoIterator<Item = f64>) -> Grid {
+        let (low, high) = (self.values[0], self.values[self.values.len() - 1]);
+        self.values.extend(values.into_iter().filter(|value| (low..=high).contains(value)));
+        self.values.sort_by(f64::total_cmp);
+        self.values.dedup();
+        self
     }
 
-    /// The highest value.
-    pub fn to(&self) -> f64 {
-        self.to
+    /// The values, rising.
+    pub fn values(&self) -> &[f64] {
+        &self.values
     }
 
-    /// How many values there are.
-    pub fn points(&self) -> u32 {
-        self.points
-    }
-
-    /// The value with this number, counted from 0 in the direction; the same bits both ways.
-    pub fn value(&self, direction: Direction, index: u32) -> f64 {
-        let last = self.points - 1;
-        let rank = match direction {
-            Direction::Up => index.min(last),
-            Direction::Down => last.saturating_sub(index),
-        };
-        (self.from * f64::from(last - rank) + self.to * f64::from(rank)) / f64::from(last)
+    /// The values in the order in which they are gone through.
+    pub fn in_order(&self, direction: Direction) -> Vec<f64> {
+        match direction {
+            Direction::Up => self.values.clone(),
+            Direction::Down => self.values.iter().rev().copied().collect(),
+        }
     }
 }
 
 /// A stepped sweep of one arm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
     /// What is stepped.
     pub parameter: SweepParameter,
@@ -98,33 +97,23 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// The value with this number, counted from 0 in the direction of the sweep.
-    pub fn value(&self, index: u32) -> f64 {
-        self.grid.value(self.direction, index)
+    /// The values in the order of the sweep.
+    pub fn values(&self) -> Vec<f64> {
+        self.grid.in_order(self.direction)
     }
 
-    /// The excitation at the value with this number.
-    pub fn sine(&self, index: u32) -> Sine {
-        let value = self.value(index);
-        match self.parameter {
+    /// The excitations in the order of the sweep.
+    pub fn sines(&self) -> Vec<Sine> {
+        self.values().into_iter().map(|value| self.parameter.sine(value)).collect()
+    }
+}
+
+impl SweepParameter {
+    /// The excitation at a value.
+    pub fn sine(&self, value: f64) -> Sine {
+        match *self {
             SweepParameter::Frequency { amplitude } => Sine { amplitude, frequency_hz: value },
             SweepParameter::Amplitude { unit, frequency_hz } => Sine { amplitude: unit.scaled(value), frequency_hz },
         }
-    }
-
-    /// The settled motion at the value with this number, the excitation stepping to it at phase 0 with the arm in the state
-    /// `start`: at rest, or where the motion before ended.
-    ///
-    /// # Errors
-    /// As [`StroboscopicMap::new`] and [`settle`].
-    pub fn respond(
-        &self,
-        arm: &Arm,
-        index: u32,
-        start: &State,
-        options: &SettleOptions,
-        stop: &dyn Fn() -> bool,
-    ) -> Result<Settled, TimeDomainError> {
-        settle(&StroboscopicMap::new(arm, self.sine(index))?, start, options, stop)
     }
 }

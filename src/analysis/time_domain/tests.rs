@@ -22,12 +22,13 @@ fn frequency_sweep(torque1_nm: f64, (from, to, points): (f64, f64, u32), directi
 /// The whole sweep from rest, with its values.
 fn swept(arm: &Arm, sweep: &Sweep) -> Vec<(f64, Settled)> {
     let mut state = State::default();
-    let respond = |index| {
-        let settled = sweep.respond(arm, index, &state, &SettleOptions::default(), &|| false).unwrap();
+    let respond = |(value, sine)| {
+        let map = StroboscopicMap::new(arm, sine).unwrap();
+        let settled = settled_from(&map, &state);
         state = settled.end;
-        (sweep.value(index), settled)
+        (value, settled)
     };
-    (0..sweep.grid.points()).map(respond).collect()
+    sweep.values().into_iter().zip(sweep.sines()).map(respond).collect()
 }
 
 fn settled_from(map: &StroboscopicMap, start: &State) -> Settled {
@@ -301,7 +302,7 @@ fn amplitude_can_be_stepped() {
 fn work_stays_what_it_is() {
     let (arm, sweep) = (fitted(60.0), frequency_sweep(60.0, (21.0, 23.5, 51), Direction::Up));
     let periods: u64 = swept(&arm, &sweep).iter().map(|(_, settled)| settled.settling_periods).sum();
-    let steps = StroboscopicMap::new(&arm, sweep.sine(0)).unwrap().steps_per_period();
+    let steps = StroboscopicMap::new(&arm, sweep.sines()[0]).unwrap().steps_per_period();
     insta::assert_snapshot!(format!("{periods} periods of {steps} steps at 21 Hz"), @"17038 periods of 44 steps at 21 Hz");
 }
 
@@ -324,8 +325,13 @@ fn says_what_can_not_be_swept() {
     insta::assert_snapshot!(says(1.0, f64::NAN), @"excitation frequency NaN Hz: it must be a positive number");
     insta::assert_snapshot!(says(1.0, 1e-6), @"excitation frequency 0.000001 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
     insta::assert_snapshot!(says(f64::INFINITY, 20.0), @"the amplitude of the excitation is not finite: torque and force must be numbers");
-    insta::assert_snapshot!(Grid::new(23.0, 21.0, 10).unwrap_err(), @"a sweep from 23 to 21: both ends must be numbers, the second above the first; its direction says which way it steps");
-    insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"a sweep from NaN to 21: both ends must be numbers, the second above the first; its direction says which way it steps");
+    insta::assert_snapshot!(Grid::new(23.0, 23.0, 10).unwrap_err(), @"a sweep from 23 to 23: both ends must be numbers, and different");
+    insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"a sweep from NaN to 21: both ends must be numbers, and different");
+    assert_eq!(Grid::new(23.0, 21.0, 3).unwrap().values(), [21.0, 22.0, 23.0]);
+    assert_eq!(
+        Grid::new(21.0, 23.0, 2).unwrap().with([24.0, 22.5, 21.0]).in_order(Direction::Down),
+        [23.0, 22.5, 21.0]
+    );
     insta::assert_snapshot!(Grid::new(21.0, 23.0, 1).unwrap_err(), @"a sweep of 1 points: it must have from 2, one at each end, to 1000000");
     let preset = Preset::Irb1600Fitted.parameters().unwrap();
     let parameters = Parameters { damping1_nm_s_rad: 0.0, damping2_nm_s_rad: 0.0, ..preset };

@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
-use super::output;
+use super::output::{self, OverwriteFlag};
 use crate::arm::Preset;
 use crate::paper::claims::{self, Report};
 use crate::paper::{Figure, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies};
@@ -30,6 +30,8 @@ pub(super) struct Paper {
     /// Folder for the files; made if it isn't there. `claims` can do without.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Parameter set of Figs. 4, 5, 7 and 9 [default: irb1600-fitted]; the others show both.
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
@@ -86,6 +88,7 @@ impl Paper {
         let (text, settings) = self.settings()?;
         let start_ns = SystemClock.now_ns();
         if let Some(folder) = self.folder()? {
+            self.overwrite.check(self.files(folder, &text))?;
             fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.to_path_buf(), source })?;
             output::write(folder.join("settings.toml"), &text)?;
         }
@@ -100,6 +103,20 @@ impl Paper {
             output::print(&text_of(&document))?;
         }
         Ok(Verdict::of(document.claims.is_none_or(|report| report.is_complete())))
+    }
+
+    /// The files that will be written and may not be there; the same settings may.
+    fn files(&self, folder: &Path, settings: &str) -> Vec<PathBuf> {
+        let figures = CURVES.iter().filter(|(what, _)| self.wants(*what)).map(|(_, figure)| figure.name());
+        let figures = figures.chain(self.wants(What::Fig3).then_some("fig3"));
+        let forms = |name| ["svg", "png", "csv", "json"].map(|form| folder.join(name).with_extension(form));
+        let mut files: Vec<PathBuf> = figures.flat_map(forms).collect();
+        if self.wants(What::Claims) {
+            files.extend(["claims.json", "claims.md"].map(|name| folder.join(name)));
+        }
+        let own = folder.join("settings.toml");
+        files.extend((!fs::read(&own).is_ok_and(|there| there == settings.as_bytes())).then_some(own));
+        files
     }
 
     fn wants(&self, what: What) -> bool {
