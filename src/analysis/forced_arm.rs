@@ -2,40 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::{Instant, LinearMode, Linearisation, Oscillator};
+use super::{ArmParameter, Instant, LinearMode, Linearisation, Oscillator};
 use crate::arm::{Arm, ArmError, Load, Parameters, Pose, State};
-
-/// What of a forced arm can be varied.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum ArmParameter {
-    /// The factor on the load: with a load of one unit, the amplitude in N·m or N.
-    Amplitude,
-    /// β1, degrees.
-    Beta1Deg,
-    /// β2, degrees.
-    Beta2Deg,
-    /// I_A1, kg·m².
-    Inertia1,
-    /// I_S2, kg·m².
-    Inertia2,
-    /// m2, kg.
-    Mass2,
-    /// l1, m.
-    Length1,
-    /// l2, m.
-    Length2,
-    /// lc2, m.
-    Centre2,
-    /// k1, N·m/rad.
-    Stiffness1,
-    /// k2, N·m/rad.
-    Stiffness2,
-    /// d1, N·m·s/rad.
-    Damping1,
-    /// d2, N·m·s/rad.
-    Damping2,
-}
 
 /// The part of a parameter by which it is varied where r is not quadratic in it.
 const SMALL_PART: f64 = 1e-4;
@@ -87,7 +55,7 @@ impl ForcedArm {
             ArmParameter::Beta1Deg => pose.beta1_deg = value,
             ArmParameter::Beta2Deg => pose.beta2_deg = value,
             _ => {
-                if let Some(field) = physical(&mut parameters, which) {
+                if let Some(field) = which.field(&mut parameters) {
                     *field = value;
                 }
             }
@@ -111,23 +79,6 @@ impl ForcedArm {
     }
 }
 
-/// The field of a physical parameter, none for the load's and the pose's.
-fn physical(parameters: &mut Parameters, which: ArmParameter) -> Option<&mut f64> {
-    Some(match which {
-        ArmParameter::Amplitude | ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => return None,
-        ArmParameter::Inertia1 => &mut parameters.inertia1_kg_m2,
-        ArmParameter::Inertia2 => &mut parameters.inertia2_kg_m2,
-        ArmParameter::Mass2 => &mut parameters.mass2_kg,
-        ArmParameter::Length1 => &mut parameters.length1_m,
-        ArmParameter::Length2 => &mut parameters.length2_m,
-        ArmParameter::Centre2 => &mut parameters.centre2_m,
-        ArmParameter::Stiffness1 => &mut parameters.stiffness1_nm_rad,
-        ArmParameter::Stiffness2 => &mut parameters.stiffness2_nm_rad,
-        ArmParameter::Damping1 => &mut parameters.damping1_nm_s_rad,
-        ArmParameter::Damping2 => &mut parameters.damping2_nm_s_rad,
-    })
-}
-
 impl Oscillator for ForcedArm {
     type Parameter = ArmParameter;
 
@@ -137,7 +88,7 @@ impl Oscillator for ForcedArm {
             ArmParameter::Amplitude => self.amplitude,
             ArmParameter::Beta1Deg => beta1_deg,
             ArmParameter::Beta2Deg => beta2_deg,
-            _ => physical(&mut self.arm.parameters().clone(), which).map_or(f64::NAN, |field| *field),
+            _ => which.field(&mut self.arm.parameters().clone()).map_or(f64::NAN, |field| *field),
         }
     }
 
@@ -157,12 +108,7 @@ impl Oscillator for ForcedArm {
             ArmParameter::Amplitude if torque && force => "times the load",
             ArmParameter::Amplitude if force => "N",
             ArmParameter::Amplitude => "N·m",
-            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => "°",
-            ArmParameter::Inertia1 | ArmParameter::Inertia2 => "kg·m²",
-            ArmParameter::Mass2 => "kg",
-            ArmParameter::Length1 | ArmParameter::Length2 | ArmParameter::Centre2 => "m",
-            ArmParameter::Stiffness1 | ArmParameter::Stiffness2 => "N·m/rad",
-            ArmParameter::Damping1 | ArmParameter::Damping2 => "N·m·s/rad",
+            _ => which.unit(),
         }
     }
 
@@ -250,11 +196,7 @@ mod tests {
             sine: 0.8,
             cosine: 0.6,
         };
-        use ArmParameter::*;
-        for which in [
-            Amplitude, Beta1Deg, Beta2Deg, Inertia1, Inertia2, Mass2, Length1, Length2, Centre2, Stiffness1,
-            Stiffness2, Damping1, Damping2,
-        ] {
+        for which in ArmParameter::ALL {
             let (value, exact) = (forced.parameter(which), forced.by_parameter(which, &at));
             let h = 1e-4 * value;
             assert!(forced.set_parameter(which, value + h));
@@ -265,7 +207,7 @@ mod tests {
             let seen = (above - below) / (2.0 * h);
             assert!((seen - exact).norm() < 1e-6 * (1.0 + exact.norm()), "{which:?}: {seen} {exact}");
         }
-        assert!(!forced.set_parameter(Mass2, -1.0) && forced.parameter(Mass2) == 50.58);
+        assert!(!forced.set_parameter(ArmParameter::Mass2, -1.0) && forced.parameter(ArmParameter::Mass2) == 50.58);
     }
 
     #[test]

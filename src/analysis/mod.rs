@@ -4,6 +4,7 @@
 //! harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones.
 
 mod adapt;
+mod arm_parameter;
 mod backbone;
 mod branch;
 pub mod continuation;
@@ -32,13 +33,14 @@ mod spectrum;
 mod start;
 pub mod time_domain;
 
+pub use arm_parameter::{ArmParameter, UnknownArmParameter};
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
 pub use branch::{trace, trace_doubled, trace_doublings};
 pub use curve::{SingularCurve, SingularPoint, Turn, trace_singular, trace_singular_curves};
 pub use error::{AnalysisError, EndedEarly, Place};
 pub use extended::{SingularResponse, Singularity};
 pub use floquet::{Floquet, Stability, StabilityWork};
-pub use forced_arm::{ArmParameter, ForcedArm};
+pub use forced_arm::ForcedArm;
 pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response};
 pub use grid::frequencies_hz;
 pub use harmonic_balance::{Coordinate, HarmonicBalance};

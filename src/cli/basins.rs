@@ -26,6 +26,8 @@ const REACH: f64 = 1.5;
 const MOST: u32 = 1000;
 /// Width of the drawn grid, px: the marks of its cells touch.
 const DRAWN_PX: f64 = 420.0;
+/// The widest mark, px: a wider one has no place in the legend.
+const WIDEST_PX: f64 = 16.0;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -272,7 +274,7 @@ impl Document {
     fn figure(&self, grid: &StateGrid) -> Figure {
         let [x, y] = self.coordinates;
         let mut panel = Panel::new(Axis::linear(x.label()), Axis::linear(y.label()));
-        let size = (DRAWN_PX / grid.counts[0] as f64).max(0.5);
+        let size = (DRAWN_PX / grid.counts[0] as f64).clamp(0.5, WIDEST_PX);
         let cells = |wanted: &dyn Fn(&Cell) -> bool| {
             self.cells.iter().filter(|cell| wanted(cell)).map(|cell| (cell.at[0], cell.at[1])).collect::<Vec<_>>()
         };

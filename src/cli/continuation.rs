@@ -144,7 +144,7 @@ impl Found {
     /// Writes the figures and their data.
     fn plot(&self, stem: &Path, varied: &Varied, conditions: String, on_curves: String) -> Result<(), Failure> {
         let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
-        branch_plot::figure(conditions, varied.quantity.label, &branches).write(stem)?;
+        branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?;
         output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?;
         if let Some(curves) = &self.curves {
             let stem = beside(stem, "-curves");
@@ -259,7 +259,8 @@ impl Continue {
             "frequency_hz": self.frequency_hz,
         });
         let conditions = self.conditions(&scenario, &load, &[&varied.quantity]);
-        let on_curves = second.map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, &second]));
+        let on_curves =
+            second.as_ref().map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, second]));
         let found = self.follow(forced, &varied, second)?;
         let document = found.document(configuration, &varied);
         if let Some(stem) = &self.plot {
@@ -304,7 +305,7 @@ impl Continue {
             }
         }
         let curves = second
-            .map(|second| Curves::trace(&forced, &branch, varied.quantity, second, &self.walk, &mut early))
+            .map(|second| Curves::trace(&forced, &branch, varied.quantity.clone(), second, &self.walk, &mut early))
             .transpose()?;
         let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         Ok(Found { branch, doubled, curves, early, wall_s })

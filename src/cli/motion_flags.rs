@@ -1,4 +1,4 @@
-//! Flags that `sweep` and `poincare` share.
+//! Flags that `sweep`, `poincare` and `basins` share.
 
 use std::path::PathBuf;
 

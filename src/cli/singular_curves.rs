@@ -135,7 +135,7 @@ impl Curves {
 
     /// The plane of both quantities with the curves in it.
     pub fn figure(&self, conditions: String) -> Figure {
-        let mut panel = Panel::new(Axis::linear(self.first.label), Axis::linear(self.second.label));
+        let mut panel = Panel::new(Axis::linear(&self.first.label), Axis::linear(&self.second.label));
         for (kind, label, color, dash) in [
             (BifurcationKind::Fold, "fold", Color::Black, Dash::Solid),
             (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion, Dash::DashDot),

@@ -193,16 +193,16 @@ mod tests {
     use crate::analysis::time_domain::{SettleOptions, settle, stable_motions};
     use crate::arm::{Load, Parameters, Pose, Preset};
 
-    /// Between the folds, with a hundred times the damping and an excitation that bends the resonance as far.
+    /// Between the folds, with five times the damping and an excitation that bends the resonance as far for it.
     fn basins(counts: [usize; 2]) -> Basins {
         let parameters = Preset::Irb1600Fitted.parameters().unwrap();
         let damped = Parameters {
-            damping1_nm_s_rad: 20.0 * parameters.damping1_nm_s_rad,
-            damping2_nm_s_rad: 20.0 * parameters.damping2_nm_s_rad,
+            damping1_nm_s_rad: 5.0 * parameters.damping1_nm_s_rad,
+            damping2_nm_s_rad: 5.0 * parameters.damping2_nm_s_rad,
             ..parameters
         };
         let arm = Arm::new(damped, Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
-        let sine = Sine { amplitude: Load::torque_nm(1500.0, 0.0), frequency_hz: 21.6 };
+        let sine = Sine { amplitude: Load::torque_nm(600.0, 0.0), frequency_hz: 21.98 };
         let (motions, early) = stable_motions(&arm, &sine).unwrap();
         assert!(early.is_empty());
         let coordinates = [StateCoordinate::Alpha1, StateCoordinate::AlphaDot1];
