@@ -129,7 +129,7 @@ pub struct Options {
     /// Samples in a full-rate batch, at least 1.
     pub batch_samples: u32,
     /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none. From 2 on
-    /// they are filtered against aliases.
+    /// they are filtered against aliases, as `docs/recording.md` states.
     pub plot_every_samples: u64,
 }
 

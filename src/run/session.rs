@@ -248,6 +248,7 @@ impl Session {
             Mode::Free => recording::Options::virtual_time(dt_s, interface),
         };
         options.existing = *existing;
+        options.plot_every_samples = self.scenario.recording.plot_every_samples;
         Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
     }
 }

@@ -43,6 +43,8 @@ pub struct Scenario {
     pub network: NetworkSection,
     /// The instruments.
     pub rig: RigSpec,
+    /// What a recording holds.
+    pub recording: RecordingSection,
     /// What the exciter controller plays, if the scenario says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation: Option<ExcitationSpec>,
@@ -127,6 +129,21 @@ impl Default for NetworkSection {
             partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
             lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
         }
+    }
+}
+
+/// What a recording holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecordingSection {
+    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, 0 none.
+    pub plot_every_samples: u64,
+}
+
+impl Default for RecordingSection {
+    /// Every tenth sample.
+    fn default() -> RecordingSection {
+        RecordingSection { plot_every_samples: 10 }
     }
 }
 

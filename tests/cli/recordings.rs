@@ -320,6 +320,30 @@ fn what_a_sensor_could_not_tell_is_told() {
 }
 
 #[test]
+fn the_topics_for_plotting_hold_as_much_as_the_scenario_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["run", "--mode", "free", "--scenario", "plot.toml", "--record", "run.mcap", "--overwrite"];
+    let scenario = |every: u64| {
+        let excitation = "amplitude = { force_x_n = 30.0 }
+            profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.3, settle_s = 0.05 }";
+        let text = format!("recording = {{ plot_every_samples = {every} }}\n[excitation]\n{excitation}");
+        fs::write(folder.path().join("plot.toml"), text).unwrap();
+    };
+    for (every, messages) in [(0, 0), (1, 301), (7, 43)] {
+        scenario(every);
+        assert_eq!(resonarm(folder.path(), &run).code, 0);
+        let summary = document(folder.path(), 0, &["inspect", "run.mcap", "--json"]);
+        assert_eq!(summary["origin"]["plot_every_samples"], every);
+        for topic in ["/plant/state", "/plant/command", "/plant/sensors"] {
+            assert_eq!(summary["topics"][topic]["messages"], messages, "{topic}, every {every}");
+        }
+        assert_eq!(summary["topics"]["/plant/samples"]["records"], 301);
+    }
+    scenario(1001);
+    assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: recording option `plot_every_samples` is 1001, expected at most 1000");
+}
+
+#[test]
 fn what_is_no_regular_file_is_refused() {
     let folder = recorded();
     assert!(std::process::Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
