@@ -151,7 +151,7 @@ pub struct SampleBatch {
     /// Force in the impedance head at C along y, N.
     #[prost(double, repeated, tag = "8")]
     pub head_force_y_n: ::prost::alloc::vec::Vec<f64>,
-    /// Which readings were beyond the range of their sensor, so that the value is the end of the range: bit 0 acceleration_b_x,
+    /// Which readings were beyond the range of their sensor, so that the value is the last within it: bit 0 acceleration_b_x,
     /// 1 acceleration_b_y, 2 acceleration_c_x, 3 acceleration_c_y, 4 head_force_x, 5 head_force_y. Empty in recordings of
     /// format 1, which don't say.
     #[prost(uint32, repeated, tag = "9")]

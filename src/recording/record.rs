@@ -68,7 +68,7 @@ pub struct SampleRecord {
     pub clipped: Option<Clipped>,
 }
 
-/// Which readings of a sample were beyond the range of their sensor, so that the value is the end of the range.
+/// Which readings of a sample were beyond the range of their sensor, so that the value is the last within it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Clipped {
     /// Acceleration of point B along x and y.
