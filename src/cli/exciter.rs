@@ -33,6 +33,9 @@ pub(super) struct Exciter {
     /// How long to wait until there is a plant and it is armed, s.
     #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
+    /// How often to begin anew after a fault: reset and arm the plant, and play the excitation from its start.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    rearm: u32,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -57,6 +60,8 @@ struct Document {
     error: Option<String>,
     samples_played: u64,
     missed_samples: u64,
+    slipped_periods: u64,
+    rearmed: u32,
     bus: BusCounts,
     responses: Vec<ResponseDocument>,
 }
@@ -84,6 +89,7 @@ impl Exciter {
         let options = Options {
             thread: if self.mode == Mode::RealTime { Some(self.thread.setup()?) } else { None },
             patience: Some(seconds("--patience-s", self.patience_s)?),
+            rearm: self.rearm,
             ..Options::default()
         };
         let session = Session::new(scenario, self.mode, options)?;
@@ -119,6 +125,8 @@ impl Exciter {
                 error: report.error.as_ref().map(RunError::to_string),
                 samples_played: report.samples_played,
                 missed_samples: report.missed_samples,
+                slipped_periods: report.slipped_periods,
+                rearmed: report.rearmed,
                 bus: report.bus,
                 responses: report.responses.iter().map(ResponseDocument::from).collect(),
             });

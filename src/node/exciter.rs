@@ -174,6 +174,22 @@ impl ExciterNode {
         }
     }
 
+    /// Begins anew after a fault: resets itself, arms the plant, and plays the profile from its start. `false` if no fault
+    /// ended it, or it leaves.
+    pub fn rearm(&mut self, now_ns: u64) -> bool {
+        if !matches!(self.phase, Phase::Done(Outcome::Faulted(_))) || self.leave != Leave::Stay {
+            return false;
+        }
+        self.link.transition(now_ns, StateEvent::Reset);
+        self.phase = Phase::Arming;
+        // By then it has heard the plant's state after what went wrong.
+        self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
+        (self.head, self.b, self.answered) = (None, None, None);
+        self.sequence = Sequence::new(self.link.hello().rate_hz);
+        self.reader = ResponseReader::new(&self.profile);
+        true
+    }
+
     /// Leaves the bus in good order: as [`ExciterNode::stop`], and when the work is done tells that it leaves. It has left
     /// when [`ExciterNode::is_quiet`].
     pub fn leave(&mut self, now_ns: u64) {

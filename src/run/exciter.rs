@@ -15,9 +15,14 @@ const RETRY_NS: u64 = 200_000;
 /// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125 kbit/s.
 const SEND_LIMIT_NS: u64 = 500_000_000;
 
-/// How long to wait for a plant.
+/// How long to wait for a plant, and how often to begin anew after a fault.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Patience(pub Option<Duration>);
+pub(super) struct Patience {
+    /// How long to wait until a plant is armed; `None` is without end.
+    pub wait: Option<Duration>,
+    /// How often to begin anew.
+    pub rearm: u32,
+}
 
 /// Runs the exciter on the calling thread until its profile is played, it faults, or it is asked to stop.
 pub(super) fn run<C: Clock>(
@@ -28,11 +33,11 @@ pub(super) fn run<C: Clock>(
     signals: &Signals,
 ) -> ExciterReport {
     let start_ns = clock.now_ns();
-    let mut run = Run { node, bus, clock, start_ns, patience, signals, responses: Vec::new() };
+    let mut run = Run { node, bus, clock, start_ns, patience, rearmed: 0, signals, responses: Vec::new() };
     let error = run.answer().and_then(|()| run.send_rest()).err();
-    let Run { bus, responses, .. } = run;
+    let Run { bus, responses, rearmed, .. } = run;
     let counts = BusCounts::new(bus.statistics(), 0, node.refused_frames());
-    ExciterReport { responses, bus: counts, ..ExciterReport::new(node, error) }
+    ExciterReport { responses, rearmed, bus: counts, ..ExciterReport::new(node, error) }
 }
 
 impl ExciterReport {
@@ -43,6 +48,8 @@ impl ExciterReport {
             error,
             samples_played: node.samples_played(),
             missed_samples: node.missed_samples(),
+            slipped_periods: node.slipped_periods(),
+            rearmed: 0,
             bus: BusCounts::default(),
             responses: Vec::new(),
         }
@@ -55,6 +62,7 @@ struct Run<'r, C: Clock> {
     clock: &'r C,
     start_ns: u64,
     patience: Patience,
+    rearmed: u32,
     signals: &'r Signals,
     responses: Vec<ResponsePoint>,
 }
@@ -74,12 +82,16 @@ impl<C: Clock> Run<'_, C> {
                 self.transmit()?;
             }
             if self.signals.is_stopped() {
-                self.node.stop(now_ns);
+                self.node.leave(now_ns);
             }
             self.node.handle_deadline(now_ns);
             let sent = self.transmit()?;
             self.responses.extend(core::iter::from_fn(|| self.node.poll_response()));
             self.signals.set_done(self.node.samples_played());
+            if self.rearmed < self.patience.rearm && self.node.rearm(now_ns) {
+                self.rearmed += 1;
+                self.responses.clear();
+            }
             if self.node.outcome().is_some() {
                 return Ok(());
             }
@@ -90,14 +102,14 @@ impl<C: Clock> Run<'_, C> {
     }
 
     fn check_patience(&self, now_ns: u64) -> Result<(), RunError> {
-        let Some(patience) = self.patience.0.filter(|patience| u128::from(now_ns) > patience.as_nanos()) else {
+        let Some(patience) = self.patience.wait.filter(|patience| u128::from(now_ns) > patience.as_nanos()) else {
             return Ok(());
         };
         let waited_s = patience.as_secs_f64();
         if !self.node.has_heard_plant() {
             return Err(RunError::NoPlant { waited_s });
         }
-        if self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0 {
+        if self.rearmed == 0 && self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0 {
             return Err(RunError::PlantNotArmed { waited_s });
         }
         Ok(())
@@ -114,8 +126,9 @@ impl<C: Clock> Run<'_, C> {
         Ok(true)
     }
 
-    /// Sends what is left, the disarm above all.
+    /// Leaves the bus, and sends what is left, the disarm above all.
     fn send_rest(&mut self) -> Result<(), RunError> {
+        self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;
         while !self.transmit()? && self.now_ns() < end_ns {
             // Not the bus's own wait, which unread frames end at once.

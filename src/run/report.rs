@@ -105,6 +105,10 @@ pub struct ExciterReport {
     pub samples_played: u64,
     /// Samples that never came in whole.
     pub missed_samples: u64,
+    /// Sample periods by which the plant said that its schedule has moved.
+    pub slipped_periods: u64,
+    /// How often it began anew after a fault.
+    pub rearmed: u32,
     /// What the bus and the protocol's checks counted.
     pub bus: BusCounts,
     /// The responses read.

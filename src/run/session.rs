@@ -49,6 +49,8 @@ pub struct Options {
     pub end_on_disarm: bool,
     /// How long a plant waits to be armed for the first time, and an exciter for a plant; `None` is without end.
     pub patience: Option<Duration>,
+    /// How often an exciter begins anew after a fault: resets and arms the plant, and plays its profile from the start.
+    pub rearm: u32,
 }
 
 impl Default for Options {
@@ -61,6 +63,7 @@ impl Default for Options {
             thread: None,
             end_on_disarm: false,
             patience: None,
+            rearm: 0,
         }
     }
 }
@@ -149,7 +152,7 @@ impl Session {
         if let Some(setup) = &self.options.thread {
             become_real_time(setup);
         }
-        let patience = Patience(self.options.patience);
+        let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
     }
 
@@ -168,7 +171,7 @@ impl Session {
         let [mut near, mut far] = memory::pair(BUS_CAPACITY);
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
-            let patience = Patience(session.options.patience);
+            let patience = Patience { wait: session.options.patience, rearm: session.options.rearm };
             // The plant keeps the count of samples; the exciter only listens for the stop.
             let controller = scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, signals));
             let plant = session.plant(&mut near, signals, on_event);

@@ -403,7 +403,13 @@ fn an_exciter_s_last_disarm_waits_for_the_queue_though_frames_are_unread() {
     let mut node = NodeBus::new(&scenario(), Mode::Lockstep, &clock).exciter;
     node.stop(0);
     let mut bus = JammedBus { clock: clock.clone(), until_ns: 100 * MS, sent: 0 };
-    let report = super::exciter::run(&mut node, &mut bus, &clock, super::exciter::Patience(None), &Signals::default());
+    let report = super::exciter::run(
+        &mut node,
+        &mut bus,
+        &clock,
+        super::exciter::Patience { wait: None, rearm: 0 },
+        &Signals::default(),
+    );
     assert_eq!(report.outcome, Some(ExciterOutcome::Stopped));
     assert!(bus.sent >= 3, "boot-up, pre-operational, hello: {}", bus.sent);
     assert!(clock.now_ns() >= 100 * MS && clock.now_ns() < 110 * MS, "{}", clock.now_ns());
