@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::demo_report;
-use super::exciter::{self, ResponseDocument};
+use super::exciter::ResponseDocument;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output;
@@ -16,7 +16,7 @@ use super::session::{complaint, mode_parser, report_text};
 use super::supervise::supervise;
 use crate::realtime::ThreadSetup;
 use crate::recording::Existing;
-use crate::run::{BothReport, Mode, Options, PlantReport, RecordTo, RunError, Session, Signals, Speed};
+use crate::run::{BothReport, Mode, Options, PlantReport, RecordTo, RunError, Session, Signals, Speed, fault_text};
 use crate::scenario::Scenario;
 
 /// How long plant and exciter look for each other: far longer than a machine under load keeps a thread waiting.
@@ -102,7 +102,7 @@ impl Demo {
                 output::print(&format!("plot         {}\n", paths.join(", ")))?;
             }
         }
-        let complaints = [complaint(&plant), exciter::complaint(&exciter)];
+        let complaints = [complaint(&plant), exciter.fault().map(fault_text)];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match plant.error.or(exciter.error) {
             Some(error) => Err(error.into()),

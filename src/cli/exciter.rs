@@ -85,7 +85,6 @@ impl Exciter {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let address: BusAddress = self.bus.parse()?;
         let scenario = self.session.scenario(super::demo::scenario)?;
-        let samples = scenario.profile()?.samples();
         let options = Options {
             thread: if self.mode == Mode::RealTime { Some(self.thread.setup()?) } else { None },
             patience: Some(seconds("--patience-s", self.patience_s)?),
@@ -93,6 +92,7 @@ impl Exciter {
             ..Options::default()
         };
         let session = Session::new(scenario, self.mode, options)?;
+        let samples = session.scenario().profile()?.samples();
         let mut bus = bus::open(&address)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
@@ -177,7 +177,7 @@ fn outcome(report: &ExciterReport) -> &'static str {
 }
 
 /// Why the exciter did not do what it was for, and what to do; `None` if it did, or an error says so.
-pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
+fn complaint(report: &ExciterReport) -> Option<String> {
     match (report.fault(), report.outcome) {
         (Some(emergency), _) => Some(fault_text(emergency)),
         (None, Some(Outcome::PlantLeft)) => Some(String::from("the plant left the bus before the excitation was over")),

@@ -6,12 +6,12 @@ use clap::Args;
 
 use super::failure::{Failure, Verdict};
 use super::flags::{SessionFlags, ThreadFlags};
+use super::output;
 use super::session::{EventLog, RecordFlags, complaint, event_ring, mode_parser, report_text, seconds};
 use super::supervise::supervise;
-use super::{exciter, output};
 use crate::bus::{self, BusAddress};
 use crate::realtime::OverrunPolicy;
-use crate::run::{ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
+use crate::run::{ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed, fault_text};
 use crate::scenario::Scenario;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
@@ -116,7 +116,8 @@ impl Run {
         } else {
             output::print(&report_text(&report))?;
         }
-        let complaints = [complaint(&report), exciter.and_then(exciter::complaint)];
+        // That the plant left before the excitation was over is what a duration asks for.
+        let complaints = [complaint(&report), exciter.and_then(ExciterReport::fault).map(fault_text)];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match report.error {
             Some(error) => Err(error.into()),

@@ -131,7 +131,12 @@ fn buses_that_are_none() {
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
     assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus: plant and exciter run in one loop; take the mode lockstep");
-    assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"resonarm: --mode free has no bus: it is a mode of `resonarm run`");
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"
+    error: invalid value 'free' for '--mode <MODE>'
+      [possible values: real-time, lockstep]
+
+    For more information, try '--help'.
+    ");
 }
 
 /// What is missing differs from machine to machine: the interface, or CAN itself.
@@ -160,7 +165,7 @@ fn words_that_are_not_understood() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--overrun", "ignore"]), @r"
-    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it is one of continue, fault, stop
+    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it is one of slip, continue, fault, stop
 
     For more information, try '--help'.
     ");
