@@ -184,7 +184,7 @@ fn recovery_goes_on_behind_a_damaged_chunk_and_says_what_is_gone() {
     assert_eq!(recovered["missing_samples"], serde_json::json!([{ "first": 1000, "last": 1999 }]));
     let mended = document(folder.path(), 1, &["inspect", "mended.mcap", "--json"]);
     assert_eq!(mended["integrity"]["state"], "unfinished");
-    assert_eq!((&mended["samples"][0], &mended["samples"][1]), (&0.into(), &2500.into()));
+    assert_eq!((&mended["samples"][0], &mended["samples"][1]), (&0.into(), &2550.into()));
     assert_eq!(mended["topics"]["/plant/steps"]["gaps"], 1);
     let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
     assert!(said.stdout.contains("are gone, which states log times from 0.740 to 1.999 s: "), "{}", said.stdout);
@@ -323,13 +323,14 @@ fn what_a_sensor_could_not_tell_is_told() {
 fn the_topics_for_plotting_hold_as_much_as_the_scenario_says() {
     let folder = tempfile::tempdir().unwrap();
     let run = ["run", "--mode", "free", "--scenario", "plot.toml", "--record", "run.mcap", "--overwrite"];
+    // 0.3 s, and 50 ms of ramp on top.
     let scenario = |every: u64| {
         let excitation = "amplitude = { force_x_n = 30.0 }
             profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.3, settle_s = 0.05 }";
         let text = format!("recording = {{ plot_every_samples = {every} }}\n[excitation]\n{excitation}");
         fs::write(folder.path().join("plot.toml"), text).unwrap();
     };
-    for (every, messages) in [(0, 0), (1, 301), (7, 43)] {
+    for (every, messages) in [(0, 0), (1, 351), (7, 51)] {
         scenario(every);
         assert_eq!(resonarm(folder.path(), &run).code, 0);
         let summary = document(folder.path(), 0, &["inspect", "run.mcap", "--json"]);
@@ -337,7 +338,7 @@ fn the_topics_for_plotting_hold_as_much_as_the_scenario_says() {
         for topic in ["/plant/state", "/plant/command", "/plant/sensors"] {
             assert_eq!(summary["topics"][topic]["messages"], messages, "{topic}, every {every}");
         }
-        assert_eq!(summary["topics"]["/plant/samples"]["records"], 301);
+        assert_eq!(summary["topics"]["/plant/samples"]["records"], 351);
     }
     scenario(1001);
     assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: recording option `plot_every_samples` is 1001, expected at most 1000");
