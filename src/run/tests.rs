@@ -14,6 +14,10 @@ use crate::realtime::{Clock, OverrunPolicy, SampleRate};
 use crate::recording::{Existing, Record, Recording};
 use crate::scenario::Scenario;
 
+mod jammed_bus;
+
+use jammed_bus::JammedBus;
+
 const MS: u64 = 1_000_000;
 
 const SCENARIO: &str = "
@@ -444,47 +448,6 @@ fn a_report_as_json_has_the_fixed_keys() {
     let mut report = stopped.run(Mode::RealTime, &Signals::default()).report;
     (report.wakeup_us, report.exec_us) = (None, None);
     insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"error":null,"samples":549,"steps":2192,"overruns":10,"slipped":0,"wakeup_us":null,"exec_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"e2e_errors":0},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0},"recording":null}"#);
-}
-
-/// A bus whose transmit queue is full for a while, and which always has something unread.
-struct JammedBus {
-    clock: ScriptedClock,
-    until_ns: u64,
-    sent: u64,
-}
-
-impl Bus for JammedBus {
-    fn name(&self) -> String {
-        String::from("jammed")
-    }
-
-    fn send(&mut self, _frame: &Frame) -> Result<Sent, BusError> {
-        if self.clock.now_ns() < self.until_ns {
-            return Ok(Sent::QueueFull);
-        }
-        self.sent += 1;
-        Ok(Sent::Queued)
-    }
-
-    fn receive(&mut self) -> Result<Option<Received>, BusError> {
-        Ok(None)
-    }
-
-    fn wait(&mut self, _timeout: Duration) -> Result<bool, BusError> {
-        Ok(true)
-    }
-
-    fn set_filters(&mut self, _filters: &[Filter]) -> Result<(), BusError> {
-        Ok(())
-    }
-
-    fn statistics(&self) -> Statistics {
-        Statistics::default()
-    }
-
-    fn close(&mut self) -> Result<(), BusError> {
-        Ok(())
-    }
 }
 
 /// Why the exciter faulted.
