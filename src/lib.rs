@@ -38,8 +38,7 @@
 //! | `scenario`, `run`, `replay` | a run in one file; the three run loops; recordings played and simulated again |
 //! | `study` | sweeps and other parameter studies over all cores, stopped and gone on with |
 //! | `toml_error` | what is wrong with a scenario or settings as TOML |
-//! | `paper` | the paper's figures and statements, computed |
-//! | `plot`, `cli` | figures; the program |
+//! | `cli` | the program, with its figures and those of the paper |
 //!
 //! Down to `node` they are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI units
 //! throughout; a number that is not in a typed quantity carries its unit in its name.
@@ -61,10 +60,10 @@ pub mod rig;
 
 #[cfg(feature = "std")]
 pub mod bus;
-#[cfg(feature = "std")]
-pub mod paper;
 #[cfg(feature = "cli")]
-pub mod plot;
+mod paper;
+#[cfg(feature = "cli")]
+mod plot;
 #[cfg(feature = "std")]
 pub mod realtime;
 #[cfg(feature = "std")]

@@ -14,8 +14,8 @@ use super::interval::{Ends, interval};
 use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
 use super::{output, study};
 use crate::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
-use crate::arm::Load;
-use crate::integrate::Sine;
+use crate::arm::{Arm, Load, State};
+use crate::integrate::{Integrator, Scheme, Sine};
 use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
 use crate::study::{Chain, Chains, Point};
@@ -279,7 +279,9 @@ impl Poincare {
         let pose = captions::pose(&scenario.arm);
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
         let figure = match self.parameter {
-            None => section_figure(document).subtitle(format!("{pose}, {}{hz}", captions::load(&stepped.load))),
+            None => self
+                .section_figure(scenario, stepped, document)?
+                .subtitle(format!("{pose}, {}{hz}", captions::load(&stepped.load))),
             Some(ParameterFlag::Frequency) => {
                 diagram(document, stepped).subtitle(format!("{pose}, {}", captions::load(&stepped.load)))
             }
@@ -290,6 +292,57 @@ impl Poincare {
         files.extend(figure.write(&out.join("poincare"))?);
         Ok(files)
     }
+}
+
+impl Poincare {
+    /// The section in the planes of both joints, on the path of the motion if it repeats: its few points alone would show little.
+    fn section_figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
+        let sine = Sine { amplitude: stepped.load, frequency_hz: self.frequency()? };
+        let motion = document.motions.first();
+        let repeating = motion.and_then(|motion| Some((*motion.section.first()?, motion.period?)));
+        let path = match repeating {
+            Some((start, periods)) => path(&scenario.build_arm()?, &sine, start, periods)?,
+            None => Vec::new(),
+        };
+        let mut figure = Figure::new("Poincaré section at phase 0 of the excitation");
+        figure.columns = 2;
+        for joint in 0..2 {
+            let plane = |state: &[f64; 4]| (state[joint], state[2 + joint]);
+            let points: Vec<_> = document.motions.iter().flat_map(|motion| &motion.section).map(plane).collect();
+            let size = if points.len() > 20 { 2.0 } else { 6.0 };
+            let style = Style::Markers { color: Color::Blue, shape: Marker::Circle, size, filled: true };
+            let alpha = captions::ALPHA[joint];
+            let [x, y] = [format!("{alpha} (rad)"), format!("d{alpha}/dt (rad/s)")].map(Axis::linear);
+            let mut panel = Panel::new(x, y).legend(if joint == 0 { Legend::Auto } else { Legend::None });
+            if !path.is_empty() {
+                panel = panel.with(Series::line("motion", Color::Grey, path.iter().map(plane).collect()));
+            }
+            figure =
+                figure.with(panel.with(Series::markers("section", Color::Blue, Marker::Circle, points).style(style)));
+        }
+        Ok(figure)
+    }
+}
+
+/// States of a path between two points of a section, and the least rate at which it is integrated, Hz.
+const PATH_STATES: f64 = 400.0;
+const PATH_RATE_HZ: f64 = 4000.0;
+
+/// The states of a motion over its `periods` periods of the excitation, from its state at phase 0.
+fn path(arm: &Arm, sine: &Sine, start: [f64; 4], periods: u32) -> Result<Vec<[f64; 4]>, Failure> {
+    let least = (PATH_RATE_HZ / sine.frequency_hz / PATH_STATES).ceil().max(1.0);
+    let steps_per_state = least.min(1000.0) as u32;
+    let rate_hz = PATH_STATES * f64::from(steps_per_state) * sine.frequency_hz;
+    let integrator = Integrator::new(Scheme::default(), rate_hz, arm)?;
+    let mut state = State::new([start[0], start[1]], [start[2], start[3]]);
+    let mut path = vec![start];
+    for step in 1..=PATH_STATES as u32 * steps_per_state * periods {
+        state = integrator.step(arm, f64::from(step - 1) / rate_hz, &state, sine)?;
+        if step % steps_per_state == 0 {
+            path.push([state.alpha_rad.x, state.alpha_rad.y, state.alpha_dot_rad_s.x, state.alpha_dot_rad_s.y]);
+        }
+    }
+    Ok(path)
 }
 
 impl Document {
@@ -325,23 +378,6 @@ impl Document {
         }
         text
     }
-}
-
-/// The section in the planes of both joints.
-fn section_figure(document: &Document) -> Figure {
-    let mut figure = Figure::new("Poincaré section at phase 0 of the excitation");
-    figure.columns = 2;
-    for joint in 0..2 {
-        let points = document.motions.iter().flat_map(|motion| &motion.section);
-        let points: Vec<_> = points.map(|state| (state[joint], state[2 + joint])).collect();
-        let size = if points.len() > 20 { 2.0 } else { 6.0 };
-        let style = Style::Markers { color: Color::Blue, shape: Marker::Circle, size, filled: true };
-        let alpha = captions::ALPHA[joint];
-        let [x, y] = [format!("{alpha} (rad)"), format!("d{alpha}/dt (rad/s)")].map(Axis::linear);
-        let series = Series::markers("section", Color::Blue, Marker::Circle, points).unlabelled().style(style);
-        figure = figure.with(Panel::new(x, y).with(series).legend(Legend::None));
-    }
-    figure
 }
 
 /// The sections over what is stepped.

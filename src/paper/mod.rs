@@ -12,9 +12,11 @@ mod settings;
 mod subject;
 mod table;
 
-pub use branch::{Drive, Event, ForcedBranch, Motion, Stability};
+pub use branch::{Drive, ForcedBranch, Motion};
 pub use error::PaperError;
 pub use figure::{Abscissa, Curve, Curves, Figure, NaturalFrequencies, Panel, Plan, natural_frequencies};
-pub use measure::Maximum;
-pub use settings::{Figure4, Figure5, Figure7, Figure9, Line, PerPreset, Pulse, Scan, Settings, SettingsError};
+pub use settings::{Settings, SettingsError};
 pub use subject::Subject;
+
+#[cfg(test)]
+mod tests;

@@ -3,16 +3,6 @@
 //! A [`Figure`] is data: panels, axes, series. It is laid out once into a scene of paths and texts, which is then written
 //! as SVG (vector, text stays text) or drawn as PNG (300 dpi), so that both look the same. The same figure gives the same
 //! bytes.
-//!
-//! ```no_run
-//! use resonarm::plot::{Axis, Color, Figure, Panel, Series};
-//!
-//! let response = (0..=300).map(|k| (k as f64 * 0.1, 1.0 / (1.0 + k as f64))).collect();
-//! let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::log("amplitude (rad)"))
-//!     .with(Series::line("measured", Color::Blue, response));
-//! Figure::new("Response").with(panel).write("response".as_ref())?; // response.svg and response.png
-//! # Ok::<(), resonarm::plot::PlotError>(())
-//! ```
 
 mod axis;
 mod clip;
@@ -132,7 +122,7 @@ pub struct Panel {
     pub y: Axis,
     /// What is drawn, the last on top.
     pub series: Vec<Series>,
-    /// Words near points of the panel.
+    /// Words near points of the panel; those whose point lies outside of the axes are not drawn.
     pub notes: Vec<Note>,
     /// Names of peaks that crowd, each list in a row of its own above its peaks.
     pub rows: Vec<Vec<Note>>,
@@ -159,15 +149,8 @@ impl Panel {
         self
     }
 
-    /// The panel with `text` near the point `at`. A note whose point lies outside of the axes isn't drawn.
-    #[must_use]
-    pub fn note(mut self, at: (f64, f64), text: impl Into<String>) -> Self {
-        self.notes.push(Note { at, text: text.into() });
-        self
-    }
-
     /// The panel with names in a row above these points, side by side in the order of the points, each with a line down to its
-    /// own. For peaks too near to each other for [`Panel::note`]. A name whose point lies outside of the axes isn't drawn.
+    /// own. For peaks too near to each other for [`Panel::notes`]. A name whose point lies outside of the axes isn't drawn.
     #[must_use]
     pub fn row(mut self, names: Vec<Note>) -> Self {
         self.rows.push(names);

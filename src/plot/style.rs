@@ -29,10 +29,6 @@ pub enum Color {
 }
 
 impl Color {
-    /// The order in which series without a meaning of their own take their colours.
-    pub const CYCLE: [Self; 7] =
-        [Self::Blue, Self::Vermillion, Self::Green, Self::Orange, Self::Purple, Self::SkyBlue, Self::Black];
-
     /// Red, green and blue, sRGB.
     pub fn rgb(self) -> [u8; 3] {
         match self {
@@ -83,8 +79,6 @@ pub enum Dash {
     Solid,
     /// Long dashes.
     Dashed,
-    /// Dots.
-    Dotted,
     /// A dash, a dot.
     DashDot,
 }
@@ -95,7 +89,6 @@ impl Dash {
         match self {
             Self::Solid => &[],
             Self::Dashed => &[4.0, 2.5],
-            Self::Dotted => &[1.0, 2.0],
             Self::DashDot => &[5.0, 2.0, 1.0, 2.0],
         }
     }

@@ -2,6 +2,8 @@
 
 use super::*;
 
+const CYCLE: [Color; 5] = [Color::Blue, Color::Vermillion, Color::Green, Color::Orange, Color::Purple];
+
 /// A resonance with a gap in it, amplitude over phase, and measured points.
 fn response() -> Figure {
     let h = |f: f64| {
@@ -62,18 +64,18 @@ fn continuation() -> Figure {
 /// Six small panels in two columns, each marker and dash, factors, tight ranges, a noisy record.
 fn grid() -> Figure {
     let marks = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
-    let dashes = [Dash::Solid, Dash::Dashed, Dash::Dotted, Dash::DashDot];
+    let dashes = [Dash::Solid, Dash::Dashed, Dash::DashDot];
     let x = || Axis::linear("time t (s)");
     let ramp = |slope: f64| (0..=10).map(|k| (f64::from(k), slope * f64::from(k))).collect::<Vec<_>>();
     let mut markers = Panel::new(x(), Axis::linear("acceleration of point C along x (m/s²)")).title("β₂ = 0°");
     for (index, shape) in marks.into_iter().enumerate() {
-        let style = Style::Markers { color: Color::CYCLE[index], shape, size: 7.0, filled: index % 2 == 0 };
+        let style = Style::Markers { color: CYCLE[index], shape, size: 7.0, filled: index % 2 == 0 };
         markers = markers
             .with(Series::line(format!("{shape:?}"), Color::Black, ramp(1e-7 * (index + 1) as f64)).style(style));
     }
     let mut lines = Panel::new(x(), Axis::linear("force F (N)")).title("β₂ = 30°");
     for (index, dash) in dashes.into_iter().enumerate() {
-        let style = Style::Line { color: Color::CYCLE[index], width: 1.6, dash };
+        let style = Style::Line { color: CYCLE[index], width: 1.6, dash };
         lines =
             lines.with(Series::line(format!("{dash:?}"), Color::Black, ramp(2e5 * (index + 1) as f64)).style(style));
     }
@@ -224,7 +226,9 @@ fn small_data_have_a_range_about_them() {
 fn notes_stand_over_their_points_and_nowhere_else() {
     let panel = Panel::new(Axis::linear("x").range(0.0, 1.0), Axis::linear("y"));
     let line = Series::line("l", Color::Blue, vec![(0.0, 0.0), (1.0, 1.0)]);
-    let svg = Figure::new("").with(panel.with(line).note((0.5, 0.5), "inside").note((2.0, 0.5), "outside")).to_svg();
+    let note = |x, text: &str| Note { at: (x, 0.5), text: text.to_owned() };
+    let notes = vec![note(0.5, "inside"), note(2.0, "outside")];
+    let svg = Figure::new("").with(Panel { notes, ..panel.with(line) }).to_svg();
     let svg = svg.unwrap();
     assert!(svg.contains(">inside<") && !svg.contains("outside"));
 }

@@ -1,8 +1,9 @@
 //! What the statements are judged on: the resonance zones of an arm, over everything that the paper leaves open.
 
 use super::super::figure::zone_hz;
-use super::super::{Drive, ForcedBranch, Maximum, PaperError, Settings, Subject};
+use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
 use super::bending::{Bent, bent};
+use crate::analysis::Maximum;
 use crate::analysis::{BifurcationKind, modes};
 use crate::arm::{Arm, Preset};
 
