@@ -17,8 +17,10 @@ pub struct Verdict {
     pub identical: bool,
     /// Whether the recording is whole.
     pub integrity: Integrity,
-    /// States compared.
+    /// States compared, one a sample.
     pub samples: u64,
+    /// Integration steps made.
+    pub steps: u64,
     /// The first sample whose state differs.
     pub first_divergence: Option<u64>,
     /// The largest difference of a vibration angle, rad.
@@ -39,11 +41,13 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let mut plant = Plant::new(&spec)?;
     let integrity = recording.integrity().clone();
     let identical = !matches!(integrity, Integrity::Damaged { .. });
-    let mut verdict = Verdict { identical, integrity, samples: 1, first_divergence: None, max_drift_rad: 0.0 };
+    let mut verdict =
+        Verdict { identical, integrity, samples: 1, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
     let mut load = load(&first, &plant)?;
     for record in states {
         let record = record?;
         plant.advance(&load)?;
+        verdict.steps += u64::from(spec.steps_per_sample);
         compare(&mut verdict, plant.state(), &record);
         load = self::load(&record, &plant)?;
     }

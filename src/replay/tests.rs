@@ -33,17 +33,18 @@ fn a_run_simulated_again_is_identical() {
     let recording = record(&folder.path().join("same.mcap"), SCENARIO, SCENARIO);
     let verdict = resimulate(&recording).unwrap();
     let integrity = Integrity::Complete;
-    let expected = Verdict { identical: true, integrity, samples: 551, first_divergence: None, max_drift_rad: 0.0 };
+    let (samples, steps) = (551, 4 * 550);
+    let expected = Verdict { identical: true, integrity, samples, steps, first_divergence: None, max_drift_rad: 0.0 };
     assert_eq!(verdict, expected);
 }
 
 #[test]
-fn another_arm_diverges_at_its_first_moving_step() {
+fn another_arm_diverges_at_the_first_sample_that_moves() {
     let folder = tempfile::tempdir().unwrap();
     let other = format!("{SCENARIO}\n[arm.parameters]\nstiffness2_nm_rad = 128001.0");
     let recording = record(&folder.path().join("other.mcap"), SCENARIO, &other);
     let verdict = resimulate(&recording).unwrap();
-    // The profile's sample 0 is zero, so the arm first moves at step 2.
+    // The profile's sample 0 is zero, so the arm first moves at sample 2.
     assert_eq!((verdict.identical, verdict.first_divergence), (false, Some(2)));
     assert!(verdict.max_drift_rad > 1e-9 && verdict.max_drift_rad < 1e-3, "{verdict:?}");
 }

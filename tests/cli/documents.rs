@@ -259,8 +259,8 @@ fn run_reports_steps_bus_and_recording() {
     assert!(without["recording"].is_null());
 
     let resim = document(folder.path(), 0, &["resim", "run.mcap", "--json"]);
-    assert_eq!(names(&resim), ["first_divergence", "identical", "integrity", "max_drift_rad", "samples"]);
-    assert_eq!((&resim["identical"], &resim["samples"]), (&true.into(), &501.into()));
+    assert_eq!(names(&resim), ["first_divergence", "identical", "integrity", "max_drift_rad", "samples", "steps"]);
+    assert_eq!((&resim["identical"], &resim["samples"], &resim["steps"]), (&true.into(), &got["samples"], &got["steps"]));
     assert!(resim["first_divergence"].is_null() && resim["max_drift_rad"] == 0.0);
 }
 
