@@ -1,6 +1,6 @@
 //! Records a decaying vibration and reads it back.
 //!
-//! `cargo run --example recording -- out.mcap [steps]` writes `out.mcap` and prints its summary as one JSON document.
+//! `cargo run --example recording -- out.mcap [samples]` writes `out.mcap` and prints its summary as one JSON document.
 
 use std::env;
 use std::error::Error;
@@ -9,30 +9,31 @@ use std::io::Write;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording,
-    SampleRecord, StepRecord, TickRecord,
+    SampleRecord, StateRecord, TickRecord,
 };
 
-/// Time from one step to the next, s.
+/// Time from one sample to the next, s.
 const DT_S: f64 = 1e-3;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = env::args().skip(1);
-    let path = arguments.next().ok_or("usage: recording FILE [STEPS]")?;
-    let steps: u64 = arguments.next().map_or(Ok(1000), |steps| steps.parse())?;
+    let path = arguments.next().ok_or("usage: recording FILE [SAMPLES]")?;
+    let samples: u64 = arguments.next().map_or(Ok(1000), |samples| samples.parse())?;
 
     let configuration = Configuration::new().with("scenario", "frequency_hz = 30\n").with("seed", 1);
     let options = Options { existing: Existing::Overwrite, ..Options::virtual_time(DT_S, "memory") };
     let recorder = Recorder::create(&path, &configuration, options)?;
     let mut channel = recorder.channel("plant", 8192)?;
-    for step in 0..steps {
-        records(step)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+    for sample in 0..samples {
+        records(sample)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
     }
-    let time_ns = steps * 1_000_000;
-    channel.push_blocking(Record::Event(Event { step: steps, time_ns, name: "run.end", value: -1 }))?;
+    let time_ns = samples * 1_000_000;
+    channel.push_blocking(Record::Event(Event { sample: samples, time_ns, name: "run.end", value: -1 }))?;
     recorder.finish(&[("overruns", "0".to_string())])?;
 
     let recording = Recording::open(&path)?;
-    let peak_rad = recording.steps()?.try_fold(0.0_f64, |peak, step| step.map(|step| peak.max(step.alpha_rad[0])))?;
+    let peak_rad =
+        recording.states()?.try_fold(0.0_f64, |peak, state| state.map(|state| peak.max(state.alpha_rad[0])))?;
     let mut output = std::io::stdout();
     serde_json::to_writer(
         &mut output,
@@ -42,19 +43,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What a plant would record at a step: α1 = 1 mrad · exp(−2t) · cos(2π · 30 Hz · t).
-fn records(step: u64) -> Result<[Record; 5], Box<dyn Error>> {
-    let t = step as f64 * DT_S;
+/// What a plant would record at a sample: α1 = 1 mrad · exp(−2t) · cos(2π · 30 Hz · t).
+fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
+    let t = sample as f64 * DT_S;
     let phase = 2.0 * core::f64::consts::PI * 30.0 * t;
     let alpha = 1e-3 * libm::exp(-2.0 * t) * libm::cos(phase);
-    let time_ns = step * 1_000_000;
+    let time_ns = sample * 1_000_000;
     let frame = |id, direction| -> Result<Record, Box<dyn Error>> {
-        let frame = Frame::classic(Id::Standard(id), &step.to_le_bytes())?;
-        Ok(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns: None, frame }))
+        let frame = Frame::classic(Id::Standard(id), &sample.to_le_bytes())?;
+        Ok(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns: None, frame }))
     };
     Ok([
-        Record::Step(StepRecord {
-            step,
+        Record::State(StateRecord {
+            sample,
             alpha_rad: [alpha, -0.5 * alpha],
             alpha_dot_rad_s: [-2.0 * alpha, alpha],
             torque_nm: [0.0, 0.0],
@@ -62,7 +63,7 @@ fn records(step: u64) -> Result<[Record; 5], Box<dyn Error>> {
             is_end: false,
         }),
         Record::Sample(SampleRecord {
-            step,
+            sample,
             acceleration_b_m_s2: [alpha, 2.0 * alpha],
             acceleration_c_m_s2: [3.0 * alpha, 4.0 * alpha],
             head_force_n: [10.0 * libm::sin(phase), 0.0],
@@ -70,6 +71,6 @@ fn records(step: u64) -> Result<[Record; 5], Box<dyn Error>> {
         }),
         frame(0x201, Direction::Received)?,
         frame(0x203, Direction::Sent)?,
-        Record::Tick(TickRecord { step, wakeup_ns: 1000 + step, exec_ns: 2000, overruns: 0 }),
+        Record::Tick(TickRecord { sample, wakeup_ns: 1000 + sample, exec_ns: 2000, overruns: 0 }),
     ])
 }

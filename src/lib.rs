@@ -19,7 +19,7 @@
 //!     // A controller of your own: the force at the tip answers the acceleration there.
 //!     plant.advance(&Load::force_n(10.0 - 0.5 * acceleration_c_m_s2[0], 0.0))?;
 //! }
-//! assert_eq!(plant.step(), 100);
+//! assert_eq!(plant.sample(), 100);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -40,10 +40,10 @@ pub struct PlantSpec {
 #[non_exhaustive]
 pub enum PlantError {
     /// The integrator could not go on; the plant stays at the sample before.
-    #[error("sample {step}: {source}")]
+    #[error("sample {sample}: {source}")]
     Integrate {
         /// The sample from which the step was tried.
-        step: u64,
+        sample: u64,
         /// Why.
         source: IntegrateError,
     },
@@ -81,7 +81,7 @@ pub struct Plant {
     rig: Rig,
     sample_rate_hz: f64,
     steps_per_sample: u32,
-    step: u64,
+    sample: u64,
     state: State,
     /// What the instruments sample: the truth in the middle of the last sample period; before the first, at its start.
     sensed: Sensed,
@@ -122,7 +122,7 @@ impl Plant {
             rig: Rig::new(&spec.rig, spec.seed)?,
             sample_rate_hz: spec.sample_rate_hz,
             steps_per_sample: spec.steps_per_sample,
-            step: 0,
+            sample: 0,
             state: spec.initial,
         })
     }
@@ -138,13 +138,13 @@ impl Plant {
     }
 
     /// The index of the sample at which the plant stands.
-    pub fn step(&self) -> u64 {
-        self.step
+    pub fn sample(&self) -> u64 {
+        self.sample
     }
 
     /// The time of the sample at which the plant stands, s.
     pub fn time_s(&self) -> f64 {
-        self.step as f64 / self.sample_rate_hz
+        self.sample as f64 / self.sample_rate_hz
     }
 
     /// The state of the arm at the sample.
@@ -155,7 +155,7 @@ impl Plant {
     /// What the instruments say at the sample: the truth half a sample period before, with noise, resolution and range. Call
     /// it once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
-        self.rig.measure(self.step, &self.sensed.motion, &self.sensed.load)
+        self.rig.measure(self.sample, &self.sensed.motion, &self.sensed.load)
     }
 
     /// Advances to the next sample with `load` held.
@@ -170,14 +170,14 @@ impl Plant {
             state = self
                 .integrator
                 .step(&self.arm, t_s, &state, load)
-                .map_err(|source| PlantError::Integrate { step: self.step, source })?;
+                .map_err(|source| PlantError::Integrate { sample: self.sample, source })?;
             if 2 * (part + 1) == self.steps_per_sample {
                 sensed = Sensed::new(&self.arm, &state, load);
             }
         }
         self.state = state;
         self.sensed = sensed;
-        self.step += 1;
+        self.sample += 1;
         Ok(())
     }
 }
@@ -210,7 +210,7 @@ mod tests {
             b.advance(&load).unwrap();
             assert_eq!(a.state(), b.state());
         }
-        assert_eq!(a.step(), 500);
+        assert_eq!(a.sample(), 500);
         assert!(a.state().alpha_rad.norm() > 1e-6);
     }
 
@@ -228,8 +228,8 @@ mod tests {
         plant.advance(&Load::force_n(1.0, 1.0)).unwrap();
         let before = *plant.state();
         let error = plant.advance(&Load::torque_nm(f64::MAX, f64::MAX)).unwrap_err();
-        assert!(matches!(error, PlantError::Integrate { step: 1, .. }), "{error}");
-        assert_eq!((plant.step(), *plant.state()), (1, before));
+        assert!(matches!(error, PlantError::Integrate { sample: 1, .. }), "{error}");
+        assert_eq!((plant.sample(), *plant.state()), (1, before));
     }
 
     #[test]

@@ -37,13 +37,13 @@ pub(super) fn integrity_note(integrity: &Integrity) -> Option<String> {
     match integrity {
         Integrity::Complete => None,
         Integrity::Unfinished => Some(String::from("the recording was recovered from a truncated or damaged one")),
-        Integrity::Truncated { readable_bytes, file_bytes, last_step } => Some(format!(
+        Integrity::Truncated { readable_bytes, file_bytes, last_sample } => Some(format!(
             "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
-            last(last_step)
+            last(last_sample)
         )),
-        Integrity::Damaged { readable_bytes, file_bytes, last_step, cause } => Some(format!(
+        Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => Some(format!(
             "the recording is damaged ({cause}): {readable_bytes} of {file_bytes} bytes can be read, {}",
-            last(last_step)
+            last(last_sample)
         )),
     }
 }

@@ -20,7 +20,7 @@ pub struct PlantNode {
     exciter: ExciterSpec,
     partner: Option<Hello>,
     /// The sample published last.
-    step: u64,
+    sample: u64,
     hold: Hold,
     /// The sample that the last command taken answers, since arming.
     answered: Option<u64>,
@@ -43,7 +43,7 @@ impl PlantNode {
             rate_hz,
             exciter,
             partner: None,
-            step: 0,
+            sample: 0,
             hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
             answered: None,
             command_taken_ns: 0,
@@ -77,7 +77,7 @@ impl PlantNode {
 
     /// Whether a command that answers the sample published last has been taken.
     pub fn is_answered(&self) -> bool {
-        self.answered == Some(self.step)
+        self.answered == Some(self.sample)
     }
 
     /// Frames of the protocol refused for their checks (E2E, length, values).
@@ -207,9 +207,9 @@ impl PlantNode {
             return Err(Refusal::NotArmed);
         }
         // Modulo 2¹⁶; a sample still to come has an age of nearly 2¹⁶.
-        let age = u64::from((self.step as u16).wrapping_sub(sample));
+        let age = u64::from((self.sample as u16).wrapping_sub(sample));
         let limit = self.timing.command_age_ns.saturating_mul(self.rate_hz.into()) / 1_000_000_000;
-        let answered = self.step.checked_sub(age).filter(|_| age <= limit).ok_or(Refusal::Late)?;
+        let answered = self.sample.checked_sub(age).filter(|_| age <= limit).ok_or(Refusal::Late)?;
         match self.answered {
             Some(last) if answered < last => return Err(Refusal::OutOfOrder),
             Some(last) if answered == last => return Err(Refusal::Repeated),
@@ -253,8 +253,8 @@ impl PlantNode {
     /// # Errors
     /// [`EncodeError`] if a value is not a number; the frames before it are sent.
     pub fn publish(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
-        self.step = measurement.step;
-        let sample = measurement.step as u16;
+        self.sample = measurement.sample;
+        let sample = measurement.sample as u16;
         let [x, y] = measurement.head_force_n;
         self.link.send(&Message::Head(ImpedanceHead {
             force_x_n: x.value,
@@ -342,7 +342,7 @@ impl PlantNode {
     }
 
     fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
-        Emergency { node: Node::Plant, code, detail, sample: self.step as u16 }
+        Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
     }
 
     /// The next frame to send, as it is now. Ask again after any other call: it may be another by then.

@@ -41,7 +41,7 @@ fn exciter_node(duration_s: f64) -> ExciterNode {
 /// Both nodes and what happened to the load.
 struct Bench {
     now_ns: u64,
-    step: u64,
+    sample: u64,
     plant: PlantNode,
     exciter: Option<ExciterNode>,
     loads: Vec<Load>,
@@ -67,7 +67,7 @@ impl Bench {
         exciter.start(0);
         let (loads, plant_events) = (Vec::new(), Vec::new());
         let exciter = Some(exciter);
-        Bench { now_ns: 0, step: 0, plant, exciter, loads, plant_events, wire: faithful, carried: 0 }
+        Bench { now_ns: 0, sample: 0, plant, exciter, loads, plant_events, wire: faithful, carried: 0 }
     }
 
     /// One sample period, in the order of the real-time loop: commands in, load held, sample out.
@@ -76,8 +76,8 @@ impl Bench {
         self.exchange();
         self.plant.handle_deadline(self.now_ns);
         self.loads.push(self.plant.load());
-        self.step += 1;
-        self.plant.publish(&Measurement { step: self.step, ..Measurement::default() }).unwrap();
+        self.sample += 1;
+        self.plant.publish(&Measurement { sample: self.sample, ..Measurement::default() }).unwrap();
         self.exchange();
         self.plant_events.extend(core::iter::from_fn(|| self.plant.poll_event()));
     }
@@ -206,7 +206,7 @@ fn armed_with(timing: Timing) -> (PlantNode, Transmitter) {
     for message in [hello, arm] {
         plant.handle_frame(0, &transmitter.frame(&message).unwrap());
     }
-    plant.publish(&Measurement { step: 70_000, ..Measurement::default() }).unwrap();
+    plant.publish(&Measurement { sample: 70_000, ..Measurement::default() }).unwrap();
     assert!(plant.is_armed());
     (plant, transmitter)
 }

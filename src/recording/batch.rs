@@ -1,12 +1,12 @@
-//! Rows of consecutive steps gathered into one message, and taken apart again.
+//! Rows of consecutive samples gathered into one message, and taken apart again.
 
 use alloc::vec::Vec;
 
 use super::schema::Topic;
 use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
-use super::{Clipped, SampleRecord, StepRecord, TickRecord};
+use super::{Clipped, SampleRecord, StateRecord, TickRecord};
 
-/// A message that holds one row for each of a number of consecutive steps, column by column.
+/// A message that holds one row for each of a number of consecutive samples, column by column.
 pub(super) trait Batch: prost::Message + Default {
     /// What one row is made from.
     type Row: Copy;
@@ -14,13 +14,13 @@ pub(super) trait Batch: prost::Message + Default {
     /// Where the message goes.
     const TOPIC: Topic;
 
-    /// An empty batch for steps from `first_step` on.
-    fn begin(&mut self, first_step: u64, dt_s: f64);
-    /// Index of the first step.
-    fn first_step(&self) -> u64;
-    /// Step of a row.
-    fn step(row: &Self::Row) -> u64;
-    /// Appends a row. Its step is the next one: the caller has seen to that.
+    /// An empty batch for samples from `first_sample` on.
+    fn begin(&mut self, first_sample: u64, dt_s: f64);
+    /// Index of the first sample.
+    fn first_sample(&self) -> u64;
+    /// Sample of a row.
+    fn sample(row: &Self::Row) -> u64;
+    /// Appends a row. Its sample is the next one: the caller has seen to that.
     fn append(&mut self, row: &Self::Row);
     /// Length of every column.
     fn columns(&self) -> Vec<usize>;
@@ -34,16 +34,16 @@ pub(super) trait Batch: prost::Message + Default {
         true
     }
 
-    /// All rows; what is wrong, if columns differ in length or the steps run out of range.
+    /// All rows; what is wrong, if columns differ in length or the samples run out of range.
     fn rows(&self) -> Result<Vec<Self::Row>, String> {
         let columns = self.columns();
         let length = columns.iter().copied().max().unwrap_or(0);
         let rows: Option<Vec<_>> = (0..length).map(|index| self.row(index)).collect();
-        rows.ok_or_else(|| format!("a batch from step {} with columns of {columns:?} rows", self.first_step()))
+        rows.ok_or_else(|| format!("a batch from sample {} with columns of {columns:?} rows", self.first_sample()))
     }
 }
 
-/// Gathers rows until a batch is full or the steps stop being consecutive.
+/// Gathers rows until a batch is full or the samples stop being consecutive.
 #[derive(Debug)]
 pub(super) struct Batcher<B> {
     batch: B,
@@ -62,13 +62,13 @@ impl<B: Batch> Batcher<B> {
     pub fn must_take_before(&self, row: &B::Row) -> bool {
         self.rows == self.limit
             || (self.rows > 0 && !self.batch.takes(row))
-            || (self.rows > 0 && self.batch.first_step().checked_add(u64::from(self.rows)) != Some(B::step(row)))
+            || (self.rows > 0 && self.batch.first_sample().checked_add(u64::from(self.rows)) != Some(B::sample(row)))
     }
 
     /// Appends a row.
     pub fn append(&mut self, row: &B::Row) {
         if self.rows == 0 {
-            self.batch.begin(B::step(row), self.dt_s);
+            self.batch.begin(B::sample(row), self.dt_s);
         }
         self.batch.append(row);
         self.rows += 1;
@@ -82,24 +82,24 @@ impl<B: Batch> Batcher<B> {
 }
 
 impl Batch for StepBatch {
-    type Row = StepRecord;
-    const TOPIC: Topic = Topic::Steps;
+    type Row = StateRecord;
+    const TOPIC: Topic = Topic::States;
 
-    fn begin(&mut self, first_step: u64, dt_s: f64) {
+    fn begin(&mut self, first_sample: u64, dt_s: f64) {
         prost::Message::clear(self);
-        self.first_step = first_step;
+        self.first_step = first_sample;
         self.dt_s = dt_s;
     }
 
-    fn first_step(&self) -> u64 {
+    fn first_sample(&self) -> u64 {
         self.first_step
     }
 
-    fn step(row: &StepRecord) -> u64 {
-        row.step
+    fn sample(row: &StateRecord) -> u64 {
+        row.sample
     }
 
-    fn append(&mut self, row: &StepRecord) {
+    fn append(&mut self, row: &StateRecord) {
         self.alpha1_rad.push(row.alpha_rad[0]);
         self.alpha2_rad.push(row.alpha_rad[1]);
         self.alpha1_dot_rad_s.push(row.alpha_dot_rad_s[0]);
@@ -115,7 +115,7 @@ impl Batch for StepBatch {
         Some(self.dt_s)
     }
 
-    fn takes(&self, _row: &StepRecord) -> bool {
+    fn takes(&self, _row: &StateRecord) -> bool {
         !self.last_row_is_end
     }
 
@@ -125,9 +125,9 @@ impl Batch for StepBatch {
         columns.iter().chain(&loads).map(|column| column.len()).collect()
     }
 
-    fn row(&self, index: usize) -> Option<StepRecord> {
-        Some(StepRecord {
-            step: self.first_step.checked_add(index as u64)?,
+    fn row(&self, index: usize) -> Option<StateRecord> {
+        Some(StateRecord {
+            sample: self.first_step.checked_add(index as u64)?,
             alpha_rad: [*self.alpha1_rad.get(index)?, *self.alpha2_rad.get(index)?],
             alpha_dot_rad_s: [*self.alpha1_dot_rad_s.get(index)?, *self.alpha2_dot_rad_s.get(index)?],
             torque_nm: [*self.torque1_nm.get(index)?, *self.torque2_nm.get(index)?],
@@ -141,18 +141,18 @@ impl Batch for SampleBatch {
     type Row = SampleRecord;
     const TOPIC: Topic = Topic::Samples;
 
-    fn begin(&mut self, first_step: u64, dt_s: f64) {
+    fn begin(&mut self, first_sample: u64, dt_s: f64) {
         prost::Message::clear(self);
-        self.first_step = first_step;
+        self.first_step = first_sample;
         self.dt_s = dt_s;
     }
 
-    fn first_step(&self) -> u64 {
+    fn first_sample(&self) -> u64 {
         self.first_step
     }
 
-    fn step(row: &SampleRecord) -> u64 {
-        row.step
+    fn sample(row: &SampleRecord) -> u64 {
+        row.sample
     }
 
     fn append(&mut self, row: &SampleRecord) {
@@ -189,7 +189,7 @@ impl Batch for SampleBatch {
         };
         let pair = |x: &[f64], y: &[f64]| Some([*x.get(index)?, *y.get(index)?]);
         Some(SampleRecord {
-            step: self.first_step.checked_add(index as u64)?,
+            sample: self.first_step.checked_add(index as u64)?,
             acceleration_b_m_s2: pair(&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2)?,
             acceleration_c_m_s2: pair(&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2)?,
             head_force_n: pair(&self.head_force_x_n, &self.head_force_y_n)?,
@@ -202,17 +202,17 @@ impl Batch for TickBatch {
     type Row = TickRecord;
     const TOPIC: Topic = Topic::Ticks;
 
-    fn begin(&mut self, first_step: u64, _dt_s: f64) {
+    fn begin(&mut self, first_sample: u64, _dt_s: f64) {
         prost::Message::clear(self);
-        self.first_step = first_step;
+        self.first_step = first_sample;
     }
 
-    fn first_step(&self) -> u64 {
+    fn first_sample(&self) -> u64 {
         self.first_step
     }
 
-    fn step(row: &TickRecord) -> u64 {
-        row.step
+    fn sample(row: &TickRecord) -> u64 {
+        row.sample
     }
 
     fn append(&mut self, row: &TickRecord) {
@@ -231,7 +231,7 @@ impl Batch for TickBatch {
 
     fn row(&self, index: usize) -> Option<TickRecord> {
         Some(TickRecord {
-            step: self.first_step.checked_add(index as u64)?,
+            sample: self.first_step.checked_add(index as u64)?,
             wakeup_ns: *self.wakeup_ns.get(index)?,
             exec_ns: *self.exec_ns.get(index)?,
             overruns: *self.overruns.get(index)?,

@@ -16,13 +16,13 @@ use super::{Direction, Event, FrameRecord, Record};
 pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)) -> Result<Option<f64>, String> {
     let bytes = raw.bytes;
     match raw.topic {
-        Topic::Steps => return rows::<StepBatch>(bytes, |row| visit(Record::Step(row))),
+        Topic::States => return rows::<StepBatch>(bytes, |row| visit(Record::State(row))),
         Topic::Samples => return rows::<SampleBatch>(bytes, |row| visit(Record::Sample(row))),
         Topic::Ticks => return rows::<TickBatch>(bytes, |row| visit(Record::Tick(row))),
         Topic::Frames => visit(Record::Frame(frame(message::<proto::CanFrame>(bytes)?)?)),
         Topic::Events => {
             let proto::Event { step, time_ns, name, value } = message(bytes)?;
-            visit(Record::Event(Event { step, time_ns, name, value }));
+            visit(Record::Event(Event { sample: step, time_ns, name, value }));
         }
         Topic::State | Topic::Command | Topic::Sensors => {}
     }
@@ -62,7 +62,7 @@ fn frame(message: proto::CanFrame) -> Result<FrameRecord, String> {
     };
     let frame = Frame::new(id, format, data).map_err(|error| error.to_string())?;
     Ok(FrameRecord {
-        step: message.step,
+        sample: message.step,
         direction,
         time_ns: message.time_ns,
         bus_timestamp_ns: message.bus_timestamp_ns,

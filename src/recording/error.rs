@@ -164,9 +164,9 @@ pub enum RecordingError {
         /// Name of the topic.
         topic: &'static str,
     },
-    /// Steps are missing, so that the recording can't be taken as continuous.
+    /// Samples are missing, so that the recording can't be taken as continuous.
     #[error(
-        "recording `{path}` is not continuous in topic `{topic}`: step {got} follows where step {expected} should \
+        "recording `{path}` is not continuous in topic `{topic}`: sample {got} follows where sample {expected} should \
          ({gaps} such gaps in all); the run lost records, or the file was recovered from a damaged one"
     )]
     Gap {
@@ -174,9 +174,9 @@ pub enum RecordingError {
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
-        /// The step that should have come first after the gap.
+        /// The sample that should have come first after the gap.
         expected: u64,
-        /// The step that came.
+        /// The sample that came.
         got: u64,
         /// How many gaps there are.
         gaps: u64,

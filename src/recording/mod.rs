@@ -45,7 +45,7 @@ pub use build_info::{BuildInfo, build_info};
 pub use error::RecordingError;
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Options, TimeBase};
 pub use reader::Recording;
-pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StepRecord, TickRecord};
+pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};
 pub use records::Records;
 pub use recover::{MissingSamples, Recovered, recover};

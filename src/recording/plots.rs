@@ -2,7 +2,7 @@
 
 use super::decimate::{Decimated, Decimator};
 use super::schema::proto::{Command, Sensors, State};
-use super::{Clipped, SampleRecord, StepRecord};
+use super::{Clipped, SampleRecord, StateRecord};
 
 /// What is ready for plotting.
 pub(super) enum Plot {
@@ -47,21 +47,21 @@ impl Plots {
     }
 
     /// Takes the next state and load. The end of a run, which has no load, goes on with the last.
-    pub fn state(&mut self, record: &StepRecord) {
-        let StepRecord { step, alpha_rad: [a1, a2], alpha_dot_rad_s: [v1, v2], .. } = *record;
+    pub fn state(&mut self, record: &StateRecord) {
+        let StateRecord { sample, alpha_rad: [a1, a2], alpha_dot_rad_s: [v1, v2], .. } = *record;
         if let ([t1, t2], [fx, fy], false) = (record.torque_nm, record.force_n, record.is_end) {
             self.load = [t1, t2, fx, fy];
         }
         let [t1, t2, fx, fy] = self.load;
-        self.states.push(step, [a1, a2, v1, v2, t1, t2, fx, fy], 0, &mut self.states_ready);
+        self.states.push(sample, [a1, a2, v1, v2, t1, t2, fx, fy], 0, &mut self.states_ready);
     }
 
     /// Takes the next readings.
     pub fn reading(&mut self, record: &SampleRecord) {
-        let SampleRecord { step, acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy], .. } = *record;
+        let SampleRecord { sample, acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy], .. } = *record;
         let [hx, hy] = record.head_force_n;
         let flags = record.clipped.map_or(0, Clipped::bits);
-        self.readings.push(step, [bx, by, cx, cy, hx, hy], flags, &mut self.readings_ready);
+        self.readings.push(sample, [bx, by, cx, cy, hx, hy], flags, &mut self.readings_ready);
     }
 
     /// Nothing more comes.

@@ -8,7 +8,7 @@ use super::scan::{Scan, scan};
 use super::schema::{DT_S, Topic, metadata};
 use super::{
     Configuration, Event, FrameRecord, Integrity, Origin, Record, RecordingError, RecordingSummary, SampleRecord,
-    StepRecord, TickRecord,
+    StateRecord, TickRecord,
 };
 
 /// A recording whose every checksum has been checked.
@@ -70,14 +70,14 @@ impl Recording {
 
     /// What the recording holds, in numbers.
     pub fn summary(&self) -> RecordingSummary {
-        let steps = self.scan.tally.steps;
+        let samples = self.scan.tally.samples;
         RecordingSummary {
             path: self.path.clone(),
             file_bytes: self.scan.file_bytes,
             integrity: self.scan.integrity.clone(),
             origin: self.origin.clone(),
-            duration_s: steps.map_or(0.0, |(first, last)| (last - first) as f64 * self.origin.dt_s),
-            samples: steps,
+            duration_s: samples.map_or(0.0, |(first, last)| (last - first) as f64 * self.origin.dt_s),
+            samples,
             clipped_samples: self.scan.tally.clipped_samples,
             faults: self.scan.tally.faults.clone(),
             topics: Topic::ALL.map(|topic| (topic.name(), self.scan.tally.topics[topic as usize].summary)).into(),
@@ -93,18 +93,18 @@ impl Recording {
     /// # Errors
     /// [`RecordingError`] if the file can't be opened again.
     pub fn records(&self) -> Result<Records<Record<String>>, RecordingError> {
-        const ALL: &[Topic] = &[Topic::Steps, Topic::Samples, Topic::Frames, Topic::Ticks, Topic::Events];
+        const ALL: &[Topic] = &[Topic::States, Topic::Samples, Topic::Frames, Topic::Ticks, Topic::Events];
         Records::new(&self.path, self.scan.readable_bytes, ALL, Some)
     }
 
-    /// Every step, in order and without a gap.
+    /// Every state, in order and without a gap.
     ///
     /// # Errors
-    /// [`RecordingError::Gap`] before anything is returned if steps are missing; [`RecordingError::MissingTopic`] if
+    /// [`RecordingError::Gap`] before anything is returned if samples are missing; [`RecordingError::MissingTopic`] if
     /// the file has no such topic.
-    pub fn steps(&self) -> Result<Records<StepRecord>, RecordingError> {
-        self.continuous(&[Topic::Steps], |record| match record {
-            Record::Step(step) => Some(step),
+    pub fn states(&self) -> Result<Records<StateRecord>, RecordingError> {
+        self.continuous(&[Topic::States], |record| match record {
+            Record::State(state) => Some(state),
             _ => None,
         })
     }
@@ -112,7 +112,7 @@ impl Recording {
     /// Every sample, in order and without a gap.
     ///
     /// # Errors
-    /// As [`Recording::steps`].
+    /// As [`Recording::states`].
     pub fn samples(&self) -> Result<Records<SampleRecord>, RecordingError> {
         self.continuous(&[Topic::Samples], |record| match record {
             Record::Sample(sample) => Some(sample),
@@ -123,7 +123,7 @@ impl Recording {
     /// Every tick of the real-time loop, in order and without a gap.
     ///
     /// # Errors
-    /// As [`Recording::steps`].
+    /// As [`Recording::states`].
     pub fn ticks(&self) -> Result<Records<TickRecord>, RecordingError> {
         self.continuous(&[Topic::Ticks], |record| match record {
             Record::Tick(tick) => Some(tick),

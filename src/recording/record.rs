@@ -8,9 +8,9 @@ use resonarm_protocol::Frame;
 /// [`String`](alloc::string::String) when read back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Record<Name = &'static str> {
-    /// The state of the arm at a step and the load held over it.
-    Step(StepRecord),
-    /// What the sensors said at a step.
+    /// The state of the arm at a sample and the load held over it.
+    State(StateRecord),
+    /// What the sensors said at a sample.
     Sample(SampleRecord),
     /// A frame on the bus.
     Frame(FrameRecord),
@@ -21,25 +21,25 @@ pub enum Record<Name = &'static str> {
 }
 
 impl<Name> Record<Name> {
-    /// Index of the step it belongs to.
-    pub const fn step(&self) -> u64 {
+    /// Index of the sample it belongs to.
+    pub const fn sample(&self) -> u64 {
         match self {
-            Record::Step(record) => record.step,
-            Record::Sample(record) => record.step,
-            Record::Frame(record) => record.step,
-            Record::Tick(record) => record.step,
-            Record::Event(record) => record.step,
+            Record::State(record) => record.sample,
+            Record::Sample(record) => record.sample,
+            Record::Frame(record) => record.sample,
+            Record::Tick(record) => record.sample,
+            Record::Event(record) => record.sample,
         }
     }
 }
 
-/// The arm at step `step`, and the load held (zero-order) from `step` to `step + 1`.
+/// The arm at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
 ///
-/// From these alone the run can be simulated again bit for bit: a step's state and load give the next step's state.
+/// From these alone the run can be simulated again bit for bit: a sample's state and load give the next sample's state.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StepRecord {
-    /// Index of the step; step k is at k times the sample period.
-    pub step: u64,
+pub struct StateRecord {
+    /// Index of the sample; sample k is at k times the sample period.
+    pub sample: u64,
     /// α1, α2: vibration angles, rad.
     pub alpha_rad: [f64; 2],
     /// α̇1, α̇2, rad/s.
@@ -53,11 +53,11 @@ pub struct StepRecord {
     pub is_end: bool,
 }
 
-/// What the sensors said at step `step`: after range, noise and quantisation, before the wire's scaling.
+/// What the sensors said at sample `sample`: after range, noise and quantisation, before the wire's scaling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleRecord {
-    /// Index of the step.
-    pub step: u64,
+    /// Index of the sample.
+    pub sample: u64,
     /// Acceleration of point B along x and y, m/s².
     pub acceleration_b_m_s2: [f64; 2],
     /// Acceleration of point C along x and y, m/s².
@@ -115,8 +115,8 @@ pub enum Direction {
 /// A frame and when it was on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameRecord {
-    /// The step in which the frame took effect (received) or of which it tells (sent).
-    pub step: u64,
+    /// The sample in which the frame took effect (received) or of which it tells (sent).
+    pub sample: u64,
     /// Which way it went.
     pub direction: Direction,
     /// When the run loop handled it, nanoseconds since the start of the run.
@@ -130,8 +130,8 @@ pub struct FrameRecord {
 /// One tick of the real-time loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickRecord {
-    /// Index of the step.
-    pub step: u64,
+    /// Index of the sample.
+    pub sample: u64,
     /// How late the loop woke after the tick's deadline, ns.
     pub wakeup_ns: u64,
     /// How long the tick's work took, ns.
@@ -140,11 +140,11 @@ pub struct TickRecord {
     pub overruns: u32,
 }
 
-/// Something that happened at a step.
+/// Something that happened at a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event<Name = &'static str> {
-    /// Index of the step.
-    pub step: u64,
+    /// Index of the sample.
+    pub sample: u64,
     /// When, nanoseconds since the start of the run.
     pub time_ns: u64,
     /// What, as a short stable name, for example `plant.state.fault`.

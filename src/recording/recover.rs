@@ -153,7 +153,7 @@ fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copie
 
 /// The states that are missing between a chunk and those before it.
 fn between(before: &Tally, with: &Tally) -> Option<MissingSamples> {
-    let [before, with] = [before, with].map(|tally| &tally.topics[Topic::Steps as usize]);
+    let [before, with] = [before, with].map(|tally| &tally.topics[Topic::States as usize]);
     let (expected, first) = (before.expected?, with.first_of_chunk?);
     (first > expected).then(|| MissingSamples { first: expected, last: first - 1 })
 }

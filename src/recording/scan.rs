@@ -30,8 +30,8 @@ pub(super) struct Scan {
 /// What is in the chunks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
-    /// First and last step of any record.
-    pub steps: Option<(u64, u64)>,
+    /// First and last sample of any record.
+    pub samples: Option<(u64, u64)>,
     /// Time from sample to sample, s, that the metadata, or else the first batch, state.
     pub dt_s: Option<f64>,
     /// Samples with a reading beyond the range of its sensor; `None` if nothing is said of it.
@@ -48,7 +48,7 @@ pub(super) struct TopicTally {
     /// Whether the file has the topic, be it empty.
     pub declared: bool,
     pub summary: TopicSummary,
-    /// The step expected and the step that came, at the first gap.
+    /// The sample expected and the sample that came, at the first gap.
     pub first_gap: Option<(u64, u64)>,
     /// The sample after the last.
     pub expected: Option<u64>,
@@ -82,13 +82,13 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
         }
     };
     let file_bytes = walk.file_bytes();
-    let last_step = tally.steps.map(|(_, last)| last);
+    let last_sample = tally.samples.map(|(_, last)| last);
     let integrity = match end {
         Ok(()) if metadata.contains_key(metadata::LOST) => Integrity::Complete,
         Ok(()) => Integrity::Unfinished,
-        Err(RecordingError::Truncated { .. }) => Integrity::Truncated { readable_bytes, file_bytes, last_step },
+        Err(RecordingError::Truncated { .. }) => Integrity::Truncated { readable_bytes, file_bytes, last_sample },
         Err(RecordingError::Damaged { cause, .. }) => {
-            Integrity::Damaged { readable_bytes, file_bytes, last_step, cause }
+            Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause }
         }
         Err(RecordingError::Schema { .. }) if !metadata.contains_key(metadata::RECORDING) => Integrity::Unfinished,
         Err(error) => return Err(error),
@@ -159,9 +159,9 @@ impl Tally {
 
     /// Takes in one record.
     fn record(&mut self, topic: Topic, record: &Record<String>) {
-        let step = record.step();
-        let (first, last) = self.steps.unwrap_or((step, step));
-        self.steps = Some((first.min(step), last.max(step)));
+        let sample = record.sample();
+        let (first, last) = self.samples.unwrap_or((sample, sample));
+        self.samples = Some((first.min(sample), last.max(sample)));
         if let Record::Sample(SampleRecord { clipped: Some(clipped), .. }) = record {
             *self.clipped_samples.get_or_insert(0) += u64::from(clipped.any());
         }
@@ -169,17 +169,17 @@ impl Tally {
             && event.name == FAULT_EVENT
             && self.faults.len() < MOST_FAULTS
         {
-            self.faults.push(RecordedFault { sample: step, code: event.value });
+            self.faults.push(RecordedFault { sample, code: event.value });
         }
         let topic = &mut self.topics[topic as usize];
         topic.summary.records += 1;
-        if matches!(record, Record::Step(_) | Record::Sample(_) | Record::Tick(_)) {
-            if let Some(expected) = topic.expected.filter(|&expected| expected != step) {
+        if matches!(record, Record::State(_) | Record::Sample(_) | Record::Tick(_)) {
+            if let Some(expected) = topic.expected.filter(|&expected| expected != sample) {
                 topic.summary.gaps += 1;
-                topic.first_gap.get_or_insert((expected, step));
+                topic.first_gap.get_or_insert((expected, sample));
             }
-            topic.first_of_chunk.get_or_insert(step);
-            topic.expected = step.checked_add(1);
+            topic.first_of_chunk.get_or_insert(sample);
+            topic.expected = sample.checked_add(1);
         }
     }
 }

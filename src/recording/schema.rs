@@ -11,7 +11,7 @@ pub(super) mod proto {
 #[serde(rename_all = "kebab-case")]
 pub enum Topic {
     /// `/plant/steps`: states and loads of every sample, in batches.
-    Steps,
+    States,
     /// `/plant/samples`: readings of every sample, in batches.
     Samples,
     /// `/plant/state`: every n-th state, filtered, for plotting.
@@ -31,7 +31,7 @@ pub enum Topic {
 impl Topic {
     /// All topics; the index of each is its place here.
     pub const ALL: [Topic; 8] = [
-        Topic::Steps,
+        Topic::States,
         Topic::Samples,
         Topic::State,
         Topic::Command,
@@ -44,7 +44,7 @@ impl Topic {
     /// Name of the topic in the file.
     pub const fn name(self) -> &'static str {
         match self {
-            Topic::Steps => "/plant/steps",
+            Topic::States => "/plant/steps",
             Topic::Samples => "/plant/samples",
             Topic::State => "/plant/state",
             Topic::Command => "/plant/command",
@@ -58,7 +58,7 @@ impl Topic {
     /// Full name of its message type.
     pub const fn schema_name(self) -> &'static str {
         match self {
-            Topic::Steps => "resonarm.v1.StepBatch",
+            Topic::States => "resonarm.v1.StepBatch",
             Topic::Samples => "resonarm.v1.SampleBatch",
             Topic::State => "resonarm.v1.State",
             Topic::Command => "resonarm.v1.Command",
@@ -72,7 +72,7 @@ impl Topic {
     /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
     pub(super) const fn descriptor(self) -> &'static [u8] {
         match self {
-            Topic::Steps => include_bytes!("../../proto/descriptors/step_batch.bin"),
+            Topic::States => include_bytes!("../../proto/descriptors/step_batch.bin"),
             Topic::Samples => include_bytes!("../../proto/descriptors/sample_batch.bin"),
             Topic::State => include_bytes!("../../proto/descriptors/state.bin"),
             Topic::Command => include_bytes!("../../proto/descriptors/command.bin"),

@@ -56,8 +56,8 @@ pub enum Integrity {
         readable_bytes: u64,
         /// Size of the file, bytes.
         file_bytes: u64,
-        /// The last step that can be read, if any.
-        last_step: Option<u64>,
+        /// The last sample that can be read, if any.
+        last_sample: Option<u64>,
     },
     /// A checksum or a layout is wrong; what comes before can be read.
     Damaged {
@@ -65,8 +65,8 @@ pub enum Integrity {
         readable_bytes: u64,
         /// Size of the file, bytes.
         file_bytes: u64,
-        /// The last step that can be read, if any.
-        last_step: Option<u64>,
+        /// The last sample that can be read, if any.
+        last_sample: Option<u64>,
         /// What is wrong.
         cause: String,
     },
@@ -74,21 +74,21 @@ pub enum Integrity {
 
 impl fmt::Display for Integrity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let last_step = match self {
+        let last_sample = match self {
             Integrity::Complete => return f.write_str("complete"),
             Integrity::Unfinished => return f.write_str("recovered from a truncated or damaged one"),
-            Integrity::Truncated { readable_bytes, file_bytes, last_step } => {
+            Integrity::Truncated { readable_bytes, file_bytes, last_sample } => {
                 write!(f, "truncated: {readable_bytes} of {file_bytes} bytes can be read")?;
-                last_step
+                last_sample
             }
-            Integrity::Damaged { readable_bytes, file_bytes, last_step, cause } => {
+            Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => {
                 write!(f, "damaged at byte {readable_bytes} of {file_bytes} ({cause}): what comes before can be read")?;
-                last_step
+                last_sample
             }
         };
-        match last_step {
-            Some(step) => write!(f, ", up to step {step}"),
-            None => f.write_str(", which hold no step"),
+        match last_sample {
+            Some(sample) => write!(f, ", up to sample {sample}"),
+            None => f.write_str(", which hold no sample"),
         }
     }
 }
@@ -104,7 +104,7 @@ pub struct RecordingSummary {
     pub integrity: Integrity,
     /// Where it comes from.
     pub origin: Origin,
-    /// Time from the first step to the last, s.
+    /// Time from the first sample to the last, s.
     pub duration_s: f64,
     /// First and last sample, if there is any.
     pub samples: Option<(u64, u64)>,
@@ -166,7 +166,7 @@ pub struct TopicSummary {
     pub records: u64,
     /// Their size before compression, bytes.
     pub bytes: u64,
-    /// Places where the steps of a batched topic are not consecutive.
+    /// Places where the samples of a batched topic are not consecutive.
     pub gaps: u64,
 }
 

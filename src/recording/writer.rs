@@ -17,7 +17,7 @@ use super::schema::{DT_S, FORMAT, Topic, metadata};
 use super::sink::{self, Sink, Stamp};
 use super::staged::is_at;
 use super::{
-    Configuration, Direction, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StepRecord,
+    Configuration, Direction, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StateRecord,
     TickRecord, TimeBase, build_info, decimate,
 };
 
@@ -202,21 +202,21 @@ impl Writer {
 
     /// Writes one record, after a flush if its sample calls for one.
     fn write(&mut self, record: &Record) -> Result<(), RecordingError> {
-        self.flush_by_sample(record.step())?;
-        self.last_sample = self.last_sample.max(record.step());
+        self.flush_by_sample(record.sample())?;
+        self.last_sample = self.last_sample.max(record.sample());
         match record {
-            Record::Step(state) => self.write_state(state),
+            Record::State(state) => self.write_state(state),
             Record::Sample(reading) => self.write_reading(reading),
             Record::Frame(frame) => {
-                let stamp = self.stamp_at(frame.step, frame.time_ns);
+                let stamp = self.stamp_at(frame.sample, frame.time_ns);
                 self.sink.message(Topic::Frames, stamp, &frame_message(frame, &self.options.interface))
             }
             Record::Tick(tick) => self.write_tick(tick),
-            Record::Event(event) => self.write_event(event.step, event.time_ns, event.name.to_string(), event.value),
+            Record::Event(event) => self.write_event(event.sample, event.time_ns, event.name.to_string(), event.value),
         }
     }
 
-    fn write_state(&mut self, record: &StepRecord) -> Result<(), RecordingError> {
+    fn write_state(&mut self, record: &StateRecord) -> Result<(), RecordingError> {
         self.state_count += 1;
         if self.states.must_take_before(record) {
             self.take_states()?;
@@ -268,9 +268,9 @@ impl Writer {
         Ok(())
     }
 
-    fn write_event(&mut self, step: u64, time_ns: u64, name: String, value: i64) -> Result<(), RecordingError> {
-        let event = proto::Event { step, time_ns, name, value };
-        let stamp = self.stamp_at(step, time_ns);
+    fn write_event(&mut self, sample: u64, time_ns: u64, name: String, value: i64) -> Result<(), RecordingError> {
+        let event = proto::Event { step: sample, time_ns, name, value };
+        let stamp = self.stamp_at(sample, time_ns);
         self.sink.message(Topic::Events, stamp, &event)
     }
 
@@ -395,7 +395,7 @@ fn take<B: Batch>(
     times: Times,
 ) -> Result<(), RecordingError> {
     match batcher.take() {
-        Some(batch) => sink.message(B::TOPIC, times.stamp(options, batch.first_step()), batch),
+        Some(batch) => sink.message(B::TOPIC, times.stamp(options, batch.first_sample()), batch),
         None => Ok(()),
     }
 }
@@ -432,7 +432,7 @@ fn frame_message(record: &FrameRecord, interface: &str) -> proto::CanFrame {
         FrameFormat::Classic | FrameFormat::Remote => (false, false, false),
     };
     proto::CanFrame {
-        step: record.step,
+        step: record.sample,
         time_ns: record.time_ns,
         bus_timestamp_ns: record.bus_timestamp_ns,
         direction: direction.into(),

@@ -63,7 +63,7 @@ pub fn play<C: Clock>(
             continue;
         }
         let time_ns = match recording.origin().time {
-            RunTime::Lockstep => libm::round(record.step as f64 * recording.origin().dt_s * 1e9) as u64,
+            RunTime::Lockstep => libm::round(record.sample as f64 * recording.origin().dt_s * 1e9) as u64,
             RunTime::RealTime | RunTime::Simulated => record.time_ns,
         };
         let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));

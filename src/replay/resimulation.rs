@@ -3,7 +3,7 @@
 use super::ReplayError;
 use crate::arm::{Load, State};
 use crate::plant::{Plant, PlantSpec};
-use crate::recording::{Integrity, Recording, StepRecord};
+use crate::recording::{Integrity, Recording, StateRecord};
 use crate::scenario::Scenario;
 
 /// Most integration steps a sample that are simulated again: 250 times the default.
@@ -35,7 +35,7 @@ pub struct Verdict {
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let mut spec = Scenario::from_configuration(recording.configuration())?.plant_spec()?;
     check(recording, &spec)?;
-    let mut states = recording.steps()?;
+    let mut states = recording.states()?;
     let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;
     spec.initial = state(&first);
     let mut plant = Plant::new(&spec)?;
@@ -64,7 +64,7 @@ fn check(recording: &Recording, spec: &PlantSpec) -> Result<(), ReplayError> {
     if got > most { Err(ReplayError::StepsPerSample { got, most }) } else { Ok(()) }
 }
 
-fn compare(verdict: &mut Verdict, simulated: &State, record: &StepRecord) {
+fn compare(verdict: &mut Verdict, simulated: &State, record: &StateRecord) {
     let recorded = state(record);
     verdict.samples += 1;
     let bits = |state: &State| {
@@ -73,24 +73,24 @@ fn compare(verdict: &mut Verdict, simulated: &State, record: &StepRecord) {
     };
     if bits(simulated) != bits(&recorded) {
         verdict.identical = false;
-        verdict.first_divergence.get_or_insert(record.step);
+        verdict.first_divergence.get_or_insert(record.sample);
         let drift_rad = (simulated.alpha_rad - recorded.alpha_rad).amax();
         verdict.max_drift_rad = verdict.max_drift_rad.max(drift_rad);
     }
 }
 
-fn state(record: &StepRecord) -> State {
+fn state(record: &StateRecord) -> State {
     State::new(record.alpha_rad, record.alpha_dot_rad_s)
 }
 
 /// The recorded load, if the plant's exciter can have produced it.
-fn load(record: &StepRecord, plant: &Plant) -> Result<Load, ReplayError> {
+fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
     let load = Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() };
     let exciter = plant.exciter();
     if exciter.can_produce(&load) {
         return Ok(load);
     }
     let (limit_n, limit_nm) = (exciter.force_limit_n, exciter.torque_limit_nm);
-    let (sample, force_n, torque_nm) = (record.step, record.force_n, record.torque_nm);
+    let (sample, force_n, torque_nm) = (record.sample, record.force_n, record.torque_nm);
     Err(ReplayError::Load { sample, force_n, torque_nm, limit_n, limit_nm })
 }

@@ -105,7 +105,7 @@ fn two_frames(path: &Path) -> Recording {
     for sample in [0, 3_600_000] {
         let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3]).unwrap();
         let (direction, time_ns, bus_timestamp_ns) = (Direction::Sent, sample * 1_000_000, None);
-        let record = FrameRecord { step: sample, direction, time_ns, bus_timestamp_ns, frame };
+        let record = FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame };
         channel.push_blocking(Record::Frame(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();

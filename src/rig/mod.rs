@@ -30,7 +30,7 @@ pub struct RigSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Index of the sample.
-    pub step: u64,
+    pub sample: u64,
     /// Force in the impedance head, N.
     pub head_force_n: [Reading; 2],
     /// Acceleration of B, m/s².
@@ -71,10 +71,10 @@ impl Rig {
 
     /// What the instruments say of the true accelerations and the true load. Every call draws new noise, so it is made once
     /// a sample.
-    pub fn measure(&mut self, step: u64, motion: &PointMotion, load: &Load) -> Measurement {
+    pub fn measure(&mut self, sample: u64, motion: &PointMotion, load: &Load) -> Measurement {
         let read = |sensors: &mut [Sensor; 2], truth: [f64; 2]| [sensors[0].read(truth[0]), sensors[1].read(truth[1])];
         Measurement {
-            step,
+            sample,
             head_force_n: read(&mut self.head, load.force_n.into()),
             acceleration_b_m_s2: read(&mut self.accelerometer_b, motion.b_m_s2.into()),
             acceleration_c_m_s2: read(&mut self.accelerometer_c, motion.c_m_s2.into()),

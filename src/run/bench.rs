@@ -7,7 +7,7 @@ use crate::bus::{Bus, BusError, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
 use crate::plant::{Plant, PlantError};
 use crate::protocol::{EmergencyCode, Frame, NodeState};
-use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StepRecord};
+use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord};
 use crate::rig::Reading;
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
@@ -53,7 +53,7 @@ impl<'a> Bench<'a> {
 
     /// The index of the sample at which the plant stands.
     pub fn sample(&self) -> u64 {
-        self.plant.step()
+        self.plant.sample()
     }
 
     /// Samples measured.
@@ -63,7 +63,7 @@ impl<'a> Bench<'a> {
 
     /// Integration steps made.
     pub fn steps(&self) -> u64 {
-        self.plant.step() * u64::from(self.steps_per_sample)
+        self.plant.sample() * u64::from(self.steps_per_sample)
     }
 
     pub fn node(&self) -> &PlantNode {
@@ -100,8 +100,8 @@ impl<'a> Bench<'a> {
     }
 
     fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) -> Result<(), RunError> {
-        let step = self.sample();
-        self.record(Record::Event(Event { step, time_ns: now_ns, name, value }))
+        let sample = self.sample();
+        self.record(Record::Event(Event { sample, time_ns: now_ns, name, value }))
     }
 
     /// Faults from outside the node.
@@ -142,7 +142,7 @@ impl<'a> Bench<'a> {
     /// Takes in one frame.
     pub fn take(&mut self, now_ns: u64, received: &Received) -> Result<(), RunError> {
         let record = FrameRecord {
-            step: self.sample(),
+            sample: self.sample(),
             direction: Direction::Received,
             time_ns: now_ns,
             bus_timestamp_ns: received.timestamp_ns,
@@ -198,7 +198,7 @@ impl<'a> Bench<'a> {
         let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
         let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);
         self.record(Record::Sample(SampleRecord {
-            step: measurement.step,
+            sample: measurement.sample,
             acceleration_b_m_s2: values(measurement.acceleration_b_m_s2),
             acceleration_c_m_s2: values(measurement.acceleration_c_m_s2),
             head_force_n: values(measurement.head_force_n),
@@ -232,15 +232,15 @@ impl<'a> Bench<'a> {
     /// Records the state at the sample, with the load held from it on.
     fn record_state(&mut self, load: &Load, is_end: bool) -> Result<(), RunError> {
         let state = self.plant.state();
-        let record = StepRecord {
-            step: self.sample(),
+        let record = StateRecord {
+            sample: self.sample(),
             alpha_rad: state.alpha_rad.into(),
             alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
             is_end,
         };
-        self.record(Record::Step(record))
+        self.record(Record::State(record))
     }
 
     /// The next frame to send, recorded as sent at `now_ns`.
@@ -251,8 +251,8 @@ impl<'a> Bench<'a> {
     }
 
     fn record_sent(&mut self, now_ns: u64, frame: Frame) -> Result<(), RunError> {
-        let (step, direction) = (self.sample(), Direction::Sent);
-        self.record(Record::Frame(FrameRecord { step, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }))
+        let (sample, direction) = (self.sample(), Direction::Sent);
+        self.record(Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }))
     }
 
     /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.

@@ -50,8 +50,8 @@ fn ticks<C: Clock>(
         let now_ns = pace.now_ns();
         work(bench, bus, &tick, now_ns)?;
         let exec_ns = periodic.finish(&tick);
-        let (step, wakeup_ns, overruns) = (tick.index, tick.wakeup_ns, tick.missed);
-        bench.record(Record::Tick(TickRecord { step, wakeup_ns, exec_ns, overruns }))?;
+        let (sample, wakeup_ns, overruns) = (tick.index, tick.wakeup_ns, tick.missed);
+        bench.record(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns }))?;
         signals.set_done(tick.index);
         if let Some(end) = ending.reached(bench, signals, now_ns) {
             return Ok(end);

@@ -260,7 +260,10 @@ fn run_reports_steps_bus_and_recording() {
 
     let resim = document(folder.path(), 0, &["resim", "run.mcap", "--json"]);
     assert_eq!(names(&resim), ["first_divergence", "identical", "integrity", "max_drift_rad", "samples", "steps"]);
-    assert_eq!((&resim["identical"], &resim["samples"], &resim["steps"]), (&true.into(), &got["samples"], &got["steps"]));
+    assert_eq!(
+        (&resim["identical"], &resim["samples"], &resim["steps"]),
+        (&true.into(), &got["samples"], &got["steps"])
+    );
     assert!(resim["first_divergence"].is_null() && resim["max_drift_rad"] == 0.0);
 }
 

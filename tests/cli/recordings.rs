@@ -8,7 +8,7 @@ use resonarm::recording::{Event, Options, Record, Recorder, Recording};
 
 use crate::{complaint, document, resonarm};
 
-/// Long enough for more than one chunk: in virtual time there is one every 1000 steps.
+/// Long enough for more than one chunk: in virtual time there is one every 1000 samples.
 const RUN: [&str; 7] = ["run", "--mode", "free", "--duration-s", "2.5", "--record", "run.mcap"];
 
 /// A folder with the recording of a run.
@@ -48,11 +48,11 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
 
     let cut = document(folder.path(), 1, &["inspect", "run.mcap", "--json"]);
     assert_eq!(cut["integrity"]["state"], "truncated");
-    let steps = cut["topics"]["/plant/steps"]["records"].as_u64().unwrap();
-    assert!((1000..2500).contains(&steps), "{steps}");
+    let states = cut["topics"]["/plant/steps"]["records"].as_u64().unwrap();
+    assert!((1000..2500).contains(&states), "{states}");
     let resim = resonarm(folder.path(), &["resim", "run.mcap"]);
     let note = resim.stdout.lines().next().unwrap_or_default().to_string() + "\n";
-    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {steps} samples, bit for bit\n")));
+    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {states} samples, bit for bit\n")));
     assert!(note.starts_with("the recording is truncated: "), "{note}");
 
     let recovered = resonarm(folder.path(), &["recover", "run.mcap", "whole.mcap"]);
@@ -62,7 +62,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     assert_eq!((&mended["integrity"]["state"], &mended["topics"]), (&"unfinished".into(), &cut["topics"]));
     let resim = resonarm(folder.path(), &["resim", "whole.mcap"]);
     let note = "the recording was recovered from a truncated or damaged one\n";
-    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {steps} samples, bit for bit\n")));
+    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {states} samples, bit for bit\n")));
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "whole.mcap"]), @"resonarm: recording `whole.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "whole.mcap", "again.mcap"]), @"resonarm: recording `whole.mcap` is whole: there is nothing to recover");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "run.mcap"]), @"resonarm: recording `run.mcap` can't be recovered onto itself: name another file for the result");
@@ -86,17 +86,17 @@ fn files_that_are_no_recordings() {
 }
 
 /// The recording once more, with one state off by one unit in its last place.
-fn doctor(from: &Path, to: &Path, step: u64) {
+fn doctor(from: &Path, to: &Path, sample: u64) {
     let recording = Recording::open(from).unwrap();
     let options = Options::virtual_time(recording.origin().dt_s, "none");
     let recorder = Recorder::create(to, recording.configuration(), options).unwrap();
     let mut channel = recorder.channel("plant", 1024).unwrap();
-    for record in recording.steps().unwrap() {
+    for record in recording.states().unwrap() {
         let mut record = record.unwrap();
-        if record.step == step {
+        if record.sample == sample {
             record.alpha_rad[0] = record.alpha_rad[0].next_up();
         }
-        channel.push_blocking(Record::Step(record)).unwrap();
+        channel.push_blocking(Record::State(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();
 }
@@ -232,7 +232,7 @@ fn a_recording_is_judged_by_the_configuration_it_states() {
             Options { existing: resonarm::recording::Existing::Overwrite, ..Options::virtual_time(1e-3, "none") };
         let recorder = Recorder::create(path, &configuration, options).unwrap();
         let mut channel = recorder.channel("plant", 1024).unwrap();
-        recording.steps().unwrap().for_each(|record| channel.push_blocking(Record::Step(record.unwrap())).unwrap());
+        recording.states().unwrap().for_each(|record| channel.push_blocking(Record::State(record.unwrap())).unwrap());
         recorder.finish(&[]).unwrap();
         said.push(complaint(folder.path(), 2, &["resim", "tampered.mcap", "--json"]));
     }
@@ -281,7 +281,7 @@ fn a_fault_is_told() {
     .unwrap();
     let mut channel = recorder.channel("plant", 1024).unwrap();
     for (name, value) in [("emergency", 2), ("state.fault", 0)] {
-        channel.push_blocking(Record::Event(Event { step: 1234, time_ns: 1_234_000_000, name, value })).unwrap();
+        channel.push_blocking(Record::Event(Event { sample: 1234, time_ns: 1_234_000_000, name, value })).unwrap();
     }
     recorder.finish(&[]).unwrap();
     let fault = document(folder.path(), 0, &["inspect", "fault.mcap", "--json"]);

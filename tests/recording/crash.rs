@@ -11,14 +11,14 @@ use std::time::{Duration, Instant};
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Configuration, Direction, Existing, FlushPolicy, FrameRecord, Integrity, Options, Record, Recorder, Recording,
-    RecordingError, StepRecord, recover,
+    RecordingError, StateRecord, recover,
 };
 
 /// Where the child records; its being set makes the test the child.
 const CHILD: &str = "RESONARM_TEST_CRASH_RECORDING";
-/// The promise of the recorder, ms and steps at 1 kHz.
+/// The promise of the recorder, ms and samples at 1 kHz.
 const INTERVAL: u64 = 100;
-/// What a busy machine may add until the writer thread gets its turn, ms and steps at 1 kHz.
+/// What a busy machine may add until the writer thread gets its turn, ms and samples at 1 kHz.
 const SLACK: u64 = 250;
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
@@ -34,26 +34,33 @@ fn clock() -> Duration {
     START.get_or_init(now).elapsed()
 }
 
-/// Records at 1 kHz, and says every 10th step, until it is killed; for a minute at most.
+/// Records at 1 kHz, and says every 10th sample, until it is killed; for a minute at most.
 fn record(path: &Path) -> Outcome {
     let flush = FlushPolicy::Interval { interval: Duration::from_millis(INTERVAL), clock };
     let options = Options { flush, ..Options::real_time(1e-3, "memory", 1_700_000_000_000_000_000, clock) };
     let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
     let mut channel = recorder.channel("plant", 4096)?;
     let start = clock();
-    for step in 0..60_000 {
-        let deadline = start + Duration::from_millis(step);
+    for sample in 0..60_000 {
+        let deadline = start + Duration::from_millis(sample);
         while let Some(rest) = deadline.checked_sub(clock()).filter(|rest| !rest.is_zero()) {
             thread::park_timeout(rest);
         }
-        let x = step as f64;
+        let x = sample as f64;
         let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
-        channel.push(Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false }));
-        let frame = Frame::classic(Id::Standard(0x203), &step.to_le_bytes())?;
+        channel.push(Record::State(StateRecord {
+            sample,
+            alpha_rad,
+            alpha_dot_rad_s,
+            torque_nm,
+            force_n,
+            is_end: false,
+        }));
+        let frame = Frame::classic(Id::Standard(0x203), &sample.to_le_bytes())?;
         let (direction, time_ns, bus_timestamp_ns) = (Direction::Sent, clock().as_nanos() as u64, None);
-        channel.push(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }));
-        if step % 10 == 0 {
-            writeln!(std::io::stdout(), "step {step}")?;
+        channel.push(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }));
+        if sample % 10 == 0 {
+            writeln!(std::io::stdout(), "sample {sample}")?;
         }
     }
     Err("nobody has killed the recording".into())
@@ -67,21 +74,21 @@ fn start(path: &Path) -> Outcome<Child> {
     Ok(command.spawn()?)
 }
 
-/// Waits until the child has said step `step` and kills it. Returns the last step it said.
-fn kill_at(step: u64, child: &mut Child) -> Outcome<u64> {
+/// Waits until the child has said sample `sample` and kills it. Returns the last sample it said.
+fn kill_at(sample: u64, child: &mut Child) -> Outcome<u64> {
     let output = child.stdout.take().ok_or("the child has no output")?;
     let mut lines = BufReader::new(output).lines();
     let mut said = || -> Outcome<Option<u64>> {
         let Some(line) = lines.next().transpose()? else { return Ok(None) };
         // The test harness may print before it on the same line.
-        Ok(Some(line.rsplit("step ").next().and_then(|number| number.parse().ok()).unwrap_or(0)))
+        Ok(Some(line.rsplit("sample ").next().and_then(|number| number.parse().ok()).unwrap_or(0)))
     };
-    while said()?.ok_or("the child has ended by itself")? < step {}
+    while said()?.ok_or("the child has ended by itself")? < sample {}
     child.kill()?;
     child.wait()?;
-    let mut last = step;
-    while let Some(step) = said()? {
-        last = last.max(step);
+    let mut last = sample;
+    while let Some(sample) = said()? {
+        last = last.max(sample);
     }
     Ok(last)
 }
@@ -100,15 +107,20 @@ fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
         let said = said?;
 
         let recording = Recording::open(&path)?;
-        let Integrity::Truncated { last_step, .. } = recording.integrity() else {
-            return Err(format!("killed after step {said}, but {:?}", recording.integrity()).into());
+        let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
+            return Err(format!("killed after sample {said}, but {:?}", recording.integrity()).into());
         };
         assert_eq!(recording.configuration().get("seed"), Some("7"));
-        let saved = last_step.map_or(0, |last| last + 1);
-        assert!(saved + INTERVAL + SLACK > said, "{saved} steps saved of {said}");
-        let steps = recording.steps()?.collect::<Result<Vec<_>, _>>()?;
-        assert_eq!(steps.len() as u64, saved);
-        assert!(steps.iter().zip(0_u64..).all(|(step, k)| step.step == k && step.alpha_rad == [k as f64, -(k as f64)]));
+        let saved = last_sample.map_or(0, |last| last + 1);
+        assert!(saved + INTERVAL + SLACK > said, "{saved} samples saved of {said}");
+        let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
+        assert_eq!(states.len() as u64, saved);
+        assert!(
+            states
+                .iter()
+                .zip(0_u64..)
+                .all(|(state, k)| state.sample == k && state.alpha_rad == [k as f64, -(k as f64)])
+        );
         assert_eq!(recording.frames()?.count() as u64, saved);
 
         let mended = directory.path().join(format!("mended-{kill_after}.mcap"));
@@ -117,7 +129,7 @@ fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
             continue; // killed before the first flush
         }
         assert!(recovered?.missing_samples.is_empty());
-        assert_eq!(Recording::open(&mended)?.steps()?.count() as u64, saved);
+        assert_eq!(Recording::open(&mended)?.states()?.count() as u64, saved);
     }
     Ok(())
 }

@@ -4,58 +4,58 @@ use std::fs;
 use std::path::Path;
 
 use proptest::prelude::*;
-use resonarm::recording::{Existing, FlushPolicy, Integrity, Options, Recording, RecordingError, StepRecord, recover};
+use resonarm::recording::{Existing, FlushPolicy, Integrity, Options, Recording, RecordingError, StateRecord, recover};
 
 use crate::{Outcome, options, record, run};
 
-const STEPS: u64 = 300;
+const SAMPLES: u64 = 300;
 
-/// The bytes of a recording of 300 steps in chunks of 50.
+/// The bytes of a recording of 300 samples in chunks of 50.
 fn bytes(directory: &Path) -> Outcome<Vec<u8>> {
     let path = directory.join("whole.mcap");
-    record(&path, Options { flush: FlushPolicy::Samples(50), ..options() }, &run(STEPS)?)?;
+    record(&path, Options { flush: FlushPolicy::Samples(50), ..options() }, &run(SAMPLES)?)?;
     Ok(fs::read(path)?)
 }
 
-/// The steps that were recorded.
-fn steps_recorded() -> Outcome<Vec<StepRecord>> {
-    let step = |step| match crate::records_of(step)?[0] {
-        resonarm::recording::Record::Step(record) => Ok(record),
-        other => Err(format!("{other:?} is not a step").into()),
+/// The states that were recorded.
+fn states_recorded() -> Outcome<Vec<StateRecord>> {
+    let state = |sample| match crate::records_of(sample)?[0] {
+        resonarm::recording::Record::State(record) => Ok(record),
+        other => Err(format!("{other:?} is not a state").into()),
     };
-    (0..STEPS).map(step).collect()
+    (0..SAMPLES).map(state).collect()
 }
 
-/// Reads all that can be read; whatever comes must be a beginning of what was recorded. Returns how many steps came.
-fn read(path: &Path, recorded: &[StepRecord]) -> Outcome<usize> {
+/// Reads all that can be read; whatever comes must be a beginning of what was recorded. Returns how many states came.
+fn read(path: &Path, recorded: &[StateRecord]) -> Outcome<usize> {
     let Ok(recording) = Recording::open(path) else { return Ok(0) };
-    let steps = recording.steps()?.collect::<Result<Vec<_>, _>>()?;
-    assert!(recorded.starts_with(&steps), "steps that were never recorded");
+    let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
+    assert!(recorded.starts_with(&states), "states that were never recorded");
     for record in recording.records()? {
         record?;
     }
-    Ok(steps.len())
+    Ok(states.len())
 }
 
 #[test]
 fn every_cut_gives_what_was_flushed_before() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
-    let recorded = steps_recorded()?;
+    let recorded = states_recorded()?;
     let path = directory.path().join("cut.mcap");
     let mut most = 0;
     for length in (0..whole.len()).step_by(61) {
         fs::write(&path, &whole[..length])?;
-        let steps = read(&path, &recorded)?;
-        assert!(steps >= most && steps.is_multiple_of(50), "{steps} steps in {length} bytes, {most} in fewer");
-        most = steps;
+        let samples = read(&path, &recorded)?;
+        assert!(samples >= most && samples.is_multiple_of(50), "{samples} samples in {length} bytes, {most} in fewer");
+        most = samples;
         if let Ok(recording) = Recording::open(&path) {
-            let Integrity::Truncated { readable_bytes, file_bytes, last_step } = recording.integrity() else {
+            let Integrity::Truncated { readable_bytes, file_bytes, last_sample } = recording.integrity() else {
                 return Err(format!("{length} bytes are {:?}", recording.integrity()).into());
             };
             assert_eq!(*file_bytes, length as u64);
             assert!(readable_bytes <= file_bytes);
-            assert_eq!(last_step.map_or(0, |last| last + 1), steps as u64);
+            assert_eq!(last_sample.map_or(0, |last| last + 1), samples as u64);
         }
     }
     assert_eq!(most, recorded.len());
@@ -71,7 +71,7 @@ proptest! {
         let directory = tempfile::tempdir()?;
         let fail = |error: Box<dyn std::error::Error>| TestCaseError::fail(error.to_string());
         let whole = bytes(directory.path()).map_err(fail)?;
-        let recorded = steps_recorded().map_err(fail)?;
+        let recorded = states_recorded().map_err(fail)?;
         let path = directory.path().join("flipped.mcap");
         for (index, flip) in flips {
             let mut bytes = whole.clone();
@@ -94,7 +94,7 @@ proptest! {
         let directory = tempfile::tempdir()?;
         let fail = |error: Box<dyn std::error::Error>| TestCaseError::fail(error.to_string());
         let mut bytes = bytes(directory.path()).map_err(fail)?;
-        let recorded = steps_recorded().map_err(fail)?;
+        let recorded = states_recorded().map_err(fail)?;
         for (index, flip) in flips {
             let place = index.index(bytes.len());
             bytes[place] ^= flip;
@@ -106,8 +106,8 @@ proptest! {
             let recording = Recording::open(&mended)?;
             prop_assert_eq!(recording.integrity(), &Integrity::Unfinished);
             for record in recording.records()? {
-                if let resonarm::recording::Record::Step(state) = record? {
-                    prop_assert_eq!(Some(&state), recorded.get(state.step as usize));
+                if let resonarm::recording::Record::State(state) = record? {
+                    prop_assert_eq!(Some(&state), recorded.get(state.sample as usize));
                 }
             }
         } else {
@@ -126,7 +126,7 @@ proptest! {
         bytes.extend(garbage);
         let path = directory.path().join("garbage.mcap");
         fs::write(&path, &bytes)?;
-        read(&path, &steps_recorded().map_err(fail)?).map_err(fail)?;
+        read(&path, &states_recorded().map_err(fail)?).map_err(fail)?;
     }
 }
 
@@ -144,8 +144,8 @@ fn a_cut_recording_is_recovered_whole() -> Outcome {
     assert_eq!(after.integrity(), &Integrity::Unfinished);
     assert_eq!((after.origin(), after.configuration()), (before.origin(), before.configuration()));
     assert_eq!(after.summary().topics, before.summary().topics);
-    let steps = after.steps()?.collect::<Result<Vec<_>, _>>()?;
-    assert!(steps.len() >= 100 && steps_recorded()?.starts_with(&steps));
+    let states = after.states()?.collect::<Result<Vec<_>, _>>()?;
+    assert!(states.len() >= 100 && states_recorded()?.starts_with(&states));
     Ok(())
 }
 
@@ -172,7 +172,7 @@ fn one_wrong_byte_costs_one_chunk() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
-    let recorded = steps_recorded()?;
+    let recorded = states_recorded()?;
     let second = chunk(&whole, 1).ok_or("no second chunk")?;
     let middle = usize::midpoint(second.start, second.end);
     for place in (second.start..second.start + 9).chain([second.start + 50, middle]) {
@@ -180,13 +180,13 @@ fn one_wrong_byte_costs_one_chunk() -> Outcome {
         bytes[place] ^= 0x41;
         fs::write(&path, &bytes)?;
         let recovered = recover(&path, &mended, Existing::Overwrite)?;
-        let steps = Recording::open(&mended)?.records()?.filter_map(|record| match record {
-            Ok(resonarm::recording::Record::Step(state)) => Some(state.step),
+        let samples = Recording::open(&mended)?.records()?.filter_map(|record| match record {
+            Ok(resonarm::recording::Record::State(state)) => Some(state.sample),
             _ => None,
         });
-        let steps: Vec<_> = steps.collect();
-        let expected: Vec<_> = (0..recorded.len() as u64).filter(|step| !(50..100).contains(step)).collect();
-        assert_eq!(steps, expected, "byte {} of the chunk: {recovered:?}", place - second.start);
+        let samples: Vec<_> = samples.collect();
+        let expected: Vec<_> = (0..recorded.len() as u64).filter(|sample| !(50..100).contains(sample)).collect();
+        assert_eq!(samples, expected, "byte {} of the chunk: {recovered:?}", place - second.start);
         let missing: Vec<_> = recovered.missing_samples.iter().map(|missing| (missing.first, missing.last)).collect();
         assert_eq!(missing, [(50, 99)], "byte {} of the chunk", place - second.start);
     }

@@ -21,19 +21,19 @@ use std::path::Path;
 
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
-    Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StepRecord,
+    Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StateRecord,
     Summary, TickRecord,
 };
 
 /// What tests return: any error fails them.
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
-/// What a plant records at step `step`.
-fn records_of(step: u64) -> Outcome<Vec<Record>> {
-    let x = step as f64;
+/// What a plant records at sample `sample`.
+fn records_of(sample: u64) -> Outcome<Vec<Record>> {
+    let x = sample as f64;
     let mut records = vec![
-        Record::Step(StepRecord {
-            step,
+        Record::State(StateRecord {
+            sample,
             alpha_rad: [1e-3 * x, -1e-4 * x],
             alpha_dot_rad_s: [0.1 + x, 0.2 - x],
             torque_nm: [0.0, -0.0],
@@ -41,27 +41,27 @@ fn records_of(step: u64) -> Outcome<Vec<Record>> {
             is_end: false,
         }),
         Record::Sample(SampleRecord {
-            step,
+            sample,
             acceleration_b_m_s2: [x, 2.0 * x],
             acceleration_c_m_s2: [3.0 * x, 4.0 * x],
             head_force_n: [5.0, 6.0],
             clipped: Some(Clipped::NONE),
         }),
         Record::Tick(TickRecord {
-            step,
-            wakeup_ns: 1000 + step,
+            sample,
+            wakeup_ns: 1000 + sample,
             exec_ns: 2000,
-            overruns: step.is_multiple_of(7).into(),
+            overruns: sample.is_multiple_of(7).into(),
         }),
     ];
     for (id, direction) in [(0x203, Direction::Sent), (0x201, Direction::Received)] {
-        let frame = Frame::classic(Id::Standard(id), &step.to_le_bytes())?;
-        let time_ns = step * 1_000_000 + u64::from(id);
-        records.push(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns: None, frame }));
+        let frame = Frame::classic(Id::Standard(id), &sample.to_le_bytes())?;
+        let time_ns = sample * 1_000_000 + u64::from(id);
+        records.push(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns: None, frame }));
     }
-    if step % 100 == 50 {
-        let (time_ns, name) = (step * 1_000_000, "plant.state.fault");
-        records.push(Record::Event(Event { step, time_ns, name, value: -3 }));
+    if sample % 100 == 50 {
+        let (time_ns, name) = (sample * 1_000_000, "plant.state.fault");
+        records.push(Record::Event(Event { sample, time_ns, name, value: -3 }));
     }
     Ok(records)
 }
@@ -84,7 +84,7 @@ fn record(path: &Path, options: Options, records: &[Record]) -> Outcome<Summary>
     Ok(recorder.finish(&[("overruns", "0".to_string())])?)
 }
 
-/// What a plant records over steps `0..steps`.
-fn run(steps: u64) -> Outcome<Vec<Record>> {
-    Ok((0..steps).map(records_of).collect::<Result<Vec<_>, _>>()?.concat())
+/// What a plant records over samples `0..samples`.
+fn run(samples: u64) -> Outcome<Vec<Record>> {
+    Ok((0..samples).map(records_of).collect::<Result<Vec<_>, _>>()?.concat())
 }

@@ -91,7 +91,7 @@ fn of_recordings_of_another_kind() -> Outcome {
     };
     let (topic, schema) = ("/plant/samples", "resonarm.v1.SampleBatch");
     let recording = open(&good, topic, schema)?;
-    insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
+    insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
     insta::assert_snapshot!(text(open(&[("format", "3")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `3` in its metadata `resonarm.recording`, expected `1` or `2`: read it with the version of resonarm that wrote it");
     insta::assert_snapshot!(text(open(&[("format", "1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
     insta::assert_snapshot!(text(open(&[("format", "1"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
@@ -103,10 +103,10 @@ fn of_recordings_of_another_kind() -> Outcome {
 fn of_gaps() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
-    let records = [0, 1, 2, 7, 8, 20].map(|step| records_of(step).map(|records| records[0]));
+    let records = [0, 1, 2, 7, 8, 20].map(|sample| records_of(sample).map(|records| records[0]));
     record(&path, options(), &records.into_iter().collect::<Result<Vec<_>, _>>()?)?;
     let recording = Recording::open(&path)?;
-    insta::assert_snapshot!(text(recording.steps(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: step 7 follows where step 3 should (2 such gaps in all); the run lost records, or the file was recovered from a damaged one");
+    insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: sample 7 follows where sample 3 should (2 such gaps in all); the run lost records, or the file was recovered from a damaged one");
     assert_eq!(recording.records()?.count(), 6);
     Ok(())
 }
@@ -137,19 +137,19 @@ fn of_integrity() -> Outcome {
     assert_eq!(integrity(&whole)?, "complete");
     // The bytes depend on the commit and the compiler, which the head names: their numbers stay out of the snapshot.
     let half = &whole[..whole.len() / 2];
-    insta::assert_snapshot!(without_numbers(&integrity(half)?), @"truncated: N of N bytes can be read, up to step N");
-    insta::assert_snapshot!(without_numbers(&integrity(&whole[..1200])?), @"truncated: N of N bytes can be read, which hold no step");
+    insta::assert_snapshot!(without_numbers(&integrity(half)?), @"truncated: N of N bytes can be read, up to sample N");
+    insta::assert_snapshot!(without_numbers(&integrity(&whole[..1200])?), @"truncated: N of N bytes can be read, which hold no sample");
     bytes[whole.len() / 2] ^= 1;
-    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (the checksum is N, expected N): what comes before can be read, up to step N");
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (the checksum is N, expected N): what comes before can be read, up to sample N");
     fs::write(&cut, half)?;
     if let Integrity::Truncated { readable_bytes, .. } = Recording::open(&cut)?.integrity() {
         bytes.truncate(*readable_bytes as usize); // what a lost power supply leaves: the length is there, the data is not
         bytes.extend([0; 500]);
     }
-    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (a record with opcode N): what comes before can be read, up to step N");
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (a record with opcode N): what comes before can be read, up to sample N");
     bytes = whole;
     bytes.push(0);
-    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (file has more bytes after end magic): what comes before can be read, up to step N");
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (file has more bytes after end magic): what comes before can be read, up to sample N");
     Ok(())
 }
 

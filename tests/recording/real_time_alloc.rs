@@ -6,7 +6,7 @@ use assert_no_alloc::assert_no_alloc;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError,
-    SampleRecord, StepRecord, TickRecord,
+    SampleRecord, StateRecord, TickRecord,
 };
 
 #[test]
@@ -18,17 +18,17 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
     let mut narrow = recorder.channel("narrow", 1)?;
     let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3])?;
     let pair = [1.0, 2.0];
-    let mut push_all = |step: u64| {
-        let time_ns = step * 1_000_000;
+    let mut push_all = |sample: u64| {
+        let time_ns = sample * 1_000_000;
         let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = (pair, pair, pair, pair);
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
         let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Some(Clipped::NONE));
         let records = [
-            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false }),
-            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
-            Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }),
-            Record::Tick(TickRecord { step, wakeup_ns: 1, exec_ns: 2, overruns: 0 }),
-            Record::Event(Event { step, time_ns, name: "plant.state.fault", value: 1 }),
+            Record::State(StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false }),
+            Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
+            Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }),
+            Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0 }),
+            Record::Event(Event { sample, time_ns, name: "plant.state.fault", value: 1 }),
         ];
         records.into_iter().for_each(|record| assert_eq!(wide.push(record), Pushed::Stored));
         records.into_iter().filter(|record| narrow.push(*record) == Pushed::Lost).count()
@@ -38,7 +38,7 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
     assert!(lost > 0, "the narrow channel has lost nothing, so losing was not tested");
     assert_eq!((summary.lost["wide"], summary.lost["narrow"]), (0, lost as u64));
 
-    let late = Record::Tick(TickRecord { step: 10_000, wakeup_ns: 1, exec_ns: 2, overruns: 0 });
+    let late = Record::Tick(TickRecord { sample: 10_000, wakeup_ns: 1, exec_ns: 2, overruns: 0 });
     assert_eq!(assert_no_alloc(|| wide.push(late)), Pushed::Lost);
     assert!(matches!(wide.push_blocking(late), Err(RecordingError::Finished { .. })));
     Ok(())

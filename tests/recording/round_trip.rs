@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::recording::{
     Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
-    SampleRecord, StepRecord, TickRecord,
+    SampleRecord, StateRecord, TickRecord,
 };
 
 use crate::{Outcome, options, record, run};
@@ -41,40 +41,40 @@ fn clipped() -> impl Strategy<Value = Option<Clipped>> {
     }))
 }
 
-fn any_record(step: u64) -> impl Strategy<Value = Record> {
+fn any_record(sample: u64) -> impl Strategy<Value = Record> {
     let direction = prop_oneof![Just(Direction::Received), Just(Direction::Sent)];
     prop_oneof![
         4 => [pair(), pair(), pair(), pair()].prop_map(move |[alpha_rad, alpha_dot_rad_s, torque_nm, force_n]| {
-            Record::Step(StepRecord { step, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: step % 7 == 3 })
+            Record::State(StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: sample % 7 == 3 })
         }),
         4 => ([pair(), pair(), pair()], clipped()).prop_map(move |([b, c, head_force_n], clipped)| {
             let (acceleration_b_m_s2, acceleration_c_m_s2) = (b, c);
-            Record::Sample(SampleRecord { step, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
+            Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
         }),
         4 => (frame(), direction, any::<u64>(), any::<Option<u64>>()).prop_map(
             move |(frame, direction, time_ns, bus_timestamp_ns)| {
-                Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame })
+                Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })
             }
         ),
         2 => any::<(u64, u64, u32)>().prop_map(move |(wakeup_ns, exec_ns, overruns)| {
-            Record::Tick(TickRecord { step, wakeup_ns, exec_ns, overruns })
+            Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns })
         }),
         1 => any::<(u64, i64)>().prop_map(move |(time_ns, value)| {
-            Record::Event(Event { step, time_ns, name: "plant.state.fault", value })
+            Record::Event(Event { sample, time_ns, name: "plant.state.fault", value })
         }),
     ]
 }
 
 /// Steps that mostly follow each other, and now and then jump anywhere.
 fn any_run() -> impl Strategy<Value = Vec<Record>> {
-    let steps = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
-        let steps = jumps.into_iter().scan(0_u64, |step, (chance, anywhere)| {
-            *step = if chance == 0 { anywhere } else { step.wrapping_add(u64::from(chance > 9)) };
-            Some(*step)
+    let samples = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
+        let samples = jumps.into_iter().scan(0_u64, |sample, (chance, anywhere)| {
+            *sample = if chance == 0 { anywhere } else { sample.wrapping_add(u64::from(chance > 9)) };
+            Some(*sample)
         });
-        steps.collect::<Vec<_>>()
+        samples.collect::<Vec<_>>()
     });
-    steps.prop_flat_map(|steps| steps.into_iter().map(any_record).collect::<Vec<_>>())
+    samples.prop_flat_map(|samples| samples.into_iter().map(any_record).collect::<Vec<_>>())
 }
 
 fn any_options() -> impl Strategy<Value = Options> {
@@ -94,17 +94,17 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
     let bits =
         |pairs: &[[f64; 2]]| pairs.iter().map(|pair| format!("{:x?}", pair.map(f64::to_bits))).collect::<String>();
     match record {
-        Record::Step(r) => {
+        Record::State(r) => {
             let numbers = bits(&[r.alpha_rad, r.alpha_dot_rad_s, r.torque_nm, r.force_n]);
-            format!("{} {} {numbers}", r.step, r.is_end)
+            format!("{} {} {numbers}", r.sample, r.is_end)
         }
         Record::Sample(r) => {
             let numbers = bits(&[r.acceleration_b_m_s2, r.acceleration_c_m_s2, r.head_force_n]);
-            format!("{} {:?} {numbers}", r.step, r.clipped)
+            format!("{} {:?} {numbers}", r.sample, r.clipped)
         }
         Record::Frame(r) => format!("{r:?} {:?}", r.frame.format()),
         Record::Tick(r) => format!("{r:?}"),
-        Record::Event(r) => format!("{} {} {} {}", r.step, r.time_ns, r.name.as_ref(), r.value),
+        Record::Event(r) => format!("{} {} {} {}", r.sample, r.time_ns, r.name.as_ref(), r.value),
     }
 }
 
@@ -113,7 +113,7 @@ fn by_topic<Name: AsRef<str>>(records: &[Record<Name>]) -> [Vec<String>; 5] {
     let mut topics = [const { Vec::new() }; 5];
     for record in records {
         let topic = match record {
-            Record::Step(_) => 0,
+            Record::State(_) => 0,
             Record::Sample(_) => 1,
             Record::Frame(_) => 2,
             Record::Tick(_) => 3,

@@ -7,7 +7,7 @@ use std::time::Duration;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Direction, Event, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime, SampleRecord,
-    StepRecord,
+    StateRecord,
 };
 use resonarm::replay::resimulate;
 
@@ -31,10 +31,10 @@ fn stamps(path: &Path, options: Options) -> Outcome<Vec<(String, u64, u64)>> {
     let mut channel = recorder.channel("plant", 64)?;
     channel.begin(BEGUN_NS);
     let frame = Frame::classic(Id::Standard(0x201), &[1])?;
-    let (step, direction, bus_timestamp_ns) = (7, Direction::Received, Some(START_UNIX_NS + 7_400_000));
+    let (sample, direction, bus_timestamp_ns) = (7, Direction::Received, Some(START_UNIX_NS + 7_400_000));
     let time_ns = 7_500_000;
-    channel.push_blocking(Record::Frame(FrameRecord { step, direction, time_ns, bus_timestamp_ns, frame }))?;
-    channel.push_blocking(Record::Event(Event { step, time_ns: 7_750_000, name: "state.fault", value: 0 }))?;
+    channel.push_blocking(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }))?;
+    channel.push_blocking(Record::Event(Event { sample, time_ns: 7_750_000, name: "state.fault", value: 0 }))?;
     channel.push_blocking(crate::records_of(7)?[0])?;
     recorder.finish(&[])?;
     let bytes = fs::read(path)?;
@@ -88,7 +88,7 @@ fn a_recording_of_format_1_is_read_as_it_was() -> Outcome {
     for sample in recording.samples()? {
         assert_eq!(sample?.clipped, None);
     }
-    assert!(recording.steps()?.all(|state| state.is_ok_and(|state| !state.is_end)));
+    assert!(recording.states()?.all(|state| state.is_ok_and(|state| !state.is_end)));
     assert_eq!(recording.frames()?.count(), 619);
     Ok(())
 }
@@ -98,8 +98,8 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let mut records = run(250)?;
-    let end = StepRecord {
-        step: 250,
+    let end = StateRecord {
+        sample: 250,
         alpha_rad: [0.1, 0.2],
         alpha_dot_rad_s: [0.3, 0.4],
         torque_nm: [0.0; 2],
@@ -107,18 +107,18 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
         is_end: true,
     };
     let at_the_limit = |clipped| SampleRecord {
-        step: 250,
+        sample: 250,
         acceleration_b_m_s2: [0.0, 1600.0],
         acceleration_c_m_s2: [0.0; 2],
         head_force_n: [-650.0, 0.0],
         clipped,
     };
     let clipped = Clipped { acceleration_b: [false, true], head_force: [true, false], ..Clipped::NONE };
-    records.extend([Record::Sample(at_the_limit(Some(clipped))), Record::Step(end)]);
+    records.extend([Record::Sample(at_the_limit(Some(clipped))), Record::State(end)]);
     record(&path, options(), &records)?;
     let recording = Recording::open(&path)?;
     assert_eq!(recording.summary().clipped_samples, Some(1));
-    let states = recording.steps()?.collect::<Result<Vec<_>, _>>()?;
+    let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
     assert_eq!(states.iter().filter(|state| state.is_end).collect::<Vec<_>>(), [&end]);
     assert_eq!(states.last(), Some(&end));
     let samples = recording.samples()?.collect::<Result<Vec<_>, _>>()?;

@@ -18,7 +18,7 @@ fn the_same_records_give_the_same_bytes() -> Outcome {
     assert!(bytes == fs::read(&two)?, "two recordings of the same records differ");
     assert_eq!(summary.bytes, bytes.len() as u64);
     assert_eq!(summary.samples, 2500);
-    assert_eq!(summary.messages_in(Topic::Steps), 25);
+    assert_eq!(summary.messages_in(Topic::States), 25);
     assert_eq!(summary.messages_in(Topic::State), 250);
     assert_eq!(summary.messages_in(Topic::Frames), 5000);
     assert_eq!(summary.lost["plant"], 0);
@@ -27,12 +27,12 @@ fn the_same_records_give_the_same_bytes() -> Outcome {
 
 /// 64 bytes of state and load, 48 of sensors, and two frames, which make the most of it.
 #[test]
-fn a_step_costs_less_than_its_raw_size_and_sixty_bytes_a_frame() -> Outcome {
+fn a_sample_costs_less_than_its_raw_size_and_sixty_bytes_a_frame() -> Outcome {
     let directory = tempfile::tempdir()?;
-    let steps = 10_000;
-    let summary = record(&directory.path().join("run.mcap"), options(), &run(steps)?)?;
-    let bytes_per_step = summary.bytes / steps;
-    assert!((64..64 + 48 + 2 * 60).contains(&bytes_per_step), "{bytes_per_step} bytes a step");
+    let samples = 10_000;
+    let summary = record(&directory.path().join("run.mcap"), options(), &run(samples)?)?;
+    let bytes_per_sample = summary.bytes / samples;
+    assert!((64..64 + 48 + 2 * 60).contains(&bytes_per_sample), "{bytes_per_sample} bytes a sample");
     Ok(())
 }
 
@@ -43,13 +43,13 @@ fn a_full_channel_loses_records_and_says_so() -> Outcome {
     let recorder = Recorder::create(&path, &configuration(), options())?;
     let mut channel = recorder.channel("plant", 2)?;
     let (mut stored, mut lost) = (0, 0);
-    for step in 0..20_000 {
-        match channel.push(records_of(step)?[0]) {
+    for sample in 0..20_000 {
+        match channel.push(records_of(sample)?[0]) {
             Pushed::Stored => stored += 1,
             Pushed::Lost => lost += 1,
         }
     }
-    channel.push_blocking(records_of(20_000)?[0])?; // so that what was lost lies between two steps
+    channel.push_blocking(records_of(20_000)?[0])?; // so that what was lost lies between two samples
     stored += 1;
     let summary = recorder.finish(&[])?;
     assert!(lost > 0, "a channel of 2 records kept up with 20000");
@@ -64,8 +64,8 @@ fn a_full_channel_loses_records_and_says_so() -> Outcome {
         reported += event.value as u64;
     }
     assert_eq!(reported, lost);
-    assert!(matches!(recording.steps(), Err(RecordingError::Gap { .. })));
-    assert_eq!(recording.records()?.filter(|record| matches!(record, Ok(Record::Step(_)))).count() as u64, stored);
+    assert!(matches!(recording.states(), Err(RecordingError::Gap { .. })));
+    assert_eq!(recording.records()?.filter(|record| matches!(record, Ok(Record::State(_)))).count() as u64, stored);
     Ok(())
 }
 
@@ -77,7 +77,7 @@ fn several_channels_keep_the_order_of_each() -> Outcome {
     std::thread::scope(|scope| {
         let threads = ["plant", "exciter"].map(|name| {
             let mut channel = recorder.channel(name, 64)?;
-            let wanted = move |record: &Record| matches!(record, Record::Step(_)) == (name == "plant");
+            let wanted = move |record: &Record| matches!(record, Record::State(_)) == (name == "plant");
             Ok::<_, RecordingError>(scope.spawn(move || {
                 let records = run(500).map_err(|error| error.to_string())?;
                 let pushed = records.into_iter().filter(wanted).try_for_each(|record| channel.push_blocking(record));
@@ -92,7 +92,7 @@ fn several_channels_keep_the_order_of_each() -> Outcome {
     let summary = recorder.finish(&[])?;
     assert_eq!(summary.lost.into_iter().collect::<Vec<_>>(), [("exciter".into(), 0), ("plant".into(), 0)]);
     let recording = Recording::open(&path)?;
-    assert_eq!(recording.steps()?.count(), 500);
+    assert_eq!(recording.states()?.count(), 500);
     assert_eq!(recording.samples()?.count(), 500);
     assert_eq!(recording.frames()?.count(), 1000);
     Ok(())
@@ -107,7 +107,7 @@ fn a_dropped_recorder_leaves_a_whole_file() -> Outcome {
     run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
     drop(recorder);
     let recording = Recording::open(&path)?;
-    assert_eq!(recording.steps()?.count(), 10);
+    assert_eq!(recording.states()?.count(), 10);
     assert!(matches!(channel.push_blocking(records_of(10)?[0]), Err(RecordingError::Finished { .. })));
     Ok(())
 }
@@ -140,8 +140,8 @@ fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
     let recorder = Recorder::create(&path, &configuration(), piped)?;
     drop(reader.join().map_err(|_| "the reader has died")??);
     let mut channel = recorder.channel("plant", 16)?;
-    let refused = (0..100_000).find_map(|step| {
-        let records = records_of(step).ok()?;
+    let refused = (0..100_000).find_map(|sample| {
+        let records = records_of(sample).ok()?;
         records.into_iter().find_map(|record| channel.push_blocking(record).err())
     });
     let expected = "Broken pipe";
@@ -161,7 +161,7 @@ fn refuses_to_overwrite_unless_asked() -> Outcome {
     assert!(matches!(Recorder::create(path, &configuration(), options()), Err(RecordingError::Exists { .. })));
     assert!(fs::read(path)? == before, "a refusal has changed the file");
     record(path, Options { existing: Existing::Overwrite, ..options() }, &run(5)?)?;
-    assert_eq!(Recording::open(path)?.steps()?.count(), 5);
+    assert_eq!(Recording::open(path)?.states()?.count(), 5);
     Ok(())
 }
 

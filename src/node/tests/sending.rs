@@ -3,8 +3,8 @@
 use super::*;
 use resonarm_protocol::{Id, ImpedanceHead, Receiver};
 
-fn publish(plant: &mut PlantNode, step: u64) {
-    plant.publish(&Measurement { step, ..Measurement::default() }).unwrap();
+fn publish(plant: &mut PlantNode, sample: u64) {
+    plant.publish(&Measurement { sample, ..Measurement::default() }).unwrap();
 }
 
 #[test]
@@ -12,10 +12,10 @@ fn after_a_jam_the_latest_sample_goes_out_whole_and_no_counter_is_missing() {
     let (mut plant, mut receiver) = (plant_node(), Receiver::new(Network::default()));
     plant.start(0);
     let mut heads = Vec::new();
-    for step in 0..300 {
-        publish(&mut plant, step);
+    for sample in 0..300 {
+        publish(&mut plant, sample);
         // The bus takes nothing from sample 10 to 199.
-        if !(10..200).contains(&step) {
+        if !(10..200).contains(&sample) {
             while let Some(frame) = plant.poll_transmit() {
                 if let Some(Message::Head(ImpedanceHead { sample, .. })) = receiver.accept(&frame).unwrap() {
                     heads.push(sample);
@@ -111,7 +111,7 @@ fn a_command_that_still_waits_when_the_controller_stops_is_taken_back() {
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
     let answered = exciter.samples_played();
-    bench.plant.publish(&Measurement { step: bench.step + 1, ..Measurement::default() }).unwrap();
+    bench.plant.publish(&Measurement { sample: bench.sample + 1, ..Measurement::default() }).unwrap();
     while let Some(frame) = bench.plant.poll_transmit() {
         exciter.handle_frame(bench.now_ns, &frame);
     }
