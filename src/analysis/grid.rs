@@ -43,9 +43,10 @@ mod tests {
         libm::sqrt(hz.iter().map(modulus).fold(0.0, f64::max))
     }
 
-    /// The default range and number: even points alone miss most of the peak.
+    /// The default range and number: even points alone miss most of a peak that lies between two of them.
     #[test]
     fn peaks_are_met_that_even_points_clip() {
+        let mut least_of_even = f64::INFINITY;
         for preset in Preset::ALL {
             for beta2_deg in [0.0, 60.0, 120.0] {
                 let arm = arm(preset, 0.0, beta2_deg);
@@ -60,12 +61,11 @@ mod tests {
                     };
                     let (peak, met) = (largest(&linear, &fine), largest(&linear, &within(&modes)));
                     assert!(met > 0.9999 * peak, "{preset} {beta2_deg}: {met} of {peak}");
-                    if beta2_deg == 60.0 && preset == Preset::Irb1600Fitted {
-                        assert!(largest(&linear, &within(&[])) < 0.8 * peak);
-                    }
+                    least_of_even = least_of_even.min(largest(&linear, &within(&[])) / peak);
                 }
             }
         }
+        assert!(least_of_even < 0.2, "{least_of_even}");
     }
 
     #[test]

@@ -56,7 +56,7 @@ pub(super) struct Basins {
     /// --initial.
     #[arg(
         long,
-        value_name = "X,Y",
+        value_name = "NAMES",
         default_value = "alpha1_rad,alpha_dot1_rad_s",
         value_delimiter = ',',
         num_args = 1
@@ -69,7 +69,14 @@ pub(super) struct Basins {
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_delimiter = ',', num_args = 1)]
     to: Option<Vec<f64>>,
     /// Number of values of each, evenly spaced, from 2 to 1000.
-    #[arg(long, value_name = "NX,NY", default_value = "41,41", value_delimiter = ',', num_args = 1)]
+    #[arg(
+        long,
+        value_name = "NX,NY",
+        default_value = "41,41",
+        allow_hyphen_values = true,
+        value_delimiter = ',',
+        num_args = 1
+    )]
     points: Vec<u32>,
 }
 

@@ -11,9 +11,12 @@ use super::captions::{self, degrees};
 use super::failure::{Failure, Verdict};
 use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
 use super::{output, study};
-use crate::analysis::time_domain::{Direction, Grid, Sweep as SteppedSweep, SweepParameter, hysteresis};
+use crate::analysis::time_domain::{
+    Direction, Grid, StroboscopicMap, Sweep as SteppedSweep, SweepParameter, hysteresis,
+};
 use crate::analysis::{EndedEarly, Resonance, forced_response};
 use crate::arm::{Arm, Load, Pose};
+use crate::integrate::Sine;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
 use crate::study::{Chain, Chains, Point};
@@ -152,6 +155,8 @@ impl Sweep {
         let mut grid = Grid::new(self.from_hz, self.to_hz, self.steps.unwrap_or(STEPS))?;
         let step_hz = grid.values()[1] - grid.values()[0];
         let ends = [self.from_hz.min(self.to_hz), self.from_hz.max(self.to_hz)];
+        // What can't be swept is refused before resonances are looked for.
+        StroboscopicMap::new(&arm, Sine { amplitude: *load, frequency_hz: ends[0] })?;
         let branch = forced_response(&arm, load, ends).unwrap_or_else(|EndedEarly { reason, so_far }| {
             tracing::warn!("β2 = {}: resonances are not looked for beyond: {reason}", degrees(pose.beta2_deg));
             *so_far

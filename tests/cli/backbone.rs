@@ -211,6 +211,7 @@ fn help_says_what_there_is() {
           --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
                                 of the excitation is given; CSV and JSON beside them, of the forced
                                 response STEM-response.csv
+          --overwrite           Write over files that are there
           --json                Print one JSON document
       -h, --help                Print help (see more with '--help')
     ");

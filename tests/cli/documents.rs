@@ -89,7 +89,7 @@ fn plots_beside_its_data(folder: &std::path::Path, command: &[&str], csv: &str, 
     assert!(std::fs::read_to_string(folder.join("figure.csv")).unwrap() == csv);
     let json = std::fs::read_to_string(folder.join("figure.json")).unwrap();
     assert_eq!(serde_json::from_str::<Value>(&json).unwrap(), *document);
-    assert_eq!(crate::document(folder, 0, &[plot.as_slice(), &["--json"]].concat()), *document);
+    assert_eq!(crate::document(folder, 0, &[plot.as_slice(), &["--overwrite", "--json"]].concat()), *document);
 }
 
 #[test]

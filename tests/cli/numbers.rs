@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::resonarm;
 
 /// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or with little to do.
-const COMMANDS: [(&str, &str); 17] = [
+const COMMANDS: [(&str, &str); 18] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -20,6 +20,7 @@ const COMMANDS: [(&str, &str); 17] = [
     ("backbone", "--to-rad 0.001"),
     ("sweep", "--torque1-nm 1 --from-hz 10 --to-hz 10.1 --steps 2 --time-constants 0.01"),
     ("poincare", "--torque1-nm 1 --frequency-hz 10 --time-constants 0.01"),
+    ("basins", "--torque1-nm 1 --frequency-hz 10 --points 2,2 --time-constants 0.01"),
     ("paper", ""),
     ("replay", "none.mcap --bus vcan999"),
     ("resim", "none.mcap"),
@@ -29,9 +30,11 @@ const COMMANDS: [(&str, &str); 17] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 14] = ["N", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
-const OTHERS: [&str; 17] = [
+const NUMERIC: [&str; 16] =
+    ["N", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "X,Y", "NX,NY", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
+const OTHERS: [&str; 18] = [
     "NAME",
+    "NAMES",
     "FILE",
     "DIR",
     "STEM",
