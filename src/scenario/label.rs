@@ -76,7 +76,7 @@ mod tests {
     fn an_arm_of_ones_own_is_not_called_by_the_preset_alone() {
         insta::assert_snapshot!(label(""), @"irb1600-fitted");
         insta::assert_snapshot!(label("[arm]\nparameters = { stiffness2_nm_rad = 128000.0, mass2_kg = 40, damping1_nm_s_rad = 20.5 }"), @"irb1600-fitted with damping1_nm_s_rad = 20.5 (preset 0.9), mass2_kg = 40 (preset 50.58)");
-        insta::assert_snapshot!(label("[arm.parameters]\nmass2_kg = 50.58\ngravity = { gravity_m_s2 = 9.81, mass1_kg = 40, centre1_m = 0.3 }"), @"");
+        insta::assert_snapshot!(label("[arm.parameters]\nmass2_kg = 50.58\ngravity = { gravity_m_s2 = 9.81, mass1_kg = 40, centre1_m = 0.3 }"), @"irb1600-fitted with centre1_m = 0.3 (preset none), gravity_m_s2 = 9.81 (preset none), mass1_kg = 40 (preset none)");
     }
 
     #[test]
