@@ -34,14 +34,16 @@
 //! | [`plant`] | the arm with its instruments, sample by sample |
 //! | [`node`] | plant and exciter controller as CAN nodes without IO |
 //! | [`protocol`] | the CAN protocol, a crate of its own |
-//! | `bus`, `realtime`, `recording` | buses; clocks and threads; MCAP files |
-//! | `scenario`, `run`, `replay` | a run in one file; the three run loops; recordings played and simulated again |
-//! | `study` | sweeps and other parameter studies over all cores, stopped and gone on with |
-//! | `toml_error` | what is wrong with a scenario or settings as TOML |
-//! | `cli` | the program, with its figures and those of the paper |
+//! | [`bus`], [`realtime`], [`recording`] | buses; clocks and threads; MCAP files |
+//! | [`scenario`] | everything about a run, in one TOML file |
+//! | [`run`] | runs: a [`Session`](run::Session) puts a scenario, both ends, a bus, a recording and the pace together |
+//! | [`replay`] | recordings: their frames sent again, their runs simulated again |
+//! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
+//! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
+//! | [`cli`] | the program, with its figures and those of the paper |
 //!
-//! Down to `node` they are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI units
-//! throughout; a number that is not in a typed quantity carries its unit in its name.
+//! [`arm`] to [`node`] are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI units
+//! throughout; a number that is not in a typed quantity carries its unit in its name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
 //!
 //! `README.md` says how to run the program, `DESIGN.md` why things are so.
 #![cfg_attr(not(feature = "std"), no_std)]

@@ -20,6 +20,7 @@ use nalgebra::{Complex, Matrix2, Matrix4};
 use super::fourier::{Basis, Harmonics, Motion, uniform};
 use super::hill::{Hill, Rates};
 use super::{HarmonicBalance, Instant, Oscillator};
+use crate::integrate::linear_solve::solve;
 
 /// What rounding leaves of a product of multipliers that is 1.
 const ROUNDING: f64 = 1e-12;
@@ -241,15 +242,13 @@ impl Floquet {
         }
     }
 
-    /// One step of the four columns: the 8 × 8 system of the stages is diagonally dominant at the steps chosen, so it is
-    /// eliminated without pivoting.
+    /// One step of the four columns: a system of 8 equations for the stages, with a right-hand side a column.
     fn step(&self, h: f64, rates: &[(Matrix2<f64>, Matrix2<f64>)], flow: &Matrix4<f64>) -> Matrix4<f64> {
         let t = &self.tableau;
-        // Rows of [matrix | right-hand sides].
-        let mut rows = [[0.0; 2 * S + 4]; 2 * S];
+        let (mut rows, mut stages) = ([[0.0; 2 * S]; 2 * S], [[0.0; 4]; 2 * S]);
         for (i, (p, q)) in rates.iter().enumerate() {
             for r in 0..2 {
-                let row = &mut rows[2 * i + r];
+                let (row, right) = (&mut rows[2 * i + r], &mut stages[2 * i + r]);
                 for j in 0..S {
                     let (a, a2) = (h * t.a[i][j], h * h * t.a_squared[i][j]);
                     row[2 * j] = -(a2 * p[(r, 0)] + a * q[(r, 0)]);
@@ -258,20 +257,22 @@ impl Floquet {
                 row[2 * i + r] += 1.0;
                 for column in 0..4 {
                     let y = [0, 1].map(|d| flow[(d, column)] + t.c[i] * h * flow[(2 + d, column)]);
-                    row[2 * S + column] = p[(r, 0)] * y[0]
+                    right[column] = p[(r, 0)] * y[0]
                         + p[(r, 1)] * y[1]
                         + q[(r, 0)] * flow[(2, column)]
                         + q[(r, 1)] * flow[(3, column)];
                 }
             }
         }
-        eliminate(&mut rows);
+        if solve(rows.as_flattened_mut(), &mut stages).is_none() {
+            return Matrix4::from_element(f64::NAN);
+        }
         let mut next = *flow;
         for column in 0..4 {
             for d in 0..2 {
                 next[(d, column)] += h * flow[(2 + d, column)];
                 for i in 0..S {
-                    let k = rows[2 * i + d][2 * S + column];
+                    let k = stages[2 * i + d][column];
                     next[(d, column)] += h * h * t.b_bar[i] * k;
                     next[(2 + d, column)] += h * t.b[i] * k;
                 }
@@ -308,30 +309,6 @@ pub(super) fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
         }
     }
     [Complex::new(f64::NAN, f64::NAN); 4]
-}
-
-/// Gauss's elimination; the solutions take the place of the right-hand sides.
-fn eliminate<const N: usize, const W: usize>(rows: &mut [[f64; W]; N]) {
-    for k in 0..N {
-        let pivot = rows[k];
-        for row in rows.iter_mut().skip(k + 1) {
-            let factor = row[k] / pivot[k];
-            for at in k + 1..W {
-                row[at] -= factor * pivot[at];
-            }
-        }
-    }
-    for k in (0..N).rev() {
-        let inverse = 1.0 / rows[k][k];
-        rows[k][N..].iter_mut().for_each(|value| *value *= inverse);
-        let solved = rows[k];
-        for row in rows.iter_mut().take(k) {
-            let factor = row[k];
-            for at in N..W {
-                row[at] -= factor * solved[at];
-            }
-        }
-    }
 }
 
 #[cfg(test)]

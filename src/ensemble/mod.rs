@@ -107,8 +107,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
-        /// Arms with and without gravity and force, small and large deflections, whole groups and not, by every way there is on
-        /// this machine: each motion is that of the integrator alone.
+        /// Arms with and without gravity and force, small and large deflections, whole groups and not, with every instruction set
+        /// that the processor has: each motion is that of the integrator alone.
         #[test]
         fn every_motion_goes_as_if_it_were_alone(
             arm in any_arm(),

@@ -214,7 +214,8 @@ impl<const S: usize> Step<S> {
                 }
             }
         }
-        solve(matrix.as_flattened_mut().as_flattened_mut().as_flattened_mut(), residual.as_flattened_mut())?;
+        let right = residual.as_flattened_mut().as_chunks_mut::<1>().0;
+        solve(matrix.as_flattened_mut().as_flattened_mut().as_flattened_mut(), right)?;
         let mut size = 0.0_f64;
         for (slope, step) in slopes.as_flattened_mut().iter_mut().zip(residual.as_flattened()) {
             *slope -= step;

@@ -10,7 +10,7 @@ mod error;
 pub(crate) mod explicit;
 mod exponential;
 mod gauss_legendre;
-mod linear_solve;
+pub(crate) mod linear_solve;
 mod scheme;
 
 pub(crate) use dop853::DOP853;

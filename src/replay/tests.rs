@@ -15,7 +15,7 @@ const SCENARIO: &str = "
     profile = { waveform = 'dwell', frequency_hz = 22.1, duration_s = 0.5, settle_s = 0.1 }
 ";
 
-/// Records a free run of the scenario; the loads of a run with other parameters tell another story.
+/// Records a free run of the scenario; the file may state another one, with which the recorded loads give other states.
 fn record(path: &Path, simulated: &str, stated: &str) -> Recording {
     let (simulated, stated) = (Scenario::parse(simulated, "test").unwrap(), Scenario::parse(stated, "test").unwrap());
     let recorder =
@@ -55,19 +55,19 @@ fn plays_frames_in_order_with_their_timing() {
     let recording = record(&folder.path().join("play.mcap"), SCENARIO, SCENARIO);
     let expected: Vec<_> = recording.frames().unwrap().map(|record| record.unwrap()).collect();
     let mut ends = memory::hub(2, 1 << 13);
-    let (mut ear, mut mouth) = (ends.pop().unwrap(), ends.pop().unwrap());
+    let (mut receiver, mut sender) = (ends.pop().unwrap(), ends.pop().unwrap());
     let clock = SystemClock;
     let begun_ns = crate::realtime::Clock::now_ns(&clock);
     let all = Playback { speed: 5.0, direction: None };
-    let played = play(&recording, &mut mouth, &clock, all, &Signals::default()).unwrap();
+    let played = play(&recording, &mut sender, &clock, all, &Signals::default()).unwrap();
     let took_s = (crate::realtime::Clock::now_ns(&clock) - begun_ns) as f64 * 1e-9;
     assert_eq!(played.frames, expected.len() as u64);
     assert!(took_s >= played.recorded_s / 5.0 && (played.recorded_s - 0.55).abs() < 1e-9, "{took_s} {played:?}");
     for record in &expected {
-        assert_eq!(ear.receive().unwrap().map(|received| received.frame), Some(record.frame));
+        assert_eq!(receiver.receive().unwrap().map(|received| received.frame), Some(record.frame));
     }
     let commands = Playback { speed: 1e3, direction: Some(Direction::Received) };
-    let played = play(&recording, &mut mouth, &clock, commands, &Signals::default()).unwrap();
+    let played = play(&recording, &mut sender, &clock, commands, &Signals::default()).unwrap();
     let received = expected.iter().filter(|record| record.direction == Direction::Received).count();
     assert_eq!(played.frames, received as u64);
     assert!(played.frames > 500);
@@ -124,7 +124,7 @@ fn a_signal_ends_the_wait_for_the_next_frame() {
     let played = play(&recording, &mut near, &clock, Playback { speed: 1.0, direction: None }, &signals).unwrap();
     assert_eq!(played.frames, 1);
     assert!(clock.now_ns() < 4_000_000_000, "the signal came at 3 s, the player ended at {} ns", clock.now_ns());
-    assert!(near.receive().unwrap().is_none(), "the player leaves what comes in unread");
+    assert!(nreceiver.receive().unwrap().is_none(), "the player leaves what comes in unread");
 }
 
 #[test]
@@ -142,9 +142,9 @@ fn speed_0_is_as_fast_as_it_goes() {
 fn says_what_cannot_be_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let recording = two_frames(&folder.path().join("bad.mcap"));
-    let mut mouth = memory::hub(2, 64).pop().unwrap();
+    let mut sender = memory::hub(2, 64).pop().unwrap();
     let mut error = |speed| {
-        play(&recording, &mut mouth, &SystemClock, Playback { speed, direction: None }, &Signals::default())
+        play(&recording, &mut sender, &SystemClock, Playback { speed, direction: None }, &Signals::default())
             .unwrap_err()
     };
     insta::assert_snapshot!(error(-1.0), @"the speed is -1: it must be 0, which is as fast as it goes, or from 0.001 to 1000000; 1 is the recorded speed");

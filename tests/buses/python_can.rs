@@ -216,7 +216,7 @@ fn an_unplugged_adapter_is_an_error_of_the_next_call() {
     // Linux tells a hang-up in either of two ways, by a failed or by an empty read.
     let expected = "python-can could not receive: CanOperationError: Could not read from serial device (from ";
     assert!(lost.to_string().starts_with(expected), "{lost}");
-    // python-can's slcan says goodbye on the line when it shuts down, and there is no line any more.
+    // python-can's slcan sends a closing command when it shuts down, and the line is gone.
     let error = bus.close().unwrap_err();
     insta::assert_snapshot!(error, @"python-can could not close the bus: CanOperationError: Could not write to serial device (from SerialException: write failed: [Errno 5] Input/output error)");
     assert!(matches!(bus.receive(), Err(BusError::Closed)));

@@ -86,7 +86,7 @@ fn files_that_are_no_recordings() {
 }
 
 /// The recording once more, with one state off by one unit in its last place.
-fn doctor(from: &Path, to: &Path, sample: u64) {
+fn alter(from: &Path, to: &Path, sample: u64) {
     let recording = Recording::open(from).unwrap();
     let options = Options::virtual_time(recording.origin().dt_s, "none");
     let recorder = Recorder::create(to, recording.configuration(), options).unwrap();
@@ -104,12 +104,12 @@ fn doctor(from: &Path, to: &Path, sample: u64) {
 #[test]
 fn a_state_that_is_off_by_a_bit_is_found() {
     let folder = recorded();
-    doctor(&folder.path().join("run.mcap"), &folder.path().join("doctored.mcap"), 321);
-    let verdict = document(folder.path(), 1, &["resim", "doctored.mcap", "--json"]);
+    alter(&folder.path().join("run.mcap"), &folder.path().join("altered.mcap"), 321);
+    let verdict = document(folder.path(), 1, &["resim", "altered.mcap", "--json"]);
     assert_eq!((&verdict["identical"], &verdict["first_divergence"]), (&false.into(), &321.into()));
     let drift_rad = verdict["max_drift_rad"].as_f64().unwrap();
     assert!(drift_rad > 0.0 && drift_rad < 1e-15, "{drift_rad:e}");
-    let said = resonarm(folder.path(), &["resim", "doctored.mcap"]);
+    let said = resonarm(folder.path(), &["resim", "altered.mcap"]);
     assert_eq!(said.code, 1);
     assert!(said.stdout.starts_with("differs from sample 321 on; "), "{}", said.stdout);
 }

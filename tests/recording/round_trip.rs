@@ -65,7 +65,7 @@ fn any_record(sample: u64) -> impl Strategy<Value = Record> {
     ]
 }
 
-/// Steps that mostly follow each other, and now and then jump anywhere.
+/// Samples that mostly follow each other, and now and then jump anywhere.
 fn any_run() -> impl Strategy<Value = Vec<Record>> {
     let samples = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
         let samples = jumps.into_iter().scan(0_u64, |sample, (chance, anywhere)| {

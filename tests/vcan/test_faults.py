@@ -1,4 +1,4 @@
-"""What happens when one end of a run in real time dies: SPEC.md, section 8, and the recording up to its last flush."""
+"""What happens when one end of a run in real time is killed: SPEC.md, section 8, and the recording up to its last flush."""
 
 import json
 import time

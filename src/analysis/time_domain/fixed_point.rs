@@ -3,6 +3,7 @@
 use nalgebra::{Matrix4, Vector4};
 
 use super::StroboscopicMap;
+use crate::integrate::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
 const MAX_ITERATIONS: usize = 8;
@@ -44,7 +45,9 @@ impl FixedPoint {
         for _ in 0..MAX_ITERATIONS {
             let derivative = map.derivative(&point, period, size_rad(&point))?;
             let defect = map.image(&point, period).ok()? - point;
-            let correction = (Matrix4::identity() - derivative).lu().solve(&defect)?;
+            // Columns of the transpose are rows.
+            let (mut rows, mut correction) = ((Matrix4::identity() - derivative).transpose(), defect);
+            solve(rows.as_mut_slice(), correction.as_mut_slice().as_chunks_mut::<1>().0)?;
             point += correction;
             let (change, size) = (correction.norm(), size_rad(&point));
             if change <= CORRECTION_LIMIT * size {

@@ -213,7 +213,7 @@ impl Bus for PythonCan {
         let Ok(outcome) = self.outcome.recv_timeout(PATIENCE) else {
             return Err(PythonCanError::Stuck { operation: Operation::Close, waited: PATIENCE }.into());
         };
-        // It has given its last word and does not panic any more.
+        // The thread ends after its outcome, and can't panic on the way.
         let _ = receiver.join();
         outcome?;
         self.check_failures()
