@@ -13,14 +13,14 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 ROOT = Path(__file__).resolve().parents[2]
-STEPS = 1234
+SAMPLES = 1234
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     """A file of the example, and what the example said of it."""
     path = tmp_path_factory.mktemp("recording") / "run.mcap"
-    command = ["cargo", "run", "--quiet", "--example", "recording", "--", str(path), str(STEPS)]
+    command = ["cargo", "run", "--quiet", "--example", "recording", "--", str(path), str(SAMPLES)]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=True)
     return path, json.loads(run.stdout)
 
@@ -37,8 +37,8 @@ def messages(recording):
     return topics
 
 
-def alpha1_rad(step):
-    t = step * 1e-3
+def alpha1_rad(sample):
+    t = sample * 1e-3
     return 1e-3 * math.exp(-2 * t) * math.cos(2 * math.pi * 30 * t)
 
 
@@ -48,7 +48,7 @@ def test_every_record_passes_a_reader_that_checks_all_checksums(recording):
         names = [type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records]
     assert names[:3] == ["Header", "Metadata", "Metadata"]
     assert names[-1] == "Footer"
-    assert names.count("Message") > STEPS
+    assert names.count("Message") > SAMPLES
 
 
 def test_counts_are_those_of_the_summary(recording, messages):
@@ -64,18 +64,18 @@ def test_counts_are_those_of_the_summary(recording, messages):
     assert said["summary"]["integrity"] == {"state": "complete"}
 
 
-def test_steps_are_what_was_simulated(messages):
-    step = 0
+def test_states_are_what_was_simulated(messages):
+    sample = 0
     for message, batch in messages["/plant/steps"]:
-        assert batch.first_step == step
-        assert message.log_time == step * 1_000_000
+        assert batch.first_step == sample
+        assert message.log_time == sample * 1_000_000
         assert batch.dt_s == 1e-3
         assert len(batch.force_y_n) == len(batch.alpha1_rad)
         for row, alpha in enumerate(batch.alpha1_rad):
-            assert alpha == pytest.approx(alpha1_rad(step), abs=1e-18)
+            assert alpha == pytest.approx(alpha1_rad(sample), abs=1e-18)
             assert batch.alpha2_rad[row] == -0.5 * alpha
-            step += 1
-    assert step == STEPS
+            sample += 1
+    assert sample == SAMPLES
 
 
 def filtered(values, every=10):
@@ -93,7 +93,7 @@ def test_plot_topics_are_every_tenth_sample_filtered(messages):
         ("/plant/samples", "/plant/sensors", ("acceleration_c_y_m_s2", "head_force_x_n")),
     ):
         assert [message.log_time for message, _ in messages[topic]] == [k * 10_000_000 for k in range(124)]
-        assert [plotted.step for _, plotted in messages[topic]] == list(range(0, STEPS, 10))
+        assert [plotted.step for _, plotted in messages[topic]] == list(range(0, SAMPLES, 10))
         for name in names:
             full = np.concatenate([getattr(batch, name) for _, batch in messages[batches]])
             plotted = np.array([getattr(plotted, name) for _, plotted in messages[topic]])
@@ -102,7 +102,7 @@ def test_plot_topics_are_every_tenth_sample_filtered(messages):
 
 def test_frames_are_whole(messages):
     frames = [frame for _, frame in messages["/can/frames"]]
-    assert len(frames) == 2 * STEPS
+    assert len(frames) == 2 * SAMPLES
     for index, frame in enumerate(frames):
         assert frame.step == index // 2
         assert frame.data == frame.step.to_bytes(8, "little")
@@ -113,8 +113,8 @@ def test_frames_are_whole(messages):
 
 def test_ticks_and_events(messages):
     wakeups = [wakeup for _, batch in messages["/timing/ticks"] for wakeup in batch.wakeup_ns]
-    assert wakeups == [1000 + step for step in range(STEPS)]
-    assert [(event.name, event.value, event.step) for _, event in messages["/events"]] == [("run.end", -1, STEPS)]
+    assert wakeups == [1000 + sample for sample in range(SAMPLES)]
+    assert [(event.name, event.value, event.step) for _, event in messages["/events"]] == [("run.end", -1, SAMPLES)]
 
 
 def test_metadata_stands_at_both_ends(recording):
