@@ -138,7 +138,7 @@ impl Curves {
         let mut panel = Panel::new(Axis::linear(&self.first.label), Axis::linear(&self.second.label));
         for (kind, label, color, dash) in [
             (BifurcationKind::Fold, "fold", Color::Black, Dash::Solid),
-            (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion, Dash::DashDot),
+            (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion, Dash::Chain),
         ] {
             let of_kind = self.curves.iter().filter(|curve| curve.kind == kind);
             for (k, curve) in of_kind.enumerate() {

@@ -1,5 +1,7 @@
 //! Small systems of linear equations.
 
+use core::array;
+
 /// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n = `right.len()` rows of
 /// n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix
 /// Computations", section 3.4). `None` if the matrix is singular or not finite.
@@ -24,16 +26,17 @@ pub(crate) fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) ->
             for k in column + 1..n {
                 flat[row * n + k] -= factor * flat[column * n + k];
             }
-            for side in 0..M {
-                right[row][side] -= factor * right[column][side];
+            let above = right[column];
+            for (value, above) in right[row].iter_mut().zip(above) {
+                *value -= factor * above;
             }
         }
     }
     for row in (0..n).rev() {
-        for side in 0..M {
+        right[row] = array::from_fn(|side| {
             let known: f64 = (row + 1..n).map(|k| flat[row * n + k] * right[k][side]).sum();
-            right[row][side] = (right[row][side] - known) / flat[row * n + row];
-        }
+            (right[row][side] - known) / flat[row * n + row]
+        });
     }
     Some(())
 }

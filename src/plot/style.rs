@@ -79,8 +79,8 @@ pub enum Dash {
     Solid,
     /// Long dashes.
     Dashed,
-    /// A dash, a dot.
-    DashDot,
+    /// A dash, a dot: the chain line of technical drawings.
+    Chain,
 }
 
 impl Dash {
@@ -89,7 +89,7 @@ impl Dash {
         match self {
             Self::Solid => &[],
             Self::Dashed => &[4.0, 2.5],
-            Self::DashDot => &[5.0, 2.0, 1.0, 2.0],
+            Self::Chain => &[5.0, 2.0, 1.0, 2.0],
         }
     }
 }

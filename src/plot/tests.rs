@@ -64,7 +64,7 @@ fn continuation() -> Figure {
 /// Six small panels in two columns, each marker and dash, factors, tight ranges, a noisy record.
 fn grid() -> Figure {
     let marks = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
-    let dashes = [Dash::Solid, Dash::Dashed, Dash::DashDot];
+    let dashes = [Dash::Solid, Dash::Dashed, Dash::Chain];
     let x = || Axis::linear("time t (s)");
     let ramp = |slope: f64| (0..=10).map(|k| (f64::from(k), slope * f64::from(k))).collect::<Vec<_>>();
     let mut markers = Panel::new(x(), Axis::linear("acceleration of point C along x (m/s²)")).title("β₂ = 0°");

@@ -65,7 +65,7 @@ pub const CATCH_UP_TICKS: u64 = 3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
-    /// Up to [`CATCH_UP_TICKS`] overdue ticks are run late, marked, and the run goes on; further behind, the schedule moves
+    /// Up to three overdue ticks are run late, marked, and the run goes on; further behind, the schedule moves
     /// by the periods missed, and that is told ([`Tick::slipped`]). No tick is left out.
     #[default]
     Slip,

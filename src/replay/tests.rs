@@ -124,7 +124,7 @@ fn a_signal_ends_the_wait_for_the_next_frame() {
     let played = play(&recording, &mut near, &clock, Playback { speed: 1.0, direction: None }, &signals).unwrap();
     assert_eq!(played.frames, 1);
     assert!(clock.now_ns() < 4_000_000_000, "the signal came at 3 s, the player ended at {} ns", clock.now_ns());
-    assert!(nreceiver.receive().unwrap().is_none(), "the player leaves what comes in unread");
+    assert!(near.receive().unwrap().is_none(), "the player leaves what comes in unread");
 }
 
 #[test]

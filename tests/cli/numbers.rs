@@ -92,6 +92,7 @@ fn with(command: &str, usual: &str, flag: &str, value: &str) -> Vec<String> {
 }
 
 /// Ends a command that goes on for longer than any of these can: none has more than a second's work.
+#[allow(clippy::disallowed_methods, reason = "a test waits for another process")]
 fn wait(mut child: Child) -> (Option<i32>, String) {
     let (mut stderr, deadline) = (child.stderr.take().unwrap(), Instant::now() + Duration::from_secs(120));
     while child.try_wait().unwrap().is_none() {

@@ -49,11 +49,14 @@ fn expected(log_ns: u64, publish_ns: [u64; 3]) -> Vec<(String, u64, u64)> {
     topics.into_iter().map(|(topic, publish_ns)| (topic.to_string(), log_ns, publish_ns)).collect()
 }
 
+/// Makes options for a sample period, an interface, and a clock with its epoch.
+type Kind = fn(f64, &str, u64, fn() -> Duration) -> Options;
+
 #[test]
 fn log_times_are_simulated_and_publish_times_the_walls() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
-    let options = |kind: fn(f64, &str, u64, fn() -> Duration) -> Options| Options {
+    let options = |kind: Kind| Options {
         existing: resonarm::recording::Existing::Overwrite,
         plot_every_samples: 0,
         ..kind(1e-3, "vcan0", CLOCK_EPOCH_UNIX_NS, never)
@@ -126,8 +129,8 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
     Ok(())
 }
 
-/// The file once more, with `doctor` applied to the data of every message, and its checksums right.
-fn rewritten(path: &Path, mut doctor: impl FnMut(&str, &mut Vec<u8>)) -> Outcome<Vec<u8>> {
+/// The file once more, with `alter` applied to the data of every message, and its checksums right.
+fn rewritten(path: &Path, mut alter: impl FnMut(&str, &mut Vec<u8>)) -> Outcome<Vec<u8>> {
     let bytes = fs::read(path)?;
     let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
     let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
@@ -138,7 +141,7 @@ fn rewritten(path: &Path, mut doctor: impl FnMut(&str, &mut Vec<u8>)) -> Outcome
     for message in mcap::MessageStream::new(&bytes)? {
         let mut message = message?;
         let mut data = message.data.into_owned();
-        doctor(&message.channel.topic, &mut data);
+        alter(&message.channel.topic, &mut data);
         message.data = data.into();
         writer.write(&message)?;
     }

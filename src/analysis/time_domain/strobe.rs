@@ -202,11 +202,10 @@ impl<'a> StroboscopicMap<'a> {
         let mut states = points.map(|point| self.state(&point));
         self.advance_all(&mut states, periods);
         let mut matrix = Matrix4::zeros();
-        for column in 0..4 {
-            let [ahead, behind] = [2 * column, 2 * column + 1];
+        for (column, (ends, images)) in points.chunks_exact(2).zip(states.chunks_exact(2)).enumerate() {
             // What was really added, after rounding.
-            let width = points[ahead][column] - points[behind][column];
-            let change = self.point(&states[ahead]) - self.point(&states[behind]);
+            let width = ends[0][column] - ends[1][column];
+            let change = self.point(&images[0]) - self.point(&images[1]);
             matrix.set_column(column, &(change / width));
         }
         matrix.iter().all(|value| value.is_finite()).then_some(matrix)
