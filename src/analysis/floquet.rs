@@ -313,6 +313,8 @@ pub(super) fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Normed as _;
+
     use super::*;
     use crate::analysis::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
     use crate::arm::tests::arm;

@@ -188,6 +188,8 @@ impl FrequencyResponse {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Normed as _;
+
     use super::*;
     use crate::analysis::modes;
     use crate::arm::tests::arm;

@@ -134,6 +134,8 @@ pub fn energy_drift(
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::ComplexField as _;
+
     use super::*;
     use crate::arm::Preset;
     use crate::arm::tests::arm;

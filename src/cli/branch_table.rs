@@ -22,7 +22,7 @@ pub(super) fn csv(varied: &str, branches: &[&Branch]) -> String {
                 None => "marginal",
             };
             let bifurcation = row.bifurcation.map_or("", BifurcationKind::name);
-            let largest = row.orbit.multipliers().iter().fold(0.0_f64, |largest, mu| largest.max(mu.norm()));
+            let largest = row.orbit.multipliers().iter().fold(0.0_f64, |largest, mu| largest.max(mu.norm_sqr())).sqrt();
             let _infallible = writeln!(
                 text,
                 "{number},{value}{frequency_hz},{a1},{a2},{h1},{h2},{largest},{stability},{bifurcation}"

@@ -2,6 +2,8 @@ use super::*;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use nalgebra::Normed as _;
+
 fn force(profile: Waveform) -> ExcitationSpec {
     ExcitationSpec { amplitude: Amplitude { force_x_n: 10.0, ..Amplitude::default() }, ramp_s: 0.5, profile }
 }

@@ -4,6 +4,7 @@ use core::sync::atomic::AtomicUsize;
 use core::sync::atomic::Ordering::Relaxed;
 
 use insta::assert_snapshot;
+use nalgebra::Normed as _;
 use serde_json::Value;
 
 use super::claims::judge;

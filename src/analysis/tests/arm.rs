@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use nalgebra::Matrix4;
+use nalgebra::{Matrix4, Normed as _};
 
 use crate::analysis::*;
 use crate::arm::tests::arm;

@@ -1,6 +1,6 @@
 //! Systems whose bifurcations are known without computing them here.
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Normed as _, Vector2};
 
 use crate::analysis::continuation::Settings;
 use crate::analysis::*;

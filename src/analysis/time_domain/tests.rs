@@ -1,6 +1,6 @@
 use core::f64::consts::TAU;
 
-use nalgebra::Vector2;
+use nalgebra::{Normed as _, Vector2};
 
 use super::*;
 use crate::analysis::{
