@@ -125,6 +125,6 @@ def test_a_plant_that_stops_on_disarm_ends_at_a_fault_and_says_it(programs, tmp_
     wait_until(lambda: " vcan0 201#" in dump.stdout, "a command")
     exciter.kill()
     ended = plant.result(code=1)
-    assert ended["fault"].startswith("the plant faulted: no valid command in time"), ended
-    assert ended["fault"] in plant.stderr
+    assert (ended["outcome"], ended["fault"]["code"], ended["fault"]["name"]) == ("faulted", 1, "command timeout"), ended
+    assert "fault of the plant, code 1: no valid command in time" in plant.stderr, plant.stderr
     assert Recording.whole(path).event("state.fault")

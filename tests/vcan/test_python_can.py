@@ -68,12 +68,6 @@ def test_all_give_the_states_of_a_free_run(tmp_path, native, scenario):
     assert np.array_equal(bits(native.recording.steps), bits(free(tmp_path, scenario).recording.steps))
 
 
-def test_the_ordinary_build_says_how_to_get_python_can(programs):
-    run = programs.resonarm("run", "--bus", "python-can:interface=socketcan,channel=vcan0")
-    assert run.wait() == 3
-    assert "`cargo build --release --features python-can` makes one that has" in run.stderr
-
-
 def test_doctor_says_which_python_can_it_found(programs):
     findings = programs.resonarm("doctor", "--json").result()["findings"]
     found = next(finding for finding in findings if finding["subject"] == "python-can")
