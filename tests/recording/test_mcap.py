@@ -20,7 +20,8 @@ SAMPLES = 1234
 def recording(tmp_path_factory):
     """A file of the example, and what the example said of it."""
     path = tmp_path_factory.mktemp("recording") / "run.mcap"
-    command = ["cargo", "run", "--quiet", "--example", "recording", "--", str(path), str(SAMPLES)]
+    # Built by `cargo test`, with the features of the tests.
+    command = [ROOT / "target/debug/examples/recording", path, str(SAMPLES)]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=True)
     return path, json.loads(run.stdout)
 
