@@ -8,6 +8,10 @@ import tempfile
 import time
 from pathlib import Path
 
+# Until a program that does not end is taken to hang, and what one waits for not to come, s. Machines differ by a factor of ten,
+# and a busy one stops a process again and again.
+PATIENCE_S = 300
+
 RESONARM = os.environ.get("RESONARM_BIN", "target/release/resonarm")
 
 
@@ -32,7 +36,7 @@ class Program:
     def running(self):
         return self.process.poll() is None
 
-    def wait(self, timeout_s=60):
+    def wait(self, timeout_s=PATIENCE_S):
         """The exit code."""
         try:
             return self.process.wait(timeout_s)
@@ -40,7 +44,7 @@ class Program:
             self.end()
             raise AssertionError(f"{self.name} did not end within {timeout_s} s: {self.stderr}") from None
 
-    def result(self, timeout_s=60, code=0):
+    def result(self, timeout_s=PATIENCE_S, code=0):
         """Its one JSON document, after it has ended with `code`."""
         ended = self.wait(timeout_s)
         assert ended == code, f"{self.name} ended with {ended}: {self.stdout}{self.stderr}"
@@ -63,9 +67,9 @@ class Program:
     def kill(self):
         """SIGKILL: it can't do anything about it."""
         self.process.kill()
-        assert self.process.wait(10) == -signal.SIGKILL
+        assert self.process.wait(PATIENCE_S) == -signal.SIGKILL
 
-    def stop(self, timeout_s=10):
+    def stop(self, timeout_s=PATIENCE_S):
         """SIGTERM; the exit code."""
         self.process.terminate()
         return self.wait(timeout_s)
@@ -73,7 +77,7 @@ class Program:
     def end(self):
         if self.running():
             self.process.kill()
-            self.process.wait(10)
+            self.process.wait(PATIENCE_S)
 
 
 class Programs:
@@ -113,7 +117,7 @@ def receivers():
     return {line.split()[0] for line in lists.splitlines() if line[:3] == "   " and "device" not in line}
 
 
-def wait_until(holds, what, timeout_s=20):
+def wait_until(holds, what, timeout_s=PATIENCE_S):
     """Polls until `holds()` is true, and returns what it returned."""
     end = time.monotonic() + timeout_s
     while not (value := holds()):
@@ -122,7 +126,7 @@ def wait_until(holds, what, timeout_s=20):
     return value
 
 
-def run(*arguments, timeout_s=60):
+def run(*arguments, timeout_s=PATIENCE_S):
     """A command that must succeed; its standard output."""
     words = [str(argument) for argument in arguments]
     done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)

@@ -1,6 +1,7 @@
 """What the tests on vcan share. Run them by `tests/vcan/with-vcan`, one after another: they use the same interface."""
 
 import os
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,6 +22,14 @@ def programs():
         yield programs
 
 
+class Run(SimpleNamespace):
+    """A run that is over: what its processes said, and its recording, read when it is asked for."""
+
+    @cached_property
+    def recording(self):
+        return Recording.whole(self.path)
+
+
 def session(folder, plant_bus, exciter_bus, scenario, *, candump=None):
     """A whole run in lockstep, plant and exciter as processes of their own; what the two and candump said."""
     recording = folder / "run.mcap"
@@ -32,10 +41,9 @@ def session(folder, plant_bus, exciter_bus, scenario, *, candump=None):
             # So that it misses no frame of the exciter's.
             wait_until(lambda: dump.stdout, "the plant to be on the bus")
         exciter = programs.resonarm("exciter", "--bus", exciter_bus, *common)
-        result = SimpleNamespace(path=recording, exciter=exciter.result(240), plant=plant.result(30))
+        result = Run(path=recording, exciter=exciter.result(), plant=plant.result())
         if dump:
             result.frames = wire.log(dump)
-    result.recording = Recording.whole(recording)
     return result
 
 
@@ -44,7 +52,7 @@ def free(folder, scenario):
     path = folder / "free.mcap"
     with Programs() as programs:
         run_free = programs.resonarm("run", "--mode", "free", "--scenario", scenario, "--record", path, "--json")
-        return SimpleNamespace(path=path, plant=run_free.result(120), recording=Recording.whole(path))
+        return Run(path=path, plant=run_free.result())
 
 
 @pytest.fixture(scope="session")

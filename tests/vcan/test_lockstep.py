@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import wire
-from conftest import free
+from conftest import free, session
 from linear_arm import LinearArm, amplitudes
 from recordings import RECEIVED, SENT, bits
 
@@ -20,13 +20,19 @@ ARM = LinearArm(beta1_deg=30, beta2_deg=60)
 SENT_BY_PLANT = {message.frame_id for message in wire.DBC.messages if message.senders == ["Plant"]}
 
 
+def outside(by_plant, plant):
+    """How many frames of one end stand before the other's first or after its last."""
+    first, last = by_plant.index(not plant), len(by_plant) - by_plant[::-1].index(not plant)
+    return first + len(by_plant) - last
+
+
 def test_candump_sees_every_frame_of_both_ends(lockstep):
     plant, exciter = lockstep.plant["bus"], lockstep.exciter["bus"]
     assert len(lockstep.frames) == plant["sent"] + exciter["sent"]
-    # The first words of the plant, before the exciter is there, are for nobody, and so may be the last of each, after the profile:
-    # either may leave first.
-    assert plant["sent"] - 20 <= exciter["received"] <= plant["sent"]
-    assert exciter["sent"] - 3 <= plant["received"] <= exciter["sent"]
+    # Who is not there yet or no longer hears nothing, nor reads the frames that come while it leaves.
+    by_plant = [frame.id in SENT_BY_PLANT for frame in lockstep.frames]
+    assert plant["sent"] - outside(by_plant, True) - 3 <= exciter["received"] <= plant["sent"]
+    assert exciter["sent"] - outside(by_plant, False) - 3 <= plant["received"] <= exciter["sent"]
     for end in (plant, exciter):
         assert (end["dropped"], end["e2e_errors"]) == (0, 0)
 
@@ -88,7 +94,7 @@ def test_the_recording_is_whole_and_says_what_the_bus_saw(lockstep):
     assert set(recording.topics) == {
         "/plant/steps", "/plant/samples", "/plant/state", "/plant/command", "/plant/sensors", "/can/frames", "/events",
     }  # fmt: skip
-    assert len(recording.steps) == lockstep.plant["samples"]
+    assert len(recording.states) == lockstep.plant["samples"]
     for direction, by_plant, count in ((SENT, True, "sent"), (RECEIVED, False, "received")):
         recorded = [(frame.id, frame.data) for frame in recording.frames if frame.direction == direction]
         seen = [frame.content for frame in lockstep.frames if (frame.id in SENT_BY_PLANT) == by_plant]
@@ -98,10 +104,31 @@ def test_the_recording_is_whole_and_says_what_the_bus_saw(lockstep):
 
 
 def test_states_are_those_of_a_free_run_bit_for_bit(lockstep, free_run):
-    assert np.abs(lockstep.recording.steps).max(axis=0)[:4].min() > 1e-4
-    assert np.array_equal(bits(lockstep.recording.steps), bits(free_run.recording.steps))
+    assert np.abs(lockstep.recording.states).max(axis=0)[:4].min() > 1e-4
+    assert np.array_equal(bits(lockstep.recording.states), bits(free_run.recording.states))
     assert np.array_equal(bits(lockstep.recording.samples), bits(free_run.recording.samples))
 
 
 def test_a_free_run_gives_the_same_file_twice(tmp_path, three_frequencies, free_run):
     assert free(tmp_path, three_frequencies).path.read_bytes() == free_run.path.read_bytes()
+
+
+WALK = """
+[arm]
+beta1_deg = 30.0
+[control]
+law = "phase-walk"
+amplitude = { force_x_n = 10.0 }
+points = 5
+"""
+
+
+def test_a_closed_loop_of_two_processes_is_the_free_one_bit_for_bit(tmp_path):
+    scenario = tmp_path / "walk.toml"
+    scenario.write_text(WALK)
+    both = session(tmp_path, "vcan0", "vcan0", scenario)
+    alone = free(tmp_path, scenario)
+    assert both.exciter["outcome"] == "finished" and all(point["settled"] for point in both.exciter["responses"])
+    assert both.exciter["responses"] == alone.plant["responses"] and len(alone.plant["responses"]) == 5
+    assert np.array_equal(bits(both.recording.states), bits(alone.recording.states))
+    assert np.array_equal(bits(both.recording.samples), bits(alone.recording.samples))

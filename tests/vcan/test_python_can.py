@@ -11,10 +11,13 @@ from recordings import bits
 SCENARIO = """
 [simulation]
 seed = 5
+# The serial line's driver takes a system call for every byte, which is slow in a virtual machine.
+[network]
+lockstep_timeout_s = 30.0
 [excitation]
 amplitude = { torque1_nm = 60.0 }
-ramp_s = 0.2
-profile = { waveform = "dwell", frequency_hz = 20.0, duration_s = 1.0, settle_s = 0.2 }
+ramp_s = 0.1
+profile = { waveform = "dwell", frequency_hz = 20.0, duration_s = 0.5, settle_s = 0.1 }
 """
 
 
@@ -42,10 +45,10 @@ def null_modem(tmp_path, programs):
 def ends_like(run, native):
     assert run.exciter["outcome"] == native.exciter["outcome"] == "finished"
     assert run.exciter["responses"] == native.exciter["responses"]
-    assert run.plant["samples"] == native.plant["samples"] > 1000
+    assert run.plant["samples"] == native.plant["samples"] > 400
     assert (run.plant["bus"]["dropped"], run.plant["bus"]["e2e_errors"]) == (0, 0)
-    assert np.abs(run.recording.steps[:, 4]).max() > 59
-    assert np.array_equal(bits(run.recording.steps), bits(native.recording.steps))
+    assert np.abs(run.recording.states[:, 4]).max() > 59
+    assert np.array_equal(bits(run.recording.states), bits(native.recording.states))
     assert np.array_equal(bits(run.recording.samples), bits(native.recording.samples))
 
 
@@ -65,7 +68,7 @@ def test_slcan_over_a_null_modem(tmp_path, native, scenario, null_modem):
 
 
 def test_all_give_the_states_of_a_free_run(tmp_path, native, scenario):
-    assert np.array_equal(bits(native.recording.steps), bits(free(tmp_path, scenario).recording.steps))
+    assert np.array_equal(bits(native.recording.states), bits(free(tmp_path, scenario).recording.states))
 
 
 def test_doctor_says_which_python_can_it_found(programs):

@@ -30,14 +30,14 @@ def test_every_tick_and_every_overrun_is_accounted_for(tmp_path, programs):
     assert DURATION_S * RATE_HZ + 1 < plant["samples"] <= round((DURATION_S + 0.05) * RATE_HZ) + 1
     recording = Recording.whole(path)
     ticks = recording.column("/timing/ticks", ["wakeup_ns", "exec_ns", "overruns"])
-    assert len(recording.steps) == len(recording.samples) == plant["samples"]
+    assert len(recording.states) == len(recording.samples) == plant["samples"]
     assert len(ticks) == DURATION_S * RATE_HZ + 1
     assert ticks[:, 2].sum() == plant["overruns"]
     # The histogram keeps three digits.
     for column, name in ((0, "wakeup_us"), (1, "exec_us")):
         assert np.isclose(ticks[:, column].max() * 1e-3, plant[name]["max"], rtol=2e-3)
     assert recording.metadata["resonarm.lost"] == {"plant": "0"}
-    assert np.abs(recording.steps[:, 6]).max() > 40 and recording.steps[-1, 6] == 0
+    assert np.abs(recording.states[:, 6]).max() > 40 and recording.states[-1, 6] == 0
     # The plant leaves before the profile ends, and tells the exciter so.
     assert exciter.result(code=1)["outcome"] == "plant-left"
 
@@ -48,7 +48,7 @@ def test_a_signal_ends_a_run_in_order(tmp_path, programs):
     dump = programs.candump()
     wait_until(lambda: dump.stdout.count(" vcan0 205#") > 50, "50 samples")
     assert plant.stop() == 0
-    assert len(Recording.whole(path).steps) == plant.result()["samples"] > 50
+    assert len(Recording.whole(path).states) == plant.result()["samples"] > 50
 
 
 def test_doctor_finds_the_interfaces(programs):

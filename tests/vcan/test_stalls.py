@@ -79,7 +79,7 @@ def test_a_controller_that_was_stopped_is_a_fault_and_arms_again(programs, tmp_p
     assert len(events(plant, "armed")) == ended["rearmed"] + 1
     # In simulated time: from the last command taken to zero force within the timeout, the ramp and one sample period.
     recording = Recording.whole(path)
-    force_n = recording.steps[:, 6]
+    force_n = recording.states[:, 6]
     for fault in recording.topics["/events"]:
         if fault.name == "state.fault":
             zero = fault.step + int(FORCE_RAMP_S * RATE_HZ)
@@ -94,6 +94,6 @@ def test_hangup_disarms_and_leaves_a_whole_recording(programs, tmp_path):
     plant.process.send_signal(signal.SIGHUP)
     assert plant.wait() == 0 and plant.result()["outcome"] == "stopped"
     assert exciter.result(code=1)["outcome"] == "plant-left"
-    force_n = Recording.whole(path).steps[:, 6]
+    force_n = Recording.whole(path).states[:, 6]
     # It ramped, by at most a tenth of the amplitude a sample beyond what the excitation does.
     assert np.abs(force_n).max() > 40 and force_n[-1] == 0
