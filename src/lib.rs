@@ -32,6 +32,8 @@
 //! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
 //! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
 //! | [`plant`] | the arm with its instruments, sample by sample |
+//! | [`identify`] | frequency responses and modes from what the instruments said |
+//! | [`control`] | exciter controllers: what answers a sample |
 //! | [`node`] | plant and exciter controller as CAN nodes without IO |
 //! | [`protocol`] | the CAN protocol, a crate of its own |
 //! | [`bus`], [`realtime`], [`recording`] | buses; clocks and threads; MCAP files |
@@ -52,13 +54,18 @@ extern crate alloc;
 
 pub mod analysis;
 pub mod arm;
+pub mod control;
+mod dft;
 pub(crate) mod ensemble;
 pub mod excitation;
+pub mod identify;
 pub mod integrate;
 pub mod node;
+mod noise;
 mod number;
 pub mod plant;
 pub mod rig;
+mod seed;
 
 #[cfg(feature = "std")]
 pub mod bus;

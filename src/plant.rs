@@ -8,14 +8,22 @@
 //! sample then belong together in phase; read at the edge, the part of the acceleration that follows the force at once would
 //! lag the rest by half a period, an error of a frequency response that reaches per cents.
 
+mod shaker;
+
+use nalgebra::Vector2;
 use thiserror::Error;
 
 use crate::arm::{Arm, ArmError, Load, Parameters, PointMotion, Pose, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
-use crate::rig::{ExciterSpec, Measurement, Rig, RigError, RigSpec};
+use crate::number::{rounded, short};
+use crate::rig::{Exciter, Measurement, Rig, RigError, RigSpec, ShakerLimit};
+use shaker::Shaker;
+
+/// The most integration steps a sample: 250 times the default.
+pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
 
 /// Everything that makes a plant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlantSpec {
     /// The arm's parameters.
     pub parameters: Parameters,
@@ -27,7 +35,7 @@ pub struct PlantSpec {
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
     pub sample_rate_hz: f64,
-    /// Integration steps a sample: even and positive, since the instruments sample in the middle.
+    /// Integration steps a sample: even, since the instruments sample in the middle, and from 2 to [`MOST_STEPS_PER_SAMPLE`].
     pub steps_per_sample: u32,
     /// The instruments.
     pub rig: RigSpec,
@@ -47,6 +55,22 @@ pub enum PlantError {
         /// Why.
         source: IntegrateError,
     },
+    /// The shaker's amplifier switched off; the plant stays at the sample before.
+    #[error(
+        "sample {sample}: the shaker trips: the {what} would be {got} {unit}, and {most} {unit} is its limit \
+         (`rig.shaker.{key}`): drive less, or take a larger shaker",
+        what = .limit.names()[0], unit = .limit.names()[1], key = .limit.names()[2], got = rounded(.got, 6), most = short(.most)
+    )]
+    Tripped {
+        /// The sample from which the step was tried.
+        sample: u64,
+        /// Which limit.
+        limit: ShakerLimit,
+        /// What there would be, in the limit's unit.
+        got: f64,
+        /// What may be.
+        most: f64,
+    },
 }
 
 /// Why a specification makes no plant.
@@ -62,15 +86,35 @@ pub enum PlantSpecError {
     /// The scheme can't carry the arm at this rate.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
+    /// The current of the shaker's coil changes too slowly for the step.
+    #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
+    Inductance {
+        /// What was given, H.
+        got_h: f64,
+        /// What would do, H.
+        most_h: f64,
+    },
     /// The initial state is not finite.
     #[error("the initial state {0:?} is not finite: give four numbers, rad and rad/s")]
     Initial([f64; 4]),
-    /// The middle of a sample period is no integration step.
-    #[error("`steps_per_sample` is {got}: it must be even and at least 2, since the instruments sample in the middle")]
+    /// The middle of a sample period is no integration step, or a sample takes more work than any run has.
+    #[error(
+        "`steps_per_sample` is {got}: it must be even, since the instruments sample in the middle, and from 2 to \
+         {MOST_STEPS_PER_SAMPLE}"
+    )]
     StepsPerSample {
         /// What was given.
         got: u32,
     },
+}
+
+/// Refuses steps a sample that no plant can have.
+///
+/// # Errors
+/// [`PlantSpecError::StepsPerSample`].
+pub(crate) fn check_steps_per_sample(got: u32) -> Result<(), PlantSpecError> {
+    let fits = got.is_multiple_of(2) && (2..=MOST_STEPS_PER_SAMPLE).contains(&got);
+    if fits { Ok(()) } else { Err(PlantSpecError::StepsPerSample { got }) }
 }
 
 /// A plant at a sample.
@@ -79,6 +123,7 @@ pub struct Plant {
     arm: Arm,
     integrator: Integrator,
     rig: Rig,
+    shaker: Option<Shaker>,
     sample_rate_hz: f64,
     steps_per_sample: u32,
     sample: u64,
@@ -90,13 +135,15 @@ pub struct Plant {
 #[derive(Clone, Copy, Debug)]
 struct Sensed {
     motion: PointMotion,
-    load: Load,
+    head_n: Vector2<f64>,
 }
 
 impl Sensed {
+    /// At a state of the arm with what is attached to it; `load` acts on both, and between them is the head.
     fn new(arm: &Arm, state: &State, load: &Load) -> Sensed {
-        let motion = arm.point_accelerations(state, &arm.acceleration(state, load));
-        Sensed { motion, load: *load }
+        let acceleration_rad_s2 = arm.acceleration(state, load);
+        let motion = arm.point_accelerations(state, &acceleration_rad_s2);
+        Sensed { motion, head_n: load.force_n - arm.attachment_force_n(state, &acceleration_rad_s2) }
     }
 }
 
@@ -106,20 +153,24 @@ impl Plant {
     /// # Errors
     /// [`PlantSpecError`] says what in the specification is impossible.
     pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
-        let arm = Arm::new(spec.parameters, spec.pose)?;
+        let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
+        let mut arm = Arm::new(spec.parameters, spec.pose)?;
+        if let Some(shaker) = &spec.rig.shaker {
+            arm = arm.with_attachment(shaker.armature())?;
+        }
         if !spec.initial.is_finite() {
             let (x, v) = (&spec.initial.alpha_rad, &spec.initial.alpha_dot_rad_s);
             return Err(PlantSpecError::Initial([x.x, x.y, v.x, v.y]));
         }
-        if spec.steps_per_sample == 0 || !spec.steps_per_sample.is_multiple_of(2) {
-            return Err(PlantSpecError::StepsPerSample { got: spec.steps_per_sample });
-        }
+        check_steps_per_sample(spec.steps_per_sample)?;
         let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);
+        let integrator = Integrator::new(spec.scheme, rate_hz, &arm)?;
         Ok(Plant {
-            integrator: Integrator::new(spec.scheme, rate_hz, &arm)?,
+            shaker: spec.rig.shaker.map(|shaker| Shaker::new(shaker, integrator.step_s())).transpose()?,
+            integrator,
             sensed: Sensed::new(&arm, &spec.initial, &Load::default()),
             arm,
-            rig: Rig::new(&spec.rig, spec.seed)?,
+            rig,
             sample_rate_hz: spec.sample_rate_hz,
             steps_per_sample: spec.steps_per_sample,
             sample: 0,
@@ -127,13 +178,13 @@ impl Plant {
         })
     }
 
-    /// The arm.
+    /// The arm, with the shaker's armature at its tip if there is one.
     pub fn arm(&self) -> &Arm {
         &self.arm
     }
 
-    /// What the exciter can do.
-    pub fn exciter(&self) -> &ExciterSpec {
+    /// What drives the arm.
+    pub fn exciter(&self) -> &Exciter {
         self.rig.exciter()
     }
 
@@ -152,92 +203,39 @@ impl Plant {
         &self.state
     }
 
-    /// What the instruments say at the sample: the truth half a sample period before, with noise, resolution and range. Call
-    /// it once a sample: every call draws new noise.
+    /// What the instruments say at the sample: the truth half a sample period before, through their chains. Call it once a
+    /// sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
-        self.rig.measure(self.sample, &self.sensed.motion, &self.sensed.load)
+        self.rig.measure(self.sample, &self.sensed.motion, &self.sensed.head_n)
     }
 
-    /// Advances to the next sample with `load` held.
+    /// Advances to the next sample with `load` held: of a shaker, the force that it would exert were it blocked.
     ///
     /// # Errors
-    /// [`PlantError::Integrate`] if the step could not be made; the plant then stays as it was.
+    /// [`PlantError`] if the step could not be made or the shaker trips; the plant then stays as it was.
     pub fn advance(&mut self, load: &Load) -> Result<(), PlantError> {
         let start_s = self.time_s();
-        let (mut state, mut sensed) = (self.state, self.sensed);
+        let (mut state, mut sensed, mut shaker) = (self.state, self.sensed, self.shaker);
         for part in 0..self.steps_per_sample {
             let t_s = start_s + f64::from(part) * self.integrator.step_s();
-            state = self
-                .integrator
-                .step(&self.arm, t_s, &state, load)
-                .map_err(|source| PlantError::Integrate { sample: self.sample, source })?;
+            let next = match &mut shaker {
+                None => self.integrator.step(&self.arm, t_s, &state, load),
+                Some(shaker) => shaker.step(&self.integrator, &self.arm, t_s, &state, load),
+            };
+            state = next.map_err(|source| PlantError::Integrate { sample: self.sample, source })?;
             if 2 * (part + 1) == self.steps_per_sample {
-                sensed = Sensed::new(&self.arm, &state, load);
+                let acting = shaker.as_ref().map_or(*load, Shaker::acting);
+                sensed = Sensed::new(&self.arm, &state, &acting);
             }
         }
-        self.state = state;
-        self.sensed = sensed;
+        if let Some((limit, got, most)) = shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &state)) {
+            return Err(PlantError::Tripped { sample: self.sample, limit, got, most });
+        }
+        (self.state, self.sensed, self.shaker) = (state, sensed, shaker);
         self.sample += 1;
         Ok(())
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::arm::Preset;
-
-    fn spec() -> PlantSpec {
-        PlantSpec {
-            parameters: Preset::default().parameters().unwrap(),
-            pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
-            initial: State::default(),
-            scheme: Scheme::default(),
-            sample_rate_hz: 1000.0,
-            steps_per_sample: 4,
-            rig: RigSpec::default(),
-            seed: 1,
-        }
-    }
-
-    #[test]
-    fn same_commands_give_the_same_bits() {
-        let [mut a, mut b] = [(); 2].map(|()| Plant::new(&spec()).unwrap());
-        for k in 0..500_u32 {
-            assert_eq!(a.measure(), b.measure());
-            let load = Load::force_n(f64::from(k % 17) - 8.0, 3.0);
-            a.advance(&load).unwrap();
-            b.advance(&load).unwrap();
-            assert_eq!(a.state(), b.state());
-        }
-        assert_eq!(a.sample(), 500);
-        assert!(a.state().alpha_rad.norm() > 1e-6);
-    }
-
-    #[test]
-    fn at_rest_the_instruments_tell_the_held_force() {
-        let mut plant = Plant::new(&spec()).unwrap();
-        plant.advance(&Load::force_n(50.0, -20.0)).unwrap();
-        let head = plant.measure().head_force_n;
-        assert!((head[0].value - 50.0).abs() < 0.1 && (head[1].value + 20.0).abs() < 0.1, "{head:?}");
-    }
-
-    #[test]
-    fn a_step_that_fails_changes_nothing() {
-        let mut plant = Plant::new(&spec()).unwrap();
-        plant.advance(&Load::force_n(1.0, 1.0)).unwrap();
-        let before = *plant.state();
-        let error = plant.advance(&Load::torque_nm(f64::MAX, f64::MAX)).unwrap_err();
-        assert!(matches!(error, PlantError::Integrate { sample: 1, .. }), "{error}");
-        assert_eq!((plant.sample(), *plant.state()), (1, before));
-    }
-
-    #[test]
-    fn says_what_is_wrong_with_a_plant() {
-        let says = |spec: PlantSpec| Plant::new(&spec).unwrap_err().to_string();
-        insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 0, ..spec() }), @"`steps_per_sample` is 0: it must be even and at least 2, since the instruments sample in the middle");
-        let initial = State::new([0.0, f64::NAN], [0.0, 1.0]);
-        insta::assert_snapshot!(says(PlantSpec { initial, ..spec() }), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give four numbers, rad and rad/s");
-        insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@ use alloc::vec::Vec;
 
 use super::adapt::{Spectral, adapt};
 use super::continuation::{Point, System, Walk, at_parameter};
+use super::curve::near;
 use super::fourier::zeros;
 use super::locate::doubled;
 use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
@@ -67,15 +68,27 @@ pub fn trace_doubled<O: Oscillator + Clone>(
     Tracer::new(response, options).run(walk)
 }
 
-/// The doubled branches that leave at the period doublings of a branch, each with its end; see [`trace_doubled`].
+/// The doubled branches that leave at the period doublings of a branch, each with its end; see [`trace_doubled`]. A branch that
+/// comes back through another of the doublings stands for both.
 pub fn trace_doublings<O: Oscillator + Clone>(
     oscillator: &O,
     branch: &Branch,
     coordinate: Coordinate<O::Parameter>,
     options: &BranchOptions,
 ) -> Vec<Result<Branch, EndedEarly<Branch>>> {
-    let doublings = branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::PeriodDoubling);
-    doublings.map(|found| trace_doubled(oscillator.clone(), found, coordinate, options)).collect()
+    let mut branches: Vec<Result<Branch, EndedEarly<Branch>>> = Vec::new();
+    for doubling in branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::PeriodDoubling) {
+        let ends_here = |walked: &Result<Branch, _>| {
+            let end = walked.as_ref().ok().and_then(|branch| branch.bifurcations.last());
+            end.is_some_and(|end| {
+                end.kind == BifurcationKind::BranchPoint && near(end.orbit.value, doubling.orbit.value)
+            })
+        };
+        if !branches.iter().any(ends_here) {
+            branches.push(trace_doubled(oscillator.clone(), doubling, coordinate, options));
+        }
+    }
+    branches
 }
 
 /// The first step along a doubled branch, relative to the size of the motion.

@@ -100,7 +100,8 @@ pub fn trace_singular_curves<O: Oscillator + Clone>(
     curves
 }
 
-fn near(a: f64, b: f64) -> bool {
+/// Whether two values of a coordinate at bifurcations are of the same one.
+pub(super) fn near(a: f64, b: f64) -> bool {
     libm::fabs(a - b) <= SAME * libm::fabs(b)
 }
 

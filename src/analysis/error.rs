@@ -6,7 +6,7 @@ use core::fmt;
 use thiserror::Error;
 
 use super::continuation::Refusal;
-use crate::number::short;
+use crate::number::{rounded, short};
 
 /// A value of what a walk goes along, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,11 +19,7 @@ pub struct Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.value.abs() < 1e9 {
-            write!(f, "{:.6}{}", self.value, Behind(self.unit))
-        } else {
-            write!(f, "{:.6e}{}", self.value, Behind(self.unit))
-        }
+        write!(f, "{}{}", rounded(&self.value, 6), Behind(self.unit))
     }
 }
 
@@ -57,8 +53,8 @@ pub enum AnalysisError {
     },
     /// A branch could not be followed further.
     #[error(
-        "the branch could not be followed beyond {at} (arclength {arclength:.3}, step {step:.1e}): {refusal}; \
-         try smaller steps, more harmonics, or to start from the other end"
+        "the branch could not be followed beyond {at} (arclength {arclength}, step {step:.1e}): {refusal}; \
+         try smaller steps, more harmonics, or to start from the other end", arclength = rounded(.arclength, 3)
     )]
     Stuck {
         /// λ at the last point.

@@ -17,9 +17,10 @@ pub struct ForcedArm {
 }
 
 impl ForcedArm {
-    /// The arm under `amplitude` · `direction` · sin Ωt: torques at the joints, a force of any direction at the tip, or both.
+    /// The arm under `amplitude` · `direction` · sin Ωt: torques at the joints, a force of any direction at the tip, or both. What is
+    /// attached to the tip is left out: the force between it and the arm is a load on the arm.
     pub fn new(arm: Arm, direction: Load, amplitude: f64) -> ForcedArm {
-        ForcedArm { arm, direction, amplitude }
+        ForcedArm { arm: arm.without_attachment(), direction, amplitude }
     }
 
     /// The arm.
@@ -163,7 +164,7 @@ impl Oscillator for ForcedArm {
             let z = k - m * (frequency_rad_s * frequency_rad_s);
             let [first, second] = [Vector2::new(-z.m12, z.m11), Vector2::new(z.m22, -z.m21)];
             let shape = if first.norm() > second.norm() { first } else { second }.normalize();
-            let damping = shape.dot(&(self.arm.damping_matrix() * shape));
+            let damping = shape.dot(&(self.arm.tangent_damping_matrix(&rest) * shape));
             let damping_ratio = damping / (2.0 * frequency_rad_s * shape.dot(&(m * shape)));
             LinearMode { frequency_rad_s, damping_ratio, shape }
         })

@@ -137,8 +137,8 @@ mod tests {
     use nalgebra::ComplexField as _;
 
     use super::*;
-    use crate::arm::Preset;
     use crate::arm::tests::arm;
+    use crate::arm::{Attachment, Preset};
 
     /// What linear theory says of each scheme, to the leading term: ζ and the frequency error as powers of z = ωh.
     fn theory(scheme: Scheme, z: f64) -> (f64, f64) {
@@ -153,9 +153,11 @@ mod tests {
 
     #[test]
     fn errors_are_those_of_theory() {
-        let arm = arm(Preset::Irb1600Fitted, 0.0, 60.0);
-        for scheme in Scheme::ALL {
-            for error in mode_errors(&arm, scheme, 1000.0).unwrap() {
+        let alone = arm(Preset::Irb1600Fitted, 0.0, 60.0);
+        let armature = Attachment { mass_kg: 2.0, stiffness_n_m: 2e4, damping_n_s_m: 30.0, direction_deg: 40.0 };
+        let driven = alone.clone().with_attachment(armature).unwrap();
+        for (arm, scheme) in [&alone, &driven].into_iter().flat_map(|arm| Scheme::ALL.map(|scheme| (arm, scheme))) {
+            for error in mode_errors(arm, scheme, 1000.0).unwrap() {
                 let z = TAU * error.frequency_hz / 1000.0;
                 let (damping, frequency) = theory(scheme, z);
                 let near = |got: f64, expected: f64| (got - expected).abs() < 0.06 * expected.abs() + 1e-12;

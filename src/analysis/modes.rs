@@ -57,7 +57,7 @@ fn mode(arm: &Arm, lambda: f64, scaled: Vector2<f64>) -> Mode {
     let omega = 1.0 / libm::sqrt(lambda);
     let positive = if scaled.x != 0.0 { scaled.x > 0.0 } else { scaled.y > 0.0 };
     let shape = scaled * if positive { omega } else { -omega };
-    let damping_ratio = shape.dot(&(arm.damping_matrix() * shape)) / (2.0 * omega);
+    let damping_ratio = shape.dot(&(arm.tangent_damping_matrix(&Vector2::zeros()) * shape)) / (2.0 * omega);
     Mode { frequency_hz: omega / TAU, damping_ratio, shape: shape.into() }
 }
 

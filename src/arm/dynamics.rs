@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::attachment::solved;
 use super::kernel::{Loads, Motion};
 use super::{Arm, Load, State};
 
@@ -17,13 +18,13 @@ pub struct AccelerationJacobian {
 }
 
 impl Arm {
-    /// M(α,β), Eq. (19), kg·m². Symmetric positive definite at every angle.
+    /// M(α,β), Eq. (19), kg·m², and the attachment's mass. Symmetric positive definite at every angle.
     pub fn mass_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         let (_, t) = self.coefficients.coupling::<true>(alpha_rad.y);
-        self.mass_matrix_at(t)
+        self.mass_matrix_at(t) + self.attached_at(alpha_rad, |attachment| attachment.mass_kg)
     }
 
-    /// M for t = a2 cos(β2+α2), kg·m².
+    /// M of the arm alone for t = a2 cos(β2+α2), kg·m².
     pub(super) fn mass_matrix_at(&self, t: f64) -> Matrix2<f64> {
         let c = &self.coefficients;
         Matrix2::new(c.a1 + 2.0 * t, c.a3 + t, c.a3 + t, c.a3)
@@ -58,6 +59,9 @@ impl Arm {
 
     /// α̈ from Eq. (3), rad/s².
     pub fn acceleration(&self, state: &State, load: &Load) -> Vector2<f64> {
+        if let Some(attached) = self.attached_acceleration(state, load) {
+            return attached;
+        }
         let (c, load) = (&self.coefficients, Loads::from(load));
         let motion = Motion::from(state);
         if c.needs_links(&load) {
@@ -74,6 +78,9 @@ impl Arm {
     /// constant force at C has a potential, as the weight has, whose part of r has the derivative −∂G/∂α: with P = F·(link 2), Q = F·(link 1), both turned as below,
     /// ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
     pub fn acceleration_jacobian(&self, state: &State, load: &Load) -> AccelerationJacobian {
+        if let Some(acceleration_rad_s2) = self.attached_acceleration(state, load) {
+            return self.attached_jacobian(state, acceleration_rad_s2, load);
+        }
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);
         let (p, v) = (&self.parameters, &state.alpha_dot_rad_s);
@@ -87,7 +94,7 @@ impl Arm {
         let acceleration = Vector2::from(solve(c.torques(&state.into(), h, force)));
 
         let mut by_alpha =
-            self.tip_force_gradient(&state.alpha_rad, load) - self.tangent_stiffness_matrix(&state.alpha_rad);
+            self.tip_force_gradient(&state.alpha_rad, load) - self.stiffness_of_joints_and_weight(&state.alpha_rad);
         by_alpha.m12 += t * (2.0 * v.x + v.y) * v.y + h * (2.0 * acceleration.x + acceleration.y);
         by_alpha.m22 += -t * v.x * v.x + h * acceleration.x;
         let by_alpha_dot = Matrix2::new(
@@ -105,6 +112,16 @@ impl Arm {
             by_alpha: solved(&by_alpha),
             by_alpha_dot: solved(&by_alpha_dot),
         }
+    }
+
+    /// The same with an attachment, from the unbalance r(α, α̇, α̈) = 0: ∂α̈/∂x = −(∂r/∂α̈)⁻¹ ∂r/∂x.
+    fn attached_jacobian(&self, state: &State, acceleration_rad_s2: Vector2<f64>, load: &Load) -> AccelerationJacobian {
+        let at = self.inverse_dynamics(state, &acceleration_rad_s2, load);
+        let by = |m: &Matrix2<f64>| {
+            let [left, right] = [0, 1].map(|n| solved(&at.by_alpha_ddot, &-m.column(n)));
+            Matrix2::from_columns(&[left, right])
+        };
+        AccelerationJacobian { acceleration_rad_s2, by_alpha: by(&at.by_alpha), by_alpha_dot: by(&at.by_alpha_dot) }
     }
 
     /// ∂(JᵀF)/∂α, N·m/rad, as [`Arm::acceleration_jacobian`] states it: Q = F·(l1 c1, l1 s1), P = F·(l2 c12, l2 s12).

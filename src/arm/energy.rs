@@ -5,9 +5,9 @@ use super::{Arm, Load, State};
 /// The energy in the arm, J.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Energy {
-    /// E = ½ α̇ᵀ M α̇, Eq. (13) with the missing factor 2 restored, J.
+    /// E = ½ α̇ᵀ M α̇, Eq. (13) with the missing factor 2 restored, J, with the attachment's ½ m ṡ².
     pub kinetic_j: f64,
-    /// V = ½ αᵀ K α, Eq. (10) less its constant, and the weight's part less its value and slope at rest, J.
+    /// V = ½ αᵀ K α, Eq. (10) less its constant, the weight's part less its value and slope at rest, and the attachment's ½ k s², J.
     pub potential_j: f64,
 }
 
@@ -22,15 +22,18 @@ impl Arm {
     /// The energy at a state.
     pub fn energy(&self, state: &State) -> Energy {
         let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+        let (_, t) = self.coefficients.coupling::<true>(x.y);
+        let (kinetic_j, potential_j) = self.attached_energy_j(state);
         Energy {
-            kinetic_j: 0.5 * v.dot(&(self.mass_matrix(x) * v)),
-            potential_j: 0.5 * x.dot(&(self.stiffness_matrix() * x)) + self.weight_energy_j(x),
+            kinetic_j: 0.5 * v.dot(&(self.mass_matrix_at(t) * v)) + kinetic_j,
+            potential_j: 0.5 * x.dot(&(self.stiffness_matrix() * x)) + self.weight_energy_j(x) + potential_j,
         }
     }
 
-    /// The rate at which the energy changes, W: what the load puts in less what the dampers take, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇.
+    /// The rate at which the energy changes, W: what the load puts in less what the dampers take, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇ − c ṡ².
     pub fn power_w(&self, state: &State, load: &Load) -> f64 {
         let v = &state.alpha_dot_rad_s;
-        v.dot(&self.generalised_force(&state.alpha_rad, load)) - v.dot(&(self.damping_matrix() * v))
+        let loss_w = v.dot(&(self.damping_matrix() * v)) + self.attached_loss_w(state);
+        v.dot(&self.generalised_force(&state.alpha_rad, load)) - loss_w
     }
 }

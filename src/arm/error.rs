@@ -19,6 +19,16 @@ pub enum ArmError {
         /// What would do.
         expected: &'static str,
     },
+    /// A value of an attachment is impossible.
+    #[error("attachment: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Attachment {
+        /// The value.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
     /// A pose angle is not a usable number.
     #[error("pose angle `{name}` is {got}: it must be a number from -360 to 360 degrees", got = short(.got))]
     Pose {

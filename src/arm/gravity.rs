@@ -92,8 +92,13 @@ impl Arm {
         self.static_deflection_rad
     }
 
-    /// K + ∂G/∂α at a deflection, N·m/rad: K itself without gravity. Symmetric.
+    /// K + ∂G/∂α at a deflection, N·m/rad, and what the spring of an attachment adds: K itself without either. Symmetric.
     pub fn tangent_stiffness_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
+        self.stiffness_of_joints_and_weight(alpha_rad) + self.attached_stiffness(alpha_rad)
+    }
+
+    /// The same of the arm alone.
+    pub(super) fn stiffness_of_joints_and_weight(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         let c = &self.coefficients;
         if c.weight == [0.0; 2] {
             return self.stiffness_matrix();

@@ -7,7 +7,7 @@ use super::{Arm, Load, State};
 /// The unbalanced torque of a motion and its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseDynamics {
-    /// M α̈ + C α̇ + D α̇ + K α − u − JᵀF, N·m; zero along a true motion.
+    /// M α̈ + C α̇ + D α̇ + K α − u − JᵀF and what is attached, N·m; zero along a true motion.
     pub unbalance_nm: Vector2<f64>,
     /// ∂/∂α, N·m/rad.
     pub by_alpha: Matrix2<f64>,
@@ -20,6 +20,17 @@ pub struct InverseDynamics {
 impl Arm {
     /// Eq. (3) with everything on one side, N·m, at any α̈ (rad/s²), true or not.
     pub fn unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>, load: &Load) -> Vector2<f64> {
+        let alone = self.unbalance_of_arm_nm(state, acceleration_rad_s2, load);
+        if self.attached.is_none() { alone } else { alone + self.attached_unbalance_nm(state, acceleration_rad_s2) }
+    }
+
+    /// The same without what is attached.
+    pub(super) fn unbalance_of_arm_nm(
+        &self,
+        state: &State,
+        acceleration_rad_s2: &Vector2<f64>,
+        load: &Load,
+    ) -> Vector2<f64> {
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);
         let force = c.external_force::<true, true>(state.alpha_rad.into(), &load.into());
@@ -35,7 +46,7 @@ impl Arm {
     pub fn inverse_dynamics(&self, state: &State, acceleration_rad_s2: &Vector2<f64>, load: &Load) -> InverseDynamics {
         let (h, t) = self.coefficients.coupling::<true>(state.alpha_rad.y);
         let (p, x, v, a) = (&self.parameters, &state.alpha_rad, &state.alpha_dot_rad_s, acceleration_rad_s2);
-        let mut by_alpha = self.tangent_stiffness_matrix(x) - self.tip_force_gradient(x, load);
+        let mut by_alpha = self.stiffness_of_joints_and_weight(x) - self.tip_force_gradient(x, load);
         by_alpha.m12 -= t * (2.0 * v.x + v.y) * v.y + h * (2.0 * a.x + a.y);
         by_alpha.m22 += t * v.x * v.x - h * a.x;
         let by_alpha_dot = Matrix2::new(
@@ -44,8 +55,9 @@ impl Arm {
             2.0 * h * v.x,
             p.damping2_nm_s_rad,
         );
-        let unbalance_nm = self.unbalance_nm(state, a, load);
-        InverseDynamics { unbalance_nm, by_alpha, by_alpha_dot, by_alpha_ddot: self.mass_matrix_at(t) }
+        let unbalance_nm = self.unbalance_of_arm_nm(state, a, load);
+        let alone = InverseDynamics { unbalance_nm, by_alpha, by_alpha_dot, by_alpha_ddot: self.mass_matrix_at(t) };
+        self.add_attached(state, a, alone)
     }
 }
 

@@ -7,11 +7,13 @@
 //! M(α,β) α̈ + C(α,α̇,β) α̇ + D α̇ + K α = u + J(α,β)ᵀ F
 //! ```
 //!
-//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. Equation numbers in this module
+//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. What is attached to the tip moves
+//! with it ([`Attachment`]), and every method here counts it in. Equation numbers in this module
 //! are those of P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
 //! Compliance", Appl. Sci. 2023, 13, 11941.
 
 mod angle;
+mod attachment;
 mod dynamics;
 mod energy;
 mod error;
@@ -25,6 +27,7 @@ mod preset;
 pub(crate) mod real;
 mod types;
 
+pub use attachment::Attachment;
 pub use dynamics::AccelerationJacobian;
 pub use energy::Energy;
 pub use error::ArmError;
@@ -35,6 +38,7 @@ pub use parameters::{Parameters, Pose};
 pub use preset::Preset;
 pub use types::{Load, State};
 
+use attachment::Attached;
 use kernel::Coefficients;
 use nalgebra::Vector2;
 
@@ -47,6 +51,7 @@ pub struct Arm {
     parameters: Parameters,
     pose: Pose,
     static_deflection_rad: Vector2<f64>,
+    attached: Option<Attached>,
     pub(crate) coefficients: Coefficients<f64>,
 }
 
@@ -62,7 +67,7 @@ impl Arm {
         let relaxed_rad = [pose.beta1_deg.to_radians(), pose.beta2_deg.to_radians()];
         let sag = gravity::static_deflection(&parameters, relaxed_rad)?;
         let coefficients = Coefficients::new(&parameters, [relaxed_rad[0] + sag.x, relaxed_rad[1] + sag.y]);
-        let arm = Arm { parameters, pose, static_deflection_rad: sag, coefficients };
+        let arm = Arm { parameters, pose, static_deflection_rad: sag, attached: None, coefficients };
         arm.check()?;
         Ok(arm)
     }
@@ -83,12 +88,15 @@ impl Arm {
         Ok(())
     }
 
-    /// The same arm with d1 = d2 = 0.
+    /// The same arm with d1 = d2 = 0, and an attachment without its damper.
     #[must_use]
     pub fn without_dampers(&self) -> Arm {
         let mut arm = self.clone();
         (arm.parameters.damping1_nm_s_rad, arm.parameters.damping2_nm_s_rad) = (0.0, 0.0);
         arm.coefficients.d = [0.0; 2];
+        if let Some(attached) = &mut arm.attached {
+            attached.attachment.damping_n_s_m = 0.0;
+        }
         arm
     }
 

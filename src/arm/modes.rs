@@ -27,7 +27,13 @@ impl Arm {
     /// is parts in a thousand of springs that hold an arm still.
     pub fn angular_frequency_bound_rad_s(&self, alpha_rad: &Vector2<f64>) -> f64 {
         let m = self.mass_matrix(alpha_rad);
+        let determinant = m.m11 * m.m22 - m.m12 * m.m12;
         let (k1, k2) = (self.parameters.stiffness1_nm_rad, self.parameters.stiffness2_nm_rad);
-        libm::sqrt((m.m11 * k2 + m.m22 * k1) / (m.m11 * m.m22 - m.m12 * m.m12))
+        let joints = m.m11 * k2 + m.m22 * k1;
+        if self.attachment().is_none() {
+            return libm::sqrt(joints / determinant);
+        }
+        let k = self.attached_stiffness(alpha_rad);
+        libm::sqrt((joints + m.m11 * k.m22 + m.m22 * k.m11 - 2.0 * (m.m12 * k.m12)) / determinant)
     }
 }

@@ -24,24 +24,29 @@ use super::{Bus, BusError, Filter, Received, Sent, Statistics, accepts};
 /// A bus with `nodes` ends. Each end keeps up to `capacity` frames not yet received from each other end; what comes in
 /// beyond that is lost to this end and counted in its [`Statistics::dropped`], whether or not its filters want it.
 pub fn hub(nodes: usize, capacity: usize) -> Vec<MemoryBus> {
-    let sequence = Arc::new(AtomicU64::new(0));
+    let sequence = Arc::default();
     let mut ends: Vec<MemoryBus> = (0..nodes).map(|_| MemoryBus::new(Arc::clone(&sequence))).collect();
-    for sender in 0..nodes {
-        for receiver in (0..nodes).filter(|&receiver| receiver != sender) {
-            let (ring, incoming) = RingBuffer::new(capacity);
-            let mailbox = Arc::clone(&ends[receiver].mailbox);
-            ends[sender].outgoing.push(Outgoing { ring, mailbox });
-            ends[receiver].incoming.push(incoming);
-        }
-    }
+    join(&mut ends, capacity);
     ends
 }
 
 /// A bus with two ends, as [`hub`] makes it.
 pub fn pair(capacity: usize) -> [MemoryBus; 2] {
-    match hub(2, capacity).try_into() {
-        Ok(ends) => ends,
-        Err(_) => unreachable!("a hub of two has two ends"),
+    let sequence = Arc::default();
+    let mut ends = [(); 2].map(|()| MemoryBus::new(Arc::clone(&sequence)));
+    join(&mut ends, capacity);
+    ends
+}
+
+/// Joins each end with each other one.
+fn join(ends: &mut [MemoryBus], capacity: usize) {
+    for sender in 0..ends.len() {
+        for receiver in (0..ends.len()).filter(|&receiver| receiver != sender) {
+            let (ring, incoming) = RingBuffer::new(capacity);
+            let mailbox = Arc::clone(&ends[receiver].mailbox);
+            ends[sender].outgoing.push(Outgoing { ring, mailbox });
+            ends[receiver].incoming.push(incoming);
+        }
     }
 }
 

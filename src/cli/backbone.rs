@@ -22,6 +22,7 @@ use crate::analysis::{
     ForcedArm, backbone, modes, trace,
 };
 use crate::arm::Load;
+use crate::number::short;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style, beside};
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
@@ -113,23 +114,30 @@ impl Backbone {
         let mut early = Early::default();
         let curve = self.curve(&damped, &options, &mut early)?;
         let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        let mut files = Vec::new();
         if let Some(stem) = &self.plot {
             let mut options = options;
             smooth(&mut options.branch);
             let curve = self.curve(&damped, &options, &mut early)?;
-            self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
+            files = self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
         }
         let configuration = self.configuration(&scenario, &drive)?;
         let document = self.document(configuration, linear_hz, &drive, &curve, wall_s);
         let document = Document { ended_early: early.document(), ..document };
         if let Some(stem) = &self.plot {
-            output::write(beside(stem, ".csv"), &self.csv(&drive, &curve))?;
-            output::write_json(beside(stem, ".json"), &document)?;
+            files.push(output::write(beside(stem, ".csv"), &self.csv(&drive, &curve))?);
+            files.push(output::write_json(beside(stem, ".json"), &document)?);
         }
         if self.json {
             output::print_json(&document)?;
         } else {
-            output::print(&self.text(&scenario, &document, &drive, &curve))?;
+            // The points stand in the files, if there are some.
+            let table = if self.plot.is_none() { self.table(&drive, &curve) } else { String::new() };
+            let head = self.head(&scenario, &document, &drive);
+            output::print(&format!("{head}\n\n{table}{}\n", reading(&document, &curve)))?;
+            if self.plot.is_some() {
+                output::print_written(&files)?;
+            }
         }
         early.verdict()
     }
@@ -149,7 +157,8 @@ impl Backbone {
     fn options(&self, drive: &Drive, linear_hz: f64) -> Result<BackboneOptions, Failure> {
         let largest_rad = self.to_rad;
         if !(largest_rad > 0.0 && largest_rad <= LARGEST_RAD) {
-            let refusal = format!("--to-rad is {largest_rad}: it must be above 0 and at most {LARGEST_RAD:.4} rad");
+            let refusal =
+                format!("--to-rad is {}: it must be above 0 and at most {LARGEST_RAD:.4} rad", short(&largest_rad));
             return Err(Failure::Usage(refusal));
         }
         Ok(BackboneOptions {
@@ -222,32 +231,38 @@ impl Backbone {
         }
     }
 
-    fn text(&self, scenario: &Scenario, document: &Document, drive: &Drive, curve: &Curve) -> String {
+    /// What the curve is of.
+    fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
         let what = if self.undamped {
             String::from("nonlinear normal mode of the arm without dampers")
         } else {
             format!("in phase quadrature with a {}", drive.what())
         };
         let arm = &scenario.arm;
-        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
-        let mut text = format!(
-            "{}, β1 = {}, β2 = {}, mode {} from {:.6} Hz: {what}\n\n  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n",
+        format!(
+            "{}, β1 = {}, β2 = {}, mode {} from {:.6} Hz: {what}",
             arm.label(),
             captions::degrees(arm.beta1_deg),
             captions::degrees(arm.beta2_deg),
             self.mode,
             document.linear_frequency_hz
-        );
+        )
+    }
+
+    /// A line for each point, for reading.
+    fn table(&self, drive: &Drive, curve: &Curve) -> String {
+        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
+        let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
         for point in &curve.points {
             let [a1, a2] = point.amplitude_rad;
             let amount = if self.undamped { String::new() } else { format!("   {:12.4}", point.drive.abs()) };
             let _infallible = writeln!(text, "  {:12.6}   {a1:16.8}   {a2:16.8}{amount}", point.frequency_hz);
         }
-        let _infallible = writeln!(text, "\n{}", reading(document, curve));
+        text.push('\n');
         text
     }
 
-    /// Two panels, |α1| and |α2|: the curve over the forced response.
+    /// Two panels, |α1| and |α2|: the curve over the forced response. Returns the files, of the response's points, too.
     fn plot(
         &self,
         stem: &Path,
@@ -255,7 +270,7 @@ impl Backbone {
         forced: (&ForcedArm, &Drive),
         curve: &Curve,
         early: &mut Early,
-    ) -> Result<(), Failure> {
+    ) -> Result<Vec<PathBuf>, Failure> {
         let (arm, drive) = forced;
         let response = match drive.amplitude {
             Some(amplitude) => {
@@ -264,8 +279,9 @@ impl Backbone {
             None => None,
         };
         let branches: Vec<&Branch> = response.iter().collect();
+        let mut files = Vec::new();
         if response.is_some() {
-            output::write(beside(stem, "-response.csv"), &csv("frequency_hz", &branches))?;
+            files.push(output::write(beside(stem, "-response.csv"), &csv("frequency_hz", &branches))?);
         }
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
         let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);
@@ -275,13 +291,12 @@ impl Backbone {
         for joint in 0..2 {
             let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
             let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
-            let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Dashed };
+            let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
             let panel = branch_plot::with_branches(panel, &branches, joint);
             let panel = panel.with(Series::line(name, Color::Black, points).style(style));
             figure = figure.with(if joint == 0 { panel } else { panel.legend(Legend::None) });
         }
-        figure.write(stem)?;
-        Ok(())
+        Ok([figure.write(stem)?.to_vec(), files].concat())
     }
 
     /// The forced response around the curve.

@@ -16,6 +16,7 @@ use crate::analysis::EndedEarly;
 use crate::analysis::time_domain::{Outcome, StableMotion, StateCoordinate, stable_motions};
 use crate::arm::State;
 use crate::integrate::Sine;
+use crate::number::short;
 use crate::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
 use crate::study::{Basins as Study, StateGrid};
@@ -127,7 +128,10 @@ impl Basins {
             tracing::warn!("stable motions beyond are not known: {reason}");
         }
         if motions.is_empty() {
-            tracing::error!("no stable motion is known at {} Hz: no state can be said to reach one", self.frequency_hz);
+            tracing::error!(
+                "no stable motion is known at {} Hz: no state can be said to reach one",
+                short(&self.frequency_hz)
+            );
             return Ok(Verdict::Negative);
         }
         let grid = self.grid(&motions, MotionFlags::start(&scenario))?;
@@ -152,8 +156,7 @@ impl Basins {
         if let Some(out) = &self.motion.out {
             let files = self.write(out, &scenario, &grid, &document)?;
             if !self.motion.json {
-                let files: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
-                output::print(&format!("written to {}\n", files.join(", ")))?;
+                output::print_written(&files)?;
             }
         }
         walk.finish()?;
@@ -180,6 +183,7 @@ impl Basins {
         let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
         match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
             Some([from, to]) => {
+                let (from, to) = (short(from), short(to));
                 Err(Failure::Usage(format!("the grid goes from {from} to {to}: both must be numbers, and different")))
             }
             None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),

@@ -1,7 +1,7 @@
-//! Branches as figures: stable blue, unstable red and dashed.
+//! Branches as figures: stable blue, unstable red and dashed, those of doubled period in thin lines.
 
 use crate::analysis::{self, BifurcationKind, Branch, Row};
-use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
+use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 
 use super::captions;
 
@@ -16,13 +16,20 @@ pub(super) fn figure(conditions: String, axis_label: &str, branches: &[&Branch])
     figure
 }
 
-/// The panel with the branches of one joint's amplitude and their bifurcations.
+/// Width of the lines of doubled branches, px: half of that of the others.
+const THIN: f64 = 0.8;
+
+/// The panel with the branches of one joint's amplitude and their bifurcations: the first branch, then those of doubled period.
 pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize) -> Panel {
     for (k, branch) in branches.iter().enumerate() {
         for series in
             [Series::stable(stretches(branch, joint, true)), Series::unstable(stretches(branch, joint, false))]
         {
-            panel = panel.with(if k == 0 { series } else { series.unlabelled() });
+            panel = panel.with(match k {
+                0 => series,
+                1 => doubled(series),
+                _ => doubled(series).unlabelled(),
+            });
         }
     }
     for (kind, label, shape) in [
@@ -40,6 +47,16 @@ pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize
     panel
 }
 
+/// The series as one of a doubled branch.
+fn doubled(series: Series) -> Series {
+    let label = series.label.map(|label| format!("{label}, two periods"));
+    let style = match series.style {
+        Style::Line { color, dash, .. } => Style::Line { color, width: THIN, dash },
+        markers @ Style::Markers { .. } => markers,
+    };
+    Series { label, style, ..series }
+}
+
 /// The stretches of one stability of a joint's amplitude.
 fn stretches(branch: &Branch, joint: usize, stable: bool) -> Vec<(f64, f64)> {
     let at = |row: &Row| (row.orbit.value, row.orbit.amplitude_rad[joint]);
@@ -49,16 +66,46 @@ fn stretches(branch: &Branch, joint: usize, stable: bool) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::analysis::{BranchOptions, Coordinate, ForcedArm, trace};
+    use crate::analysis::{BranchOptions, Coordinate, ForcedArm, trace, trace_doublings};
     use crate::arm::{Arm, Load, Pose, Preset};
+    use crate::plot::Dash;
 
-    /// Strong excitation at the 1:2 resonance: the colours change at the period doublings, although no motion of the walk is there.
-    #[test]
-    fn colours_change_at_the_bifurcations() {
+    /// Strong excitation at the 1:2 resonance, and its branch.
+    fn strongly_forced() -> (ForcedArm, Branch) {
         let pose = Pose { beta1_deg: 0.0, beta2_deg: 75.0 };
         let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), pose).unwrap();
         let forced = ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 800.0);
-        let branch = trace(forced, 46.0, Coordinate::FrequencyHz, &BranchOptions::new(46.0, 50.0)).unwrap();
+        let options = BranchOptions::new(46.0, 50.0);
+        let branch = trace(forced.clone(), 46.0, Coordinate::FrequencyHz, &options).unwrap();
+        (forced, branch)
+    }
+
+    /// Without colours, the lines of both stabilities and both periods differ: in their dashes, or in their widths by half.
+    #[test]
+    fn lines_differ_without_colours() {
+        let (forced, branch) = strongly_forced();
+        let options = BranchOptions::new(46.0, 50.0);
+        let doubled = trace_doublings(&forced, &branch, Coordinate::FrequencyHz, &options);
+        let doubled: Vec<Branch> = doubled.into_iter().map(Result::unwrap).collect();
+        let branches: Vec<&Branch> = core::iter::once(&branch).chain(&doubled).collect();
+        let panel = with_branches(Panel::new(Axis::linear("x"), Axis::linear("y")), &branches, 0);
+        let lines = panel.series.iter().filter_map(|series| match series.style {
+            Style::Line { width, dash, .. } => Some((series.label.as_deref().unwrap_or(""), dash, width)),
+            Style::Markers { .. } => None,
+        });
+        let expected = [
+            ("stable", Dash::Solid, 1.6),
+            ("unstable", Dash::Dashed, 1.6),
+            ("stable, two periods", Dash::Solid, 0.8),
+            ("unstable, two periods", Dash::Dashed, 0.8),
+        ];
+        assert_eq!(lines.collect::<Vec<_>>(), expected);
+    }
+
+    /// The colours change at the period doublings, although no motion of the walk is there.
+    #[test]
+    fn colours_change_at_the_bifurcations() {
+        let (_, branch) = strongly_forced();
         let doublings: Vec<f64> = branch.bifurcations.iter().map(|event| event.orbit.value).collect();
         assert!((doublings[0] - 46.1742).abs() < 1e-3 && (doublings[1] - 46.3572).abs() < 1e-3, "{doublings:?}");
         let unstable = stretches(&branch, 1, false);

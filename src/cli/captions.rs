@@ -1,5 +1,6 @@
 //! What stands on figures: symbols as print has them, with a minus sign and subscripts.
 
+use crate::analysis::Drive;
 use crate::arm::Load;
 use crate::scenario::ArmSection;
 
@@ -35,9 +36,9 @@ pub(super) fn load(load: &Load) -> String {
 /// Where an excitation acts whose amplitude varies.
 pub(super) fn direction(load: &Load) -> String {
     match <[f64; 2]>::from(load.force_n) {
-        [0.0, 0.0] => String::from("torque at joint 1"),
-        [_, 0.0] => String::from("force at C along x"),
-        [0.0, _] => String::from("force at C along y"),
+        [0.0, 0.0] => Drive::Torque1.label().to_owned(),
+        [_, 0.0] => Drive::ForceX.label().to_owned(),
+        [0.0, _] => Drive::ForceY.label().to_owned(),
         [x, y] => format!("force at C at {:.1}° to x", libm::atan2(y, x).to_degrees()).replace('-', "−"),
     }
 }

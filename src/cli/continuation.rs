@@ -21,6 +21,7 @@ use super::singular_curves::{CurveFlags, Curves};
 use super::walk_flags::WalkFlags;
 use crate::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
 use crate::arm::{Arm, Load};
+use crate::number::short;
 use crate::plot::beside;
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
@@ -141,17 +142,23 @@ struct Found {
 }
 
 impl Found {
-    /// Writes the figures and their data.
-    fn plot(&self, stem: &Path, varied: &Varied, conditions: String, on_curves: String) -> Result<(), Failure> {
+    /// Writes the figures and their data, and returns the files.
+    fn plot(
+        &self,
+        stem: &Path,
+        varied: &Varied,
+        conditions: String,
+        on_curves: String,
+    ) -> Result<Vec<PathBuf>, Failure> {
         let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
-        branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?;
-        output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?;
+        let mut files = branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?.to_vec();
+        files.push(output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?);
         if let Some(curves) = &self.curves {
             let stem = beside(stem, "-curves");
-            curves.figure(on_curves).write(&stem)?;
-            output::write(beside(&stem, ".csv"), &curves.csv())?;
+            files.extend(curves.figure(on_curves).write(&stem)?);
+            files.push(output::write(beside(&stem, ".csv"), &curves.csv())?);
         }
-        Ok(())
+        Ok(files)
     }
 
     fn document(&self, configuration: Value, varied: &Varied) -> Document {
@@ -206,7 +213,8 @@ impl DriveFlags {
         let amplitude = if self.torque1_nm.is_some() { load.torque_nm.x.abs() } else { load.force_n.norm() };
         if !amplitude.is_finite() || amplitude == 0.0 {
             return Err(Failure::Usage(format!(
-                "the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is {amplitude}: it must be a finite number other than 0"
+                "the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is {}: it must be a finite number other than 0",
+                short(&amplitude)
             )));
         }
         Ok((load.scaled(1.0 / amplitude), amplitude))
@@ -263,14 +271,18 @@ impl Continue {
             second.as_ref().map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, second]));
         let found = self.follow(forced, &varied, second)?;
         let document = found.document(configuration, &varied);
+        let mut files = Vec::new();
         if let Some(stem) = &self.plot {
-            found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
-            output::write_json(beside(stem, ".json"), &document)?;
+            files = found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
+            files.push(output::write_json(beside(stem, ".json"), &document)?);
         }
         if self.json {
             output::print_json(&document)?;
         } else {
             output::print(&text(&varied, &found))?;
+            if self.plot.is_some() {
+                output::print_written(&files)?;
+            }
         }
         found.early.verdict()
     }
@@ -342,7 +354,7 @@ impl Continue {
             }
             (_, Some(hz)) if hz.is_finite() && hz > 0.0 => hz,
             (_, got) => {
-                let got = got.map_or(String::from("missing"), |hz| hz.to_string());
+                let got = got.map_or(String::from("missing"), |hz| short(&hz).to_string());
                 return Err(Failure::Usage(format!("--frequency-hz is {got}: it must be a positive number")));
             }
         };

@@ -7,30 +7,33 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
+use super::configuration;
 use super::demo_report;
-use super::exciter::ResponseDocument;
+use super::exciter::complaint as complaint_of_exciter;
 use super::failure::{Failure, Verdict};
-use super::flags::ArmFlags;
+use super::flags::{self, ArmFlags};
 use super::output;
-use super::session::{complaint, mode_parser, report_text};
+use super::session::{PlantDocument, complaint, report_text};
 use super::supervise::supervise;
+use super::walk_point::{self, WalkPoint};
+use crate::control::ControlSpec;
 use crate::realtime::ThreadSetup;
 use crate::recording::Existing;
-use crate::run::{BothReport, Mode, Options, PlantReport, RecordTo, RunError, Session, Signals, Speed, fault_text};
-use crate::scenario::Scenario;
+use crate::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals, Speed};
+use crate::scenario::{Scenario, ScenarioError};
 
 /// How long plant and exciter look for each other: far longer than a machine under load keeps a thread waiting.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The main job in one process: plant and exciter controller on an in-memory bus, a stepped sine through the first
-/// resonance. Records it, prints a summary, and plots the response. The plant waits for the controller's answer to each
+/// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded
+/// first resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the controller's answer to each
 /// sample, so the result is the same to the last bit on every machine, however busy.
 #[derive(Debug, Args)]
 pub(super) struct Demo {
     #[command(flatten)]
     arm: ArmFlags,
     /// Which run loop drives the plant; in real-time a machine that stalls disturbs the result.
-    #[arg(long, value_parser = mode_parser(&[Mode::Lockstep, Mode::RealTime]), default_value_t = Mode::Lockstep)]
+    #[arg(long, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
     mode: Mode,
     /// Simulated seconds a second in lockstep; 0 is as fast as it goes [default: 1].
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
@@ -46,10 +49,10 @@ pub(super) struct Demo {
 #[derive(Serialize)]
 struct Document<'a> {
     #[serde(flatten)]
-    report: &'a PlantReport,
-    /// The figure's files; none if no response was read.
+    plant: PlantDocument<'a>,
+    /// The figure's files; none if no point was read.
     figures: Vec<PathBuf>,
-    responses: Vec<ResponseDocument>,
+    points: &'a [WalkPoint],
 }
 
 /// The demo's scenario.
@@ -60,10 +63,14 @@ pub(super) fn scenario() -> Result<Scenario, Failure> {
 impl Demo {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut scenario = self.arm.scenario(scenario)?;
-        let profile = scenario.profile()?;
-        // The run ends with the profile; this is for the progress bar.
+        // A scenario that closes no loop is driven as the demo's own.
+        let control = match scenario.control.take().or(self::scenario()?.control) {
+            Some(control) => control,
+            None => return Err(ScenarioError::NoExcitation.into()),
+        };
+        (scenario.control, scenario.excitation) = (Some(control.clone()), None);
+        // The run ends with the walk.
         scenario.simulation.duration_s = None;
-        let samples = profile.samples();
         let default_speed = if self.mode == Mode::RealTime { Speed::UNPACED } else { Speed::ACTUAL };
         let record = RecordTo { path: self.out.join("demo.mcap"), existing: Existing::Overwrite };
         let options = Options {
@@ -73,36 +80,43 @@ impl Demo {
             patience: Some(PATIENCE),
             ..Options::default()
         };
-        let introduction = demo_report::introduction(&scenario, &profile, self.mode, options.speed)?;
+        let introduction = demo_report::introduction(&scenario, &control, self.mode, options.speed)?;
         let session = Session::new(scenario.clone(), self.mode, options)?;
+        let length = session.controller()?.length();
         std::fs::create_dir_all(&self.out).map_err(|source| Failure::Write { path: self.out.clone(), source })?;
         if !self.json {
             output::print(&introduction)?;
         }
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
-        let report = supervise("plant", &signals, Some(samples), || {}, move || session.both(&watched, |_| {}))??;
-        self.conclude(&scenario, report)
+        let report = supervise("plant", &signals, length, || {}, move || session.both(&watched, |_| {}))??;
+        self.conclude(&scenario, &control, report)
     }
 
-    fn conclude(&self, scenario: &Scenario, BothReport { plant, exciter }: BothReport) -> Result<Verdict, Failure> {
-        let responses = &exciter.responses;
-        let figures = match demo_report::figure(scenario, responses)? {
+    fn conclude(
+        &self,
+        scenario: &Scenario,
+        control: &ControlSpec,
+        BothReport { plant, exciter }: BothReport,
+    ) -> Result<Verdict, Failure> {
+        let arm = scenario.build_arm()?;
+        let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
+        let figures = match walk_point::figure(scenario, control, &points)? {
             Some(figure) => figure.write(&self.out.join("response"))?.to_vec(),
             None => Vec::new(),
         };
         if self.json {
-            let responses = responses.iter().map(ResponseDocument::from).collect();
-            output::print_json(&Document { report: &plant, figures, responses })?;
+            let plant = PlantDocument { configuration: configuration::of_arm(scenario)?, report: &plant };
+            output::print_json(&Document { plant, figures, points: &points })?;
         } else {
-            output::print(&demo_report::table(scenario, responses)?)?;
-            output::print(&report_text(&plant))?;
+            output::print(&walk_point::table(&points, control.amplitude().unit()))?;
+            output::print(&format!("\n{}", report_text(&plant)))?;
             let paths: Vec<_> = figures.iter().map(|path: &PathBuf| path.display().to_string()).collect();
             if !paths.is_empty() {
                 output::print(&format!("plot         {}\n", paths.join(", ")))?;
             }
         }
-        let complaints = [complaint(&plant), exciter.fault().map(fault_text)];
+        let complaints = [complaint(&plant), complaint_of_exciter(&exciter)];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match plant.error.or(exciter.error) {
             Some(error) => Err(error.into()),

@@ -1,30 +1,31 @@
 //! `resonarm exciter`: the emulated exciter controller on a bus.
 
-use core::fmt::Write;
 use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
-use super::flags::{SessionFlags, ThreadFlags};
+use super::flags::{self, SessionFlags, ThreadFlags};
 use super::output;
-use super::session::{mode_parser, seconds};
+use super::responses::{self, ResponseDocument};
+use super::session::seconds;
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
-use crate::excitation::Phasor;
-use crate::node::{Outcome, ResponsePoint};
+use crate::control::Abort;
+use crate::node::Outcome;
 use crate::run::{BusCounts, ExciterReport, Fault, Mode, Options, RunError, Session, Signals, fault_text};
+use crate::scenario::Scenario;
 
-/// Runs the exciter controller: arms the plant, plays the scenario's excitation, reads the responses, disarms. Without
-/// --scenario it plays the demo's stepped sine.
+/// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the responses,
+/// disarms. Without --scenario it plays a stepped sine below the first resonance.
 #[derive(Debug, Args)]
 pub(super) struct Exciter {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
     #[arg(long, value_name = "BUS")]
     bus: String,
     /// How the plant runs; in lockstep both ends wait longer for each other.
-    #[arg(long, value_parser = mode_parser(&[Mode::RealTime, Mode::Lockstep]), default_value_t)]
+    #[arg(long, value_parser = flags::one_of([Mode::RealTime, Mode::Lockstep], Mode::name), default_value_t)]
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
@@ -33,7 +34,7 @@ pub(super) struct Exciter {
     /// How long to wait until there is a plant and it is armed, s.
     #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
-    /// How often to begin anew after a fault: reset and arm the plant, and play the excitation from its start.
+    /// How often to begin anew after a fault: reset and arm the plant, and begin from the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
     rearm: u32,
     /// Print one JSON document.
@@ -41,21 +42,11 @@ pub(super) struct Exciter {
     json: bool,
 }
 
-/// A response as JSON: phasors against the drive's phase as [in phase, in quadrature], for x and y.
-#[derive(Serialize)]
-pub(super) struct ResponseDocument {
-    frequency_hz: f64,
-    head_force_n: [[f64; 2]; 2],
-    acceleration_b_m_s2: [[f64; 2]; 2],
-    acceleration_c_m_s2: [[f64; 2]; 2],
-    drift: f64,
-    settled: bool,
-    clipped: bool,
-}
-
 #[derive(Serialize)]
 struct Document {
     outcome: &'static str,
+    /// Why the controller gave up.
+    reason: Option<String>,
     fault: Option<Fault>,
     error: Option<String>,
     samples_played: u64,
@@ -66,25 +57,15 @@ struct Document {
     responses: Vec<ResponseDocument>,
 }
 
-impl From<&ResponsePoint> for ResponseDocument {
-    fn from(point: &ResponsePoint) -> ResponseDocument {
-        let pair = |phasors: [Phasor; 2]| phasors.map(|phasor| [phasor.re, phasor.im]);
-        ResponseDocument {
-            frequency_hz: point.frequency_hz,
-            head_force_n: pair(point.head_force_n),
-            acceleration_b_m_s2: pair(point.acceleration_b_m_s2),
-            acceleration_c_m_s2: pair(point.acceleration_c_m_s2),
-            drift: point.drift,
-            settled: point.is_settled(),
-            clipped: point.clipped,
-        }
-    }
+/// What is played without a scenario: a stepped sine below the first resonance.
+pub(super) fn scenario() -> Result<Scenario, Failure> {
+    Ok(Scenario::parse(include_str!("../../scenarios/bench.toml"), "scenarios/bench.toml")?)
 }
 
 impl Exciter {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let address: BusAddress = self.bus.parse()?;
-        let scenario = self.session.scenario(super::demo::scenario)?;
+        let scenario = self.session.scenario(scenario)?;
         let options = Options {
             thread: if self.mode == Mode::RealTime { Some(self.thread.setup()?) } else { None },
             patience: Some(seconds("--patience-s", self.patience_s)?),
@@ -92,14 +73,14 @@ impl Exciter {
             ..Options::default()
         };
         let session = Session::new(scenario, self.mode, options)?;
-        let samples = session.scenario().profile()?.samples();
+        let length = session.controller()?.length();
         let mut bus = bus::open(&address)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
         let report = supervise(
             "exciter",
             &signals,
-            Some(samples),
+            length,
             || {},
             move || {
                 let report = session.exciter(bus.as_mut(), &watched)?;
@@ -121,6 +102,7 @@ impl Exciter {
         if self.json {
             return output::print_json(&Document {
                 outcome,
+                reason: abort(report).map(|abort| abort.to_string()),
                 fault: report.fault().map(Fault::from),
                 error: report.error.as_ref().map(RunError::to_string),
                 samples_played: report.samples_played,
@@ -128,7 +110,7 @@ impl Exciter {
                 slipped_periods: report.slipped_periods,
                 rearmed: report.rearmed,
                 bus: report.bus,
-                responses: report.responses.iter().map(ResponseDocument::from).collect(),
+                responses: responses::documents(&report.responses),
             });
         }
         let mut text = format!(
@@ -140,28 +122,22 @@ impl Exciter {
             report.bus.dropped,
             report.bus.e2e_errors
         );
-        if !report.responses.is_empty() {
-            text.push_str("\n  frequency   head force   B            C            drift\n");
-        }
-        for point in &report.responses {
-            let _infallible = writeln!(
-                text,
-                "  {:7.3} Hz {:8.3} N {:8.2} m/s² {:8.2} m/s² {:7.3} {}",
-                point.frequency_hz,
-                magnitude(&point.head_force_n),
-                magnitude(&point.acceleration_b_m_s2),
-                magnitude(&point.acceleration_c_m_s2),
-                point.drift,
-                if point.clipped {
-                    "clipped"
-                } else if point.is_settled() {
-                    ""
-                } else {
-                    "not settled"
-                }
-            );
-        }
+        text.push_str(&responses::table(&report.responses));
         output::print(&text)
+    }
+}
+
+/// How an exciter ended, where that is a part of another document.
+#[derive(Serialize)]
+pub(super) struct End {
+    outcome: &'static str,
+    /// Why the controller gave up; none if it did not.
+    reason: Option<String>,
+}
+
+impl From<&ExciterReport> for End {
+    fn from(report: &ExciterReport) -> End {
+        End { outcome: outcome(report), reason: abort(report).map(Abort::to_string) }
     }
 }
 
@@ -170,25 +146,30 @@ fn outcome(report: &ExciterReport) -> &'static str {
     match report.outcome {
         _ if report.error.is_some() => "failed",
         Some(Outcome::Finished) => "finished",
+        Some(Outcome::Aborted(_)) => "aborted",
         Some(Outcome::Faulted(_)) => "faulted",
         Some(Outcome::PlantLeft) => "plant-left",
         Some(Outcome::Stopped) | None => "stopped",
     }
 }
 
+/// Why the controller gave up, if it did.
+fn abort(report: &ExciterReport) -> Option<&Abort> {
+    match &report.outcome {
+        Some(Outcome::Aborted(abort)) => Some(abort),
+        _ => None,
+    }
+}
+
 /// Why the exciter did not do what it was for, and what to do; `None` if it did, or an error says so.
-fn complaint(report: &ExciterReport) -> Option<String> {
+pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
     match (report.fault(), report.outcome) {
         (Some(emergency), _) => Some(fault_text(emergency)),
+        (None, Some(Outcome::Aborted(abort))) => Some(abort.to_string()),
         (None, Some(Outcome::PlantLeft)) => Some(String::from("the plant left the bus before the excitation was over")),
         (None, Some(Outcome::Stopped)) if report.samples_played == 0 => {
             Some(String::from("stopped before the plant was armed, so nothing was played"))
         }
         _ => None,
     }
-}
-
-/// √(|x|² + |y|²): the size of a vector of phasors.
-pub(super) fn magnitude(phasors: &[Phasor; 2]) -> f64 {
-    (phasors[0].norm_sqr() + phasors[1].norm_sqr()).sqrt()
 }

@@ -12,6 +12,7 @@ use crate::analysis::AnalysisError;
 use crate::analysis::time_domain::TimeDomainError;
 use crate::arm::ArmError;
 use crate::bus::BusError;
+use crate::identify::IdentifyError;
 use crate::integrate::IntegrateError;
 use crate::paper::PaperError;
 use crate::plant::PlantSpecError;
@@ -57,6 +58,8 @@ pub(super) enum Failure {
     Recording(#[from] RecordingError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
     #[error(transparent)]
     Run(#[from] RunError),
     #[error(transparent)]

@@ -1,18 +1,32 @@
 //! Flags that several subcommands share.
 
+use core::error::Error;
+use core::str::FromStr;
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::RangedI64ValueParser;
+use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 
 use super::failure::Failure;
 use crate::integrate::Scheme;
 use crate::realtime::{FifoPriority, ThreadSetup};
-use crate::scenario::{Scenario, seed};
+use crate::scenario::Scenario;
+use crate::seed;
 
 /// How many points a range may have: as many as fit in memory and in a figure with room to spare.
 pub(super) fn points() -> RangedI64ValueParser<u32> {
     RangedI64ValueParser::new().range(2..=1_000_000)
+}
+
+/// Reads one of these by its name.
+pub(super) fn one_of<T, const N: usize>(
+    wanted: [T; N],
+    name: impl Fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: Error + Send + Sync> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(wanted.map(name)).try_map(|name| name.parse::<T>())
 }
 
 /// The arm and its pose.

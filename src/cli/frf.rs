@@ -3,7 +3,7 @@
 use core::fmt::Write;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -26,14 +26,14 @@ pub(super) struct Frf {
     #[command(flatten)]
     arm: ArmFlags,
     /// What drives the arm.
-    #[arg(long, value_enum, default_value_t = DriveFlag::Torque1)]
-    drive: DriveFlag,
+    #[arg(long, value_parser = flags::one_of(Drive::ALL, Drive::name), default_value_t = Drive::Torque1)]
+    drive: Drive,
     /// Displacement, velocity or acceleration over the drive.
-    #[arg(long, value_enum, default_value_t = QuantityFlag::Receptance)]
-    quantity: QuantityFlag,
+    #[arg(long, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
+    quantity: Quantity,
     /// Where the response is taken; several with commas [default: all].
-    #[arg(long, value_enum, value_delimiter = ',')]
-    response: Vec<ResponseFlag>,
+    #[arg(long, value_parser = flags::one_of(Response::ALL, Response::name), value_delimiter = ',')]
+    response: Vec<Response>,
     /// First frequency, Hz.
     #[arg(long, value_name = "F", default_value_t = 1.0)]
     from_hz: f64,
@@ -59,158 +59,17 @@ const HIGHEST_HZ: f64 = 1e9;
 /// Evenly spaced frequencies where no number is given.
 const EVEN_POINTS: u32 = 801;
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum DriveFlag {
-    Torque1,
-    Torque2,
-    ForceX,
-    ForceY,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum QuantityFlag {
-    Receptance,
-    Mobility,
-    Accelerance,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ResponseFlag {
-    Alpha1,
-    Alpha2,
-    #[value(name = "b-x")]
-    BX,
-    #[value(name = "b-y")]
-    BY,
-    #[value(name = "c-x")]
-    CX,
-    #[value(name = "c-y")]
-    CY,
-}
-
-impl From<DriveFlag> for Drive {
-    fn from(flag: DriveFlag) -> Drive {
-        match flag {
-            DriveFlag::Torque1 => Drive::Torque1,
-            DriveFlag::Torque2 => Drive::Torque2,
-            DriveFlag::ForceX => Drive::ForceX,
-            DriveFlag::ForceY => Drive::ForceY,
-        }
-    }
-}
-
-impl DriveFlag {
-    const fn label(self) -> &'static str {
-        match self {
-            DriveFlag::Torque1 => "torque at joint 1",
-            DriveFlag::Torque2 => "torque at joint 2",
-            DriveFlag::ForceX => "force at C along x",
-            DriveFlag::ForceY => "force at C along y",
-        }
-    }
-
-    const fn unit(self) -> &'static str {
-        match self {
-            DriveFlag::Torque1 | DriveFlag::Torque2 => "N·m",
-            DriveFlag::ForceX | DriveFlag::ForceY => "N",
-        }
-    }
-}
-
-impl From<QuantityFlag> for Quantity {
-    fn from(flag: QuantityFlag) -> Quantity {
-        match flag {
-            QuantityFlag::Receptance => Quantity::Receptance,
-            QuantityFlag::Mobility => Quantity::Mobility,
-            QuantityFlag::Accelerance => Quantity::Accelerance,
-        }
-    }
-}
-
-impl QuantityFlag {
-    const fn name(self) -> &'static str {
-        match self {
-            QuantityFlag::Receptance => "receptance",
-            QuantityFlag::Mobility => "mobility",
-            QuantityFlag::Accelerance => "accelerance",
-        }
-    }
-
-    /// The unit of this derivative of a motion in `motion`.
-    fn unit(self, motion: &str) -> String {
-        let rate = match self {
-            QuantityFlag::Receptance => "",
-            QuantityFlag::Mobility => "/s",
-            QuantityFlag::Accelerance => "/s²",
-        };
-        format!("{motion}{rate}")
-    }
-}
-
-impl ResponseFlag {
-    const ALL: [ResponseFlag; 6] = [
-        ResponseFlag::Alpha1,
-        ResponseFlag::Alpha2,
-        ResponseFlag::BX,
-        ResponseFlag::BY,
-        ResponseFlag::CX,
-        ResponseFlag::CY,
-    ];
-
-    const fn response(self) -> Response {
-        match self {
-            ResponseFlag::Alpha1 => Response::Alpha1,
-            ResponseFlag::Alpha2 => Response::Alpha2,
-            ResponseFlag::BX => Response::BX,
-            ResponseFlag::BY => Response::BY,
-            ResponseFlag::CX => Response::CX,
-            ResponseFlag::CY => Response::CY,
-        }
-    }
-
-    const fn label(self) -> &'static str {
-        match self {
-            ResponseFlag::Alpha1 => "α1",
-            ResponseFlag::Alpha2 => "α2",
-            ResponseFlag::BX => "B x",
-            ResponseFlag::BY => "B y",
-            ResponseFlag::CX => "C x",
-            ResponseFlag::CY => "C y",
-        }
-    }
-
-    /// The name in a column of CSV.
-    const fn column(self) -> &'static str {
-        match self {
-            ResponseFlag::Alpha1 => "alpha1",
-            ResponseFlag::Alpha2 => "alpha2",
-            ResponseFlag::BX => "b_x",
-            ResponseFlag::BY => "b_y",
-            ResponseFlag::CX => "c_x",
-            ResponseFlag::CY => "c_y",
-        }
-    }
-
-    /// A colour each; what lies along y, and the second angle, is dashed, so that print without colours tells them apart.
-    const fn style(self) -> Style {
-        let (color, dash) = match self {
-            ResponseFlag::Alpha1 => (Color::Blue, Dash::Solid),
-            ResponseFlag::Alpha2 => (Color::Vermillion, Dash::Dashed),
-            ResponseFlag::BX => (Color::Orange, Dash::Solid),
-            ResponseFlag::BY => (Color::Orange, Dash::Dashed),
-            ResponseFlag::CX => (Color::Black, Dash::Solid),
-            ResponseFlag::CY => (Color::Black, Dash::Dashed),
-        };
-        Style::Line { color, width: 1.6, dash }
-    }
-
-    const fn is_angle(self) -> bool {
-        matches!(self, ResponseFlag::Alpha1 | ResponseFlag::Alpha2)
-    }
-
-    const fn unit(self) -> &'static str {
-        if self.is_angle() { "rad" } else { "m" }
-    }
+/// A colour each; what lies along y, and the second angle, is dashed, so that print without colours tells them apart.
+pub(super) const fn style(response: Response) -> Style {
+    let (color, dash) = match response {
+        Response::Alpha1 => (Color::Blue, Dash::Solid),
+        Response::Alpha2 => (Color::Vermillion, Dash::Dashed),
+        Response::BX => (Color::Orange, Dash::Solid),
+        Response::BY => (Color::Orange, Dash::Dashed),
+        Response::CX => (Color::Black, Dash::Solid),
+        Response::CY => (Color::Black, Dash::Dashed),
+    };
+    Style::Line { color, width: 1.6, dash }
 }
 
 #[derive(Serialize)]
@@ -237,21 +96,24 @@ impl Frf {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let document = self.compute(&scenario)?;
         let files = match &self.plot {
-            Some(stem) => {
-                Some(output::plot(stem, &self.figure(&scenario, &document), &self.table(&document), &document)?)
-            }
+            Some(stem) => Some(output::plot(stem, &self.figure(&scenario, &document), &table(&document), &document)?),
             None => None,
         };
         match (self.json, files) {
             (true, _) => output::print_json(&document)?,
             (false, Some(files)) => output::print_written(&files)?,
-            (false, None) => output::print(&self.table(&document))?,
+            (false, None) => output::print(&table(&document))?,
         }
         Ok(Verdict::Positive)
     }
 
-    fn wanted(&self) -> Vec<ResponseFlag> {
-        if self.response.is_empty() { ResponseFlag::ALL.to_vec() } else { self.response.clone() }
+    fn wanted(&self) -> Vec<Response> {
+        if self.response.is_empty() { Response::ALL.to_vec() } else { self.response.clone() }
+    }
+
+    /// The unit of a response over the drive, as `m/s² per N`.
+    fn unit(&self, response: Response) -> String {
+        format!("{} per {}", self.quantity.unit(response), self.drive.unit())
     }
 
     fn compute(&self, scenario: &Scenario) -> Result<Document, Failure> {
@@ -265,53 +127,29 @@ impl Frf {
         }
         let arm = scenario.build_arm()?;
         let linear = FrequencyResponse::new(&arm);
-        let (drive, quantity) = (self.drive.into(), self.quantity.into());
+        let (drive, quantity) = (self.drive, self.quantity);
         let frequency_hz = match self.points {
             Some(points) => frequencies_hz(from, to, points, &[]),
             None => frequencies_hz(from, to, EVEN_POINTS, &modes(&arm)),
         };
-        let curve = |flag: ResponseFlag| -> Result<Curve, Failure> {
-            let response = flag.response();
+        let curve = |response: Response| -> Result<Curve, Failure> {
             let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
             let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
-            let unit = format!("{} per {}", self.quantity.unit(flag.unit()), self.drive.unit());
+            let unit = self.unit(response);
             Ok(Curve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
         };
         let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
         Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
     }
 
-    /// CSV: frequency, then modulus and phase of each response.
-    fn table(&self, document: &Document) -> String {
-        let mut text = String::from("frequency_hz");
-        for flag in self.wanted() {
-            let name = flag.column();
-            let unit = format!("{}_per_{}", self.quantity.unit(flag.unit()), self.drive.unit());
-            let unit = unit.replace("/s²", "_s2").replace("/s", "_s").replace("N·m", "nm").replace('N', "n");
-            let _infallible = write!(text, ",{name}_modulus_{unit},{name}_phase_deg");
-        }
-        text.push('\n');
-        for (k, hz) in document.frequency_hz.iter().enumerate() {
-            let _infallible = write!(text, "{hz}");
-            for curve in &document.responses {
-                let [re, im] = curve.value[k];
-                let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
-            }
-            text.push('\n');
-        }
-        text
-    }
-
     /// The moduli of angles and of displacements in panels of their own, for their units differ, over the phases of all.
     fn figure(&self, scenario: &Scenario, document: &Document) -> Figure {
         let x = || Axis::linear("frequency (Hz)");
-        let modulus = |motion: &str| {
-            let unit = self.quantity.unit(motion);
-            Panel::new(x(), Axis::log(format!("{} ({unit} per {})", self.quantity.name(), self.drive.unit())))
-        };
-        let (mut angles, mut displacements) = (modulus("rad"), modulus("m"));
+        let modulus = |like: Response| Panel::new(x(), Axis::log(format!("{} ({})", self.quantity, self.unit(like))));
+        let (mut angles, mut displacements) = (modulus(Response::Alpha1), modulus(Response::CX));
         let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
-        for (curve, flag) in document.responses.iter().zip(self.wanted()) {
+        for curve in &document.responses {
+            let response = curve.response;
             let points = |value: &dyn Fn(f64, f64) -> f64| {
                 document.frequency_hz.iter().zip(&curve.value).map(|(hz, [re, im])| (*hz, value(*re, *im))).collect()
             };
@@ -319,8 +157,8 @@ impl Frf {
             let size = |re: f64, im: f64| Some(libm::hypot(re, im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
             let angle =
                 |re: f64, im: f64| if size(re, im).is_nan() { f64::NAN } else { libm::atan2(im, re).to_degrees() };
-            let line = |points| Series::line(flag.label(), Color::Black, points).style(flag.style());
-            let panel = if flag.is_angle() { &mut angles } else { &mut displacements };
+            let line = |points| Series::line(response.symbol(), Color::Black, points).style(style(response));
+            let panel = if response.is_angle() { &mut angles } else { &mut displacements };
             panel.series.push(line(points(&size)));
             phase.series.push(line(broken_at_wraps(points(&angle))));
         }
@@ -331,8 +169,29 @@ impl Frf {
     }
 }
 
+/// CSV: frequency, then modulus and phase of each response.
+fn table(document: &Document) -> String {
+    let mut text = String::from("frequency_hz");
+    for Curve { response, unit, .. } in &document.responses {
+        let name = response.name().replace('-', "_");
+        let unit = unit.replace(' ', "_").replace("/s²", "_s2").replace("/s", "_s");
+        let unit = unit.replace("N·m", "nm").replace('N', "n");
+        let _infallible = write!(text, ",{name}_modulus_{unit},{name}_phase_deg");
+    }
+    text.push('\n');
+    for (k, hz) in document.frequency_hz.iter().enumerate() {
+        let _infallible = write!(text, "{hz}");
+        for curve in &document.responses {
+            let [re, im] = curve.value[k];
+            let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
+        }
+        text.push('\n');
+    }
+    text
+}
+
 /// Phases in degrees with a gap wherever they jump from one end of the circle to the other.
-fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+pub(super) fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let mut broken = Vec::with_capacity(points.len());
     for point in points {
         if broken.last().is_some_and(|before: &(f64, f64)| (point.1 - before.1).abs() > 270.0) {

@@ -8,6 +8,7 @@ mod basins;
 mod branch_plot;
 mod branch_table;
 mod captions;
+mod compare;
 mod configuration;
 mod continuation;
 mod demo;
@@ -15,9 +16,11 @@ mod demo_report;
 mod doctor;
 mod ended_early;
 mod exciter;
+mod experiment;
 mod failure;
 mod flags;
 mod frf;
+mod identify;
 mod inspect;
 mod integrators;
 mod interval;
@@ -32,6 +35,7 @@ mod quantity;
 mod recover;
 mod replay;
 mod resim;
+mod responses;
 mod run;
 mod session;
 mod simulate;
@@ -40,6 +44,7 @@ mod study;
 mod supervise;
 mod sweep;
 mod walk_flags;
+mod walk_point;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -68,6 +73,7 @@ enum Command {
     Demo(demo::Demo),
     Run(run::Run),
     Exciter(exciter::Exciter),
+    Experiment(experiment::Experiment),
     Simulate(simulate::Simulate),
     Modes(modes::Modes),
     Frf(frf::Frf),
@@ -77,9 +83,11 @@ enum Command {
     Sweep(sweep::Sweep),
     Poincare(poincare::Poincare),
     Basins(basins::Basins),
+    Compare(compare::Compare),
     Paper(paper::Paper),
     Replay(replay::Replay),
     Resim(resim::Resim),
+    Identify(identify::Identify),
     Inspect(inspect::Inspect),
     Recover(recover::Recover),
     Doctor(doctor::Doctor),
@@ -99,6 +107,7 @@ pub fn main() -> ExitCode {
         Command::Demo(command) => command.execute(),
         Command::Run(command) => command.execute(),
         Command::Exciter(command) => command.execute(),
+        Command::Experiment(command) => command.execute(),
         Command::Simulate(command) => command.execute(),
         Command::Modes(command) => command.execute(),
         Command::Frf(command) => command.execute(),
@@ -109,8 +118,10 @@ pub fn main() -> ExitCode {
         Command::Sweep(command) => command.execute(),
         Command::Poincare(command) => command.execute(),
         Command::Basins(command) => command.execute(),
+        Command::Compare(command) => command.execute(),
         Command::Replay(command) => command.execute(),
         Command::Resim(command) => command.execute(),
+        Command::Identify(command) => command.execute(),
         Command::Inspect(command) => command.execute(),
         Command::Recover(command) => command.execute(),
         Command::Doctor(command) => command.execute(),

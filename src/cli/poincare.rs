@@ -157,8 +157,7 @@ impl Poincare {
         if let Some(out) = &self.motion.out {
             let files = self.write(out, &scenario, &stepped, &document)?;
             if !self.motion.json {
-                let files: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
-                output::print(&format!("written to {}\n", files.join(", ")))?;
+                output::print_written(&files)?;
             }
         }
         walked.finish()?;

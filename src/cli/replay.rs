@@ -9,6 +9,7 @@ use super::failure::{Failure, Verdict};
 use super::supervise::supervise;
 use super::{inspect, output};
 use crate::bus::{self, BusAddress};
+use crate::control::Length;
 use crate::realtime::SystemClock;
 use crate::recording::{Direction, Recording};
 use crate::replay::{Playback, play};
@@ -62,7 +63,7 @@ impl Replay {
         let played = supervise(
             "replay",
             &signals,
-            None,
+            Length::Unknown,
             || {},
             move || {
                 let result = play(&recording, bus.as_mut(), &SystemClock, playback, &watched);

@@ -3,15 +3,22 @@
 use std::sync::Arc;
 
 use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
 
+use super::configuration;
+use super::exciter::End;
 use super::failure::{Failure, Verdict};
-use super::flags::{SessionFlags, ThreadFlags};
+use super::flags::{self, SessionFlags, ThreadFlags};
 use super::output;
-use super::session::{EventLog, RecordFlags, complaint, event_ring, mode_parser, report_text, seconds};
+use super::responses::{self, ResponseDocument};
+use super::session::{EventLog, PlantDocument, RecordFlags, complaint, event_ring, report_text, seconds};
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
+use crate::control::Length;
+use crate::node::Outcome as NodeOutcome;
 use crate::realtime::OverrunPolicy;
-use crate::run::{ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed, fault_text};
+use crate::run::{ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
 use crate::scenario::Scenario;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
@@ -22,7 +29,7 @@ pub(super) struct Run {
     bus: Option<String>,
     /// Which run loop drives the plant: real-time has samples at deadlines of the clock; in lockstep the plant waits for the
     /// command that answers each sample; free runs plant and exciter of the scenario in one loop, without a bus.
-    #[arg(long, value_parser = mode_parser(&Mode::ALL), default_value_t)]
+    #[arg(long, value_parser = flags::one_of(Mode::ALL, Mode::name), default_value_t)]
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
@@ -52,6 +59,18 @@ pub(super) struct Run {
 
 type Result<T> = core::result::Result<T, Failure>;
 
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    plant: PlantDocument<'a>,
+    /// How the exciter ended, in a free run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exciter: Option<End>,
+    /// What it read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    responses: Option<Vec<ResponseDocument>>,
+}
+
 impl Run {
     pub fn execute(&self) -> Result<Verdict> {
         let options = Options {
@@ -63,7 +82,7 @@ impl Run {
             patience: self.patience_s.map(|given_s| seconds("--patience-s", given_s)).transpose()?,
             ..Options::default()
         };
-        let default = || if self.mode == Mode::Free { super::demo::scenario() } else { Ok(Scenario::default()) };
+        let default = || if self.mode == Mode::Free { super::exciter::scenario() } else { Ok(Scenario::default()) };
         let session = Session::new(self.session.scenario(default)?, self.mode, options)?;
         match self.mode {
             Mode::Free => self.run_free(session),
@@ -78,16 +97,18 @@ impl Run {
                 self.mode
             )));
         };
+        let configuration = configuration::of_arm(session.scenario())?;
         let address: BusAddress = bus.parse()?;
         let mut bus = bus::open(&address)?;
         let signals = Arc::new(Signals::default());
         let (mut told, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
-        let (samples, watched) = (session.scenario().duration_samples()?, Arc::clone(&signals));
+        let length = session.scenario().duration_samples()?.map_or(Length::Unknown, Length::Samples);
+        let watched = Arc::clone(&signals);
         let report = supervise(
             "plant",
             &signals,
-            samples,
+            length,
             || log.write(),
             move || {
                 // A full ring loses events of the log; the recording has them.
@@ -95,29 +116,39 @@ impl Run {
                 Ok::<_, RunError>(close(report, bus.close()))
             },
         )??;
-        self.conclude(report, None)
+        self.conclude(configuration, report, None)
     }
 
     fn run_free(&self, session: Session) -> Result<Verdict> {
         if self.bus.is_some() {
             return Err(RunError::FreeHasNoBus.into());
         }
+        let configuration = configuration::of_arm(session.scenario())?;
         let signals = Arc::new(Signals::default());
-        let samples = session.scenario().duration_samples()?.unwrap_or(session.scenario().profile()?.samples());
+        let length = match session.scenario().duration_samples()? {
+            Some(samples) => Length::Samples(samples),
+            None => session.controller()?.length(),
+        };
         let watched = Arc::clone(&signals);
-        let report = supervise("plant", &signals, Some(samples), || {}, move || session.both(&watched, |_| {}))??;
-        self.conclude(report.plant, Some(&report.exciter))
+        let report = supervise("plant", &signals, length, || {}, move || session.both(&watched, |_| {}))??;
+        self.conclude(configuration, report.plant, Some(&report.exciter))
     }
 
     /// Prints the report, whatever ended the run; then says what went wrong.
-    fn conclude(&self, report: PlantReport, exciter: Option<&ExciterReport>) -> Result<Verdict> {
+    fn conclude(&self, configuration: Value, report: PlantReport, exciter: Option<&ExciterReport>) -> Result<Verdict> {
         if self.json {
-            output::print_json(&report)?;
+            let responses = exciter.map(|report| responses::documents(&report.responses));
+            let plant = PlantDocument { configuration, report: &report };
+            output::print_json(&Document { plant, exciter: exciter.map(End::from), responses })?;
         } else {
-            output::print(&report_text(&report))?;
+            let read = exciter.map_or(String::new(), |report| responses::table(&report.responses));
+            output::print(&(report_text(&report) + &read))?;
         }
         // That the plant left before the excitation was over is what a duration asks for.
-        let complaints = [complaint(&report), exciter.and_then(ExciterReport::fault).map(fault_text)];
+        let complaints = [
+            complaint(&report),
+            exciter.filter(|report| report.outcome != Some(NodeOutcome::PlantLeft)).and_then(super::exciter::complaint),
+        ];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match report.error {
             Some(error) => Err(error.into()),

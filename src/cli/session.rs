@@ -5,13 +5,15 @@ use core::time::Duration;
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rtrb::{Consumer, Producer, RingBuffer};
+use serde::Serialize;
+use serde_json::Value;
 
 use super::failure::Failure;
+use crate::number::short;
 use crate::realtime::Percentiles;
 use crate::recording::Existing;
-use crate::run::{Mode, Outcome, PlantReport, RecordTo, RunEvent, fault_text};
+use crate::run::{Outcome, PlantReport, RecordTo, RunEvent, fault_text};
 
 /// Events on their way to standard error.
 const EVENTS: usize = 256;
@@ -34,15 +36,11 @@ impl RecordFlags {
     }
 }
 
-/// Reads one of these modes.
-pub(super) fn mode_parser(modes: &'static [Mode]) -> impl TypedValueParser<Value = Mode> {
-    PossibleValuesParser::new(modes.iter().map(|mode| mode.name())).try_map(|name| name.parse::<Mode>())
-}
-
 /// A time that was given as seconds.
 pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
-    Duration::try_from_secs_f64(given_s)
-        .map_err(|error| Failure::Usage(format!("{flag} is {given_s}: {error}; it is a time in seconds, 0 or more")))
+    Duration::try_from_secs_f64(given_s).map_err(|error| {
+        Failure::Usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
+    })
 }
 
 /// The way of a run's events from its loop, which must not wait, to standard error.
@@ -83,6 +81,15 @@ impl EventLog {
             RunEvent::Slipped { .. } => return None,
         })
     }
+}
+
+/// What a plant's run came to, and of which arm, as JSON.
+#[derive(Serialize)]
+pub(super) struct PlantDocument<'a> {
+    /// The arm and its pose.
+    pub configuration: Value,
+    #[serde(flatten)]
+    pub report: &'a PlantReport,
 }
 
 /// A run's result for people.

@@ -131,8 +131,11 @@ impl Simulate {
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
             return Err(Failure::Usage(format!(
-                "--duration-s {} is {exact} steps at {rate_hz} Hz, not a whole number: take {nearest_s}, or another rate",
-                self.duration_s
+                "--duration-s {} is {} steps at {} Hz, not a whole number: take {}, or another rate",
+                short(&self.duration_s),
+                short(&exact),
+                short(&rate_hz),
+                short(&nearest_s)
             )));
         }
         Ok(steps as u64)

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::failure::Failure;
 use super::supervise::supervise;
 use crate::analysis::time_domain::Outcome;
+use crate::control::Length;
 use crate::run::Signals;
 use crate::study::{BasinWalk, Basins, Chains, Control, StudyError, Walk};
 
@@ -58,7 +59,7 @@ fn watch<T: Send + 'static>(
         let (stop, done) = (|| watched.is_stopped(), |points| watched.set_done(points));
         work(&Control { stop: &stop, done: &done })
     };
-    Ok(supervise(name, &signals, Some(total as u64), || {}, work)??)
+    Ok(supervise(name, &signals, Length::Samples(total as u64), || {}, work)??)
 }
 
 fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {

@@ -11,18 +11,19 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
 
 use super::failure::Failure;
+use crate::control::Length;
 use crate::run::Signals;
 
 /// How often the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
 
 /// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends in
-/// order; a second one ends the process. `samples` is how many the run will have, if it is known; `tell` is called now and
+/// order; a second one ends the process. `length` is how long the work takes, if it is known; `tell` is called now and
 /// then, and once at the end.
 pub(super) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,
-    samples: Option<u64>,
+    length: Length,
     mut tell: impl FnMut(),
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Failure> {
@@ -37,7 +38,7 @@ pub(super) fn supervise<T: Send + 'static>(
             result
         })
         .map_err(start)?;
-    runtime.block_on(watch(signals, samples, &mut tell, finished)).map_err(start)?;
+    runtime.block_on(watch(signals, length, &mut tell, finished)).map_err(start)?;
     tell();
     worker.join().map_err(|_panic| Failure::Panic(name))
 }
@@ -45,14 +46,14 @@ pub(super) fn supervise<T: Send + 'static>(
 /// Waits for the end of the work, passing on what the user asks.
 async fn watch(
     signals: &Signals,
-    samples: Option<u64>,
+    length: Length,
     tell: &mut impl FnMut(),
     finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
 ) -> std::io::Result<()> {
     let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
     // `nohup` has it ignored, and it stays so.
     let mut hangup = if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) };
-    let bar = bar(samples);
+    let bar = bar(length);
     let mut beat = tokio::time::interval(PROGRESS);
     tokio::pin!(finished);
     loop {
@@ -63,7 +64,10 @@ async fn watch(
             _ = terminate.recv() => ask_to_stop(signals),
             Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals),
             _ = beat.tick() => {
-                bar.set_position(signals.done());
+                bar.set_position(match length {
+                    Length::Responses(_) => signals.responses(),
+                    Length::Samples(_) | Length::Unknown => signals.done(),
+                });
                 tell();
             }
         }
@@ -88,10 +92,17 @@ fn ask_to_stop(signals: &Signals) {
 }
 
 /// A progress bar if the run is long enough and somebody can see it.
-fn bar(samples: Option<u64>) -> ProgressBar {
-    let Some(samples) = samples.filter(|_| std::io::stderr().is_terminal()) else { return ProgressBar::hidden() };
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len}, {elapsed} of {duration}");
-    let bar = ProgressBar::new(samples);
+fn bar(length: Length) -> ProgressBar {
+    let (total, template) = match length {
+        Length::Samples(samples) => (samples, "{bar:40} {pos}/{len}, {elapsed} of {duration}"),
+        Length::Responses(responses) => (responses, "{bar:40} {pos} of {len} points, {elapsed}"),
+        Length::Unknown => return ProgressBar::hidden(),
+    };
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template(template);
+    let bar = ProgressBar::new(total);
     match style {
         Ok(style) => bar.with_style(style),
         Err(_bad_template) => bar,

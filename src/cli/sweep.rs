@@ -17,6 +17,7 @@ use crate::analysis::time_domain::{
 use crate::analysis::{EndedEarly, Resonance, forced_response};
 use crate::arm::{Arm, Load, Pose};
 use crate::integrate::Sine;
+use crate::number::short;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
 use crate::study::{Chain, Chains, Point};
@@ -121,8 +122,7 @@ impl Sweep {
         if let Some(out) = &self.motion.out {
             let files = document.write(out, &scenario, &load)?;
             if !self.motion.json {
-                let files: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
-                output::print(&format!("written to {}\n", files.join(", ")))?;
+                output::print_written(&files)?;
             }
         }
         walked.finish()?;
@@ -134,7 +134,7 @@ impl Sweep {
         let angles = &self.over_beta2_deg;
         match angles.iter().enumerate().find(|(at, angle)| angles[..*at].contains(angle)) {
             Some((_, angle)) => {
-                Err(Failure::Usage(format!("--over-beta2-deg has {angle} twice: give each angle once")))
+                Err(Failure::Usage(format!("--over-beta2-deg has {} twice: give each angle once", short(angle))))
             }
             None => Ok(()),
         }

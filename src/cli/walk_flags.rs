@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use crate::analysis::{AnalysisError, BranchOptions};
+use crate::number::short;
 
 /// How a branch is walked.
 #[derive(Clone, Debug, Args)]
@@ -28,7 +29,7 @@ impl WalkFlags {
         if !(SHORTEST_STEP..=1.0).contains(&self.largest_step) {
             return Err(Failure::Usage(format!(
                 "--largest-step is {}: it must be from {SHORTEST_STEP} to 1",
-                self.largest_step
+                short(&self.largest_step)
             )));
         }
         let mut options = BranchOptions::new(from, to);

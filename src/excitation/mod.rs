@@ -1,12 +1,19 @@
 //! What an exciter controller plays on the arm, and how it reads the answer.
 
+mod harmonic_fit;
+mod load_file;
 mod profile;
-mod sine_fit;
 mod spec;
+mod synthesis;
+mod waveform;
 
+pub use harmonic_fit::{HarmonicFit, Phasor, SineFit};
+pub use load_file::{LoadFile, LoadFileError};
 pub use profile::{Profile, Window};
-pub use sine_fit::{Phasor, SineFit};
-pub use spec::{Amplitude, ExcitationError, ExcitationSpec, Waveform};
+pub use spec::{Amplitude, ExcitationError, ExcitationSpec};
+pub use waveform::{Phases, SweepLaw, Waveform};
 
+#[cfg(test)]
+mod signal_tests;
 #[cfg(test)]
 mod tests;

@@ -3,20 +3,18 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::Waveform;
 use crate::arm::Load;
-use crate::number::short;
-
-/// Most frequencies of a stepped sine: each is kept ready to be played.
-const MOST_STEPS: u32 = 100_000;
+use crate::number::{rounded, short};
 
 /// What to play: a waveform, how strong, and how gently it starts and ends.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExcitationSpec {
-    /// The load at the crest.
+    /// The load at the crest, of noise and files too: no sample has a larger one.
     pub amplitude: Amplitude,
-    /// Length of the raised-cosine start and end, s, not negative. Sines only. A sudden start rings the arm's own modes,
-    /// which take about a minute to die out.
+    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; of an impulse none. A
+    /// sudden start rings the arm's own modes, which take about a minute to die out.
     #[serde(default)]
     pub ramp_s: f64,
     /// The shape in time.
@@ -51,54 +49,15 @@ impl Amplitude {
         Load { torque_nm: [self.torque1_nm, self.torque2_nm].into(), force_n: [self.force_x_n, self.force_y_n].into() }
     }
 
+    /// The unit of the load.
+    pub fn unit(&self) -> &'static str {
+        if self.is_torque() { "N·m" } else { "N" }
+    }
+
     /// Whether the load is torques at the joints (else forces at C).
     pub fn is_torque(&self) -> bool {
         self.torque1_nm != 0.0 || self.torque2_nm != 0.0
     }
-}
-
-/// A shape in time, with a crest of 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "waveform", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Waveform {
-    /// One sine.
-    Dwell {
-        /// Frequency, Hz, positive.
-        frequency_hz: f64,
-        /// Length, s, positive.
-        duration_s: f64,
-        /// How long to wait before the response is read, s.
-        settle_s: f64,
-    },
-    /// A staircase of sines; every step is whole periods long, so that the phase runs on.
-    SteppedSine {
-        /// Frequency of the first step, Hz, positive.
-        from_hz: f64,
-        /// Frequency of the last step, Hz, positive; below `from_hz` for a downward sweep.
-        to_hz: f64,
-        /// Number of steps, at least 1.
-        steps: u32,
-        /// Least length of a step, s, positive; rounded up to whole periods.
-        dwell_s: f64,
-        /// How much of each step to wait before its response is read, s.
-        settle_s: f64,
-    },
-    /// A sine whose frequency runs evenly in time.
-    SweptSine {
-        /// Frequency at the start, Hz, positive.
-        from_hz: f64,
-        /// Frequency at the end, Hz, positive.
-        to_hz: f64,
-        /// Length, s, positive.
-        duration_s: f64,
-    },
-    /// A half-sine pulse, as of an impact hammer, and silence after it.
-    Impulse {
-        /// Length of the pulse, s, positive.
-        pulse_s: f64,
-        /// Length of pulse and silence together, s, at least `pulse_s`.
-        duration_s: f64,
-    },
 }
 
 /// What can't be played.
@@ -120,8 +79,8 @@ pub enum ExcitationError {
     Amplitude(&'static str),
     /// A step ends before its response can be read.
     #[error(
-        "excitation: a step of {dwell_s:.3} s leaves no time to read its response after settling ({settle_s} s) and the \
-         ramps ({ramp_s} s): make the step longer or the others shorter", settle_s = short(.settle_s), ramp_s = short(.ramp_s))]
+        "excitation: a step of {dwell_s} s leaves no time to read its response after settling ({settle_s} s) and the \
+         ramps ({ramp_s} s): make the step longer or the others shorter", dwell_s = rounded(.dwell_s, 3), settle_s = short(.settle_s), ramp_s = short(.ramp_s))]
     NoWindow {
         /// Length of the step, s.
         dwell_s: f64,
@@ -129,6 +88,40 @@ pub enum ExcitationError {
         settle_s: f64,
         /// Ramp, s.
         ramp_s: f64,
+    },
+    /// A band in which there is no frequency to play.
+    #[error(
+        "excitation: no multiple of {spacing_hz} Hz lies from {from_hz} to {to_hz} Hz: make the band wider, or `{length}` longer", spacing_hz = short(.spacing_hz), from_hz = short(.from_hz), to_hz = short(.to_hz))]
+    NoLine {
+        /// Lowest frequency of the band, Hz.
+        from_hz: f64,
+        /// Highest frequency of the band, Hz.
+        to_hz: f64,
+        /// Distance of the frequencies that there are, Hz.
+        spacing_hz: f64,
+        /// The length that gives this distance, as it is called in a scenario.
+        length: &'static str,
+    },
+    /// More samples than are kept ready.
+    #[error("excitation: `{length}` is {samples} samples long: it must be from 1 to {most}", samples = rounded(.samples, 0))]
+    Length {
+        /// The length, as it is called in a scenario.
+        length: &'static str,
+        /// The samples that it has.
+        samples: f64,
+        /// The most that do.
+        most: u32,
+    },
+    /// A load file whose text was not read.
+    #[error("excitation: the load file was not read: it is read with a scenario file, from that file's folder")]
+    FileNotRead,
+    /// A load file with points closer than the samples, which would show frequencies that aren't there.
+    #[error("excitation: the load file has points {step_s} s apart, closer than samples ({period_s} s): filter and thin it out to the sample rate before", step_s = short(.step_s), period_s = short(.period_s))]
+    FileTooDense {
+        /// Time between two points, s.
+        step_s: f64,
+        /// The sample period, s.
+        period_s: f64,
     },
     /// A frequency that the samples can't carry.
     #[error("excitation: {frequency_hz} Hz can't be told at {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
@@ -140,7 +133,7 @@ pub enum ExcitationError {
     },
 }
 
-fn positive(name: &'static str, got: f64) -> Result<(), ExcitationError> {
+pub(super) fn positive(name: &'static str, got: f64) -> Result<(), ExcitationError> {
     if got.is_finite() && got > 0.0 {
         Ok(())
     } else {
@@ -148,7 +141,7 @@ fn positive(name: &'static str, got: f64) -> Result<(), ExcitationError> {
     }
 }
 
-fn not_negative(name: &'static str, got: f64) -> Result<(), ExcitationError> {
+pub(super) fn not_negative(name: &'static str, got: f64) -> Result<(), ExcitationError> {
     if got.is_finite() && got >= 0.0 {
         Ok(())
     } else {
@@ -171,7 +164,7 @@ impl ExcitationSpec {
 }
 
 impl Amplitude {
-    fn check(&self) -> Result<(), ExcitationError> {
+    pub(crate) fn check(&self) -> Result<(), ExcitationError> {
         let values = [
             ("force_x_n", self.force_x_n),
             ("force_y_n", self.force_y_n),
@@ -192,45 +185,6 @@ impl Amplitude {
                 "the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`",
             )),
             _ => Ok(()),
-        }
-    }
-}
-
-impl Waveform {
-    /// Checks the numbers; the highest frequency in it, Hz.
-    fn check(&self) -> Result<f64, ExcitationError> {
-        match *self {
-            Waveform::Dwell { frequency_hz, duration_s, settle_s } => {
-                positive("frequency_hz", frequency_hz)?;
-                positive("duration_s", duration_s)?;
-                not_negative("settle_s", settle_s)?;
-                Ok(frequency_hz)
-            }
-            Waveform::SteppedSine { from_hz, to_hz, steps, dwell_s, settle_s } => {
-                positive("from_hz", from_hz)?;
-                positive("to_hz", to_hz)?;
-                if !(1..=MOST_STEPS).contains(&steps) {
-                    let (got, expected) = (f64::from(steps), "from 1 to 100000");
-                    return Err(ExcitationError::Value { name: "steps", got, expected });
-                }
-                positive("dwell_s", dwell_s)?;
-                not_negative("settle_s", settle_s)?;
-                Ok(from_hz.max(to_hz))
-            }
-            Waveform::SweptSine { from_hz, to_hz, duration_s } => {
-                positive("from_hz", from_hz)?;
-                positive("to_hz", to_hz)?;
-                positive("duration_s", duration_s)?;
-                Ok(from_hz.max(to_hz))
-            }
-            Waveform::Impulse { pulse_s, duration_s } => {
-                positive("pulse_s", pulse_s)?;
-                if duration_s.is_finite() && duration_s >= pulse_s {
-                    Ok(0.5 / pulse_s)
-                } else {
-                    Err(ExcitationError::Value { name: "duration_s", got: duration_s, expected: "at least `pulse_s`" })
-                }
-            }
         }
     }
 }

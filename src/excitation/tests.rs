@@ -25,10 +25,13 @@ fn stepped_sine_runs_on_without_jumps() {
     assert!(windows.windows(2).all(|pair| pair[0].end <= pair[1].first));
 }
 
+fn swept(from_hz: f64, to_hz: f64, law: SweepLaw) -> Waveform {
+    Waveform::SweptSine { from_hz, to_hz, duration_s: 10.0, law }
+}
+
 #[test]
 fn swept_sine_passes_the_frequencies_it_names() {
-    let profile =
-        Profile::new(&force(Waveform::SweptSine { from_hz: 10.0, to_hz: 30.0, duration_s: 10.0 }), 1000.0).unwrap();
+    let profile = Profile::new(&force(swept(10.0, 30.0, SweepLaw::Linear)), 1000.0).unwrap();
     let frequency = |n: u64| {
         let cycles = profile.phase_cycles(n + 1) - profile.phase_cycles(n);
         1000.0 * (cycles - cycles.floor())
@@ -57,7 +60,7 @@ fn fit_finds_amplitude_and_phase_beside_another_mode() {
         let t = k as f64 / rate;
         let wanted = 3.0 * libm::sin(TAU * 20.0 * t) - 4.0 * libm::cos(TAU * 20.0 * t) + 7.0;
         let ringing = 5.0 * libm::sin(TAU * 23.0 * t + 0.3);
-        fit.add(k, 20.0 * t, &[wanted + ringing]);
+        fit.add(k, 20.0 * t, &[Some(wanted + ringing)]);
     }
     let [phasor] = fit.finish().unwrap();
     // Twelve beats away the Hann window leaks less than 1/12³.

@@ -39,7 +39,7 @@ pub enum IntegrateError {
     /// Newton's method did not solve the stages of an implicit scheme.
     #[error(
         "the stages of the step at t = {t_s} s did not converge in {iterations} Newton iterations (last relative \
-         correction {correction:.1e}): raise the rate, or look for a load beyond what the arm can bear"
+         correction {correction:.1e}): raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s)
     )]
     NoConvergence {
         /// Start of the step, s.
@@ -52,7 +52,7 @@ pub enum IntegrateError {
     /// A step makes or loses energy that neither load nor dampers account for.
     #[error(
         "the step at t = {t_s} s changes the energy by {defect:.1e} of itself beyond the work done, even in the smallest parts: \
-         raise the rate, or look for a load beyond what the arm can bear"
+         raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s)
     )]
     Unbalanced {
         /// Start of the part of the step, s.
@@ -61,7 +61,7 @@ pub enum IntegrateError {
         defect: f64,
     },
     /// The new state is infinite or not a number.
-    #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the arm can bear")]
+    #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s))]
     NotFinite {
         /// End of the step, s.
         t_s: f64,

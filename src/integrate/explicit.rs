@@ -12,6 +12,13 @@ pub(crate) struct Tableau<const S: usize> {
     pub c: [f64; S],
 }
 
+/// The classical method (W. Kutta 1901), for what [`rk4`] has no formula for.
+pub(super) const RK4: Tableau<4> = Tableau {
+    a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+    b: [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
+    c: [0.0, 0.5, 0.5, 1.0],
+};
+
 /// A step h and what the classical method makes of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rk4Step<T> {
@@ -154,11 +161,22 @@ fn step_with<T: Real, const S: usize, const LINKS: bool>(
     motion: &Motion<T>,
     loads: &[Loads<T>; S],
 ) -> Motion<T> {
+    step_by(tableau, h_s, motion, |i, stage| arm.acceleration::<true, LINKS>(stage, &loads[i]))
+}
+
+/// One step of a method given by its tableau; `acceleration` gives that of a stage by its index.
+#[inline(always)]
+pub(super) fn step_by<T: Real, const S: usize>(
+    tableau: &Tableau<S>,
+    h_s: f64,
+    motion: &Motion<T>,
+    acceleration: impl Fn(usize, &Motion<T>) -> [T; 2],
+) -> Motion<T> {
     let zero = [T::splat(0.0); 2];
     let mut slopes = [Motion { x: zero, v: zero }; S];
     for i in 0..S {
         let stage = combined(motion, h_s, &tableau.a[i], &slopes);
-        slopes[i] = Motion { x: stage.v, v: arm.acceleration::<true, LINKS>(&stage, &loads[i]) };
+        slopes[i] = Motion { x: stage.v, v: acceleration(i, &stage) };
     }
     combined(motion, h_s, &tableau.b, &slopes)
 }

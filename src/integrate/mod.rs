@@ -148,6 +148,10 @@ impl Integrator {
     ) -> Result<State, IntegrateError> {
         let h_s = self.step_s;
         let next = match &self.method {
+            Method::Rk4(_) if arm.attachment().is_some() => {
+                attached(&explicit::RK4, arm, (t_s, h_s), state, excitation)
+            }
+            Method::Dop853 if arm.attachment().is_some() => attached(&DOP853, arm, (t_s, h_s), state, excitation),
             Method::Rk4(h) => {
                 let loads_at = |part: f64| Loads::from(&excitation.load(t_s + part * h_s));
                 let loads = [loads_at(0.0), loads_at(0.5), loads_at(1.0)];
@@ -163,6 +167,21 @@ impl Integrator {
         let next = State::from(next);
         if next.is_finite() { Ok(next) } else { Err(IntegrateError::NotFinite { t_s: t_s + h_s }) }
     }
+}
+
+/// A step of an explicit method of an arm with something at its tip.
+#[cold]
+fn attached<const S: usize>(
+    tableau: &explicit::Tableau<S>,
+    arm: &Arm,
+    (t_s, h_s): (f64, f64),
+    state: &State,
+    excitation: &impl Excitation,
+) -> Motion<f64> {
+    explicit::step_by(tableau, h_s, &state.into(), |i, stage| {
+        let load = excitation.load(t_s + tableau.c[i] * h_s);
+        arm.acceleration(&State::from(*stage), &load).into()
+    })
 }
 
 // Once for all kinds of excitation.

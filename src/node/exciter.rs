@@ -1,4 +1,6 @@
-//! The exciter controller's node: arms the plant, plays a profile, reads the responses, disarms.
+//! The exciter controller's node: arms the plant, answers its samples as a controller says, disarms.
+
+use alloc::boxed::Box;
 
 use resonarm_protocol::{
     Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
@@ -7,10 +9,11 @@ use resonarm_protocol::{
 
 use super::link::Link;
 use super::queue::Queue;
-use super::response::ResponseReader;
 use super::sequence::{Place, Sequence};
-use super::{NodeEvent, ResponsePoint, Timing};
-use crate::excitation::Profile;
+use super::{NodeEvent, Timing};
+use crate::arm::Load;
+use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
+use crate::rig::{Measurement, Reading};
 
 /// Time between two tries to arm or disarm the plant, ns.
 const RETRY_NS: u64 = 100_000_000;
@@ -18,10 +21,12 @@ const RETRY_NS: u64 = 100_000_000;
 const RESPONSES: usize = 16;
 
 /// How a controller's work ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The profile was played to its end and the plant disarmed.
+    /// The controller has finished and the plant is disarmed.
     Finished,
+    /// The controller has given up, and the plant is disarmed.
+    Aborted(Abort),
     /// It was stopped before the end, and the plant disarmed.
     Stopped,
     /// The plant left the bus before the end, and disarmed itself.
@@ -31,7 +36,7 @@ pub enum Outcome {
 }
 
 /// What the controller is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// Looking for the plant and arming it.
     Arming,
@@ -54,11 +59,11 @@ enum Leave {
 }
 
 /// The exciter controller as a node.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct ExciterNode {
     link: Link,
     timing: Timing,
-    profile: Profile,
+    controller: Box<dyn Controller>,
     phase: Phase,
     plant_hello: Option<Hello>,
     plant_state: Option<NodeState>,
@@ -69,22 +74,20 @@ pub struct ExciterNode {
     head: Option<ImpedanceHead>,
     b: Option<Acceleration>,
     sequence: Sequence,
-    /// The last sample answered, counted from the start of the profile.
+    /// The last sample answered, counted from the first.
     answered: Option<u64>,
     missed_samples: u64,
     slipped_periods: u64,
-    reader: ResponseReader,
     responses: Queue<ResponsePoint>,
 }
 
 impl ExciterNode {
-    /// A controller that plays `profile` on a plant with `rate_hz` samples a second.
-    pub fn new(network: Network, rate_hz: u16, timing: Timing, profile: Profile) -> ExciterNode {
+    /// A node that lets `controller` answer a plant with `rate_hz` samples a second.
+    pub fn new(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
         ExciterNode {
             link: Link::new(Node::Exciter, network, rate_hz, timing),
             timing,
-            reader: ResponseReader::new(&profile),
-            profile,
+            controller,
             phase: Phase::Arming,
             plant_hello: None,
             plant_state: None,
@@ -112,11 +115,6 @@ impl ExciterNode {
         self.link.state()
     }
 
-    /// The profile.
-    pub fn profile(&self) -> &Profile {
-        &self.profile
-    }
-
     /// How it ended, once it has.
     pub fn outcome(&self) -> Option<Outcome> {
         match self.phase {
@@ -130,7 +128,7 @@ impl ExciterNode {
         self.plant_state.is_some() || self.plant_hello.is_some()
     }
 
-    /// Samples answered so far, counted from the start of the profile.
+    /// Samples answered so far, those lost on the way included.
     pub fn samples_played(&self) -> u64 {
         self.answered.map_or(0, |n| n + 1)
     }
@@ -165,7 +163,7 @@ impl ExciterNode {
         matches!(self.phase, Phase::Done(_)) && !self.link.has_frames()
     }
 
-    /// Ends the profile now: disarms the plant. The outcome is there when the plant has answered.
+    /// Ends the work now: disarms the plant. The outcome is there when the plant has answered.
     pub fn stop(&mut self, now_ns: u64) {
         match self.phase {
             Phase::Playing => self.disarm(now_ns, Outcome::Stopped),
@@ -174,7 +172,7 @@ impl ExciterNode {
         }
     }
 
-    /// Begins anew after a fault: resets itself, arms the plant, and plays the profile from its start. `false` if no fault
+    /// Begins anew after a fault: resets itself, arms the plant, and restarts the controller. `false` if no fault
     /// ended it, or it leaves.
     pub fn rearm(&mut self, now_ns: u64) -> bool {
         if !matches!(self.phase, Phase::Done(Outcome::Faulted(_))) || self.leave != Leave::Stay {
@@ -186,7 +184,7 @@ impl ExciterNode {
         self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
         (self.head, self.b, self.answered) = (None, None, None);
         self.sequence = Sequence::new(self.link.hello().rate_hz);
-        self.reader = ResponseReader::new(&self.profile);
+        self.controller.restart();
         true
     }
 
@@ -321,24 +319,27 @@ impl ExciterNode {
         };
         self.sample_heard_ns = self.link.listening.listened_ns();
         self.answered = Some(n);
-        if let Some(point) = self.reader.add(n, self.profile.phase_cycles(n), &head, &b, &c) {
+        let answer = self.controller.answer(&measurement(n, &head, &b, &c));
+        while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);
         }
-        if n >= self.profile.samples() {
-            self.disarm(now_ns, Outcome::Finished);
-        } else {
-            self.command(now_ns, n, c.sample);
+        match answer {
+            Answer::Hold(load) => self.command(now_ns, &load, c.sample),
+            Answer::Finished => self.disarm(now_ns, Outcome::Finished),
+            Answer::Aborted(abort) => self.disarm(now_ns, Outcome::Aborted(abort)),
         }
     }
 
-    fn command(&mut self, now_ns: u64, n: u64, sample: u16) {
-        let load = self.profile.load(n);
-        let message = if self.profile.spec().amplitude.is_torque() {
-            let (torque1_nm, torque2_nm) = (load.torque_nm.x, load.torque_nm.y);
-            Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample })
-        } else {
-            let (force_x_n, force_y_n) = (load.force_n.x, load.force_n.y);
-            Message::Force(ForceCommand { force_x_n, force_y_n, sample })
+    fn command(&mut self, now_ns: u64, load: &Load, sample: u16) {
+        let message = match self.controller.load_kind() {
+            LoadKind::Torque => {
+                let (torque1_nm, torque2_nm) = (load.torque_nm.x, load.torque_nm.y);
+                Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample })
+            }
+            LoadKind::Force => {
+                let (force_x_n, force_y_n) = (load.force_n.x, load.force_n.y);
+                Message::Force(ForceCommand { force_x_n, force_y_n, sample })
+            }
         };
         if self.link.send(&message).is_err() {
             self.fault(now_ns, EmergencyCode::CommandOutOfRange, 0);
@@ -449,4 +450,14 @@ impl ExciterNode {
     pub fn poll_response(&mut self) -> Option<ResponsePoint> {
         self.responses.pop()
     }
+}
+
+/// The three frames of sample `n` as one measurement.
+fn measurement(n: u64, head: &ImpedanceHead, b: &Acceleration, c: &Acceleration) -> Measurement {
+    let reading = |value, clipped| Reading { value, clipped };
+    let axes = |a: &Acceleration| {
+        [reading(a.acceleration_x_m_s2, a.x_saturated), reading(a.acceleration_y_m_s2, a.y_saturated)]
+    };
+    let head_force_n = [reading(head.force_x_n, head.x_saturated), reading(head.force_y_n, head.y_saturated)];
+    Measurement { sample: n, head_force_n, acceleration_b_m_s2: axes(b), acceleration_c_m_s2: axes(c) }
 }

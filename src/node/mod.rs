@@ -26,7 +26,6 @@ mod outbox;
 mod plant;
 mod queue;
 mod refusals;
-mod response;
 mod sequence;
 mod timing;
 
@@ -35,7 +34,6 @@ pub use exciter::{ExciterNode, Outcome};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;
-pub use response::ResponsePoint;
 pub use timing::Timing;
 
 #[cfg(test)]

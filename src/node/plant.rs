@@ -9,7 +9,7 @@ use super::hold::Hold;
 use super::link::Link;
 use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::arm::Load;
-use crate::rig::{ExciterSpec, Measurement};
+use crate::rig::{Exciter, Measurement};
 
 /// The plant as a node: publishes samples, takes commands, and lets none through unless armed.
 #[derive(Clone, Debug)]
@@ -17,7 +17,7 @@ pub struct PlantNode {
     link: Link,
     timing: Timing,
     rate_hz: u16,
-    exciter: ExciterSpec,
+    exciter: Exciter,
     partner: Option<Hello>,
     /// The sample published last.
     sample: u64,
@@ -36,7 +36,7 @@ pub struct PlantNode {
 
 impl PlantNode {
     /// A node that publishes `rate_hz` samples a second for an exciter of these limits.
-    pub fn new(network: Network, rate_hz: u16, timing: Timing, exciter: ExciterSpec) -> PlantNode {
+    pub fn new(network: Network, rate_hz: u16, timing: Timing, exciter: Exciter) -> PlantNode {
         PlantNode {
             link: Link::new(Node::Plant, network, rate_hz, timing),
             timing,

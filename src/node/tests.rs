@@ -7,8 +7,10 @@ mod stalls;
 
 use super::*;
 use crate::arm::Load;
+use crate::control::{Controller, OpenLoop};
 use crate::excitation::{Amplitude, ExcitationSpec, Profile, Waveform};
-use crate::rig::{ExciterSpec, Measurement};
+use crate::rig::{Exciter, Measurement};
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use proptest::prelude::*;
 use resonarm_protocol::Node as NodeName;
@@ -26,16 +28,20 @@ fn profile(duration_s: f64) -> Profile {
     Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.05, profile }, f64::from(RATE_HZ)).unwrap()
 }
 
+fn dwell(duration_s: f64) -> Box<dyn Controller> {
+    Box::new(OpenLoop::new(profile(duration_s)))
+}
+
 fn plant_node() -> PlantNode {
     plant_with(Timing::real_time(RATE_HZ))
 }
 
 fn plant_with(timing: Timing) -> PlantNode {
-    PlantNode::new(Network::default(), RATE_HZ, timing, ExciterSpec::default())
+    PlantNode::new(Network::default(), RATE_HZ, timing, Exciter::default())
 }
 
 fn exciter_node(duration_s: f64) -> ExciterNode {
-    ExciterNode::new(Network::default(), RATE_HZ, Timing::real_time(RATE_HZ), profile(duration_s))
+    ExciterNode::new(Network::default(), RATE_HZ, Timing::real_time(RATE_HZ), dwell(duration_s))
 }
 
 /// Both nodes and what happened to the load.
@@ -62,7 +68,7 @@ impl Bench {
 
     fn with(timing: Timing, duration_s: f64) -> Bench {
         let mut plant = plant_with(timing);
-        let mut exciter = ExciterNode::new(Network::default(), RATE_HZ, timing, profile(duration_s));
+        let mut exciter = ExciterNode::new(Network::default(), RATE_HZ, timing, dwell(duration_s));
         plant.start(0);
         exciter.start(0);
         let (loads, plant_events) = (Vec::new(), Vec::new());
@@ -236,8 +242,7 @@ fn the_gate_refuses_by_name() {
 fn nodes_that_do_not_fit_never_arm() {
     let mut plant = plant_node();
     plant.start(0);
-    let profile = profile(0.5);
-    let mut exciter = ExciterNode::new(Network::default(), 2000, Timing::real_time(RATE_HZ), profile);
+    let mut exciter = ExciterNode::new(Network::default(), 2000, Timing::real_time(RATE_HZ), dwell(0.5));
     exciter.start(0);
     while let Some(frame) = plant.poll_transmit() {
         exciter.handle_frame(0, &frame);
@@ -265,7 +270,7 @@ proptest! {
             unarmed.handle_frame(1, &frame);
             armed.handle_frame(1, &frame);
             prop_assert!(unarmed.is_armed() || unarmed.load() == Load::default());
-            prop_assert!(ExciterSpec::default().can_produce(&armed.load()));
+            prop_assert!(Exciter::default().can_produce(&armed.load()));
         }
     }
 }

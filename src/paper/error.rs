@@ -6,6 +6,7 @@ use super::SettingsError;
 use crate::analysis::AnalysisError;
 use crate::arm::{ArmError, Preset};
 use crate::integrate::IntegrateError;
+use crate::number::{rounded, short};
 
 /// Why a figure or a claim could not be computed.
 #[derive(Debug, Error)]
@@ -18,7 +19,7 @@ pub enum PaperError {
     #[error(transparent)]
     Arm(#[from] ArmError),
     /// A curve could not be followed.
-    #[error("{preset} at β2 = {beta2_deg}°, {drive}: {source}")]
+    #[error("{preset} at β2 = {beta2_deg}°, {drive}: {source}", beta2_deg = short(.beta2_deg))]
     Analysis {
         /// The preset.
         preset: Preset,
@@ -33,7 +34,10 @@ pub enum PaperError {
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
     /// A curve that a claim is about has no resonance where it should have one.
-    #[error("{preset} at β2 = {beta2_deg}°: no motion between {from_hz:.3} and {to_hz:.3} Hz")]
+    #[error(
+        "{preset} at β2 = {beta2_deg}°: no motion between {from_hz} and {to_hz} Hz",
+        beta2_deg = short(.beta2_deg), from_hz = rounded(.from_hz, 3), to_hz = rounded(.to_hz, 3)
+    )]
     NoMotion {
         /// The preset.
         preset: Preset,

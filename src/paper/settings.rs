@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::Preset;
+use crate::number::{rounded, short};
 use crate::toml_error::TomlError;
 
 /// Everything that the paper states or leaves open about its figures.
@@ -166,7 +167,7 @@ pub enum SettingsError {
     #[error(transparent)]
     Parse(#[from] TomlError),
     /// A number is impossible.
-    #[error("{key} has {got}: it must be {expected}")]
+    #[error("{key} has {got}: it must be {expected}", got = short(.got))]
     Value {
         /// The key.
         key: String,
@@ -186,7 +187,7 @@ pub enum SettingsError {
         least: usize,
     },
     /// A list or a range is not ascending.
-    #[error("{key} has {after} after {before}: its values must ascend")]
+    #[error("{key} has {after} after {before}: its values must ascend", after = short(.after), before = short(.before))]
     Order {
         /// The key.
         key: String,
@@ -197,8 +198,9 @@ pub enum SettingsError {
     },
     /// The tip can't reach the line.
     #[error(
-        "at β2 = {beta2_deg}° the tip is {reach_m:.3} m from joint 1 and can't be on the line at a height of {height_m} m: bring \
-         line.height_m nearer to 0, or bend the arm less"
+        "at β2 = {beta2_deg}° the tip is {reach_m} m from joint 1 and can't be on the line at a height of {height_m} m: bring \
+         line.height_m nearer to 0, or bend the arm less",
+        beta2_deg = short(.beta2_deg), reach_m = rounded(.reach_m, 3), height_m = short(.height_m)
     )]
     Line {
         /// The pose, degrees.
@@ -353,6 +355,8 @@ mod tests {
     #[test]
     fn errors_name_the_key_and_what_would_do() {
         insta::assert_snapshot!(says("length2_m = 0.6", "length2_m = -0.6"), @"length2_m has -0.6: it must be a positive number");
+        insta::assert_snapshot!(says("length2_m = 0.6", "length2_m = -1e300"), @"length2_m has -1e300: it must be a positive number");
+        insta::assert_snapshot!(says("[26.0, 46.0]", "[1e300, 1e299]"), @"figure9.range_hz has 1e299 after 1e300: its values must ascend");
         insta::assert_snapshot!(says("height_m = -0.2", "height_m = nan"), @"line.height_m has NaN: it must be a number");
         insta::assert_snapshot!(says("frequency_hz = 22.5", "frequency_hz = 0"), @"figure5.frequency_hz has 0: it must be a positive number");
         insta::assert_snapshot!(says("[0.0, 30.0, ", "[0.0, 300.0, "), @"figure4.beta2_deg has 300: it must be an angle from 0 to 180 degrees");

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::RecordingError;
+use crate::number::short;
 
 /// Everything that made the run what it is, as keys and values: scenario, seed, scheme, initial state, protocol hash.
 ///
@@ -173,7 +174,7 @@ impl Options {
         let at_least_one = "at least 1";
         let dt = self.dt_s.is_finite() && self.dt_s > 0.0;
         let checks = [
-            ("dt_s", dt, self.dt_s.to_string(), "a finite time above 0 s"),
+            ("dt_s", dt, short(&self.dt_s).to_string(), "a finite time above 0 s"),
             ("batch_samples", self.batch_samples > 0, self.batch_samples.to_string(), at_least_one),
             (
                 "plot_every_samples",

@@ -10,6 +10,7 @@ use super::{
     Configuration, Event, FrameRecord, Integrity, Origin, Record, RecordingError, RecordingSummary, SampleRecord,
     StateRecord, TickRecord,
 };
+use crate::number::short;
 
 /// A recording whose every checksum has been checked.
 ///
@@ -37,7 +38,7 @@ impl Recording {
         if scan.tally.dt_s.is_some_and(|dt_s| dt_s.to_bits() != origin.dt_s.to_bits()) {
             let (path, name, key) = (path.to_path_buf(), metadata::RECORDING, String::from(DT_S));
             let expected = "what its batches state";
-            return Err(RecordingError::Metadata { path, name, key, got: origin.dt_s.to_string(), expected });
+            return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
         }
         let configuration = Configuration(scan.required(path, metadata::CONFIGURATION)?.clone());
         Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })

@@ -8,6 +8,7 @@ use super::decode::decode;
 use super::schema::{DT_S, FAULT_EVENT, OUR_LIBRARY, Topic, metadata};
 use super::walk::{Part, Walk};
 use super::{Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
+use crate::number::short;
 
 /// How many faults are told one by one; what comes after these is in `/events`.
 const MOST_FAULTS: usize = 100;
@@ -154,6 +155,7 @@ impl Tally {
         if got_s.to_bits() == expected_s.to_bits() {
             return Ok(());
         }
+        let (got_s, expected_s) = (short(&got_s), short(&expected_s));
         Err(format!("a batch states {got_s} s from sample to sample, expected {expected_s} s"))
     }
 

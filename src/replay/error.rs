@@ -45,7 +45,8 @@ pub enum ReplayError {
     /// The samples are not those of the scenario.
     #[error(
         "the recording states {recorded_s} s from sample to sample, its scenario {configured_s} s \
-         (simulation.rate_hz): it can't be simulated again"
+         (simulation.rate_hz): it can't be simulated again",
+        recorded_s = short(.recorded_s), configured_s = short(.configured_s)
     )]
     SamplePeriod {
         /// In the recording, s.
@@ -53,18 +54,11 @@ pub enum ReplayError {
         /// In its scenario, s.
         configured_s: f64,
     },
-    /// A sample takes more work than any run has.
-    #[error("the recording's scenario has {got} steps a sample (simulation.steps_per_sample), expected at most {most}")]
-    StepsPerSample {
-        /// What the scenario says.
-        got: u32,
-        /// The most that is simulated again.
-        most: u32,
-    },
     /// A load is none that the exciter can have produced.
     #[error(
         "the recording's load at sample {sample} is {force_n:?} N, {torque_nm:?} N·m: beyond the exciter's limits in its \
-         scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)"
+         scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)",
+        limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
         /// The sample.

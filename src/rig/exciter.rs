@@ -1,8 +1,9 @@
-//! The exciter: an ideal force (or joint torque) source with limits.
+//! The exciter: an ideal force (or joint torque) source with limits, or a shaker.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::ShakerSpec;
 use crate::arm::Load;
 use crate::number::short;
 
@@ -22,6 +23,90 @@ pub enum RigError {
         /// What would do.
         expected: &'static str,
     },
+    /// Two keys state the same.
+    #[error("{instrument}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
+    Both {
+        /// The instrument, as it is called in a scenario.
+        instrument: &'static str,
+        /// The keys.
+        names: [&'static str; 2],
+    },
+    /// A number of a fault is impossible.
+    #[error("rig.faults, number {number}: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Fault {
+        /// Which fault, from 1 on.
+        number: usize,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// A fault does not say how much.
+    #[error("rig.faults, number {number}: `{key}` is missing: add it, or change `kind`")]
+    FaultKeyMissing {
+        /// Which fault, from 1 on.
+        number: usize,
+        /// The key that is missing.
+        key: &'static str,
+    },
+    /// A fault states what it has no use for.
+    #[error(
+        "rig.faults, number {number}: `{key}` says nothing about this kind of fault of this instrument: leave it out"
+    )]
+    FaultKeyIdle {
+        /// Which fault, from 1 on.
+        number: usize,
+        /// The key.
+        key: &'static str,
+    },
+    /// More faults than a rig takes.
+    #[error("rig.faults are {got}: at most {} are taken", super::MOST_FAULTS)]
+    TooManyFaults {
+        /// How many there are.
+        got: usize,
+    },
+}
+
+/// What drives the arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exciter {
+    /// A force or torque that acts as it is commanded.
+    Ideal(ExciterSpec),
+    /// A shaker at the tip.
+    Shaker(ShakerSpec),
+}
+
+impl Default for Exciter {
+    fn default() -> Exciter {
+        Exciter::Ideal(ExciterSpec::default())
+    }
+}
+
+impl Exciter {
+    pub(super) fn check(&self) -> Result<(), RigError> {
+        match self {
+            Exciter::Ideal(spec) => spec.check(),
+            Exciter::Shaker(spec) => spec.check(),
+        }
+    }
+
+    /// Whether it can produce the load, as far as limits and direction go.
+    pub fn can_produce(&self, load: &Load) -> bool {
+        match self {
+            Exciter::Ideal(spec) => spec.can_produce(load),
+            Exciter::Shaker(spec) => spec.can_produce(load),
+        }
+    }
+
+    /// The largest force, N, and torque, N·m.
+    pub fn limits(&self) -> (f64, f64) {
+        match self {
+            Exciter::Ideal(spec) => (spec.force_limit_n, spec.torque_limit_nm),
+            Exciter::Shaker(spec) => (spec.force_limit_n(), 0.0),
+        }
+    }
 }
 
 /// An ideal exciter: what is commanded acts on the arm at once and exactly, up to a limit an axis.

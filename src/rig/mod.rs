@@ -1,29 +1,58 @@
 //! What is bolted to the arm: the exciter, the impedance head at C and the accelerometers at B and C.
 
+mod chain;
+pub(crate) mod coil;
 mod exciter;
-mod noise;
+mod fault;
+mod filter;
 mod sensor;
+mod shaker;
 
-pub use exciter::{ExciterSpec, RigError};
+pub use exciter::{Exciter, ExciterSpec, RigError};
+pub use fault::{FaultAxis, FaultKind, FaultSpec, InstrumentName, MOST_FAULTS};
 pub use sensor::{AccelerometerSpec, ForceSensorSpec, Reading};
+pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
+
+use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use crate::arm::{Load, PointMotion};
-use sensor::Sensor;
+use crate::arm::PointMotion;
+use chain::Instrument;
+use fault::Fault;
+use nalgebra::Vector2;
 
 /// The instruments of a rig, as a scenario states them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigSpec {
-    /// What drives the arm.
+    /// What drives the arm, unless a shaker does.
     pub exciter: ExciterSpec,
+    /// The shaker, if one drives the arm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shaker: Option<ShakerSpec>,
     /// The accelerometer at the elbow, point B.
     pub accelerometer_b: AccelerometerSpec,
     /// The accelerometer at the tip, point C.
     pub accelerometer_c: AccelerometerSpec,
     /// The force side of the impedance head at C. Its acceleration side is the accelerometer at C.
     pub impedance_head: ForceSensorSpec,
+    /// Faults of the instruments at stated times, at most [`MOST_FAULTS`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultSpec>,
+}
+
+impl RigSpec {
+    /// What drives the arm.
+    pub fn drive(&self) -> Exciter {
+        self.shaker.map_or(Exciter::Ideal(self.exciter), Exciter::Shaker)
+    }
+
+    /// The faults of an instrument, each with its own noise.
+    fn faults_of(&self, name: InstrumentName, rate_hz: f64, seed: u64) -> Result<Vec<Fault>, RigError> {
+        let own = self.faults.iter().enumerate().filter(|(_, fault)| fault.instrument == name);
+        own.map(|(index, fault)| Fault::new(fault, index, rate_hz, seed)).collect()
+    }
 }
 
 /// What the instruments say at one sample, of the truth half a sample period before; x and y of the base frame.
@@ -39,45 +68,64 @@ pub struct Measurement {
     pub acceleration_c_m_s2: [Reading; 2],
 }
 
+impl Measurement {
+    /// The number of readings in it.
+    pub const CHANNELS: usize = 6;
+
+    /// All readings: head x, y; B x, y; C x, y.
+    pub fn readings(&self) -> [Reading; Measurement::CHANNELS] {
+        let ([hx, hy], [bx, by], [cx, cy]) = (self.head_force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
+        [hx, hy, bx, by, cx, cy]
+    }
+}
+
 /// The instruments at work: each axis with its own stream of noise, all from one seed.
 #[derive(Clone, Debug)]
 pub struct Rig {
-    exciter: ExciterSpec,
-    head: [Sensor; 2],
-    accelerometer_b: [Sensor; 2],
-    accelerometer_c: [Sensor; 2],
+    exciter: Exciter,
+    head: Instrument,
+    accelerometer_b: Instrument,
+    accelerometer_c: Instrument,
 }
 
 impl Rig {
-    /// Checks the specification and seeds the noise.
+    /// Checks the specification and seeds the noise. `rate_hz` is the sample rate, Hz, positive.
     ///
     /// # Errors
     /// [`RigError`] names the first value that no instrument can have.
-    pub fn new(spec: &RigSpec, seed: u64) -> Result<Rig, RigError> {
+    pub fn new(spec: &RigSpec, rate_hz: f64, seed: u64) -> Result<Rig, RigError> {
+        let exciter = spec.drive();
         spec.exciter.check()?;
-        let (b, c, head) = (&spec.accelerometer_b, &spec.accelerometer_c, &spec.impedance_head);
+        exciter.check()?;
+        if spec.faults.len() > MOST_FAULTS {
+            return Err(RigError::TooManyFaults { got: spec.faults.len() });
+        }
+        let faults = |name| spec.faults_of(name, rate_hz, seed);
+        let (head, b, c) = (&spec.impedance_head, &spec.accelerometer_b, &spec.accelerometer_c);
+        let head = head.instrument("rig.impedance_head", rate_hz, seed, 0)?;
+        let b = b.instrument("rig.accelerometer_b", rate_hz, seed, 2)?;
+        let c = c.instrument("rig.accelerometer_c", rate_hz, seed, 4)?;
         Ok(Rig {
-            exciter: spec.exciter,
-            head: [head.sensor("rig.impedance_head", seed, 0)?, head.sensor("rig.impedance_head", seed, 1)?],
-            accelerometer_b: [b.sensor("rig.accelerometer_b", seed, 2)?, b.sensor("rig.accelerometer_b", seed, 3)?],
-            accelerometer_c: [c.sensor("rig.accelerometer_c", seed, 4)?, c.sensor("rig.accelerometer_c", seed, 5)?],
+            exciter,
+            head: head.with_faults(faults(InstrumentName::ImpedanceHead)?),
+            accelerometer_b: b.with_faults(faults(InstrumentName::AccelerometerB)?),
+            accelerometer_c: c.with_faults(faults(InstrumentName::AccelerometerC)?),
         })
     }
 
-    /// The exciter's specification.
-    pub fn exciter(&self) -> &ExciterSpec {
+    /// What drives the arm.
+    pub fn exciter(&self) -> &Exciter {
         &self.exciter
     }
 
-    /// What the instruments say of the true accelerations and the true load. Every call draws new noise, so it is made once
-    /// a sample.
-    pub fn measure(&mut self, sample: u64, motion: &PointMotion, load: &Load) -> Measurement {
-        let read = |sensors: &mut [Sensor; 2], truth: [f64; 2]| [sensors[0].read(truth[0]), sensors[1].read(truth[1])];
+    /// What the instruments say at sample `sample` of the true accelerations and the force in the head. Every call draws new noise and
+    /// moves the filters on, so it is made once a sample.
+    pub fn measure(&mut self, sample: u64, motion: &PointMotion, head_n: &Vector2<f64>) -> Measurement {
         Measurement {
             sample,
-            head_force_n: read(&mut self.head, load.force_n.into()),
-            acceleration_b_m_s2: read(&mut self.accelerometer_b, motion.b_m_s2.into()),
-            acceleration_c_m_s2: read(&mut self.accelerometer_c, motion.c_m_s2.into()),
+            head_force_n: self.head.read(sample, (*head_n).into()),
+            acceleration_b_m_s2: self.accelerometer_b.read(sample, motion.b_m_s2.into()),
+            acceleration_c_m_s2: self.accelerometer_c.read(sample, motion.c_m_s2.into()),
         }
     }
 }

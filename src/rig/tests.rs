@@ -1,21 +1,45 @@
+use super::chain::Instrument;
 use super::*;
+use crate::arm::Load;
+
+const RATE_HZ: f64 = 1000.0;
 
 fn quiet(range_m_s2: f64, resolution_m_s2: f64) -> AccelerometerSpec {
-    AccelerometerSpec { range_m_s2, noise_rms_m_s2: 0.0, resolution_m_s2 }
+    let (noise_rms_m_s2, resolution_m_s2) = (Some(0.0), Some(resolution_m_s2));
+    AccelerometerSpec { range_m_s2, noise_rms_m_s2, resolution_m_s2, ..AccelerometerSpec::default() }
+}
+
+/// Without noise, counts or range to speak of: what goes in comes out.
+fn ideal() -> AccelerometerSpec {
+    quiet(1e6, 0.0)
+}
+
+fn instrument(spec: &AccelerometerSpec) -> Instrument {
+    spec.instrument("test", RATE_HZ, 0, 0).unwrap()
+}
+
+impl Instrument {
+    fn read_x(&mut self, truth: f64) -> Reading {
+        self.read(0, [truth, 0.0])[0]
+    }
+
+    fn values(&mut self, truth: [f64; 2]) -> [f64; 2] {
+        self.read(0, truth).map(|reading| reading.value)
+    }
 }
 
 #[test]
 fn rounds_to_counts_and_marks_what_is_beyond_the_range() {
-    let mut sensor = quiet(10.0, 0.5).sensor("test", 0, 0).unwrap();
+    let mut sensor = instrument(&quiet(10.0, 0.5));
     let cases = [(0.2, 0.0, false), (0.3, 0.5, false), (-9.9, -10.0, false), (10.1, 10.0, false), (10.3, 10.0, true)];
     for (truth, value, clipped) in cases.into_iter().chain([(-1e9, -10.0, true)]) {
-        assert_eq!(sensor.read(truth), Reading { value, clipped }, "{truth}");
+        assert_eq!(sensor.read_x(truth), Reading { value, clipped }, "{truth}");
     }
 }
 
 #[test]
 fn never_says_more_than_its_range() {
-    let read = |range, resolution, truth| quiet(range, resolution).sensor("test", 0, 0).unwrap().read(truth);
+    let read = |range, resolution, truth| instrument(&quiet(range, resolution)).read_x(truth);
     assert_eq!(read(10.3, 0.5, 11.0), Reading { value: 10.0, clipped: true });
     assert_eq!(read(10.3, 0.5, 10.2), Reading { value: 10.0, clipped: false });
     assert_eq!(read(10.3, 0.5, -10.3), Reading { value: -10.0, clipped: true });
@@ -29,9 +53,9 @@ fn never_says_more_than_its_range() {
 
 #[test]
 fn noise_that_goes_beyond_the_range_is_clipped() {
-    let spec = AccelerometerSpec { range_m_s2: 1.0, noise_rms_m_s2: 1.0, resolution_m_s2: 0.25 };
-    let mut sensor = spec.sensor("test", 0, 0).unwrap();
-    let readings: alloc::vec::Vec<_> = core::iter::repeat_with(|| sensor.read(0.0)).take(1000).collect();
+    let spec = AccelerometerSpec { noise_rms_m_s2: Some(1.0), ..quiet(1.0, 0.25) };
+    let mut sensor = instrument(&spec);
+    let readings: alloc::vec::Vec<_> = core::iter::repeat_with(|| sensor.read_x(0.0)).take(1000).collect();
     assert!(readings.iter().all(|reading| reading.value.abs() <= 1.0));
     assert!(readings.iter().all(|reading| !reading.clipped || reading.value.abs() == 1.0));
     // Beyond ±1.125 are 26 % of a standard normal; four standard errors are 5.5 %.
@@ -41,10 +65,10 @@ fn noise_that_goes_beyond_the_range_is_clipped() {
 
 #[test]
 fn noise_is_normal_and_seeded() {
-    let spec = AccelerometerSpec { noise_rms_m_s2: 2.0, resolution_m_s2: 0.0, range_m_s2: 1e3 };
+    let spec = AccelerometerSpec { noise_rms_m_s2: Some(2.0), ..quiet(1e3, 0.0) };
     let draw = |seed, stream| {
-        let mut sensor = spec.sensor("test", seed, stream).unwrap();
-        core::iter::repeat_with(move || sensor.read(5.0).value).take(40_000).collect::<alloc::vec::Vec<_>>()
+        let mut sensor = spec.instrument("test", RATE_HZ, seed, stream).unwrap();
+        core::iter::repeat_with(move || sensor.read_x(5.0).value).take(40_000).collect::<alloc::vec::Vec<_>>()
     };
     let sample = draw(7, 1);
     assert_eq!(sample, draw(7, 1));
@@ -61,7 +85,7 @@ fn noise_is_normal_and_seeded() {
 
 #[test]
 fn says_what_is_wrong_with_an_instrument() {
-    let says = |spec: RigSpec| Rig::new(&spec, 0).unwrap_err().to_string();
+    let says = |spec: RigSpec| Rig::new(&spec, RATE_HZ, 0).unwrap_err().to_string();
     let range = RigSpec { accelerometer_b: quiet(0.0, 0.5), ..RigSpec::default() };
     insta::assert_snapshot!(says(range), @"rig.accelerometer_b: `range_m_s2` is 0: it must be a positive number");
     let resolution = RigSpec { accelerometer_c: quiet(1.0, -0.5), ..RigSpec::default() };
@@ -80,4 +104,103 @@ fn exciter_knows_its_limits() {
     assert!(!exciter.can_produce(&Load::force_n(0.0, -10.001)));
     assert!(exciter.can_produce(&Load::torque_nm(20.0, 0.0)));
     assert!(!exciter.can_produce(&Load::torque_nm(0.0, f64::NAN)));
+}
+
+#[test]
+fn an_axis_reads_gravity_its_share_of_the_other_and_its_gain() {
+    let spec = AccelerometerSpec { gravity_m_s2: Some(10.0), transverse: Some(0.05), gain: Some(1.5), ..ideal() };
+    let [x, y] = instrument(&spec).values([100.0, 30.0]);
+    // 1.5 (100 + 0.05 (30 + 10)), 1.5 (30 + 10 + 0.05 · 100)
+    assert!((x - 153.0).abs() < 1e-12 && (y - 67.5).abs() < 1e-12, "{x} {y}");
+}
+
+#[test]
+fn a_delay_is_whole_samples_and_begins_with_rest() {
+    let mut late = instrument(&AccelerometerSpec { delay_samples: Some(3), gravity_m_s2: Some(9.0), ..ideal() });
+    let said: alloc::vec::Vec<_> = (1..=8).map(|k| late.values([f64::from(k), f64::from(k)])).collect();
+    let y = said.iter().map(|[_, y]| *y);
+    assert!(y.eq([9.0, 9.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0]), "{said:?}");
+    assert!(said.iter().map(|[x, _]| *x).eq([0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), "{said:?}");
+}
+
+/// A high-pass takes gravity away, from the first sample on, and a slow vibration with it; the low-pass is half a power at
+/// its corner.
+#[test]
+fn filters_settle_on_rest_and_have_their_corners() {
+    let mut blocked = instrument(&AccelerometerSpec { gravity_m_s2: Some(9.81), highpass_hz: Some(0.5), ..ideal() });
+    for _ in 0..100 {
+        assert!(blocked.values([0.0, 0.0])[1].abs() < 1e-10);
+    }
+    let peak = |spec: AccelerometerSpec, frequency_hz: f64| {
+        let mut instrument = instrument(&spec);
+        let sine = |n: u32| libm::sin(core::f64::consts::TAU * frequency_hz / RATE_HZ * f64::from(n));
+        (0..8000)
+            .map(|n| (n, instrument.read_x(sine(n)).value))
+            .filter(|(n, _)| *n >= 4000)
+            .fold(0.0_f64, |peak, (_, value)| peak.max(value.abs()))
+    };
+    let high = peak(AccelerometerSpec { highpass_hz: Some(2.0), ..ideal() }, 2.0);
+    let low = peak(AccelerometerSpec { lowpass_hz: Some(20.0), ..ideal() }, 20.0);
+    assert!((high - 0.5_f64.sqrt()).abs() < 1e-3 && (low - 0.5_f64.sqrt()).abs() < 3e-3, "{high} {low}");
+}
+
+/// What the sensor clips the filters smooth: no reading is marked. What the converter clips is.
+#[test]
+fn only_the_converter_marks_what_it_clips() {
+    let mut sensor = instrument(&AccelerometerSpec { sensor_range_m_s2: Some(5.0), ..quiet(10.0, 0.0) });
+    assert_eq!(sensor.read_x(-80.0), Reading { value: -5.0, clipped: false });
+    let mut converter = instrument(&AccelerometerSpec { sensor_range_m_s2: Some(50.0), ..quiet(10.0, 0.0) });
+    assert_eq!(converter.read_x(-80.0), Reading { value: -10.0, clipped: true });
+}
+
+#[test]
+fn a_density_of_noise_is_that_rms_over_half_the_rate() {
+    let density = |rate_hz| {
+        let density = AccelerometerSpec { noise_rms_m_s2: None, noise_density_m_s2_per_sqrt_hz: Some(0.25), ..ideal() };
+        density.instrument("test", rate_hz, 3, 1).unwrap().values([0.0; 2])
+    };
+    let rms = AccelerometerSpec { noise_rms_m_s2: Some(0.25 * libm::sqrt(400.0)), ..ideal() };
+    assert_eq!(density(800.0), rms.instrument("test", 800.0, 3, 1).unwrap().values([0.0; 2]));
+    assert_ne!(density(800.0), density(1000.0));
+}
+
+#[test]
+fn bits_count_from_one_end_of_the_range_to_the_other() {
+    let spec = AccelerometerSpec { resolution_m_s2: None, bits: Some(3), ..quiet(6.0, 0.0) };
+    let mut converter = instrument(&spec);
+    // 7 counts: −6, −4, −2, 0, 2, 4, 6.
+    let said = [0.9, 1.1, -4.9, -5.1, 6.9].map(|truth| converter.read_x(truth).value);
+    assert_eq!(said, [0.0, 2.0, -4.0, -6.0, 6.0]);
+    assert!(converter.read_x(7.1).clipped && !converter.read_x(6.9).clipped);
+    // 24 bits over ±1600 m/s².
+    let mut fine = instrument(&AccelerometerSpec { range_m_s2: 1600.0, bits: Some(24), ..spec });
+    assert!((fine.read_x(1.0).value - 1.0).abs() <= 0.5 * 1600.0 / 8_388_607.0);
+}
+
+#[test]
+fn what_states_noise_or_counts_its_own_way_has_no_default_beside_it() {
+    let read = |text: &str| toml::from_str::<RigSpec>(text).unwrap();
+    let rig = read("[accelerometer_b]\nnoise_density_m_s2_per_sqrt_hz = 1e-3\nbits = 16\n[impedance_head]\nbits = 24");
+    assert_eq!((rig.accelerometer_b.noise_rms_m_s2, rig.accelerometer_b.resolution_m_s2), (None, None));
+    assert_eq!((rig.impedance_head.noise_rms_n, rig.impedance_head.resolution_n), (Some(0.01), None));
+    assert_eq!(rig.accelerometer_c, AccelerometerSpec::default());
+    assert_eq!(read(&toml::to_string(&rig).unwrap()), rig);
+}
+
+#[test]
+fn says_what_is_wrong_with_a_chain() {
+    let says = |keys: &str| {
+        let rig = toml::from_str(&alloc::format!("[accelerometer_b]\n{keys}")).unwrap();
+        Rig::new(&rig, RATE_HZ, 0).unwrap_err().to_string()
+    };
+    insta::assert_snapshot!(says("noise_rms_m_s2 = 0.1\nnoise_density_m_s2_per_sqrt_hz = 0.1"), @"rig.accelerometer_b: `noise_rms_m_s2` and `noise_density_m_s2_per_sqrt_hz` state the same: leave one out");
+    insta::assert_snapshot!(says("resolution_m_s2 = 0.1\nbits = 12"), @"rig.accelerometer_b: `resolution_m_s2` and `bits` state the same: leave one out");
+    insta::assert_snapshot!(says("bits = 1"), @"rig.accelerometer_b: `bits` is 1: it must be from 2 to 48");
+    insta::assert_snapshot!(says("gravity_m_s2 = -9.81"), @"rig.accelerometer_b: `gravity_m_s2` is -9.81: it must be zero or a positive number");
+    insta::assert_snapshot!(says("transverse = 1"), @"rig.accelerometer_b: `transverse` is 1: it must be above -1 and below 1");
+    insta::assert_snapshot!(says("gain = 0"), @"rig.accelerometer_b: `gain` is 0: it must be a number from -10 to 10, and not 0");
+    insta::assert_snapshot!(says("sensor_range_m_s2 = nan"), @"rig.accelerometer_b: `sensor_range_m_s2` is NaN: it must be a positive number");
+    insta::assert_snapshot!(says("lowpass_hz = 500"), @"rig.accelerometer_b: `lowpass_hz` is 500: it must be above 0 and below half the sample rate");
+    insta::assert_snapshot!(says("highpass_hz = 30\nlowpass_hz = 20"), @"rig.accelerometer_b: `highpass_hz` is 30: it must be below `lowpass_hz`, or nothing passes");
+    insta::assert_snapshot!(says("delay_samples = 1001"), @"rig.accelerometer_b: `delay_samples` is 1001: it must be at most 1000");
 }

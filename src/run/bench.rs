@@ -5,7 +5,7 @@ use super::{BusCounts, Fault, RunError, RunEvent};
 use crate::arm::Load;
 use crate::bus::{Bus, BusError, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
-use crate::plant::{Plant, PlantError};
+use crate::plant::Plant;
 use crate::protocol::{EmergencyCode, Frame, NodeState};
 use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord};
 use crate::rig::Reading;
@@ -217,7 +217,6 @@ impl<'a> Bench<'a> {
         let load = self.node.load();
         self.record_state(&load, false)?;
         if let Err(error) = self.plant.advance(&load) {
-            let PlantError::Integrate { .. } = error;
             self.node.fault(now_ns, EmergencyCode::SimulationFailed, 0);
             return Err(RunError::Plant(error));
         }

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::bus::BusError;
+use crate::number::short;
 use crate::plant::{PlantError, PlantSpecError};
 use crate::protocol::EncodeError;
 use crate::realtime::{HistogramError, PeriodicError, RateError};
@@ -50,7 +51,8 @@ pub enum RunError {
     Histogram(#[from] HistogramError),
     /// No plant answered the exciter.
     #[error(
-        "no plant was heard within {waited_s} s: start one with `resonarm run` on the same bus, with the same rate and base identifier"
+        "no plant was heard within {waited_s} s: start one with `resonarm run` on the same bus, with the same rate and base identifier",
+        waited_s = short(.waited_s)
     )]
     NoPlant {
         /// How long the exciter waited, s.
@@ -59,7 +61,7 @@ pub enum RunError {
     /// The plant that answered did not let itself be armed.
     #[error(
         "a plant was heard, but it was not armed within {waited_s} s: it may have failed, or another exciter holds it: its own \
-         messages say which"
+         messages say which", waited_s = short(.waited_s)
     )]
     PlantNotArmed {
         /// How long the exciter waited, s.

@@ -4,7 +4,8 @@ use core::time::Duration;
 
 use super::{BusCounts, ExciterReport, RunError, Signals};
 use crate::bus::{Bus, Sent};
-use crate::node::{ExciterNode, ResponsePoint};
+use crate::control::ResponsePoint;
+use crate::node::ExciterNode;
 use crate::protocol::NodeState;
 use crate::realtime::Clock;
 
@@ -87,6 +88,7 @@ impl<C: Clock> Run<'_, C> {
             self.node.handle_deadline(now_ns);
             let sent = self.transmit()?;
             self.responses.extend(core::iter::from_fn(|| self.node.poll_response()));
+            self.signals.set_responses(self.responses.len());
             self.signals.set_done(self.node.samples_played());
             if self.rearmed < self.patience.rearm && self.node.rearm(now_ns) {
                 self.rearmed += 1;

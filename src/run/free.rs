@@ -5,7 +5,8 @@ use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
 use super::{BusCounts, Ending, Outcome, RunError, Signals};
 use crate::bus::Received;
-use crate::node::{ExciterNode, ResponsePoint};
+use crate::control::ResponsePoint;
+use crate::node::ExciterNode;
 use crate::realtime::{Clock, SampleRate};
 
 /// A run of both nodes in one loop. The times of everything are those of the samples, so that the same scenario gives the
@@ -62,6 +63,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.bench.measure()?;
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| self.exciter.poll_response()));
+        self.signals.set_responses(self.responses.len());
         self.signals.set_done(sample);
         Ok(())
     }

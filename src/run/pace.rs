@@ -12,6 +12,7 @@
 use thiserror::Error;
 
 use super::report::Pacing;
+use crate::number::{rounded, short};
 use crate::realtime::{Clock, HistogramError, LatencyHistogram, Percentiles, SampleRate};
 
 /// Simulated seconds a second; 0 is as fast as it goes.
@@ -52,21 +53,22 @@ impl Speed {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum SpeedError {
     /// No speed at all.
-    #[error("the speed is {got}: it must be a number of simulated seconds a second, or 0 for as fast as it goes")]
+    #[error("the speed is {got}: it must be a number of simulated seconds a second, or 0 for as fast as it goes", got = short(.got))]
     Value {
         /// What was given.
         got: f64,
     },
     /// A run in real time has the speed of the clock.
-    #[error("the speed is {got}: a run in real time has the speed of the clock; take the mode lockstep or free")]
+    #[error("the speed is {got}: a run in real time has the speed of the clock; take the mode lockstep or free", got = short(.got))]
     RealTime {
         /// What was given.
         got: f64,
     },
     /// A sample takes so long that the partner would take the plant for lost.
     #[error(
-        "the speed is {got:e}: a sample would take {period_s:.3} s, and at most half of `network.lockstep_timeout_s` \
-         ({timeout_s} s) is possible, or each end takes the other for lost; the speed must be at least {least:.1e}"
+        "the speed is {got:e}: a sample would take {period_s} s, and at most half of `network.lockstep_timeout_s` \
+         ({timeout_s} s) is possible, or each end takes the other for lost; the speed must be at least {least:.1e}",
+        period_s = rounded(.period_s, 3), timeout_s = short(.timeout_s)
     )]
     TooSlow {
         /// What was given.

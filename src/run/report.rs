@@ -5,7 +5,8 @@ use serde::{Serialize, Serializer};
 use super::RunError;
 use super::bench::Bench;
 use crate::bus::Statistics;
-use crate::node::{self, Refusals, ResponsePoint};
+use crate::control::ResponsePoint;
+use crate::node::{self, Refusals};
 use crate::protocol::{Emergency, EmergencyCode, Refusal};
 use crate::realtime::Percentiles;
 use crate::recording::Summary;
@@ -35,7 +36,7 @@ impl Outcome {
     }
 }
 
-/// What a plant's run came to. As JSON it is the document of `resonarm run --json`.
+/// What a plant's run came to. As JSON it is the document of `resonarm run --json`, which adds the arm as `configuration`.
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
     /// How it ended.
@@ -199,7 +200,7 @@ pub fn fault_text(emergency: &Emergency) -> String {
         EmergencyCode::Incompatible => "start both ends with the same scenario and the same version",
         EmergencyCode::CommandOutOfRange => "lower the excitation's amplitude",
         EmergencyCode::SimulationFailed => {
-            "the load is beyond what the arm can be integrated for: lower the excitation"
+            "lower the excitation: the load is beyond what the arm can be integrated for, or what its shaker can give"
         }
         EmergencyCode::Overrun => "lower the rate, give the loop a core of its own, or take --overrun slip",
         EmergencyCode::BusLoss => "see whether the interface is up: `ip -details link show` has its state",

@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::thread;
 
 use super::bench::Bench;
@@ -13,6 +14,7 @@ use super::real_time::real_time;
 use super::record_sink::RecordSink;
 use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, Outcome, PlantReport, RunError, RunEvent, Signals};
 use crate::bus::{Bus, memory};
+use crate::control::Controller;
 use crate::node::{ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, unix_time_ns};
@@ -68,6 +70,16 @@ impl Default for Options {
     }
 }
 
+/// Makes the controller of a run.
+#[derive(Clone)]
+struct MakeController(Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>);
+
+impl core::fmt::Debug for MakeController {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("MakeController")
+    }
+}
+
 /// A scenario ready to run: plant on a bus, exciter on a bus, or both.
 #[derive(Clone, Debug)]
 pub struct Session {
@@ -78,6 +90,8 @@ pub struct Session {
     timing: Timing,
     plant: Plant,
     ending: Ending,
+    /// In place of the scenario's controller.
+    controller: Option<MakeController>,
 }
 
 impl Session {
@@ -100,7 +114,24 @@ impl Session {
             on_disarm: options.end_on_disarm,
             patience_ns: options.patience.map(|patience| u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX)),
         };
-        Ok(Session { scenario, mode, options, rate, timing, plant, ending })
+        Ok(Session { scenario, mode, options, rate, timing, plant, ending, controller: None })
+    }
+
+    /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for one.
+    #[must_use]
+    pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
+        Session { controller: Some(MakeController(Arc::new(make))), ..self }
+    }
+
+    /// The exciter's controller, with the scenario's limits, at sample 0.
+    ///
+    /// # Errors
+    /// [`RunError`] if the scenario has none.
+    pub fn controller(&self) -> Result<Box<dyn Controller>, RunError> {
+        match &self.controller {
+            Some(make) => Ok(self.scenario.limited(make.0())),
+            None => Ok(self.scenario.controller()?),
+        }
     }
 
     /// The scenario.
@@ -140,7 +171,7 @@ impl Session {
         Ok(finish_recording(recorder, report))
     }
 
-    /// Runs the exciter on `bus`, on the calling thread, until its profile is played, it faults, or it is asked to stop.
+    /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked to stop.
     ///
     /// # Errors
     /// [`RunError`] if the run can't begin. What ends it early is in the report.
@@ -222,7 +253,7 @@ impl Session {
 
     fn exciter_node(&self) -> Result<ExciterNode, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        Ok(ExciterNode::new(network, rate_hz, self.timing, self.scenario.profile()?))
+        Ok(ExciterNode::new(network, rate_hz, self.timing, self.controller()?))
     }
 
     pub(super) fn bench<'a>(

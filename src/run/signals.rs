@@ -11,6 +11,7 @@ use super::Fault;
 pub struct Signals {
     stop: AtomicBool,
     done: AtomicU64,
+    responses: AtomicU64,
 }
 
 impl Signals {
@@ -27,6 +28,15 @@ impl Signals {
     /// How far it is: the sample at which a run is, or what else the work counts.
     pub fn done(&self) -> u64 {
         self.done.load(Ordering::Relaxed)
+    }
+
+    /// How many responses the exciter has read.
+    pub fn responses(&self) -> u64 {
+        self.responses.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_responses(&self, responses: usize) {
+        self.responses.store(responses as u64, Ordering::Relaxed);
     }
 
     pub(crate) fn set_done(&self, done: u64) {

@@ -86,7 +86,7 @@ impl NodeBus {
             Mode::Lockstep | Mode::Free => scenario.lockstep_timing().unwrap(),
         };
         let (network, rate_hz) = (scenario.network().unwrap(), scenario.wire_rate_hz().unwrap());
-        let mut exciter = ExciterNode::new(network, rate_hz, timing, scenario.profile().unwrap());
+        let mut exciter = ExciterNode::new(network, rate_hz, timing, scenario.controller().unwrap());
         exciter.start(clock.now_ns());
         let statistics = Statistics::default();
         NodeBus { exciter, clock: clock.clone(), down_ns: 0..0, statistics, heard: Vec::new() }

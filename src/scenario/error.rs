@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::arm::ArmError;
-use crate::excitation::ExcitationError;
+use crate::control::ControlError;
+use crate::excitation::{ExcitationError, LoadFileError};
 use crate::number::short;
+use crate::plant::PlantSpecError;
 use crate::protocol::NetworkError;
 use crate::toml_error::TomlError;
 
@@ -21,6 +23,22 @@ pub enum ScenarioError {
         path: PathBuf,
         /// Why.
         source: std::io::Error,
+    },
+    /// The load file can't be read.
+    #[error("can't read the load file {}: {source}; `excitation.profile.path` counts from the scenario's folder", path.display())]
+    ReadLoad {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The load file holds no load.
+    #[error("load file {}: {source}", path.display())]
+    LoadFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: LoadFileError,
     },
     /// The text is no scenario.
     #[error(transparent)]
@@ -37,6 +55,15 @@ pub enum ScenarioError {
     /// The excitation can't be played.
     #[error(transparent)]
     Excitation(#[from] ExcitationError),
+    /// The loop can't be closed so.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// An excitation and a control.
+    #[error("the scenario has both [excitation] and [control]: an exciter has one controller; leave one out")]
+    TwoControllers,
+    /// The simulation has impossible steps.
+    #[error("simulation: {0}")]
+    Plant(#[from] PlantSpecError),
     /// The base identifier is impossible.
     #[error("network.base_id: {0}")]
     Network(#[from] NetworkError),
@@ -58,8 +85,8 @@ pub enum ScenarioError {
     /// The excitation is more than the exciter can produce or the wire can carry.
     #[error("{name} is {got}, beyond {limit_name}, {limit}: {mend}", got = short(.got), limit = short(.limit))]
     BeyondLimit {
-        /// The key of the excitation.
-        name: &'static str,
+        /// The key.
+        name: String,
         /// What was given, in the unit of the key.
         got: f64,
         /// What limits it.
@@ -68,6 +95,18 @@ pub enum ScenarioError {
         limit: f64,
         /// How to mend it.
         mend: &'static str,
+    },
+    /// A load that does not point along the shaker.
+    #[error(
+        "{section}.amplitude does not point along the shaker, at {direction_deg}° to the x axis: give `force_x_n` and `force_y_n` in \
+         that direction alone, turn the shaker (`rig.shaker.direction_deg`), or leave `[rig.shaker]` out for an ideal exciter, which \
+         takes torques, too", direction_deg = short(.direction_deg)
+    )]
+    AcrossShaker {
+        /// The section.
+        section: String,
+        /// Where the shaker points, degrees.
+        direction_deg: f64,
     },
     /// A number is impossible.
     #[error("{name} is {got}: it must be {expected}", got = short(.got))]
@@ -93,7 +132,9 @@ pub enum ScenarioError {
         most: u64,
     },
     /// An exciter was asked for, and the scenario has nothing to play.
-    #[error("the scenario has no [excitation]: add one, as scenarios/demo.toml shows")]
+    #[error(
+        "the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show"
+    )]
     NoExcitation,
     /// The recording says nothing of a scenario.
     #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]

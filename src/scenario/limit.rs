@@ -1,36 +1,61 @@
-//! The excitation against what its exciter can produce and what the wire can carry.
+//! The load that is asked for against what the exciter can produce and the wire can carry.
 
 use super::ScenarioError;
 use crate::excitation::Amplitude;
 use crate::protocol::scaling::{FORCE, Scale, TORQUE};
-use crate::rig::ExciterSpec;
+use crate::rig::{Exciter, ExciterSpec, ShakerSpec};
 
-/// Checks the crest of an excitation, as it is and as the wire rounds it: a command beyond the limit would be refused sample
+/// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit would be refused sample
 /// by sample.
-pub(super) fn check(amplitude: &Amplitude, exciter: &ExciterSpec) -> Result<(), ScenarioError> {
+pub(super) fn check(section: &str, amplitude: &Amplitude, exciter: &Exciter) -> Result<(), ScenarioError> {
+    match exciter {
+        Exciter::Ideal(spec) => check_ideal(section, amplitude, spec),
+        Exciter::Shaker(spec) => check_shaker(section, amplitude, spec),
+    }
+}
+
+fn check_ideal(section: &str, amplitude: &Amplitude, exciter: &ExciterSpec) -> Result<(), ScenarioError> {
     let force = (FORCE, "rig.exciter.force_limit_n", exciter.force_limit_n);
     let torque = (TORQUE, "rig.exciter.torque_limit_nm", exciter.torque_limit_nm);
-    check_axis("excitation.amplitude.force_x_n", amplitude.force_x_n, force)?;
-    check_axis("excitation.amplitude.force_y_n", amplitude.force_y_n, force)?;
-    check_axis("excitation.amplitude.torque1_nm", amplitude.torque1_nm, torque)?;
-    check_axis("excitation.amplitude.torque2_nm", amplitude.torque2_nm, torque)
+    check_axis((section, "force_x_n"), amplitude.force_x_n, force)?;
+    check_axis((section, "force_y_n"), amplitude.force_y_n, force)?;
+    check_axis((section, "torque1_nm"), amplitude.torque1_nm, torque)?;
+    check_axis((section, "torque2_nm"), amplitude.torque2_nm, torque)
+}
+
+/// A shaker takes forces along itself; its limit is that of the force's size, the wire's that of each axis.
+fn check_shaker(section: &str, amplitude: &Amplitude, shaker: &ShakerSpec) -> Result<(), ScenarioError> {
+    if !shaker.is_along(&amplitude.load()) {
+        return Err(ScenarioError::AcrossShaker { section: section.to_string(), direction_deg: shaker.direction_deg });
+    }
+    let limit = (FORCE, "the shaker's blocked force", shaker.force_limit_n());
+    check_axis((section, "force_x_n"), amplitude.force_x_n, limit)?;
+    check_axis((section, "force_y_n"), amplitude.force_y_n, limit)?;
+    let (got, limit) = (shaker.along_n(&amplitude.load()).abs(), shaker.force_limit_n());
+    if got > limit {
+        let (name, limit_name) = (format!("{section}.amplitude"), "the shaker's blocked force");
+        let mend = "lower it, or raise `current_limit_a` or `voltage_limit_v` of `rig.shaker` if it has more";
+        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, mend });
+    }
+    Ok(())
 }
 
 fn check_axis(
-    name: &'static str,
+    (section, key): (&str, &str),
     got: f64,
     (scale, limit_name, limit): (Scale, &'static str, f64),
 ) -> Result<(), ScenarioError> {
+    let name = || format!("{section}.amplitude.{key}");
     let counts = f64::from(scale.counts_per_unit());
     let sent = libm::rint(got.abs() * counts) / counts;
     if got.abs() > limit || sent > limit {
         let mend = "lower it, or raise the limit if the exciter has more";
-        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, mend });
+        return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, mend });
     }
     if sent > scale.max() {
         let mend = "lower it: a command can't say more";
         return Err(ScenarioError::BeyondLimit {
-            name,
+            name: name(),
             got,
             limit_name: "the range of the wire",
             limit: scale.max(),
@@ -38,4 +63,18 @@ fn check_axis(
         });
     }
     Ok(())
+}
+
+/// The largest load along `amplitude` that the exciter can produce and the wire can carry, N or N·m.
+pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter) -> f64 {
+    let (force_limit_n, torque_limit_nm) = exciter.limits();
+    let (limit, scale) = if amplitude.is_torque() { (torque_limit_nm, TORQUE) } else { (force_limit_n, FORCE) };
+    let load = amplitude.load();
+    let (size, crest) =
+        (libm::hypot(load.force_n.norm(), load.torque_nm.norm()), load.force_n.amax().max(load.torque_nm.amax()));
+    match exciter {
+        // Each axis has its own limit.
+        Exciter::Ideal(_) => limit.min(scale.max()) * size / crest,
+        Exciter::Shaker(_) => limit.min(scale.max() * size / crest),
+    }
 }

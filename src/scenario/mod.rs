@@ -3,11 +3,11 @@
 //! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
 //! nearest known one. The whole scenario, defaults written out, goes into the recording.
 
+mod abort_limits;
 mod error;
 mod label;
 mod limit;
 mod provenance;
-pub(crate) mod seed;
 
 pub use error::ScenarioError;
 
@@ -16,10 +16,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::arm::{Arm, Parameters, Pose, Preset, State};
-use crate::excitation::{ExcitationSpec, Profile};
+use crate::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop};
+use crate::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use crate::integrate::Scheme;
 use crate::node::Timing;
-use crate::plant::PlantSpec;
+use crate::plant::{self, PlantSpec};
 use crate::protocol::{Network, timing};
 use crate::rig::RigSpec;
 use crate::text_file;
@@ -48,6 +49,12 @@ pub struct Scenario {
     /// What the exciter controller plays, if the scenario says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation: Option<ExcitationSpec>,
+    /// How the exciter controller closes a loop, in place of an excitation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<ControlSpec>,
+    /// Beyond which limits the exciter controller gives up, whatever it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSpec>,
 }
 
 /// The arm and how it starts.
@@ -86,12 +93,12 @@ impl Default for ArmSection {
 pub struct SimulationSection {
     /// Samples a second, whole Hz from 1 to 65535: the wire states it so. At least 100 in real time.
     pub rate_hz: f64,
-    /// Integration steps a sample, even and at least 2.
+    /// Integration steps a sample, even, from 2 to [`MOST_STEPS_PER_SAMPLE`](plant::MOST_STEPS_PER_SAMPLE).
     pub steps_per_sample: u32,
     /// Integration scheme.
     pub scheme: Scheme,
     /// Seed of all noise.
-    #[serde(with = "seed")]
+    #[serde(with = "crate::seed")]
     pub seed: u64,
     /// Length of the run, s; without it the run goes on until it is stopped.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -148,16 +155,33 @@ impl Default for RecordingSection {
 }
 
 impl Scenario {
-    /// Reads a scenario file.
+    /// Reads a scenario file, and the load file that it names, which is looked for from the scenario's folder.
     ///
     /// # Errors
-    /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario.
+    /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario;
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file.
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
         let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
-        Scenario::parse(&text, &path.display().to_string())
+        let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
+        scenario.read_load(path.parent().unwrap_or(Path::new("")))?;
+        Ok(scenario)
     }
 
-    /// Reads a scenario from its text; `origin` is what to call it in messages.
+    /// Reads the load file of the excitation, if it has one.
+    fn read_load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
+        let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
+        let path = folder.join(path);
+        let text = match text_file::read_numbers(&path) {
+            Ok(text) => text,
+            Err(source) => return Err(ScenarioError::ReadLoad { path, source }),
+        };
+        *load = Some(LoadFile::parse(&text).map_err(|source| ScenarioError::LoadFile { path, source })?);
+        Ok(())
+    }
+
+    /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read, so
+    /// that an excitation of it can't be played.
     ///
     /// # Errors
     /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.
@@ -171,17 +195,27 @@ impl Scenario {
         toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
     }
 
-    /// Checks what no run can use, whatever its mode: the timeouts, and the excitation against its exciter's limits. What
+    /// Checks what no run can use, whatever its mode: the steps a sample, the timeouts, and the excitation against its exciter's limits. What
     /// flags of the command line may still replace is checked where it is used.
     ///
+    /// The limits that end a run are checked against the load and the instruments.
+    ///
     /// # Errors
-    /// [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour, [`ScenarioError::BeyondLimit`]
+    /// [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour
+    /// and for limits that contradict, [`ScenarioError::BeyondLimit`]
     /// for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
+        plant::check_steps_per_sample(self.simulation.steps_per_sample)?;
         timeout("network.command_timeout_s", self.network.command_timeout_s)?;
         timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
         timeout("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
-        self.excitation.as_ref().map_or(Ok(()), |spec| limit::check(&spec.amplitude, &self.rig.exciter))
+        abort_limits::check(self)?;
+        match (&self.excitation, &self.control) {
+            (Some(_), Some(_)) => Err(ScenarioError::TwoControllers),
+            (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive()),
+            (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive()),
+            (None, None) => Ok(()),
+        }
     }
 
     /// The scenario as TOML, with every default written out.
@@ -230,7 +264,7 @@ impl Scenario {
             scheme: self.simulation.scheme,
             sample_rate_hz: self.simulation.rate_hz,
             steps_per_sample: self.simulation.steps_per_sample,
-            rig: self.rig,
+            rig: self.rig.clone(),
             seed: self.simulation.seed,
         })
     }
@@ -305,6 +339,34 @@ impl Scenario {
         Ok(Timing::lockstep(nanoseconds(timeout_s)))
     }
 
+    /// The exciter's controller, with the limits, at sample 0.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Control`] if a loop can't be closed so, [`ScenarioError::TwoControllers`] if the scenario has an
+    /// excitation as well, and without a control as [`Scenario::profile`].
+    pub fn controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
+        self.check()?;
+        Ok(self.limited(self.unlimited_controller()?))
+    }
+
+    /// The same controller with the limits, if the scenario has some.
+    pub(crate) fn limited(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
+        match self.limits {
+            Some(limits) => Box::new(Limited::new(controller, limits, self.simulation.rate_hz)),
+            None => controller,
+        }
+    }
+
+    fn unlimited_controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
+        match &self.control {
+            None => Ok(Box::new(OpenLoop::new(self.profile()?))),
+            Some(spec) => {
+                let limit = limit::largest(spec.amplitude(), &self.rig.drive());
+                Ok(spec.controller(&self.build_arm()?, self.simulation.rate_hz, limit)?)
+            }
+        }
+    }
+
     /// What the exciter plays.
     ///
     /// # Errors
@@ -312,7 +374,7 @@ impl Scenario {
     /// [`ScenarioError::BeyondLimit`] if it is more than the exciter can produce or the wire can carry.
     pub fn profile(&self) -> Result<Profile, ScenarioError> {
         let spec = self.excitation.as_ref().ok_or(ScenarioError::NoExcitation)?;
-        limit::check(&spec.amplitude, &self.rig.exciter)?;
+        limit::check("excitation", &spec.amplitude, &self.rig.drive())?;
         Ok(Profile::new(spec, self.simulation.rate_hz)?)
     }
 }

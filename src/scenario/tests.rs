@@ -58,7 +58,7 @@ fn says_what_is_wrong_with_the_numbers() {
     insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz)");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.019\nsimulation.rate_hz = 100"), @"network.command_timeout_s is 0.019: it must be at least two samples long (2 / simulation.rate_hz)");
     insta::assert_snapshot!(says("simulation.rate_hz = 99\nnetwork.command_timeout_s = 0.1"), @"simulation.rate_hz is 99: a run in real time needs at least 100 Hz; lockstep and free runs take any rate");
-    insta::assert_snapshot!(says(""), @"the scenario has no [excitation]: add one, as scenarios/demo.toml shows");
+    insta::assert_snapshot!(says(""), @"the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show");
 }
 
 #[test]
@@ -67,6 +67,9 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
     insta::assert_snapshot!(says("network.command_timeout_s = 1.9e10"), @"network.command_timeout_s is 19000000000: it must be a positive number of seconds, at most 3600");
     insta::assert_snapshot!(says("network.partner_timeout_s = 0"), @"network.partner_timeout_s is 0: it must be a positive number of seconds, at most 3600");
     insta::assert_snapshot!(says("network.lockstep_timeout_s = nan"), @"network.lockstep_timeout_s is NaN: it must be a positive number of seconds, at most 3600");
+    insta::assert_snapshot!(says("simulation.steps_per_sample = 1002"), @"simulation: `steps_per_sample` is 1002: it must be even, since the instruments sample in the middle, and from 2 to 1000");
+    insta::assert_snapshot!(says("simulation.steps_per_sample = 3"), @"simulation: `steps_per_sample` is 3: it must be even, since the instruments sample in the middle, and from 2 to 1000");
+    assert!(parse("simulation.steps_per_sample = 1000").is_ok());
     let plays = |rig: &str, amplitude: &str| {
         let profile = "profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 0.5 }";
         parse(&format!("{rig}\n[excitation]\namplitude = {{ {amplitude} }}\n{profile}"))

@@ -123,7 +123,13 @@ fn a_document_that_the_forced_response_passes_through() {
 fn a_figure_over_the_forced_response() {
     let folder = tempfile::tempdir().unwrap();
     let stem = folder.path().join("backbone");
-    done(&format!("backbone --torque1-nm=60 --plot={}", stem.display()));
+    let said = done(&format!("backbone --torque1-nm=60 --plot={}", stem.display()));
+    insta::assert_snapshot!(said.replace(&folder.path().display().to_string(), "."), @r"
+    irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
+
+    softening: -0.093994 Hz (-0.4242 %) at |α1| = 0.274462 rad; at small amplitudes a of α1, df/d(a²) = -1.68246 Hz/rad²
+    written to ./backbone.svg, ./backbone.png, ./backbone-response.csv, ./backbone.csv, ./backbone.json
+    ");
     let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
     for part in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
         assert!(svg.contains(part), "{part}");
@@ -143,7 +149,9 @@ fn figures_of_branches_have_their_numbers_beside_them() {
     let folder = tempfile::tempdir().unwrap();
     let stem = folder.path().join("branch");
     let command = "continue --parameter=beta2_deg --torque1-nm=60 --frequency-hz=22 --from-deg=55 --to-deg=60";
-    done(&format!("{command} --curves-in=amplitude --curves-to=50 --plot={}", stem.display()));
+    let said = done(&format!("{command} --curves-in=amplitude --curves-to=50 --plot={}", stem.display()));
+    let said = said.replace(&folder.path().display().to_string(), ".");
+    insta::assert_snapshot!(said.lines().last().unwrap(), @"written to ./branch.svg, ./branch.png, ./branch.csv, ./branch-curves.svg, ./branch-curves.png, ./branch-curves.csv, ./branch.json");
     let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
     let svg = read(".svg");
     assert!(svg.contains("irb1600-fitted, β₁ = 0°, 60 N·m at joint 1, 22 Hz"), "{svg}");

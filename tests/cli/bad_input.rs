@@ -70,7 +70,7 @@ fn scenarios_that_cannot_be_read() {
       |
     2 | profile = { waveform = 'chirp' }
       |                        ^^^^^^^
-    unknown variant `chirp`, expected one of `dwell`, `stepped-sine`, `swept-sine`, `impulse`
+    unknown variant `chirp`, expected one of `dwell`, `stepped-sine`, `swept-sine`, `impulse`, `random`, `burst-random`, `multisine`, `file`
     ");
     assert_snapshot!(scenario("[arm]\nbeta1_deg = 'up'"), @r#"
     resonarm: scenario.toml: TOML parse error at line 2, column 13
@@ -79,7 +79,7 @@ fn scenarios_that_cannot_be_read() {
       |             ^^^^
     invalid type: string "up", expected f64
     "#);
-    assert_snapshot!(scenario("[arm]\nbeta1_deg = 3"), @"resonarm: the scenario has no [excitation]: add one, as scenarios/demo.toml shows");
+    assert_snapshot!(scenario("[arm]\nbeta1_deg = 3"), @"resonarm: the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show");
 }
 
 #[test]
@@ -95,6 +95,13 @@ fn scenarios_that_are_too_much() {
     assert_snapshot!(scenario("arm.beta1_deg = 1e300\nexcitation = { amplitude = { force_x_n = 1 }, profile = { waveform = 'swept-sine', from_hz = 1, to_hz = 2, duration_s = 1 } }"), @"resonarm: pose angle `beta1_deg` is 1e300: it must be a number from -360 to 360 degrees");
     let run = ["run", "--mode", "free", "--duration-s", "1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 are simulated; leave it out for a run until it is stopped");
+    let run = ["run", "--mode", "free", "--speed", "-1e300"];
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is -1e300: it must be a number of simulated seconds a second, or 0 for as fast as it goes");
+    let run = ["run", "--mode", "free", "--speed", "1e-300"];
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, and at most half of `network.lockstep_timeout_s` (1 s) is possible, or each end takes the other for lost; the speed must be at least 2.0e-3");
+    let run = ["run", "--bus", "memory", "--patience-s", "-1e300"];
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(complaint(here(), 2, &["backbone", "--to-rad", "1e300"]), @"resonarm: --to-rad is 1e300: it must be above 0 and at most 3.1416 rad");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 4e18 steps at 4000 Hz: at most 10000000000 are made; take a shorter time or a lower rate");
 }
 

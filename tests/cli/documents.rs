@@ -185,14 +185,16 @@ fn simulate_meets_the_oracles() {
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
 }
 
-/// Every document of an analysis says of which arm it is, in which pose, with all of its parameters; headers say what differs from
+/// Every document of an analysis or a run says of which arm it is, in which pose, with all of its parameters; headers say what differs from
 /// the preset.
 #[test]
 fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
     let folder = tempfile::tempdir().unwrap();
-    let text = "arm = { beta1_deg = 20, beta2_deg = 30, parameters = { mass2_kg = 40 } }";
+    let text = "arm = { beta1_deg = 20, beta2_deg = 30, parameters = { mass2_kg = 40 } }
+        excitation.amplitude.force_x_n = 1
+        excitation.profile = { waveform = 'dwell', frequency_hz = 10, duration_s = 0.3, settle_s = 0.1 }";
     std::fs::write(folder.path().join("own.toml"), text).unwrap();
-    let commands: [&[&str]; 7] = [
+    let commands: [&[&str]; 9] = [
         &["modes"],
         &["frf", "--points", "2"],
         &["simulate", "--duration-s", "0.01"],
@@ -200,6 +202,8 @@ fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
         &["continue", "--torque1-nm", "1", "--from-hz", "10", "--to-hz", "10.1"],
         &["backbone", "--mode", "1", "--to-rad", "0.001"],
         &["poincare", "--torque1-nm", "1", "--frequency-hz", "10", "--time-constants", "0.01"],
+        &["run", "--mode", "free", "--duration-s", "0.1"],
+        &["demo", "--speed", "0"],
     ];
     for command in commands {
         let got = document(folder.path(), 0, &[command, &["--scenario", "own.toml", "--json"]].concat());
@@ -236,7 +240,9 @@ fn run_reports_steps_bus_and_recording() {
     let got = document(folder.path(), 0, &run);
     let keys = [
         "bus",
+        "configuration",
         "error",
+        "exciter",
         "exec_us",
         "fault",
         "outcome",
@@ -244,6 +250,7 @@ fn run_reports_steps_bus_and_recording() {
         "pacing",
         "recording",
         "refused",
+        "responses",
         "samples",
         "slipped",
         "steps",

@@ -3,7 +3,10 @@
 
 mod backbone;
 mod bad_input;
+mod compare;
 mod documents;
+mod figures;
+mod identify;
 mod integrators;
 mod numbers;
 mod paper;

@@ -57,6 +57,9 @@ fn every_figure_is_there_in_four_forms_and_its_numbers_are_finite() {
             let picture = fs::read_to_string(stem.with_extension("svg")).unwrap();
             let unit = if figure == "fig5" { "(N·m)" } else { "(Hz)" };
             assert!(picture.contains(unit) && !picture.contains("NaN"), "{figure}");
+            if figure != "fig3" {
+                crate::figures::unstable_motions_are_dashed(&picture);
+            }
             for pose in ["0°", "30°", "60°", "90°", "120°", "150°"] {
                 let seen = picture.matches(&format!(">{pose}<")).count();
                 assert!(

@@ -40,13 +40,13 @@ fn lines(path: &Path) -> usize {
     std::fs::read_to_string(path).map_or(0, |text| text.lines().count())
 }
 
-/// Looks every tenth of a second, for a minute at most.
+/// Looks every hundredth of a second, for a minute at most: what is waited for takes parts of a second of processor time.
 #[allow(clippy::disallowed_methods, reason = "it waits for another process")]
 fn wait_until(what: &str, reached: impl Fn() -> bool) {
-    let waited = (0..600).any(|_| {
+    let waited = (0..6000).any(|_| {
         let now = reached();
         if !now {
-            std::thread::sleep(Duration::from_millis(100));
+            std::thread::sleep(Duration::from_millis(10));
         }
         now
     });
@@ -61,6 +61,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
     let partial = stopped.join("sweep.partial.jsonl");
 
     let first = into(&stopped, &SWEEP).spawn().unwrap();
+    // The 192 points behind it take seconds of processor time: should this process be held up now, some are left.
     wait_until("ten points", || lines(&partial) > 10);
     kill_process(Pid::from_child(&first), Signal::INT).unwrap();
     let output = first.wait_with_output().unwrap();

@@ -26,7 +26,7 @@ from processes import RESONARM
 from recordings import Recording
 
 STOP_S = 0.3
-PROFILE_S = 20.4
+WALK_S = 40
 
 
 def demo(arguments, number):
@@ -37,14 +37,14 @@ def demo(arguments, number):
         # Reproducible moments, different in each run.
         chance = random.Random(number)
         for _ in range(arguments.stops):
-            time.sleep(chance.uniform(0.3, 0.9) * PROFILE_S / max(arguments.stops, 1) / max(arguments.speed, 1))
+            time.sleep(chance.uniform(0.3, 0.9) * WALK_S / max(arguments.stops, 1) / max(arguments.speed, 1))
             process.send_signal(signal.SIGSTOP)
             time.sleep(STOP_S)
             process.send_signal(signal.SIGCONT)
         _, said = process.communicate()
         if process.returncode != 0:
             return process.returncode, said.decode()
-        states = np.ascontiguousarray(Recording.whole(Path(folder) / "demo.mcap").steps)
+        states = np.ascontiguousarray(Recording.whole(Path(folder) / "demo.mcap").states)
         return 0, f"{len(states)} samples, sha256 {hashlib.sha256(states.tobytes()).hexdigest()[:16]}"
 
 

@@ -9,4 +9,5 @@ mod integrators;
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;
 mod oracles;
+mod phase_walk;
 mod sweeps_and_branches;

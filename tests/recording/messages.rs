@@ -36,6 +36,7 @@ fn of_options_that_make_no_sense() -> Outcome {
     let path = directory.path().join("run.mcap");
     let create = |options| text(Recorder::create(&path, &Configuration::new(), options), &directory);
     insta::assert_snapshot!(create(Options { dt_s: f64::NAN, ..options() })?, @"recording option `dt_s` is NaN, expected a finite time above 0 s");
+    insta::assert_snapshot!(create(Options { dt_s: -1e300, ..options() })?, @"recording option `dt_s` is -1e300, expected a finite time above 0 s");
     insta::assert_snapshot!(create(Options { dt_s: 0.0, ..options() })?, @"recording option `dt_s` is 0, expected a finite time above 0 s");
     insta::assert_snapshot!(create(Options { batch_samples: 0, ..options() })?, @"recording option `batch_samples` is 0, expected at least 1");
     insta::assert_snapshot!(create(Options { plot_every_samples: 1001, ..options() })?, @"recording option `plot_every_samples` is 1001, expected at most 1000");

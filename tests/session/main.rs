@@ -1,7 +1,10 @@
 //! What a session is made of: scenarios, and the real-time loop.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
+mod closed_loop;
 mod examples;
+mod faults;
+mod limits;
 #[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;

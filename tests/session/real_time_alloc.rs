@@ -1,7 +1,10 @@
 //! The tick path of the real-time loop takes no memory. The guard aborts the process at the first allocation.
 
 use assert_no_alloc::assert_no_alloc;
+use resonarm::arm::Load;
+use resonarm::plant::Plant;
 use resonarm::realtime::{Clock, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup, unix_time_ns};
+use resonarm::scenario::Scenario;
 
 #[test]
 fn ticks_on_time_late_and_failed_allocate_nothing() {
@@ -27,4 +30,32 @@ fn ticks_on_time_late_and_failed_allocate_nothing() {
         periodic.tick()
     });
     assert!(error.is_err());
+}
+
+/// With every part of the chain and every kind of fault.
+#[test]
+fn instruments_at_work_allocate_nothing() {
+    let chain = "transverse = 0.03, gain = 1.02, highpass_hz = 0.5, lowpass_hz = 200, delay_samples = 3, bits = 24";
+    let fault = |kind: &str| format!("{{ instrument = 'accelerometer_b', from_s = 0.02, to_s = 0.05, kind = {kind} }}");
+    let faults = [
+        "'noise', rms_m_s2 = 1",
+        "'drift', rate_m_s2_per_s = 1",
+        "'spike', amplitude_m_s2 = 9",
+        "'stuck'",
+        "'dropout'",
+    ];
+    let text = format!(
+        "[rig]\naccelerometer_b = {{ {chain}, gravity_m_s2 = 9.81 }}\nimpedance_head = {{ {chain} }}\nfaults = [{}]",
+        faults.map(fault).join(", ")
+    );
+    let mut plant = Plant::new(&Scenario::parse(&text, "test").unwrap().plant_spec().unwrap()).unwrap();
+    let zero = assert_no_alloc(|| {
+        let samples = (0..100).filter(|_| {
+            let [x, y] = plant.measure().acceleration_b_m_s2;
+            plant.advance(&Load::force_n(5.0, 5.0)).is_ok() && x.value == 0.0 && y.value == 0.0
+        });
+        samples.count()
+    });
+    // The delay's three at rest, of which the high-pass leaves nothing, and those of the dropout.
+    assert_eq!(zero, 3 + 30);
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use resonarm::arm::{Gravity, Preset};
 use resonarm::plant::Plant;
+use resonarm::rig::RigSpec;
 use resonarm::scenario::Scenario;
 use toml::{Table, Value};
 
@@ -14,7 +15,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 #[test]
-fn every_scenario_makes_a_plant_and_a_profile() {
+fn every_scenario_makes_a_plant_and_a_controller() {
     let mut scenarios = 0;
     for name in ["scenarios", "recordings"] {
         let paths = fs::read_dir(folder(name)).unwrap().map(|entry| entry.unwrap().path());
@@ -22,7 +23,7 @@ fn every_scenario_makes_a_plant_and_a_profile() {
             let check = || -> Result<(), Box<dyn std::error::Error>> {
                 let scenario = Scenario::read(&path)?;
                 Plant::new(&scenario.plant_spec()?)?;
-                scenario.profile()?;
+                scenario.controller()?;
                 scenario.wire_rate_hz()?;
                 scenario.network()?;
                 scenario.real_time_timing()?;
@@ -41,6 +42,10 @@ fn flatten(prefix: &str, table: &Table, into: &mut BTreeMap<String, Value>) {
     for (key, value) in table {
         match value {
             Value::Table(inner) => flatten(&format!("{prefix}{key}."), inner, into),
+            Value::Array(tables) if tables.iter().any(Value::is_table) => {
+                let tables = tables.iter().filter_map(Value::as_table);
+                tables.for_each(|inner| flatten(&format!("{prefix}{key}."), inner, into));
+            }
             value => drop(into.insert(format!("{prefix}{key}"), value.clone())),
         }
     }
@@ -54,14 +59,61 @@ fn keys_of(scenario: &Scenario) -> BTreeMap<String, Value> {
 
 /// A scenario that states every key but those of the other waveforms.
 fn full(waveform: &str) -> Scenario {
-    let amplitude = "force_x_n = 1.0, force_y_n = 1.0, torque1_nm = 1.0, torque2_nm = 1.0";
-    let text = format!(
-        "simulation = {{ duration_s = 1.0 }}\nexcitation = {{ amplitude = {{ {amplitude} }}, profile = {{ {waveform} }} }}"
+    let profile = format!("excitation = {{ amplitude = {{ {AMPLITUDE} }}, profile = {{ {waveform} }} }}");
+    with_every_other_key(&profile)
+}
+
+/// The same with a control.
+fn controlled() -> Scenario {
+    let spec = "mode_number = 2, points = 7, from_part = 0.5, from_lag_deg = 20, to_lag_deg = 30";
+    with_every_other_key(&format!("control = {{ law = 'phase-walk', amplitude = {{ {AMPLITUDE} }}, {spec} }}"))
+}
+
+/// The same with the force in the head kept.
+fn force_controlled(waveform: &str) -> Scenario {
+    let profile = format!("ramp_s = 1.0, notch_b_m_s2 = 1.0, notch_c_m_s2 = 1.0, profile = {{ {waveform} }}");
+    with_every_other_key(&format!("control = {{ law = 'force-control', amplitude = {{ {AMPLITUDE} }}, {profile} }}"))
+}
+
+const SHAKER: &str = "[rig.shaker]
+moving_mass_kg = 0.2
+stiffness_n_m = 5e3
+damping_n_s_m = 5.0
+force_factor_n_a = 20.0
+resistance_ohm = 2.0
+inductance_h = 3e-4
+stroke_m = 0.02
+current_limit_a = 15.0
+voltage_limit_v = 60.0";
+
+const AMPLITUDE: &str = "force_x_n = 1.0, force_y_n = 1.0, torque1_nm = 1.0, torque2_nm = 1.0";
+
+/// Every key of an instrument, also those that state the same, which no instrument takes together.
+const ACCELEROMETER: &str = "noise_rms_m_s2 = 1, noise_density_m_s2_per_sqrt_hz = 1, resolution_m_s2 = 1, bits = 2, \
+    gravity_m_s2 = 9.81, sensor_range_m_s2 = 1, transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
+const HEAD: &str = "noise_rms_n = 1, noise_density_n_per_sqrt_hz = 1, resolution_n = 1, bits = 2, sensor_range_n = 1, \
+    transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
+const FAULT: &str = "instrument = 'accelerometer_b', kind = 'drift', from_s = 1, to_s = 2, rate_m_s2_per_s = 1, \
+    rate_n_per_s = 1, rms_m_s2 = 1, rms_n = 1, amplitude_m_s2 = 1, amplitude_n = 1";
+const LIMITS: &str = "force_n = 1\ntorque_nm = 1\nacceleration_m_s2 = 1\ndistortion = 1\nclipped_samples = 1\n\
+    stuck_samples = 2\nstuck_above_n = 1\nstuck_above_nm = 1";
+
+fn rig() -> RigSpec {
+    let instruments = format!(
+        "accelerometer_b = {{ {ACCELEROMETER} }}\naccelerometer_c = {{ {ACCELEROMETER} }}\nimpedance_head = {{ {HEAD} }}\n\
+         faults = [{{ {FAULT} }}]"
     );
+    Scenario::parse(&format!("[rig]\n{instruments}\n{SHAKER}"), "rig").unwrap().rig
+}
+
+fn with_every_other_key(section: &str) -> Scenario {
+    let text = format!("simulation = {{ duration_s = 1.0 }}\n{section}");
     let mut scenario = Scenario::parse(&text, "full").unwrap();
     let mut parameters = Preset::default().parameters().unwrap();
     parameters.gravity = Some(Gravity { gravity_m_s2: 9.80665, mass1_kg: 1.0, centre1_m: 0.1 });
     scenario.arm.parameters = Table::try_from(parameters).unwrap();
+    scenario.rig = rig();
+    scenario.limits = Some(toml::from_str(LIMITS).unwrap());
     scenario
 }
 
@@ -86,8 +138,16 @@ fn the_table_of_keys_has_every_key_and_no_other() {
         "waveform = 'stepped-sine', from_hz = 1, to_hz = 1, steps = 1, dwell_s = 1, settle_s = 1",
         "waveform = 'swept-sine', from_hz = 1, to_hz = 1, duration_s = 1",
         "waveform = 'impulse', pulse_s = 1, duration_s = 1",
+        "waveform = 'random', from_hz = 1, to_hz = 1, duration_s = 1",
+        "waveform = 'burst-random', from_hz = 1, to_hz = 1, burst_s = 1, period_s = 1, periods = 1",
+        "waveform = 'multisine', from_hz = 1, to_hz = 1, period_s = 1, periods = 1",
+        "waveform = 'file', path = 'load.csv'",
     ];
     let mut known: Vec<String> = waveforms.iter().flat_map(|waveform| keys_of(&full(waveform)).into_keys()).collect();
+    known.extend(keys_of(&controlled()).into_keys());
+    for waveform in &waveforms[..2] {
+        known.extend(keys_of(&force_controlled(waveform)).into_keys());
+    }
     known.sort();
     known.dedup();
     let documented: Vec<String> = documented().into_keys().collect();
@@ -106,4 +166,31 @@ fn the_table_of_keys_states_the_defaults() {
             (stated, value) => assert_eq!(stated, value, "{key}"),
         }
     }
+}
+
+#[test]
+fn a_load_file_is_read_from_the_scenarios_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scenario.toml");
+    let profile = "profile = { waveform = 'file', path = 'load.csv' }";
+    fs::write(&path, format!("[excitation]\namplitude = {{ torque2_nm = 20 }}\n{profile}\n")).unwrap();
+    let said = |scenario: Result<Scenario, _>| {
+        let error: resonarm::scenario::ScenarioError = scenario.unwrap_err();
+        error.to_string().replace(folder.path().to_str().unwrap(), "FOLDER")
+    };
+    assert_eq!(
+        said(Scenario::read(&path)),
+        "can't read the load file FOLDER/load.csv: No such file or directory (os error 2); `excitation.profile.path` counts \
+         from the scenario's folder"
+    );
+    fs::write(folder.path().join("load.csv"), "1\nx\n").unwrap();
+    assert_eq!(said(Scenario::read(&path)), "load file FOLDER/load.csv: line 2: `x` is no finite number");
+    fs::write(folder.path().join("load.csv"), "1\n-2\n").unwrap();
+    let scenario = Scenario::read(&path).unwrap();
+    let profile = scenario.profile().unwrap();
+    let loads = [0, 1, 2].map(|n| profile.load(n).torque_nm.y);
+    assert_eq!(loads, [10.0, -20.0, 0.0]);
+    // What is written down names the file, and holds none of its loads.
+    let written = scenario.to_toml().unwrap();
+    assert!(written.contains("path = \"load.csv\"") && !written.contains("20.0, "), "{written}");
 }

@@ -55,7 +55,7 @@ class Recording:
         raise AssertionError(f"{path} is whole")
 
     def column(self, topic, names):
-        """Quantities at full rate, a row a step; the steps must follow each other from 0 without a gap."""
+        """Quantities at full rate, a row a sample; the samples must follow each other from 0 without a gap."""
         rows = []
         for batch in self.topics[topic]:
             assert batch.first_step == sum(len(row) for row in rows)
@@ -63,8 +63,8 @@ class Recording:
         return np.concatenate(rows)
 
     @cached_property
-    def steps(self):
-        """States and loads."""
+    def states(self):
+        """States and loads, a row a sample."""
         return self.column("/plant/steps", STATE + LOAD)
 
     @cached_property
@@ -79,7 +79,7 @@ class Recording:
         return [frame for frame in self.frames if (frame.direction, frame.id) == (direction, identifier)]
 
     def event(self, name, after=-1):
-        """The first event of this name after a step."""
+        """The first event of this name after a sample."""
         return next(event for event in self.topics["/events"] if event.name == name and event.step > after)
 
 

@@ -22,7 +22,7 @@ pub enum EmergencyCode {
     Incompatible = 5,
     /// Exciter: its control loop asked for a command that can't be sent. Detail: 0.
     CommandOutOfRange = 6,
-    /// Plant: the simulated arm or its integrator failed; the state is no longer meaningful. Detail: 0.
+    /// Plant: the simulation can't go on: the integrator failed, or the simulated shaker has tripped. Detail: 0.
     SimulationFailed = 7,
     /// The node's loop missed ticks, and is set to fault on it. Detail: how many, at most 65535.
     Overrun = 8,

@@ -119,6 +119,7 @@ fn doubled_branches_join_period_doublings() {
         assert_eq!(end.kind, BranchPoint);
         (found(&branch), branch)
     };
+    assert_eq!(trace_doublings(&forced, &branch, Coordinate::FrequencyHz, &options).len(), 2);
     for (i, j) in [(0, 2), (4, 5)] {
         let ((mut there, branch_there), (mut back, _)) = (walk(i), walk(j));
         let (first, last) = (branch.bifurcations[i].orbit.frequency_hz, branch.bifurcations[j].orbit.frequency_hz);

@@ -59,7 +59,7 @@ pub enum TimeDomainError {
         damping_ratio: f64,
     },
     /// A limit of the settling is no positive number.
-    #[error("{name} is {got}: it must be a positive number")]
+    #[error("{name} is {got}: it must be a positive number", got = short(.got))]
     Option {
         /// Name of the option.
         name: &'static str,

@@ -93,7 +93,7 @@ proptest! {
     /// ticks and those are up to 0.9 of a period late.
     #[test]
     fn heartbeats_keep_their_bound(rate_hz in 100_u16..=2000, late in prop::collection::vec(0.0..0.9, 300)) {
-        let mut plant = PlantNode::new(Network::default(), rate_hz, Timing::real_time(rate_hz), ExciterSpec::default());
+        let mut plant = PlantNode::new(Network::default(), rate_hz, Timing::real_time(rate_hz), Exciter::default());
         plant.start(0);
         let period_ns = 1e9 / f64::from(rate_hz);
         let mut last_ns = None;

@@ -1,12 +1,13 @@
 //! Seeds in TOML, whose integers end at 2⁶³ − 1: larger ones are strings, decimal or hexadecimal with `0x`.
 
+use alloc::string::String;
 use core::fmt;
 
 use serde::de::{Error, Visitor};
 use serde::{Deserializer, Serializer};
 
 /// Writes an integer, or a string where TOML has none.
-pub(super) fn serialize<S: Serializer>(seed: &u64, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn serialize<S: Serializer>(seed: &u64, serializer: S) -> Result<S::Ok, S::Error> {
     match i64::try_from(*seed) {
         Ok(seed) => serializer.serialize_i64(seed),
         Err(_too_large) => serializer.collect_str(seed),
@@ -14,7 +15,7 @@ pub(super) fn serialize<S: Serializer>(seed: &u64, serializer: S) -> Result<S::O
 }
 
 /// Reads either.
-pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
     deserializer.deserialize_any(Seed)
 }
 

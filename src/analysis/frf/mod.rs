@@ -6,81 +6,14 @@
 use core::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix2, RowVector2, Vector2};
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::Arm;
 use crate::number::short;
 
-/// Where the arm is driven.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Drive {
-    /// Torque at joint 1, N·m.
-    Torque1,
-    /// Torque at joint 2, N·m.
-    Torque2,
-    /// Force at the tip C along x of the base frame, N.
-    ForceX,
-    /// Force at the tip C along y of the base frame, N.
-    ForceY,
-}
+mod terms;
 
-impl Drive {
-    /// Every drive.
-    pub const ALL: [Drive; 4] = [Drive::Torque1, Drive::Torque2, Drive::ForceX, Drive::ForceY];
-}
-
-/// Where the response is taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Response {
-    /// α1, deflection of joint 1, rad.
-    Alpha1,
-    /// α2, deflection of joint 2, rad.
-    Alpha2,
-    /// Displacement of the elbow B along x of the base frame, m.
-    BX,
-    /// Displacement of the elbow B along y of the base frame, m.
-    BY,
-    /// Displacement of the tip C along x of the base frame, m.
-    CX,
-    /// Displacement of the tip C along y of the base frame, m.
-    CY,
-}
-
-impl Response {
-    /// Every response.
-    pub const ALL: [Response; 6] =
-        [Response::Alpha1, Response::Alpha2, Response::BX, Response::BY, Response::CX, Response::CY];
-}
-
-/// Which time derivative of the response is divided by the drive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Quantity {
-    /// Displacement over force: H.
-    Receptance,
-    /// Velocity over force: iω H.
-    Mobility,
-    /// Acceleration over force: −ω² H.
-    #[default]
-    Accelerance,
-}
-
-impl Quantity {
-    /// Every quantity.
-    pub const ALL: [Quantity; 3] = [Quantity::Receptance, Quantity::Mobility, Quantity::Accelerance];
-
-    /// (iω)ⁿ for the nth derivative.
-    fn factor(self, omega_rad_s: f64) -> Complex<f64> {
-        match self {
-            Quantity::Receptance => Complex::new(1.0, 0.0),
-            Quantity::Mobility => Complex::new(0.0, omega_rad_s),
-            Quantity::Accelerance => Complex::new(-omega_rad_s * omega_rad_s, 0.0),
-        }
-    }
-}
+pub use terms::{Drive, Quantity, Response, UnknownTerm};
 
 /// Why there is no frequency response.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -119,7 +52,7 @@ impl FrequencyResponse {
         let b = arm.points(&pose).b_m;
         FrequencyResponse {
             mass: arm.mass_matrix(&pose),
-            damping: arm.damping_matrix(),
+            damping: arm.tangent_damping_matrix(&pose),
             stiffness: arm.tangent_stiffness_matrix(&pose),
             elbow: Matrix2::new(-b.y, 0.0, b.x, 0.0),
             tip: arm.tip_jacobian(&pose),

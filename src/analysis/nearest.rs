@@ -1,0 +1,71 @@
+//! The motion of a branch that is nearest to a measured one.
+
+use super::{Branch, Orbit};
+
+/// A measured motion: frequency of the excitation, and what the component at that frequency has of α1 and α2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredMotion {
+    /// Hz.
+    pub frequency_hz: f64,
+    /// √(a² + b²) of α1 and α2, rad.
+    pub harmonic1_rad: [f64; 2],
+}
+
+/// What counts as equally far, relative.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distances {
+    /// Of the frequency.
+    pub frequency: f64,
+    /// Of the amplitude.
+    pub amplitude: f64,
+}
+
+/// The place of a branch that is nearest to a measured motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// The motion there.
+    pub motion: MeasuredMotion,
+    /// Whether the computed motion is stable.
+    pub is_stable: bool,
+    /// Measured over computed frequency, less 1.
+    pub frequency_deviation: f64,
+    /// Measured over computed amplitudes, less 1.
+    pub amplitude_deviation: [f64; 2],
+    /// The distance, 1 where frequency or amplitude is off by what counts as equally far.
+    pub distance: f64,
+}
+
+/// The place of the branch nearest to a measured motion by frequency and the amplitude of one joint (0 or 1), in units of `distances`; `None`
+/// of a branch of less than two motions.
+///
+/// Between two motions of the branch the curve is taken as straight: with p the vector from the measured motion to the first and d that
+/// to the second from there, the foot of the perpendicular lies at −p·d/d·d of the way, between 0 and 1.
+pub fn nearest(branch: &Branch, measured: &MeasuredMotion, joint: usize, distances: Distances) -> Option<Nearest> {
+    let place = |orbit: &Orbit| {
+        let frequency = (orbit.frequency_hz / measured.frequency_hz - 1.0) / distances.frequency;
+        let amplitude = (orbit.harmonic1_rad[joint] / measured.harmonic1_rad[joint] - 1.0) / distances.amplitude;
+        [frequency, amplitude]
+    };
+    let mut best: Option<(f64, f64, &[Orbit])> = None;
+    for pair in branch.orbits.windows(2) {
+        let ([x0, y0], [x1, y1]) = (place(&pair[0]), place(&pair[1]));
+        let (dx, dy) = (x1 - x0, y1 - y0);
+        let square = dx * dx + dy * dy;
+        let share = if square > 0.0 { (-(x0 * dx + y0 * dy) / square).clamp(0.0, 1.0) } else { 0.0 };
+        let distance = libm::hypot(x0 + share * dx, y0 + share * dy);
+        if best.is_none_or(|(least, ..)| distance < least) {
+            best = Some((distance, share, pair));
+        }
+    }
+    let (distance, share, pair) = best?;
+    let between = |of: &dyn Fn(&Orbit) -> f64| of(&pair[0]) + share * (of(&pair[1]) - of(&pair[0]));
+    let frequency_hz = between(&|orbit| orbit.frequency_hz);
+    let harmonic1_rad = [0, 1].map(|joint| between(&|orbit| orbit.harmonic1_rad[joint]));
+    Some(Nearest {
+        motion: MeasuredMotion { frequency_hz, harmonic1_rad },
+        is_stable: pair[0].is_stable(),
+        frequency_deviation: measured.frequency_hz / frequency_hz - 1.0,
+        amplitude_deviation: [0, 1].map(|joint| measured.harmonic1_rad[joint] / harmonic1_rad[joint] - 1.0),
+        distance,
+    })
+}

@@ -1,0 +1,321 @@
+//! What is bolted to the tip and moves with it along one direction, such as the armature of a shaker.
+//!
+//! With the unit vector e, w = Jᵀe and the displacement s = e·(C − C at rest) of the tip along it,
+//!
+//! ```text
+//! ṡ = wᵀα̇      s̈ = wᵀα̈ + α̇ᵀGα̇      G = ∂w/∂α
+//! ```
+//!
+//! a mass m on a spring k and a damper c to the ground takes the force f = m s̈ + c ṡ + k s out of the arm, and M α̈ + … gets
+//! w f on its left: M becomes M + m wwᵀ. With P = e·(link 2), Q = e·(link 1) and P', Q' the same of the links turned
+//! by +90°, w = (Q' + P', P') and G = −[[Q + P, P], [P, P]].
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::angle::Angle;
+use super::{Arm, ArmError, InverseDynamics, Load, State};
+
+/// A mass on a spring and a damper to the ground that follows the tip along one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attachment {
+    /// Mass m, kg, not negative.
+    pub mass_kg: f64,
+    /// Stiffness k of the spring, N/m, not negative; it is relaxed at rest.
+    pub stiffness_n_m: f64,
+    /// Viscous damping c, N·s/m, not negative.
+    pub damping_n_s_m: f64,
+    /// Direction against the x axis of the base frame, degrees.
+    pub direction_deg: f64,
+}
+
+/// An attachment with what is constant about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Attached {
+    pub(super) attachment: Attachment,
+    direction: Vector2<f64>,
+}
+
+/// The motion of the tip along the direction.
+struct Along {
+    w_m: Vector2<f64>,
+    gradient_m: Matrix2<f64>,
+    displacement_m: f64,
+    velocity_m_s: f64,
+    /// α̇ᵀGα̇, m/s², and its derivative by α.
+    drift_m_s2: f64,
+    drift_by_alpha: Vector2<f64>,
+}
+
+impl Along {
+    /// m s̈ + c ṡ + k s at an α̈, N.
+    fn force_n(&self, attachment: &Attachment, acceleration_rad_s2: &Vector2<f64>) -> f64 {
+        let acceleration_m_s2 = self.w_m.dot(acceleration_rad_s2) + self.drift_m_s2;
+        attachment.mass_kg * acceleration_m_s2
+            + attachment.damping_n_s_m * self.velocity_m_s
+            + attachment.stiffness_n_m * self.displacement_m
+    }
+}
+
+impl Attached {
+    /// s, with all its digits at small angles: cos(θ + α) − cos θ = −2 sin(α/2) sin(θ + α/2), and the sine likewise.
+    fn displacement_m(&self, arm: &Arm, alpha_rad: &Vector2<f64>) -> f64 {
+        let (c, both_rad) = (&arm.coefficients, alpha_rad.x + alpha_rad.y);
+        let chord = |link: &Angle<f64>, length_m: f64, turn_rad: f64| {
+            let (sine, cosine) = link.sincos_plus(0.5 * turn_rad);
+            let along = self.direction.y * cosine - self.direction.x * sine;
+            2.0 * length_m * libm::sin(0.5 * turn_rad) * along
+        };
+        chord(&c.link1, c.l[0], alpha_rad.x) + chord(&c.link2, c.l[1], both_rad)
+    }
+
+    fn along(&self, arm: &Arm, state: &State) -> Along {
+        let (points, v) = (arm.points(&state.alpha_rad), &state.alpha_dot_rad_s);
+        let (first, second) = (points.b_m, points.c_m - points.b_m);
+        let turned = Vector2::new(self.direction.y, -self.direction.x);
+        // e·(link turned by 90°) is (e turned back)·link.
+        let (q, p) = (self.direction.dot(&first), self.direction.dot(&second));
+        let (q_turned, p_turned) = (turned.dot(&first), turned.dot(&second));
+        let w_m = Vector2::new(q_turned + p_turned, p_turned);
+        let (square1, square2) = (v.x * v.x, (v.x + v.y) * (v.x + v.y));
+        Along {
+            w_m,
+            gradient_m: -Matrix2::new(q + p, p, p, p),
+            displacement_m: self.displacement_m(arm, &state.alpha_rad),
+            velocity_m_s: w_m.dot(v),
+            drift_m_s2: -(q * square1 + p * square2),
+            drift_by_alpha: -Vector2::new(q_turned * square1 + p_turned * square2, p_turned * square2),
+        }
+    }
+}
+
+impl Arm {
+    /// The same arm with an attachment at its tip; one that was there gives way.
+    ///
+    /// # Errors
+    /// [`ArmError::Attachment`] names a value that is impossible.
+    pub fn with_attachment(mut self, attachment: Attachment) -> Result<Arm, ArmError> {
+        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, direction_deg } = attachment;
+        let not_negative = [("mass_kg", mass_kg), ("stiffness_n_m", stiffness_n_m), ("damping_n_s_m", damping_n_s_m)];
+        for (name, got) in not_negative {
+            if !(got.is_finite() && got >= 0.0) {
+                return Err(ArmError::Attachment { name, got, expected: "zero or a positive number" });
+            }
+        }
+        if !(-360.0..=360.0).contains(&direction_deg) {
+            let expected = "from -360 to 360 degrees";
+            return Err(ArmError::Attachment { name: "direction_deg", got: direction_deg, expected });
+        }
+        let (sine, cosine) = libm::sincos(direction_deg.to_radians());
+        let direction = Vector2::new(cosine, sine);
+        self.attached = Some(Attached { attachment, direction });
+        Ok(self)
+    }
+
+    /// The arm alone.
+    #[must_use]
+    pub fn without_attachment(mut self) -> Arm {
+        self.attached = None;
+        self
+    }
+
+    /// What is attached to the tip.
+    pub fn attachment(&self) -> Option<&Attachment> {
+        self.attached.as_ref().map(|attached| &attached.attachment)
+    }
+
+    /// The displacement s of the tip from rest along the direction of the attachment, m, and its rate, m/s; zero without one.
+    pub fn attachment_motion(&self, state: &State) -> (f64, f64) {
+        self.attached.as_ref().map_or((0.0, 0.0), |attached| {
+            let along = attached.along(self, state);
+            (along.displacement_m, along.velocity_m_s)
+        })
+    }
+
+    /// The force that the attachment takes out of the arm at the tip, N; zero without one.
+    pub fn attachment_force_n(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
+        self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
+            attached.direction * attached.along(self, state).force_n(&attached.attachment, acceleration_rad_s2)
+        })
+    }
+
+    /// D + c wwᵀ, N·m·s/rad: D itself without an attachment. Symmetric.
+    pub fn tangent_damping_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
+        self.damping_matrix() + self.attached_at(alpha_rad, |attachment| attachment.damping_n_s_m)
+    }
+
+    /// wwᵀ times what `factor` takes from the attachment; zero without one.
+    pub(super) fn attached_at(&self, alpha_rad: &Vector2<f64>, factor: impl Fn(&Attachment) -> f64) -> Matrix2<f64> {
+        self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
+            let state = State { alpha_rad: *alpha_rad, ..State::default() };
+            let w = attached.along(self, &state).w_m;
+            w * w.transpose() * factor(&attached.attachment)
+        })
+    }
+
+    /// k (wwᵀ + s G), N·m/rad: what the attachment's spring adds to the stiffness at a deflection; zero without one.
+    pub(super) fn attached_stiffness(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
+        self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
+            let along = attached.along(self, &State { alpha_rad: *alpha_rad, ..State::default() });
+            let inner = along.w_m * along.w_m.transpose() + along.gradient_m * along.displacement_m;
+            inner * attached.attachment.stiffness_n_m
+        })
+    }
+
+    /// ½ m ṡ² and ½ k s², J.
+    pub(super) fn attached_energy_j(&self, state: &State) -> (f64, f64) {
+        let (displacement_m, velocity_m_s) = self.attachment_motion(state);
+        self.attachment().map_or((0.0, 0.0), |attachment| {
+            let half = |factor: f64, x: f64| 0.5 * factor * x * x;
+            (half(attachment.mass_kg, velocity_m_s), half(attachment.stiffness_n_m, displacement_m))
+        })
+    }
+
+    /// c ṡ², W.
+    pub(super) fn attached_loss_w(&self, state: &State) -> f64 {
+        let (_, velocity_m_s) = self.attachment_motion(state);
+        self.attachment().map_or(0.0, |attachment| attachment.damping_n_s_m * velocity_m_s * velocity_m_s)
+    }
+
+    /// w f: what the attachment adds to the unbalanced torque, N·m.
+    pub(super) fn attached_unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
+        self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
+            let along = attached.along(self, state);
+            along.w_m * along.force_n(&attached.attachment, acceleration_rad_s2)
+        })
+    }
+
+    /// Adds w f to the unbalanced torque, and its derivatives: ∂w/∂α = G, ∂s/∂α = wᵀ, ∂ṡ/∂α = (Gα̇)ᵀ,
+    /// ∂s̈/∂α = (Gα̈)ᵀ + ∂(α̇ᵀGα̇)/∂α, ∂s̈/∂α̇ = 2 (Gα̇)ᵀ.
+    pub(super) fn add_attached(
+        &self,
+        state: &State,
+        acceleration_rad_s2: &Vector2<f64>,
+        sum: InverseDynamics,
+    ) -> InverseDynamics {
+        let Some(attached) = &self.attached else { return sum };
+        let (along, a) = (attached.along(self, state), &attached.attachment);
+        let force_n = along.force_n(a, acceleration_rad_s2);
+        let (w, g) = (&along.w_m, &along.gradient_m);
+        let turning = g * state.alpha_dot_rad_s;
+        let by_alpha = (g * acceleration_rad_s2 + along.drift_by_alpha) * a.mass_kg
+            + turning * a.damping_n_s_m
+            + w * a.stiffness_n_m;
+        let by_alpha_dot = turning * (2.0 * a.mass_kg) + w * a.damping_n_s_m;
+        InverseDynamics {
+            unbalance_nm: sum.unbalance_nm + w * force_n,
+            by_alpha: sum.by_alpha + g * force_n + w * by_alpha.transpose(),
+            by_alpha_dot: sum.by_alpha_dot + w * by_alpha_dot.transpose(),
+            by_alpha_ddot: sum.by_alpha_ddot + w * w.transpose() * a.mass_kg,
+        }
+    }
+
+    /// α̈ with an attachment, rad/s², `None` without one: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0.
+    pub(super) fn attached_acceleration(&self, state: &State, load: &Load) -> Option<Vector2<f64>> {
+        let attached = self.attached.as_ref()?;
+        let (along, attachment) = (attached.along(self, state), &attached.attachment);
+        let (_, t) = self.coefficients.coupling::<true>(state.alpha_rad.y);
+        let mass = self.mass_matrix_at(t) + along.w_m * along.w_m.transpose() * attachment.mass_kg;
+        let at_zero = Vector2::zeros();
+        let lacking = self.unbalance_of_arm_nm(state, &at_zero, load) + along.w_m * along.force_n(attachment, &at_zero);
+        Some(solved(&mass, &-lacking))
+    }
+}
+
+/// M⁻¹ r by Cramer's rule; M is positive definite.
+pub(super) fn solved(m: &Matrix2<f64>, r: &Vector2<f64>) -> Vector2<f64> {
+    let inverse = 1.0 / (m.m11 * m.m22 - m.m12 * m.m21);
+    Vector2::new((m.m22 * r.x - m.m12 * r.y) * inverse, (m.m11 * r.y - m.m21 * r.x) * inverse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::Preset;
+    use crate::arm::tests::arm;
+
+    const ATTACHMENT: Attachment =
+        Attachment { mass_kg: 3.0, stiffness_n_m: 4e4, damping_n_s_m: 70.0, direction_deg: 35.0 };
+
+    fn attached() -> Arm {
+        arm(Preset::Irb1600Fitted, 20.0, 70.0).with_attachment(ATTACHMENT).unwrap()
+    }
+
+    /// What the attachment takes out of the arm, put in as a load, leaves the motion of the arm alone.
+    #[test]
+    fn is_the_arm_alone_under_the_force_that_is_left() {
+        let arm = attached();
+        let load = Load { torque_nm: [60.0, -10.0].into(), force_n: [300.0, -250.0].into() };
+        let state = State::new([0.2, -0.3], [12.0, -20.0]);
+        let acceleration = arm.acceleration(&state, &load);
+        let taken = arm.attachment_force_n(&state, &acceleration);
+        assert!(taken.norm() > 100.0, "{taken}");
+        let left = Load { force_n: load.force_n - taken, ..load };
+        let alone = arm.clone().without_attachment().acceleration(&state, &left);
+        assert!((alone - acceleration).norm() < 1e-9 * acceleration.norm(), "{alone} {acceleration}");
+    }
+
+    /// The force along the direction is m s̈ + c ṡ + k s of the tip as it moves.
+    #[test]
+    fn its_force_is_that_of_the_tip_s_motion() {
+        let arm = attached();
+        let state = State::new([0.2, -0.3], [12.0, -20.0]);
+        let acceleration = arm.acceleration(&state, &Load::default());
+        let (s, rate) = arm.attachment_motion(&state);
+        let (sine, cosine) = libm::sincos(35.0_f64.to_radians());
+        let direction = Vector2::new(cosine, sine);
+        let tip = arm.points(&state.alpha_rad).c_m - arm.points(&Vector2::zeros()).c_m;
+        assert!((s - direction.dot(&tip)).abs() < 1e-12);
+        let velocity = arm.tip_jacobian(&state.alpha_rad) * state.alpha_dot_rad_s;
+        assert!((rate - direction.dot(&velocity)).abs() < 1e-12);
+        let along = direction.dot(&arm.point_accelerations(&state, &acceleration).c_m_s2);
+        let expected = direction * (3.0 * along + 70.0 * rate + 4e4 * s);
+        assert!((arm.attachment_force_n(&state, &acceleration) - expected).norm() < 1e-9 * expected.norm());
+    }
+
+    #[test]
+    fn derivatives_are_exact() {
+        let arm = attached();
+        let load = Load { torque_nm: [60.0, -10.0].into(), force_n: [30.0, -25.0].into() };
+        let (x, v) = (Vector2::new(0.2, -0.3), Vector2::new(12.0, -20.0));
+        let state = |x, v| State { alpha_rad: x, alpha_dot_rad_s: v };
+        let exact = arm.acceleration_jacobian(&state(x, v), &load);
+        let dynamics = arm.inverse_dynamics(&state(x, v), &exact.acceleration_rad_s2, &load);
+        assert!(dynamics.unbalance_nm.norm() < 1e-6);
+        for column in 0..2 {
+            let mut e = Vector2::zeros();
+            e[column] = 1e-5;
+            let slope = |f: &dyn Fn(Vector2<f64>) -> Vector2<f64>| (f(e) - f(-e)) / 2e-5;
+            let near = |exact: Vector2<f64>, seen: Vector2<f64>| {
+                assert!((exact - seen).norm() < 1e-6 * (1.0 + exact.norm()), "{exact} {seen}");
+            };
+            near(exact.by_alpha.column(column).into(), slope(&|e| arm.acceleration(&state(x + e, v), &load)));
+            near(exact.by_alpha_dot.column(column).into(), slope(&|e| arm.acceleration(&state(x, v + e), &load)));
+            let a = Vector2::new(800.0, -300.0);
+            let at = arm.inverse_dynamics(&state(x, v), &a, &load);
+            near(at.by_alpha.column(column).into(), slope(&|e| arm.unbalance_nm(&state(x + e, v), &a, &load)));
+            near(at.by_alpha_dot.column(column).into(), slope(&|e| arm.unbalance_nm(&state(x, v + e), &a, &load)));
+            near(at.by_alpha_ddot.column(column).into(), slope(&|e| arm.unbalance_nm(&state(x, v), &(a + e), &load)));
+        }
+        let stiffness = arm.inverse_dynamics(&State::default(), &Vector2::zeros(), &Load::default()).by_alpha;
+        assert!((stiffness - arm.tangent_stiffness_matrix(&Vector2::zeros())).norm() < 1e-6);
+    }
+
+    #[test]
+    fn nothing_attached_is_the_arm_alone() {
+        let alone = arm(Preset::Irb1600Fitted, 20.0, 70.0);
+        let nothing = Attachment { mass_kg: 0.0, stiffness_n_m: 0.0, damping_n_s_m: 0.0, direction_deg: 35.0 };
+        let with = alone.clone().with_attachment(nothing).unwrap();
+        let state = State::new([0.2, -0.3], [12.0, -20.0]);
+        let load = Load::force_n(300.0, -40.0);
+        let (a, b) = (alone.acceleration(&state, &load), with.acceleration(&state, &load));
+        assert!((a - b).norm() < 1e-12 * a.norm());
+        assert_eq!(alone.angular_frequencies_rad_s(), with.angular_frequencies_rad_s());
+    }
+
+    #[test]
+    fn says_what_can_t_be_attached() {
+        let says = |attachment| arm(Preset::Irb1600Fitted, 20.0, 70.0).with_attachment(attachment).unwrap_err();
+        insta::assert_snapshot!(says(Attachment { mass_kg: -1.0, ..ATTACHMENT }), @"attachment: `mass_kg` is -1: it must be zero or a positive number");
+        insta::assert_snapshot!(says(Attachment { direction_deg: f64::NAN, ..ATTACHMENT }), @"attachment: `direction_deg` is NaN: it must be from -360 to 360 degrees");
+    }
+}

@@ -1,0 +1,86 @@
+//! What an exciter controller does with a sample: the [`Controller`] trait, and the controllers there are.
+//!
+//! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] leads the force in the head to its amplitude;
+//! [`PhaseWalk`] traces a whole response at constant load, stable or not. A controller of one's own implements the trait; the exciter node
+//! carries it over the wire, in real time, in lockstep and free alike ([`Session::with_controller`](crate::run::Session)).
+
+mod abort;
+mod force_control;
+mod fourier_filter;
+mod joint_angles;
+mod limits;
+pub mod loop_poles;
+mod mode_model;
+mod open_loop;
+mod phase_walk;
+mod response;
+mod spec;
+
+use core::fmt::Debug;
+
+pub use abort::Abort;
+pub use force_control::{ForceControl, ForceControlError, ForceControlSpec};
+pub use fourier_filter::FourierFilter;
+pub use joint_angles::JointAngles;
+pub use limits::{Limited, LimitsSpec};
+pub use mode_model::{Link, ModeModel, ModeNumber, NoSuchMode};
+pub use open_loop::OpenLoop;
+pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec};
+pub use response::ResponsePoint;
+pub use spec::{ControlError, ControlSpec};
+
+use crate::arm::Load;
+use crate::rig::Measurement;
+
+/// What kind of load a controller commands: a command on the wire carries one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadKind {
+    /// Forces at C.
+    Force,
+    /// Torques at the joints.
+    Torque,
+}
+
+/// How long a controller works.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// So many samples.
+    Samples(u64),
+    /// Until so many responses are read.
+    Responses(u64),
+    /// Nobody knows.
+    Unknown,
+}
+
+/// What a controller says to a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer {
+    /// The load to hold up to the next sample.
+    Hold(Load),
+    /// The work is done: disarm the plant.
+    Finished,
+    /// The work can't be done: disarm the plant.
+    Aborted(Abort),
+}
+
+/// A controller: told a whole sample, it says the load to hold.
+///
+/// It has no clock: time is the index of the sample, which jumps where samples were lost. Called in the real-time loop, it
+/// neither allocates nor blocks.
+pub trait Controller: Debug + Send {
+    /// The kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
+    fn load_kind(&self) -> LoadKind;
+
+    /// Begins anew, at sample 0.
+    fn restart(&mut self);
+
+    /// Answers a sample. `sample.sample` counts from 0, the first sample after the plant was armed; the readings are of the
+    /// middle of the sample period before, and the answer is held from the sample to the next.
+    fn answer(&mut self, sample: &Measurement) -> Answer;
+
+    /// The next response that was read, if there is one.
+    fn poll_response(&mut self) -> Option<ResponsePoint>;
+
+    /// How long it works, as far as that is known beforehand.
+    fn length(&self) -> Length;
+}

@@ -1,0 +1,152 @@
+//! What the points of a walk say of the mode: its frequency and damping over the amplitude.
+
+use alloc::vec::Vec;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::control::ModeModel;
+use crate::excitation::Phasor;
+
+/// The mode as it was found at one amplitude.
+#[derive(Clone, Copy, Debug)]
+struct Finding {
+    /// A², rad².
+    square: f64,
+    /// ω₀²(A), 1/s².
+    stiffness: f64,
+    /// κ, load per rad/s.
+    damping: f64,
+    /// Standard deviation, relative to the load.
+    deviation: f64,
+}
+
+/// ω₀²(A²) and κ(A²) from the findings so far.
+///
+/// In steady state U/a = m(ω₀² − ω²) + iκω, with the amplitude U of the load and a of the angle: ω₀² = ω² + Re(U/a)/m and
+/// κ = Im(U/a)/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked for, ω₀² is
+/// fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings weigh more.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BackboneModel {
+    mass: f64,
+    findings: Vec<Finding>,
+}
+
+/// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth curve.
+const PULL: f64 = 1e-6;
+/// Share of the range of A² at which a finding's weight has fallen to a quarter.
+const REACH: f64 = 0.25;
+/// How sure theory is of the load at small amplitude, and how sure the surest finding is: what is left is the model's.
+const THEORY: f64 = 0.01;
+const LEAST_DEVIATION: f64 = 2e-4;
+/// How much less a finding weighs than the one after it: beyond the peak the same amplitudes come at other frequencies.
+const FADING: f64 = 0.7;
+/// Findings that are kept, theory among them: the weight of an older one has fallen below 0.7⁶² ≈ 2.5e-10.
+const MOST_FINDINGS: usize = 64;
+
+impl BackboneModel {
+    /// What theory says, with room for the findings to come.
+    pub fn new(model: &ModeModel) -> BackboneModel {
+        let omega = model.angular_frequency_rad_s;
+        let damping = 2.0 * model.damping_ratio * omega * model.modal_mass;
+        let mut all = Vec::with_capacity(MOST_FINDINGS);
+        all.push(Finding { square: 0.0, stiffness: omega * omega, damping, deviation: THEORY });
+        BackboneModel { mass: model.modal_mass, findings: all }
+    }
+
+    /// Back to what theory says.
+    pub fn forget(&mut self) {
+        self.findings.truncate(1);
+    }
+
+    /// Takes in U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard deviation
+    /// relative to the load. Where there is no more room the oldest but theory gives way.
+    pub fn add(&mut self, amplitude_rad: f64, omega_rad_s: f64, dynamic_stiffness: Phasor, deviation: f64) {
+        if self.findings.len() == MOST_FINDINGS {
+            self.findings.remove(1);
+        }
+        self.findings.push(Finding {
+            square: amplitude_rad * amplitude_rad,
+            stiffness: omega_rad_s * omega_rad_s + dynamic_stiffness.re / self.mass,
+            damping: dynamic_stiffness.im / omega_rad_s,
+            deviation,
+        });
+    }
+
+    /// (ω₀², κ) at the amplitude.
+    fn at(&self, amplitude_rad: f64) -> (f64, f64) {
+        let square = amplitude_rad * amplitude_rad;
+        let stiffness = self.predict(square, 2, |finding| finding.stiffness);
+        let damping = self.predict(square, 1, |finding| finding.damping);
+        (stiffness, damping)
+    }
+
+    /// The value at `square` by weighted least squares.
+    fn predict(&self, square: f64, degree: usize, value: impl Fn(&Finding) -> f64) -> f64 {
+        let scale = self.findings.iter().fold(square, |most, finding| most.max(finding.square)).max(f64::MIN_POSITIVE);
+        let Some(origin) = self.findings.last().map(&value) else { return 0.0 };
+        let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
+        let mut total = 0.0;
+        let mut recency = 1.0;
+        for finding in self.findings.iter().rev() {
+            let x = (finding.square - square) / scale;
+            let p = Vector3::new(1.0, x, if degree > 1 { x * x } else { 0.0 });
+            let far = 1.0 + (x / REACH) * (x / REACH);
+            let deviation = finding.deviation.max(LEAST_DEVIATION);
+            let weight = recency / (far * far * deviation * deviation);
+            recency *= FADING;
+            normal += p * p.transpose() * weight;
+            moment += p * (weight * (value(finding) - origin));
+            total += weight;
+        }
+        (normal.m22, normal.m33) = (normal.m22 + PULL * total, normal.m33 + PULL * total);
+        normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
+    }
+
+    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`:
+    /// A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m, solved by iteration from `near`.
+    pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
+        const ITERATIONS: usize = 50;
+        let (mut amplitude, mut omega) = near;
+        let (sine, cosine) = libm::sincos(lag_rad);
+        for _ in 0..ITERATIONS {
+            let (stiffness, damping) = self.at(amplitude);
+            amplitude = load * sine / (damping * omega);
+            let square = stiffness - damping * omega * cosine / (sine * self.mass);
+            if !(square > 0.0 && amplitude.is_finite()) {
+                return (f64::NAN, f64::NAN);
+            }
+            omega = libm::sqrt(square);
+        }
+        (amplitude, omega)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::{Arm, Load, Pose, Preset};
+    use crate::control::ModeNumber;
+
+    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², lead to the points between them.
+    #[test]
+    fn findings_lead_to_the_next_point() {
+        let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
+        let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
+        let model = ModeModel::new(&arm, &Load::torque_nm(1.0, 0.0), ModeNumber::First);
+        let (w1, m) = (model.angular_frequency_rad_s, model.modal_mass);
+        let (softening, damping) = (2.0e3, 2.0 * model.damping_ratio * w1 * m);
+        let stiffness =
+            |a: f64, omega: f64| Phasor::new(m * (w1 * w1 - softening * a * a - omega * omega), damping * omega);
+        let mut backbone = BackboneModel::new(&model);
+        for (a, omega) in [(0.01, w1), (0.02, w1), (0.03, w1), (0.04, w1 - 0.02)] {
+            backbone.add(a, omega, stiffness(a, omega), 1e-4);
+        }
+        for lag_deg in [20.0_f64, 45.0, 90.0, 150.0] {
+            let (a, omega) = backbone.target(lag_deg.to_radians(), 8.0, (0.02, w1));
+            let d = stiffness(a, omega);
+            let load = a * libm::hypot(d.re, d.im);
+            let lag = libm::atan2(d.im, d.re).to_degrees();
+            assert!((load / 8.0 - 1.0).abs() < 5e-3 && (lag - lag_deg).abs() < 0.3, "{lag_deg}: {load} {lag}");
+        }
+    }
+}

@@ -1,0 +1,372 @@
+//! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone, at a lag
+//! of 90° and growing load.
+//!
+//! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is stable
+//! under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an excitation like
+//! any other, and load and angle are a point of the open-loop response, whatever amplitude was asked for. Over the lag φ of
+//! the angle behind the load that response is single-valued, folds or not (G. Zhou, G. Kerschen, arXiv:2401.01151), so φ
+//! walks, and for each φ amplitude and frequency are corrected until the load has the wanted amplitude.
+//!
+//! With a the complex amplitude of the angle, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
+//! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness U/a
+//! expected at the target, lets a follow A(t), which is real, with the rate g.
+
+mod backbone_model;
+mod reading;
+mod spec;
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use core::mem;
+
+pub use spec::{PhaseWalkError, PhaseWalkSpec};
+
+use self::backbone_model::BackboneModel;
+use self::reading::{Found, Reader};
+use super::fourier_filter::{real_product, unit, wrapped};
+use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
+use crate::arm::{Arm, Load};
+use crate::excitation::Phasor;
+use crate::rig::Measurement;
+
+/// Most tries of a point before it is reported as it is, not settled.
+const MOST_TRIES: u32 = 6;
+/// Points in a row that may fail to settle.
+const MOST_UNSETTLED: u32 = 2;
+/// How near the load's amplitude comes to the wanted one, relative.
+const LOAD_TOLERANCE: f64 = 7e-4;
+/// How near the lag comes to its target, rad.
+const LAG_TOLERANCE_RAD: f64 = 0.01;
+/// How much the angle may change while a point is read, relative.
+const DRIFT_TOLERANCE: f64 = 5e-4;
+/// Lengths of ramp (at least), wait and reading, in time constants 1/g of the loop.
+const RAMP: f64 = 3.0;
+const SETTLE: f64 = 4.0;
+const READ: f64 = 5.0;
+/// How much longer a reading becomes with each try, as part of its length.
+const RETRY: f64 = 0.25;
+/// How much longer a reading may become where noise asks for it.
+const LONGEST_READ: f64 = 1.5;
+/// How far the walk may leave the mode's frequency, relative, and its largest amplitude, rad.
+const BAND: f64 = 0.1;
+const LARGEST_AMPLITUDE_RAD: f64 = 0.5;
+/// Responses that wait to be fetched.
+const RESPONSES: usize = 4;
+
+/// A motion to hold: the angle's amplitude, its frequency, and the dynamic stiffness U/a expected there.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    amplitude_rad: f64,
+    omega_rad_s: f64,
+    stiffness: Phasor,
+}
+
+/// What the controller is at.
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    /// Before the first sample.
+    Start,
+    /// From one motion to the next, begun at sample `since`, `length` samples long.
+    Ramp { from: Target, since: u64, length: u64 },
+    /// Waiting from sample `since` on, for transients of the control loop to die out.
+    Settle { since: u64 },
+    /// Reading the point.
+    Read,
+    /// Finished, or given up.
+    Done(Option<Abort>),
+}
+
+/// Traces the response at constant load through a resonance, stable or not, or the backbone.
+#[derive(Clone, Debug)]
+pub struct PhaseWalk {
+    spec: PhaseWalkSpec,
+    /// The largest load that there is.
+    limit: f64,
+    unit_load: Load,
+    model: ModeModel,
+    rate_hz: f64,
+    gain_1_s: f64,
+    filter: FourierFilter,
+    backbone: BackboneModel,
+    /// What of the load between the command and the arm a reading has found, over the angle: the armature of a shaker.
+    taken: Phasor,
+    reader: Reader,
+    /// How much longer than usual a point is read.
+    read_factor: f64,
+    stage: Stage,
+    target: Target,
+    /// Index of the point that is tried, how often it was, and how many before it did not settle.
+    point: usize,
+    tries: u32,
+    unsettled: u32,
+    /// The sample answered last, and then: phase in the middle of the hold, angular frequency, load.
+    last_sample: Option<u64>,
+    phase_rad: f64,
+    omega_rad_s: f64,
+    held: f64,
+    responses: Vec<ResponsePoint>,
+}
+
+impl PhaseWalk {
+    /// A walk on `arm`, as the controller knows it, at `rate_hz` samples a second, with an exciter that has `limit`, N or N·m.
+    ///
+    /// # Errors
+    /// [`PhaseWalkError`] says what is impossible.
+    pub fn new(spec: PhaseWalkSpec, arm: &Arm, rate_hz: f64, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+        spec.check()?;
+        let (load, unit_load) = (spec.load(), spec.unit_load());
+        if limit.is_nan() || limit <= load {
+            let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
+            return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
+        }
+        let model = ModeModel::new(arm, &unit_load, spec.mode_number);
+        let gain_1_s = spec.gain_1_s(&model, rate_hz)?;
+        let (backbone, responses) = (BackboneModel::new(&model), Vec::with_capacity(RESPONSES));
+        Ok(PhaseWalk::at_start(spec, limit, model, (rate_hz, gain_1_s), (backbone, responses)))
+    }
+
+    /// Before the first sample, with the room that is there already: emptied, not made anew.
+    fn at_start(
+        spec: PhaseWalkSpec,
+        limit: f64,
+        model: ModeModel,
+        (rate_hz, gain_1_s): (f64, f64),
+        (mut backbone, mut responses): (BackboneModel, Vec<ResponsePoint>),
+    ) -> PhaseWalk {
+        backbone.forget();
+        responses.clear();
+        let omega_rad_s = model.angular_frequency_rad_s;
+        let damping = 2.0 * model.damping_ratio * omega_rad_s * model.modal_mass;
+        let other_step = model.other_angular_frequency_rad_s / rate_hz;
+        PhaseWalk {
+            spec,
+            limit,
+            unit_load: spec.unit_load(),
+            model,
+            rate_hz,
+            gain_1_s,
+            filter: FourierFilter::new(spec::FILTER_RATE * gain_1_s / rate_hz, other_step),
+            backbone,
+            taken: Phasor::new(0.0, 0.0),
+            reader: Reader::new(0, 1),
+            read_factor: 1.0,
+            stage: Stage::Start,
+            target: Target { amplitude_rad: 0.0, omega_rad_s, stiffness: Phasor::new(0.0, damping * omega_rad_s) },
+            point: 0,
+            tries: 0,
+            unsettled: 0,
+            last_sample: None,
+            phase_rad: 0.0,
+            omega_rad_s,
+            held: 0.0,
+            responses,
+        }
+    }
+
+    /// What it knows of the mode.
+    pub fn model(&self) -> &ModeModel {
+        &self.model
+    }
+
+    /// The gain g of the loop, 1/s.
+    pub fn gain_1_s(&self) -> f64 {
+        self.gain_1_s
+    }
+
+    /// The lag at the point that is tried, rad.
+    fn lag_rad(&self) -> f64 {
+        self.spec.lag_rad(self.point)
+    }
+
+    /// The amplitude of the load at the point that is tried.
+    fn load(&self) -> f64 {
+        self.spec.load_at(self.point)
+    }
+
+    fn samples_in(&self, seconds: f64) -> u64 {
+        libm::ceil(seconds * self.rate_hz) as u64
+    }
+
+    /// Sets off at sample `n` to the point that is to be tried, or to rest after the last.
+    fn set_off(&mut self, n: u64) {
+        if self.point == self.spec.points {
+            return self.head_for(n, Target { amplitude_rad: 0.0, ..self.target });
+        }
+        let lag_rad = self.lag_rad();
+        let near = (self.target.amplitude_rad, self.target.omega_rad_s);
+        let (amplitude_rad, omega_rad_s) = self.backbone.target(lag_rad, self.load(), near);
+        let in_band = (omega_rad_s / self.model.angular_frequency_rad_s - 1.0).abs() < BAND;
+        if !(in_band && amplitude_rad < LARGEST_AMPLITUDE_RAD) {
+            let (lag_deg, frequency_hz) = (lag_rad.to_degrees(), omega_rad_s / TAU);
+            self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude_rad }));
+            return;
+        }
+        let stiffness = unit(lag_rad) * (self.load() / amplitude_rad);
+        self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
+    }
+
+    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of what the exciter
+    /// has beyond the walk's own load is taken for it.
+    fn head_for(&mut self, n: u64, to: Target) {
+        let from = mem::replace(&mut self.target, to);
+        let change = (to.amplitude_rad - from.amplitude_rad).abs();
+        let spare = 0.5 * (self.limit - self.spec.load());
+        let seconds = (3.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(RAMP / self.gain_1_s);
+        self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
+    }
+
+    /// Amplitude, its rate, angular frequency and U/a wanted at sample `n`.
+    fn wanted(&self, n: u64) -> (f64, f64, f64, Phasor) {
+        let Target { amplitude_rad: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
+        let Stage::Ramp { from, since, length } = self.stage else { return (a1, 0.0, w1, d1) };
+        let x = ((n - since) as f64 / length as f64).min(1.0);
+        let (s, slope) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) * self.rate_hz / length as f64);
+        let between = |a: f64, b: f64| a + (b - a) * s;
+        let stiffness = from.stiffness + (d1 - from.stiffness) * s;
+        let change = a1 - from.amplitude_rad;
+        (between(from.amplitude_rad, a1), change * slope, between(from.omega_rad_s, w1), stiffness)
+    }
+
+    /// Goes from one stage to the next when it is time.
+    fn proceed(&mut self, n: u64) {
+        match self.stage {
+            Stage::Start => self.set_off(n),
+            Stage::Ramp { since, length, .. } if n >= since + length => {
+                let more = self.point < self.spec.points;
+                self.stage = if more { Stage::Settle { since: n } } else { Stage::Done(None) };
+            }
+            Stage::Settle { since } if n >= since + self.samples_in(SETTLE / self.gain_1_s) => {
+                let period_s = TAU / self.target.omega_rad_s;
+                let patience = self.read_factor * (1.0 + RETRY * f64::from(self.tries));
+                let periods = libm::ceil(patience * READ / self.gain_1_s / period_s);
+                self.reader = Reader::new(n + 1, self.samples_in(periods * period_s));
+                self.stage = Stage::Read;
+            }
+            Stage::Read => {
+                let how = (self.load_kind(), &self.unit_load);
+                let omega = self.target.omega_rad_s;
+                if let Some(found) = self.reader.finish(n, self.rate_hz, how, &self.model, omega) {
+                    self.judge(n, &found);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A point was read: reports it, or tries again.
+    fn judge(&mut self, n: u64, found: &Found) {
+        self.tries += 1;
+        self.taken = found.taken;
+        // What the correction for a drift took is not to be trusted.
+        let corrected = found.stiffness - found.lag;
+        let correction = libm::hypot(corrected.re, corrected.im) * found.amplitude_rad;
+        let deviation = libm::hypot(found.load_deviation, correction) / self.load();
+        self.backbone.add(found.amplitude_rad, self.target.omega_rad_s, found.stiffness, deviation);
+        let lag_rad = libm::atan2(found.lag.im, found.lag.re);
+        let tolerance = LOAD_TOLERANCE * self.load();
+        // Noise in the reading goes with the power 3/2 of its length.
+        let noise = found.load_deviation / (1.5 * tolerance);
+        let longer = self.read_factor * libm::pow(noise, 2.0 / 3.0);
+        self.read_factor = longer.clamp(1.0, LONGEST_READ);
+        let settled = (found.load - self.load()).abs() < tolerance.max(2.0 * found.load_deviation).min(2.0 * tolerance)
+            && (lag_rad - self.lag_rad()).abs() < LAG_TOLERANCE_RAD
+            && found.drift < DRIFT_TOLERANCE;
+        if settled || self.tries == MOST_TRIES {
+            self.report(found, lag_rad, settled);
+        }
+        if !matches!(self.stage, Stage::Done(_)) {
+            self.set_off(n);
+        }
+    }
+
+    fn report(&mut self, found: &Found, lag_rad: f64, settled: bool) {
+        let frequency_hz = self.target.omega_rad_s / TAU;
+        if self.responses.len() < RESPONSES {
+            self.responses.push(found.response(frequency_hz, lag_rad, self.tries, settled));
+        }
+        (self.point, self.tries) = (self.point + 1, 0);
+        self.unsettled = if settled { 0 } else { self.unsettled + 1 };
+        if self.unsettled > MOST_UNSETTLED {
+            let (points, lag_deg, drift) = (self.unsettled, lag_rad.to_degrees(), found.drift);
+            self.stage = Stage::Done(Some(Abort::NotSettling { points, frequency_hz, lag_deg, drift }));
+        }
+    }
+
+    /// The angle's complex amplitude: in a steady vibration the acceleration's is −ω² times it.
+    fn angle(&self) -> Phasor {
+        -self.filter.fundamental() / (self.omega_rad_s * self.omega_rad_s)
+    }
+
+    /// The load to hold from sample `n` on, at the phase of the middle of the hold.
+    fn feedback(&mut self, n: u64) -> f64 {
+        let (amplitude, rate, omega, stiffness) = self.wanted(n);
+        self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.rate_hz);
+        self.omega_rad_s = omega;
+        let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
+        let forward = (stiffness + self.taken) * amplitude;
+        let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
+        real_product(&u, &unit(self.phase_rad))
+    }
+
+    /// What forbids to go on with a sample.
+    fn check_reading(&self, sample: &Measurement) -> Option<Abort> {
+        let frequency_hz = self.omega_rad_s / TAU;
+        let (point, point_key) = match self.model.link {
+            Link::First => ('B', 'b'),
+            Link::Second => ('C', 'c'),
+        };
+        self.model.is_clipped(sample).then_some(Abort::Clipped { point, point_key, frequency_hz })
+    }
+
+    fn check_load(&self) -> Option<Abort> {
+        let unit = self.spec.amplitude.unit();
+        let (got, limit, frequency_hz) = (self.held.abs(), self.limit, self.omega_rad_s / TAU);
+        (got > limit).then_some(Abort::Load { got, limit, unit, frequency_hz })
+    }
+}
+
+impl Controller for PhaseWalk {
+    fn load_kind(&self) -> LoadKind {
+        if self.spec.amplitude.is_torque() { LoadKind::Torque } else { LoadKind::Force }
+    }
+
+    fn restart(&mut self) {
+        let room = (mem::take(&mut self.backbone), mem::take(&mut self.responses));
+        *self = PhaseWalk::at_start(self.spec, self.limit, self.model, (self.rate_hz, self.gain_1_s), room);
+    }
+
+    fn answer(&mut self, sample: &Measurement) -> Answer {
+        let n = sample.sample;
+        // The load of the sample before was held on while samples were lost.
+        let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
+        self.phase_rad = wrapped(self.phase_rad + lost as f64 * self.omega_rad_s / self.rate_hz);
+        self.last_sample = Some(n);
+        self.filter.update(self.model.angular_acceleration_rad_s2(sample), self.phase_rad);
+        if matches!(self.stage, Stage::Read) {
+            let (angle, error) = (self.angle(), self.filter.error());
+            self.reader.add(sample, self.phase_rad / TAU, self.held, angle, error);
+        }
+        self.proceed(n);
+        self.held = self.feedback(n);
+        let abort = self.check_reading(sample).or_else(|| self.check_load());
+        if let (Some(_), false) = (abort, matches!(self.stage, Stage::Done(_))) {
+            self.stage = Stage::Done(abort);
+        }
+        match self.stage {
+            Stage::Done(None) => Answer::Finished,
+            Stage::Done(Some(abort)) => Answer::Aborted(abort),
+            _ => Answer::Hold(self.unit_load.scaled(self.held)),
+        }
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        if self.responses.is_empty() { None } else { Some(self.responses.remove(0)) }
+    }
+
+    fn length(&self) -> Length {
+        Length::Responses(self.spec.points as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests;

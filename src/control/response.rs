@@ -1,0 +1,199 @@
+//! The exciter's reading of the response, window by window.
+
+use crate::excitation::{HarmonicFit, Phasor, Profile, SineFit, Window};
+use crate::rig::Measurement;
+
+/// The channels: head x, y; B x, y; C x, y.
+const CHANNELS: usize = Measurement::CHANNELS;
+
+/// The response at one frequency, as the controller reads it from the wire.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResponsePoint {
+    /// Frequency of the drive, Hz.
+    pub frequency_hz: f64,
+    /// Amplitude of the load's fundamental, as it acts on the arm, N or N·m.
+    pub load: f64,
+    /// Standard deviation of `load` by the noise of the readings, at the frequency and amplitude that are stated, N or N·m; `None` where it
+    /// is not computed.
+    pub load_deviation: Option<f64>,
+    /// Force in the impedance head along x and y against the drive's phase, N.
+    pub head_force_n: [Phasor; 2],
+    /// Acceleration of B along x and y, m/s².
+    pub acceleration_b_m_s2: [Phasor; 2],
+    /// Acceleration of C along x and y, m/s².
+    pub acceleration_c_m_s2: [Phasor; 2],
+    /// Harmonics 2 and 3 of head x, y; B x, y; C x, y, against the same phase, where they are read.
+    pub overtones: Option<[[Phasor; 2]; CHANNELS]>,
+    /// Lag of the response that a closed loop follows behind the load, rad; `None` in open loop.
+    pub lag_rad: Option<f64>,
+    /// How much the response still moved, relative: in open loop the change from the first to the second half of the window in the
+    /// channel with the largest acceleration, in closed loop the change of the followed angle over the reading.
+    pub drift: f64,
+    /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. What was clipped is left out of the fit.
+    pub clipped: [bool; CHANNELS],
+    /// How often the point was tried: 1 in open loop.
+    pub tries: u32,
+    /// Whether the controller takes the response for settled.
+    pub settled: bool,
+}
+
+impl ResponsePoint {
+    /// A settled response of these harmonics, 1 to 3 of head x, y; B x, y; C x, y.
+    pub fn of_harmonics(frequency_hz: f64, load: f64, harmonics: &[[Phasor; 3]; CHANNELS]) -> ResponsePoint {
+        let pair = |channel: usize| [harmonics[channel][0], harmonics[channel + 1][0]];
+        ResponsePoint {
+            frequency_hz,
+            load,
+            load_deviation: None,
+            head_force_n: pair(0),
+            acceleration_b_m_s2: pair(2),
+            acceleration_c_m_s2: pair(4),
+            overtones: Some(harmonics.map(|[_, second, third]| [second, third])),
+            lag_rad: None,
+            drift: 0.0,
+            clipped: [false; CHANNELS],
+            tries: 1,
+            settled: true,
+        }
+    }
+
+    /// Harmonic distortion of the head's force: what its harmonics 2 and 3 are together over its fundamental; `None` where
+    /// they are not read, or no force is.
+    pub fn distortion(&self) -> Option<f64> {
+        let size = |phasor: &Phasor| libm::hypot(phasor.re, phasor.im);
+        let overtones = self.overtones.as_ref()?;
+        let together = overtones[..2].iter().flatten().fold(0.0, |sum, phasor| libm::hypot(sum, size(phasor)));
+        let fundamental = self.head_force_n.iter().fold(0.0, |sum, phasor| libm::hypot(sum, size(phasor)));
+        (fundamental > 0.0).then_some(together / fundamental)
+    }
+
+    /// Whether a reading in the window was clipped.
+    pub fn is_clipped(&self) -> bool {
+        self.clipped.contains(&true)
+    }
+
+    /// The harmonic of order `order`, from 1 on, of a channel: head x, y; B x, y; C x, y. Zero if it was not read.
+    pub fn harmonic(&self, channel: usize, order: usize) -> Phasor {
+        let pairs = [&self.head_force_n, &self.acceleration_b_m_s2, &self.acceleration_c_m_s2];
+        match (order, &self.overtones) {
+            (1, _) => pairs[channel / 2][channel % 2],
+            (2 | 3, Some(overtones)) => overtones[channel][order - 2],
+            _ => Phasor::new(0.0, 0.0),
+        }
+    }
+
+    /// Above this drift a response is called not settled.
+    pub const SETTLED_DRIFT: f64 = 0.02;
+}
+
+/// What is read of a response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Orders {
+    /// The fundamental.
+    One,
+    /// Harmonics 1 to 3: there must be more than six samples a period.
+    Three,
+}
+
+/// Reads the responses of a profile as its samples come in.
+#[derive(Clone, Debug)]
+pub(super) struct ResponseReader {
+    /// The windows, each with the amplitude of the load in it.
+    windows: alloc::vec::IntoIter<(Window, f64)>,
+    current: Option<Reading>,
+}
+
+/// One response, sample by sample.
+#[derive(Clone, Debug)]
+pub(super) struct Reading {
+    window: Window,
+    load: f64,
+    whole: SineFit<CHANNELS>,
+    overtones: Option<HarmonicFit<CHANNELS, 7>>,
+    halves: [SineFit<CHANNELS>; 2],
+    clipped: [bool; CHANNELS],
+}
+
+impl Reading {
+    /// Of a window, with the load that is meant to act in it.
+    pub fn new((window, load): (Window, f64), orders: Orders) -> Reading {
+        let samples = window.end - window.first;
+        let half = samples / 2;
+        let halves = [SineFit::new(half), SineFit::new(samples - half)];
+        let overtones = (orders == Orders::Three).then(|| HarmonicFit::new(samples));
+        Reading { window, load, whole: SineFit::new(samples), overtones, halves, clipped: [false; CHANNELS] }
+    }
+
+    /// Takes in a sample within the window with the phase of the drive then, cycles.
+    pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
+        let (n, readings) = (sample.sample, sample.readings());
+        for (clipped, reading) in self.clipped.iter_mut().zip(&readings) {
+            *clipped |= reading.clipped;
+        }
+        let values = &readings.map(|reading| reading.within_range());
+        let (k, half) = (n - self.window.first, (self.window.end - self.window.first) / 2);
+        self.whole.add(k, phase_cycles, values);
+        if let Some(overtones) = &mut self.overtones {
+            overtones.add(k, phase_cycles, values);
+        }
+        match k.checked_sub(half) {
+            None => self.halves[0].add(k, phase_cycles, values),
+            Some(k) => self.halves[1].add(k, phase_cycles, values),
+        }
+    }
+
+    /// What was read; `None` if the samples do not determine it.
+    pub fn finish(&self) -> Option<ResponsePoint> {
+        let whole = self.whole.finish()?;
+        let [first, second] = [self.halves[0].finish()?, self.halves[1].finish()?];
+        let (mut largest, mut drift) = (0.0, f64::INFINITY);
+        for channel in 2..CHANNELS {
+            let size = libm::hypot(whole[channel].re, whole[channel].im);
+            if size > largest {
+                let change = second[channel] - first[channel];
+                (largest, drift) = (size, libm::hypot(change.re, change.im) / size);
+            }
+        }
+        let [hx, hy, bx, by, cx, cy] = whole;
+        let overtones = self.overtones.as_ref().and_then(HarmonicFit::harmonics::<3>);
+        let overtones = overtones.map(|channels| channels.map(|[_, second, third]| [second, third]));
+        Some(ResponsePoint {
+            frequency_hz: self.window.frequency_hz,
+            head_force_n: [hx, hy],
+            acceleration_b_m_s2: [bx, by],
+            acceleration_c_m_s2: [cx, cy],
+            load: self.load,
+            load_deviation: None,
+            overtones,
+            lag_rad: None,
+            drift,
+            clipped: self.clipped,
+            tries: 1,
+            settled: drift < ResponsePoint::SETTLED_DRIFT,
+        })
+    }
+}
+
+impl ResponseReader {
+    pub fn new(profile: &Profile) -> ResponseReader {
+        let held = |window: Window| (window, profile.held_load(window.frequency_hz));
+        let windows: alloc::vec::Vec<_> = profile.windows().map(held).collect();
+        let mut windows = windows.into_iter();
+        let current = windows.next().map(|window| Reading::new(window, Orders::One));
+        ResponseReader { windows, current }
+    }
+
+    /// Takes in a sample with the phase of the drive then, cycles; the response of a window that ended before it, if one did.
+    pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) -> Option<ResponsePoint> {
+        let n = sample.sample;
+        let mut done = None;
+        if self.current.as_ref().is_some_and(|reading| n >= reading.window.end) {
+            done = self.current.take().and_then(|reading| reading.finish());
+            self.current = self.windows.next().map(|window| Reading::new(window, Orders::One));
+        }
+        if let Some(reading) = self.current.as_mut().filter(|reading| n >= reading.window.first) {
+            reading.add(sample, phase_cycles);
+        }
+        done
+    }
+}

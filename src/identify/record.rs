@@ -1,0 +1,161 @@
+//! What the instruments said.
+
+use alloc::vec::Vec;
+
+use super::IdentifyError;
+use crate::rig::RigSpec;
+
+/// The accelerations: B along x and y, C along x and y.
+pub const CHANNELS: usize = 4;
+
+/// Least samples of a record: with fewer no band has enough lines.
+const LEAST_SAMPLES: usize = 256;
+/// Above so many standard deviations a reading of the head is a force and not noise.
+const CLEAR: f64 = 6.0;
+
+/// Along which direction the force is taken for the one input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Direction {
+    /// The one along which the head read most: that of the exciter.
+    #[default]
+    Principal,
+    /// Along x.
+    X,
+    /// Along y.
+    Y,
+}
+
+/// A band of frequencies, Hz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Lowest, positive.
+    pub from_hz: f64,
+    /// Highest, above the lowest and below half the sample rate.
+    pub to_hz: f64,
+}
+
+/// Readings of equal distance in time, and the noise that the instruments are known to have.
+///
+/// Force and accelerations of a sample are of the same instant, in the middle of a hold ([`crate::plant`]): in discrete time a
+/// linear arm is then exactly a rational function of z = e^(iω/rate).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    rate_hz: f64,
+    force_n: Vec<f64>,
+    /// The unit vector along which the force is taken.
+    direction: [f64; 2],
+    acceleration_m_s2: [Vec<f64>; CHANNELS],
+    force_noise_n: f64,
+    acceleration_noise_m_s2: [f64; CHANNELS],
+    /// First sample with a force, and the first after the last.
+    forced: [usize; 2],
+}
+
+impl Record {
+    /// A record of `rate_hz` samples a second by the instruments of `rig`: each sample the force in the head along x and y, N,
+    /// and the accelerations of B and C along x and y, m/s².
+    ///
+    /// # Errors
+    /// [`IdentifyError::TooShort`], and [`IdentifyError::NoForce`] if the head reads no force along `direction`.
+    pub fn new(
+        rate_hz: f64,
+        rig: &RigSpec,
+        samples: impl IntoIterator<Item = ([f64; 2], [f64; CHANNELS])>,
+        direction: Direction,
+    ) -> Result<Record, IdentifyError> {
+        let mut head_n: Vec<[f64; 2]> = Vec::new();
+        let mut acceleration_m_s2: [Vec<f64>; CHANNELS] = Default::default();
+        for (force_n, accelerations) in samples {
+            head_n.push(force_n);
+            acceleration_m_s2.iter_mut().zip(accelerations).for_each(|(channel, value)| channel.push(value));
+        }
+        if head_n.len() < LEAST_SAMPLES {
+            return Err(IdentifyError::TooShort { samples: head_n.len(), least: LEAST_SAMPLES });
+        }
+        let force_noise_n = rig.impedance_head.reading_noise_n(rate_hz);
+        let [b, c] = [&rig.accelerometer_b, &rig.accelerometer_c].map(|sensor| sensor.reading_noise_m_s2(rate_hz));
+        let direction = unit(&head_n, direction);
+        let force_n: Vec<f64> = head_n.iter().map(|[x, y]| x * direction[0] + y * direction[1]).collect();
+        let is_force = |force: &f64| libm::fabs(*force) > CLEAR * force_noise_n;
+        let forced = match (force_n.iter().position(is_force), force_n.iter().rposition(is_force)) {
+            (Some(first), Some(last)) => [first, last + 1],
+            _ => return Err(IdentifyError::NoForce { noise_n: force_noise_n }),
+        };
+        let floor = |(index, channel): (usize, &Vec<f64>)| [b, b, c, c][index].max(1e-9 * rms(channel)).max(1e-12);
+        let mut acceleration_noise_m_s2 = [0.0; CHANNELS];
+        for (noise, found) in acceleration_noise_m_s2.iter_mut().zip(acceleration_m_s2.iter().enumerate().map(floor)) {
+            *noise = found;
+        }
+        Ok(Record { rate_hz, force_n, direction, acceleration_m_s2, force_noise_n, acceleration_noise_m_s2, forced })
+    }
+
+    /// Samples a second, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// The number of samples.
+    pub fn samples(&self) -> usize {
+        self.force_n.len()
+    }
+
+    /// The direction of the force that is the input, as a unit vector.
+    pub fn direction(&self) -> [f64; 2] {
+        self.direction
+    }
+
+    /// The force along the direction, N.
+    pub(super) fn force_n(&self) -> &[f64] {
+        &self.force_n
+    }
+
+    /// The accelerations, m/s².
+    pub(super) fn accelerations(&self) -> &[Vec<f64>; CHANNELS] {
+        &self.acceleration_m_s2
+    }
+
+    /// Standard deviation of the force's noise, N.
+    pub(super) fn force_noise_n(&self) -> f64 {
+        self.force_noise_n
+    }
+
+    /// Standard deviations of the accelerations' noise, m/s²; of ideal instruments as much as rounding leaves.
+    pub(super) fn acceleration_noise_m_s2(&self) -> &[f64; CHANNELS] {
+        &self.acceleration_noise_m_s2
+    }
+
+    /// First sample with a force, and the first after the last.
+    pub(super) fn forced(&self) -> [usize; 2] {
+        self.forced
+    }
+
+    /// Checks that a band is one of this record.
+    pub(super) fn check(&self, band: Band) -> Result<(), IdentifyError> {
+        let Band { from_hz, to_hz } = band;
+        if from_hz > 0.0 && from_hz < to_hz && to_hz < 0.5 * self.rate_hz {
+            return Ok(());
+        }
+        Err(IdentifyError::Band { from_hz, to_hz, rate_hz: self.rate_hz })
+    }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64)
+}
+
+/// The direction as a unit vector; the principal one is the eigenvector of Σ f fᵀ of the larger eigenvalue, at the angle
+/// ½ atan2(2 Σ xy, Σ x² − Σ y²), with its larger component positive.
+fn unit(head_n: &[[f64; 2]], direction: Direction) -> [f64; 2] {
+    match direction {
+        Direction::X => [1.0, 0.0],
+        Direction::Y => [0.0, 1.0],
+        Direction::Principal => {
+            let sum = |term: fn(&[f64; 2]) -> f64| head_n.iter().map(term).sum::<f64>();
+            let (xx, xy, yy) = (sum(|[x, _]| x * x), sum(|[x, y]| x * y), sum(|[_, y]| y * y));
+            let angle = 0.5 * libm::atan2(2.0 * xy, xx - yy);
+            let (sine, cosine) = libm::sincos(angle);
+            let larger = if libm::fabs(cosine) >= libm::fabs(sine) { cosine } else { sine };
+            [cosine, sine].map(|component| component * libm::copysign(1.0, larger))
+        }
+    }
+}

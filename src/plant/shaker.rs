@@ -1,0 +1,138 @@
+//! Steps of an arm that a shaker drives.
+//!
+//! In current mode the coil's force is held over the step, as that of an ideal exciter is. In voltage mode the current and the
+//! motion of the armature depend on each other over the step: the motion gives a polynomial for the velocity, that the current in
+//! closed form, and the current the next motion, until it changes no more. What a pass changes is smaller than what the one before did
+//! by about h Bl²/(R m), m the mass that the coil sees: by a thousand for a shaker on this arm.
+
+use super::PlantSpecError;
+use crate::arm::{Arm, Load, State};
+use crate::integrate::{Excitation, IntegrateError, Integrator};
+use crate::rig::coil::{Coil, Current, LEAST_DECAY, Stroke};
+use crate::rig::{Amplifier, ShakerLimit, ShakerSpec};
+
+/// Passes of a step in voltage mode before it counts as one that can't be made.
+const MOST_PASSES: usize = 30;
+/// Change of the current in a pass, relative, below which it is the last.
+const PASS_LIMIT: f64 = 1e-12;
+
+/// A shaker at work.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shaker {
+    spec: ShakerSpec,
+    coil: Coil,
+    step_s: f64,
+    current_a: f64,
+}
+
+/// The coil's force over a step that starts at `start_s`.
+struct CoilForce<'a> {
+    shaker: &'a Shaker,
+    current: Current,
+    start_s: f64,
+}
+
+impl Excitation for CoilForce<'_> {
+    fn load(&self, t_s: f64) -> Load {
+        self.shaker.push(self.current.at((t_s - self.start_s) / self.shaker.step_s))
+    }
+}
+
+impl Shaker {
+    /// A shaker without current, for steps of `step_s`.
+    ///
+    /// # Errors
+    /// [`PlantSpecError::Inductance`] if the current changes too slowly for the closed form of a step.
+    pub fn new(spec: ShakerSpec, step_s: f64) -> Result<Shaker, PlantSpecError> {
+        let most_h = spec.resistance_ohm * step_s / LEAST_DECAY;
+        if spec.amplifier == Amplifier::Voltage && spec.inductance_h > most_h {
+            return Err(PlantSpecError::Inductance { got_h: spec.inductance_h, most_h });
+        }
+        let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
+        let decay = step_s * resistance_ohm / spec.inductance_h;
+        Ok(Shaker { spec, coil: Coil { force_factor_n_a, resistance_ohm, decay }, step_s, current_a: 0.0 })
+    }
+
+    /// The coil's force at the end of the last step.
+    pub fn acting(&self) -> Load {
+        self.push(self.current_a)
+    }
+
+    fn push(&self, current_a: f64) -> Load {
+        let force_n = self.spec.direction() * (self.spec.force_factor_n_a * current_a);
+        Load { force_n, ..Load::default() }
+    }
+
+    /// One step under a command.
+    ///
+    /// # Errors
+    /// As [`Integrator::step`].
+    pub fn step(
+        &mut self,
+        integrator: &Integrator,
+        arm: &Arm,
+        t_s: f64,
+        state: &State,
+        command: &Load,
+    ) -> Result<State, IntegrateError> {
+        let blocked_a = self.spec.along_n(command) / self.spec.force_factor_n_a;
+        match self.spec.amplifier {
+            Amplifier::Current => {
+                self.current_a = blocked_a;
+                integrator.step(arm, t_s, state, &self.acting())
+            }
+            Amplifier::Voltage => self.step_at_voltage(integrator, arm, t_s, state, blocked_a),
+        }
+    }
+
+    fn step_at_voltage(
+        &mut self,
+        integrator: &Integrator,
+        arm: &Arm,
+        t_s: f64,
+        state: &State,
+        blocked_a: f64,
+    ) -> Result<State, IntegrateError> {
+        let start = self.armature(arm, state, self.current_a);
+        let [start_m, start_m_s, start_change] = start;
+        let mut stroke = Stroke {
+            velocity_m_s: [start_m_s, start_m_s + start_change],
+            change_m_s: [start_change; 2],
+            mean_m_s: start_m_s + 0.5 * start_change,
+        };
+        let (mut before_a, mut change) = (f64::INFINITY, f64::INFINITY);
+        for _ in 0..MOST_PASSES {
+            let current = self.coil.current(self.current_a, blocked_a * self.spec.resistance_ohm, &stroke);
+            let force = CoilForce { shaker: self, current, start_s: t_s };
+            let next = integrator.step(arm, t_s, state, &force)?;
+            let end_a = current.at(1.0);
+            let [end_m, end_m_s, end_change] = self.armature(arm, &next, end_a);
+            let size_a = end_a.abs() + blocked_a.abs() + self.current_a.abs();
+            change = (end_a - before_a).abs() / size_a.max(f64::MIN_POSITIVE);
+            if change <= PASS_LIMIT {
+                self.current_a = end_a;
+                return Ok(next);
+            }
+            before_a = end_a;
+            stroke = Stroke {
+                velocity_m_s: [start_m_s, end_m_s],
+                change_m_s: [start_change, end_change],
+                mean_m_s: (end_m - start_m) / self.step_s,
+            };
+        }
+        Err(IntegrateError::NoConvergence { t_s, iterations: MOST_PASSES, correction: change })
+    }
+
+    /// s, m; ṡ, m/s; h s̈, m/s, of the armature at a state and current.
+    fn armature(&self, arm: &Arm, state: &State, current_a: f64) -> [f64; 3] {
+        let (displacement_m, velocity_m_s) = arm.attachment_motion(state);
+        let acceleration = arm.acceleration(state, &self.push(current_a));
+        let tip_m_s2 = arm.point_accelerations(state, &acceleration).c_m_s2;
+        [displacement_m, velocity_m_s, self.step_s * self.spec.direction().dot(&tip_m_s2)]
+    }
+
+    /// The first limit that is exceeded at a state, with what there is and what may be.
+    pub fn exceeded(&self, arm: &Arm, state: &State) -> Option<(ShakerLimit, f64, f64)> {
+        self.spec.exceeded(self.current_a, arm.attachment_motion(state))
+    }
+}

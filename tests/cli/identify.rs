@@ -1,0 +1,82 @@
+//! `identify`: what the readings of a recording tell, beside what the arm's equations say.
+
+use std::fs;
+use std::path::Path;
+
+use insta::assert_snapshot;
+use serde_json::Value;
+
+use crate::{complaint, document, names, resonarm};
+
+/// Runs an excitation of a small force and records it.
+fn record(folder: &Path, name: &str, amplitude: &str, profile: &str) {
+    let scenario = format!("[excitation]\namplitude = {{ {amplitude} }}\nprofile = {{ {profile} }}\n");
+    let (scenario_file, recording) = (format!("{name}.toml"), format!("{name}.mcap"));
+    fs::write(folder.join(&scenario_file), scenario).unwrap();
+    let run = ["run", "--mode", "free", "--scenario", &scenario_file, "--record", &recording];
+    assert_eq!(resonarm(folder, &run).code, 0);
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn a_recording_tells_the_modes_of_its_arm() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    record(
+        folder,
+        "random",
+        "force_y_n = 6",
+        "waveform = 'random', from_hz = 5, to_hz = 80, duration_s = 30, seed = 2",
+    );
+    record(folder, "impact", "force_y_n = 40", "waveform = 'impulse', pulse_s = 0.008, duration_s = 20");
+    let computed = document(folder, 0, &["modes", "--json"]);
+    for (recording, averaging, averages) in [("random.mcap", "welch", 15), ("impact.mcap", "single", 1)] {
+        let found = document(folder, 0, &["identify", recording, "--json"]);
+        assert_eq!((&found["averaging"], &found["averages"]), (&averaging.into(), &averages.into()));
+        assert_eq!(found["modes"].as_array().unwrap().len(), 2, "{:#}", found["modes"]);
+        for mode in 0..2 {
+            let (found, computed) = (&found["modes"][mode], &computed["modes"][mode]);
+            let ratio = |key: &str| number(&found[key]) / number(&computed[key]) - 1.0;
+            assert!(ratio("frequency_hz").abs() < 1e-4 && ratio("damping_ratio").abs() < 0.05, "{found} {computed}");
+        }
+        assert_eq!(number(&found["direction"][1]).round(), 1.0);
+        let count = found["frequency_hz"].as_array().unwrap().len();
+        for response in found["responses"].as_array().unwrap() {
+            assert_eq!(names(response), ["coherence", "h1", "h2", "response", "unit"]);
+            assert_eq!(response["h1"].as_array().unwrap().len(), count);
+            assert_eq!(response["coherence"].is_null(), averages == 1);
+        }
+    }
+    let plot = ["identify", "random.mcap", "--from-hz", "10", "--to-hz", "70", "--plot", "found"];
+    let said = resonarm(folder, &plot);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert!(said.stdout.ends_with("written to found.svg, found.png, found.csv, found.json\n"), "{}", said.stdout);
+    let table = fs::read_to_string(folder.join("found.csv")).unwrap();
+    assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_modulus_m_s2_per_n,b_x_phase_deg,b_x_coherence,b_y_modulus_m_s2_per_n,b_y_phase_deg,b_y_coherence,c_x_modulus_m_s2_per_n,c_x_phase_deg,c_x_coherence,c_y_modulus_m_s2_per_n,c_y_phase_deg,c_y_coherence");
+    assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: name another place, or allow overwriting it (--overwrite)");
+    // Between the modes there is none.
+    let none = resonarm(folder, &["identify", "random.mcap", "--from-hz", "30", "--to-hz", "36"]);
+    assert_eq!(none.code, 1, "{}", none.stdout);
+    assert!(none.stderr.contains("there is no resonance from 30 to 36 Hz"), "{}", none.stderr);
+}
+
+#[test]
+fn recordings_that_tell_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let random = |duration_s: &str| format!("waveform = 'random', from_hz = 5, to_hz = 80, duration_s = {duration_s}");
+    record(folder, "torque", "torque1_nm = 5", &random("2"));
+    record(folder, "short", "force_y_n = 5", &random("0.1"));
+    record(folder, "force", "force_y_n = 5", &random("4"));
+    fs::write(folder.join("notes.txt"), "no recording").unwrap();
+    let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify"], arguments].concat());
+    assert_snapshot!(says(&["torque.mcap"]), @"resonarm: the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
+    assert_snapshot!(says(&["short.mcap"]), @"resonarm: the record has 150 samples where 256 are needed: record for longer");
+    assert_snapshot!(says(&["force.mcap", "--from-hz", "200", "--to-hz", "300"]), @"resonarm: the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
+    assert_snapshot!(says(&["force.mcap", "--segment-s", "-1"]), @"resonarm: --segment-s: it must be positive");
+    assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment of 100000 samples has to have from 16 samples to as many as the record, 4050");
+    assert_snapshot!(says(&["notes.txt"]), @"resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`");
+}

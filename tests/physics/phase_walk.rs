@@ -1,0 +1,233 @@
+//! The phase walk against the branches of harmonic balance, which know nothing of it: every settled point is on the branch,
+//! stable or not, by what the accelerometers tell.
+
+use resonarm::analysis::{
+    ArmParameter, BackboneOptions, Branch, BranchOptions, Coordinate, Distances, ForcedArm, MeasuredMotion, backbone,
+    nearest, trace,
+};
+use resonarm::arm::{Arm, Pose, Preset, State};
+use resonarm::control::{Answer, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponsePoint};
+use resonarm::excitation::Amplitude;
+use resonarm::integrate::Scheme;
+use resonarm::plant::{Plant, PlantSpec};
+use resonarm::rig::{Amplifier, RigSpec, ShakerSpec};
+
+const RATE_HZ: f64 = 1000.0;
+/// The bounds of a point: frequency and amplitude, relative.
+const FREQUENCY: f64 = 2e-5;
+const BOUNDS: Distances = Distances { frequency: FREQUENCY, amplitude: 1e-3 };
+
+struct Case {
+    beta1_deg: f64,
+    beta2_deg: f64,
+    amplitude: Amplitude,
+    mode: ModeNumber,
+    shaker: Option<ShakerSpec>,
+    /// Unstable motions that the walk meets at least.
+    unstable: usize,
+    /// Tries a point on average, at most.
+    tries: f64,
+}
+
+/// Instruments without noise; the converters' counts stay.
+fn quiet() -> RigSpec {
+    let mut rig = RigSpec::default();
+    rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
+    rig.accelerometer_c.noise_rms_m_s2 = Some(0.0);
+    rig.impedance_head.noise_rms_n = Some(0.0);
+    rig
+}
+
+impl Case {
+    fn plant(&self) -> Plant {
+        let spec = PlantSpec {
+            parameters: Preset::Irb1600Fitted.parameters().unwrap(),
+            pose: Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg },
+            initial: State::default(),
+            scheme: Scheme::default(),
+            sample_rate_hz: RATE_HZ,
+            steps_per_sample: 4,
+            rig: RigSpec { shaker: self.shaker, ..quiet() },
+            seed: 1,
+        };
+        Plant::new(&spec).unwrap()
+    }
+
+    fn walk(&self, plant: &mut Plant) -> Vec<ResponsePoint> {
+        self.walk_by(plant, PhaseWalkSpec { points: 17, ..PhaseWalkSpec::new(self.amplitude) })
+    }
+
+    fn walk_by(&self, plant: &mut Plant, spec: PhaseWalkSpec) -> Vec<ResponsePoint> {
+        let spec = PhaseWalkSpec { mode_number: self.mode, ..spec };
+        let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
+        let mut controller = PhaseWalk::new(spec, &plant.arm().clone().without_attachment(), RATE_HZ, limit).unwrap();
+        let mut points = Vec::new();
+        loop {
+            let answer = controller.answer(&plant.measure());
+            points.extend(std::iter::from_fn(|| controller.poll_response()));
+            match answer {
+                Answer::Hold(load) => plant.advance(&load).unwrap(),
+                Answer::Finished => return points,
+                Answer::Aborted(abort) => panic!("{abort}"),
+            }
+        }
+    }
+
+    /// The branch around the points, in steps so small that it is straight between its motions.
+    fn branch(&self, arm: &Arm, points: &[ResponsePoint]) -> Branch {
+        let (low, high) = points.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
+            (low.min(point.frequency_hz), high.max(point.frequency_hz))
+        });
+        let mut options = BranchOptions::new(0.98 * low, 1.02 * high);
+        options.walk.largest_turn_rad = 0.01;
+        options.most_points = 100_000;
+        let forced = ForcedArm::new(arm.clone(), self.amplitude.load(), 1.0);
+        trace(forced, 0.98 * low, Coordinate::FrequencyHz, &options).unwrap()
+    }
+}
+
+fn check(case: &Case) {
+    let mut plant = case.plant();
+    let points = case.walk(&mut plant);
+    let branch = case.branch(plant.arm(), &points);
+    let mut unstable = 0;
+    for point in &points {
+        assert!(point.settled, "{point:?}");
+        let harmonic1_rad = JointAngles::of(point, plant.arm()).harmonic1_rad();
+        let measured = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad };
+        let place = nearest(&branch, &measured, 0, BOUNDS).unwrap();
+        let distance = place.distance;
+        assert!(distance < 1.0, "{} Hz, {:?}: {distance}", point.frequency_hz, case.shaker);
+        unstable += usize::from(!place.is_stable);
+    }
+    assert!(unstable >= case.unstable, "{unstable} unstable motions");
+    let tries: u32 = points.iter().map(|point| point.tries).sum();
+    assert!(f64::from(tries) <= case.tries * points.len() as f64, "{tries} tries");
+}
+
+#[test]
+fn a_torque_leads_over_both_folds() {
+    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    check(&Case {
+        beta1_deg: 0.0,
+        beta2_deg: 60.0,
+        amplitude,
+        mode: ModeNumber::First,
+        shaker: None,
+        unstable: 5,
+        tries: 2.0,
+    });
+}
+
+#[test]
+fn a_force_at_the_tip_leads_over_both_folds() {
+    let amplitude = Amplitude { force_x_n: 14.0, ..Amplitude::default() };
+    check(&Case {
+        beta1_deg: 30.0,
+        beta2_deg: 60.0,
+        amplitude,
+        mode: ModeNumber::First,
+        shaker: None,
+        unstable: 5,
+        tries: 2.0,
+    });
+}
+
+#[test]
+fn a_hardening_arm_is_walked_as_well() {
+    let amplitude = Amplitude { torque1_nm: 10.0, ..Amplitude::default() };
+    check(&Case {
+        beta1_deg: 0.0,
+        beta2_deg: 150.0,
+        amplitude,
+        mode: ModeNumber::First,
+        shaker: None,
+        unstable: 0,
+        tries: 2.0,
+    });
+}
+
+#[test]
+fn the_second_mode_is_walked_beside_the_first() {
+    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    check(&Case {
+        beta1_deg: 0.0,
+        beta2_deg: 60.0,
+        amplitude,
+        mode: ModeNumber::Second,
+        shaker: None,
+        unstable: 0,
+        tries: 3.0,
+    });
+}
+
+/// The force that acts is what the head reads, a part of what the coil gives: the walk keeps that one's fundamental. The tip moves
+/// along an arc, so armature and suspension add harmonics to the force, as the square of the amplitude; at 14 N they are as large as the
+/// fundamental, and the motion is no longer that of a pure sine.
+#[test]
+fn a_shaker_s_armature_is_walked_past() {
+    let shaker = ShakerSpec {
+        direction_deg: 0.0,
+        amplifier: Amplifier::Current,
+        moving_mass_kg: 0.05,
+        stiffness_n_m: 500.0,
+        damping_n_s_m: 5.0,
+        force_factor_n_a: 20.0,
+        resistance_ohm: 40.0,
+        inductance_h: 1e-5,
+        stroke_m: 0.2,
+        current_limit_a: 30.0,
+        voltage_limit_v: 1600.0,
+    };
+    // The coil's back-electromotive force has harmonics, too.
+    for (amplifier, force_x_n) in [(Amplifier::Current, 5.0), (Amplifier::Voltage, 2.5)] {
+        let amplitude = Amplitude { force_x_n, ..Amplitude::default() };
+        let shaker = Some(ShakerSpec { amplifier, ..shaker });
+        check(&Case {
+            beta1_deg: 30.0,
+            beta2_deg: 60.0,
+            amplitude,
+            mode: ModeNumber::First,
+            shaker,
+            unstable: 0,
+            tries: 2.0,
+        });
+    }
+}
+
+/// Where the lag is 90°, load and amplitude grow together, and the frequency follows the computed backbone.
+#[test]
+fn the_backbone_is_walked_at_quadrature() {
+    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    let case = Case {
+        beta1_deg: 0.0,
+        beta2_deg: 60.0,
+        amplitude,
+        mode: ModeNumber::First,
+        shaker: None,
+        unstable: 0,
+        tries: 2.0,
+    };
+    let mut plant = case.plant();
+    let points = case.walk_by(&mut plant, PhaseWalkSpec { points: 9, ..PhaseWalkSpec::backbone(amplitude) });
+    let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
+    let mut branch = BranchOptions::new(20.0, 24.0);
+    branch.walk.largest_turn_rad = 0.01;
+    branch.walk.largest_step = 0.02;
+    let options = BackboneOptions { smallest_rad: 1e-3, largest_rad: 1.0, largest_drive: 21.0, branch };
+    let computed = backbone(ForcedArm::new(plant.arm().clone(), direction, 1.0), 0, ArmParameter::Amplitude, &options);
+    let computed = computed.unwrap().points;
+    for (point, load) in points.iter().zip((0..9).map(|k| 2.0 + 2.25 * f64::from(k))) {
+        assert!(point.settled && (point.load / load - 1.0).abs() < 1.5e-3, "{load}: {point:?}");
+        let a = JointAngles::of(point, plant.arm()).harmonic1_rad()[0];
+        let after = computed.iter().position(|motion| motion.harmonic1_rad[0] > a).unwrap();
+        let (low, high) = (&computed[after - 1], &computed[after]);
+        let share = (a - low.harmonic1_rad[0]) / (high.harmonic1_rad[0] - low.harmonic1_rad[0]);
+        let between = |low: f64, high: f64| low + share * (high - low);
+        let frequency_hz = between(low.frequency_hz, high.frequency_hz);
+        assert!((point.frequency_hz / frequency_hz - 1.0).abs() < FREQUENCY, "{load}: {frequency_hz} {point:?}");
+        let drive = between(low.drive, high.drive);
+        assert!((point.load / drive - 1.0).abs() < 2e-3, "{load}: {drive} {point:?}");
+    }
+    assert_eq!(points.len(), 9);
+}
