@@ -40,6 +40,7 @@
 //! | [`scenario`] | everything about a run, in one TOML file |
 //! | [`run`] | runs: a [`Session`](run::Session) puts a scenario, both ends, a bus, a recording and the pace together |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
+//! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
 //! | [`cli`] | the program, with its figures and those of the paper |
@@ -69,6 +70,8 @@ mod seed;
 
 #[cfg(feature = "std")]
 pub mod bus;
+#[cfg(feature = "std")]
+pub mod experiment;
 #[cfg(feature = "cli")]
 mod paper;
 #[cfg(feature = "cli")]

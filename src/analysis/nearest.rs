@@ -20,6 +20,13 @@ pub struct Distances {
     pub amplitude: f64,
 }
 
+impl Default for Distances {
+    /// 2e-5 of the frequency and 1e-3 of the amplitude: what a closed loop on the bench reaches.
+    fn default() -> Distances {
+        Distances { frequency: 2e-5, amplitude: 1e-3 }
+    }
+}
+
 /// The place of a branch that is nearest to a measured motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {

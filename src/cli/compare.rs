@@ -43,9 +43,6 @@ pub(super) struct Compare {
     json: bool,
 }
 
-/// What counts as equally far.
-const DISTANCES: Distances = Distances { frequency: 2e-5, amplitude: 1e-3 };
-
 /// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of what counts.
 const STRAIGHT_RAD: f64 = 0.01;
 
@@ -112,7 +109,7 @@ impl Compare {
         let joint = usize::from(self.joint - 1);
         let place = |point: &BenchPoint| {
             let motion = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad: point.harmonic1_rad };
-            nearest(&branch, &motion, joint, DISTANCES).map(|place| Compared::new(point, &place))
+            nearest(&branch, &motion, joint, Distances::default()).map(|place| Compared::new(point, &place))
         };
         let points: Vec<Compared> = bench.points.iter().filter_map(place).collect();
         let largest = |of: &dyn Fn(&Compared) -> f64| {

@@ -189,6 +189,10 @@ impl Identify {
                 | Waveform::BurstRandom { from_hz, to_hz, .. }
                 | Waveform::Multisine { from_hz, to_hz, .. },
             ) => (from_hz.min(*to_hz), from_hz.max(*to_hz)),
+            Some(Waveform::SineList { frequencies_hz, .. }) => {
+                let ends = |(low, high): (f64, f64), hz: &f64| (low.min(*hz), high.max(*hz));
+                frequencies_hz.iter().fold((f64::INFINITY, 0.0), ends)
+            }
             Some(Waveform::Impulse { pulse_s, .. }) => (1.0, highest_hz.min(1.0 / pulse_s)),
             Some(Waveform::Dwell { .. } | Waveform::File { .. }) | None => (1.0, highest_hz.min(HIGHEST_HZ)),
         };

@@ -45,6 +45,7 @@ mod supervise;
 mod sweep;
 mod walk_flags;
 mod walk_point;
+mod zone_figure;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

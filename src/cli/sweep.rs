@@ -53,6 +53,9 @@ pub(super) struct Sweep {
     over_beta2_deg: Vec<f64>,
 }
 
+/// Amplitudes that differ by more than this part belong to different motions: each was followed until its end was proved.
+const DIFFERENT: f64 = 1e-6;
+
 /// Evenly spaced frequencies where none are asked for.
 const STEPS: u32 = 101;
 
@@ -236,7 +239,7 @@ fn differences(up: &SweepDocument, down: &SweepDocument) -> String {
     let up: Vec<_> = up.points.iter().map(motion).collect();
     let down: Vec<_> = down.points.iter().rev().map(motion).collect();
     let mut text = String::new();
-    for [first, last] in hysteresis(&up, &down) {
+    for [first, last] in hysteresis(&up, &down, DIFFERENT) {
         let _infallible = writeln!(text, "  up and down differ from {first:.6} to {last:.6} Hz");
     }
     if text.is_empty() { String::from("  up and down agree\n") } else { text }

@@ -152,11 +152,9 @@ impl Profile {
 
     /// The windows in which responses are read, in order: one for a dwell, one for each step of a stepped sine.
     pub fn windows(&self) -> impl Iterator<Item = Window> + '_ {
-        let settle_s = match self.spec.profile {
-            Waveform::Dwell { settle_s, .. } | Waveform::SteppedSine { settle_s, .. } => Some(settle_s),
-            _ => None,
-        };
-        settle_s
+        self.spec
+            .profile
+            .settle_s()
             .into_iter()
             .flat_map(move |settle_s| self.pieces().iter().map(move |piece| self.window(piece, settle_s)))
     }
@@ -173,10 +171,7 @@ impl Profile {
         for (piece, window) in self.pieces().iter().zip(self.windows()) {
             let samples = window.end.saturating_sub(window.first) as f64;
             if samples < 8.0_f64.max(self.rate_hz / window.frequency_hz) {
-                let (Waveform::Dwell { settle_s, .. } | Waveform::SteppedSine { settle_s, .. }) = self.spec.profile
-                else {
-                    return Ok(());
-                };
+                let Some(settle_s) = self.spec.profile.settle_s() else { return Ok(()) };
                 return Err(ExcitationError::NoWindow {
                     dwell_s: piece.duration_s,
                     settle_s,
@@ -203,10 +198,10 @@ fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), Excitation
         }
         Waveform::SweptSine { from_hz, to_hz, duration_s, law } => one(from_hz, to_hz, duration_s, law),
         Waveform::SteppedSine { from_hz, to_hz, steps, dwell_s, .. } => {
-            let pieces = staircase(from_hz, to_hz, steps, dwell_s);
-            let duration_s = pieces.last().map_or(0.0, |last| last.start_s + last.duration_s);
-            (Shape::Sines(pieces), duration_s)
+            let last = f64::from(steps.saturating_sub(1)).max(1.0);
+            staircase((0..steps).map(|i| from_hz + (to_hz - from_hz) * (f64::from(i) / last)), dwell_s)
         }
+        Waveform::SineList { ref frequencies_hz, dwell_s, .. } => staircase(frequencies_hz.iter().copied(), dwell_s),
         Waveform::Impulse { pulse_s, duration_s } => (Shape::Pulse(pulse_s), duration_s),
         Waveform::Random { from_hz, to_hz, duration_s, seed } => {
             let samples = synthesis::samples("duration_s", duration_s, rate_hz)?;
@@ -235,17 +230,16 @@ fn fraction(cycles: f64) -> f64 {
     cycles - libm::floor(cycles)
 }
 
-/// Pieces of whole periods, at least `dwell_s` long each.
-fn staircase(from_hz: f64, to_hz: f64, steps: u32, dwell_s: f64) -> Vec<Piece> {
+/// Pieces of whole periods, at least `dwell_s` long each, and the length of all of them, s.
+fn staircase(frequencies_hz: impl Iterator<Item = f64>, dwell_s: f64) -> (Shape, f64) {
     let mut start_s = 0.0;
-    let last = f64::from(steps.saturating_sub(1)).max(1.0);
-    (0..steps)
-        .map(|i| {
-            let hz = from_hz + (to_hz - from_hz) * (f64::from(i) / last);
+    let pieces = frequencies_hz
+        .map(|hz| {
             let duration_s = libm::ceil(dwell_s * hz) / hz;
             let piece = Piece { start_s, duration_s, from_hz: hz, to_hz: hz, law: SweepLaw::Linear };
             start_s += duration_s;
             piece
         })
-        .collect()
+        .collect();
+    (Shape::Sines(pieces), start_s)
 }

@@ -1,6 +1,7 @@
 //! The shapes in time that there are.
 
 use alloc::string::String;
+use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +9,7 @@ use super::spec::{not_negative, positive};
 use super::{ExcitationError, LoadFile};
 
 /// Most frequencies of a stepped sine: each is kept ready to be played.
-const MOST_STEPS: u32 = 100_000;
+const MOST_STEPS: f64 = 1e5;
 /// Most periods: none is kept, but their samples are counted.
 const MOST_PERIODS: u32 = 1_000_000;
 
@@ -33,6 +34,15 @@ pub enum Waveform {
         to_hz: f64,
         /// Number of steps, at least 1.
         steps: u32,
+        /// Least length of a step, s, positive; rounded up to whole periods.
+        dwell_s: f64,
+        /// How much of each step to wait before its response is read, s.
+        settle_s: f64,
+    },
+    /// A staircase of sines at frequencies of one's own; as in a stepped sine, every step is whole periods long.
+    SineList {
+        /// The frequencies, Hz, positive, in the order in which they are played; from 1 to 100000 of them.
+        frequencies_hz: Vec<f64>,
         /// Least length of a step, s, positive; rounded up to whole periods.
         dwell_s: f64,
         /// How much of each step to wait before its response is read, s.
@@ -138,6 +148,26 @@ pub enum Phases {
 }
 
 impl Waveform {
+    /// How much of each sine to wait before its response is read, s; `None` where none is read.
+    pub fn settle_s(&self) -> Option<f64> {
+        match self {
+            Waveform::Dwell { settle_s, .. }
+            | Waveform::SteppedSine { settle_s, .. }
+            | Waveform::SineList { settle_s, .. } => Some(*settle_s),
+            _ => None,
+        }
+    }
+
+    /// How long each sine is at least, s; `None` where no response is read.
+    pub fn dwell_s(&self) -> Option<f64> {
+        match self {
+            Waveform::Dwell { duration_s: dwell_s, .. }
+            | Waveform::SteppedSine { dwell_s, .. }
+            | Waveform::SineList { dwell_s, .. } => Some(*dwell_s),
+            _ => None,
+        }
+    }
+
     /// Checks the numbers; the highest frequency in it, Hz.
     pub(super) fn check(&self) -> Result<f64, ExcitationError> {
         match *self {
@@ -150,13 +180,19 @@ impl Waveform {
             Waveform::SteppedSine { from_hz, to_hz, steps, dwell_s, settle_s } => {
                 positive("from_hz", from_hz)?;
                 positive("to_hz", to_hz)?;
-                if !(1..=MOST_STEPS).contains(&steps) {
-                    let (got, expected) = (f64::from(steps), "from 1 to 100000");
-                    return Err(ExcitationError::Value { name: "steps", got, expected });
-                }
+                check_steps("steps", f64::from(steps))?;
                 positive("dwell_s", dwell_s)?;
                 not_negative("settle_s", settle_s)?;
                 Ok(from_hz.max(to_hz))
+            }
+            Waveform::SineList { ref frequencies_hz, dwell_s, settle_s } => {
+                check_steps("frequencies_hz", frequencies_hz.len() as f64)?;
+                positive("dwell_s", dwell_s)?;
+                not_negative("settle_s", settle_s)?;
+                frequencies_hz.iter().try_fold(0.0_f64, |highest, frequency_hz| {
+                    positive("frequencies_hz", *frequency_hz)?;
+                    Ok(highest.max(*frequency_hz))
+                })
             }
             Waveform::SweptSine { from_hz, to_hz, duration_s, .. } => {
                 positive("from_hz", from_hz)?;
@@ -206,6 +242,13 @@ fn band(from_hz: f64, to_hz: f64) -> Result<f64, ExcitationError> {
         return Err(ExcitationError::Value { name: "to_hz", got: to_hz, expected: "at least `from_hz`" });
     }
     Ok(to_hz)
+}
+
+fn check_steps(name: &'static str, got: f64) -> Result<(), ExcitationError> {
+    if (1.0..=MOST_STEPS).contains(&got) {
+        return Ok(());
+    }
+    Err(ExcitationError::Value { name, got, expected: "from 1 to 100000" })
 }
 
 fn check_periods(periods: u32) -> Result<(), ExcitationError> {

@@ -2,17 +2,15 @@
 
 use alloc::vec::Vec;
 
-/// Amplitudes that differ by more than this part belong to different motions.
-const DIFFERENT: f64 = 1e-6;
-
 /// A value and the largest |α1| and |α2| there.
 type Motion = (f64, [f64; 2]);
 
 /// The intervals in which the motions at the same values differ, each from its first value to its last. A motion is given as its
-/// value and the largest |α1| and |α2|; both sweeps go up.
-pub fn hysteresis(up: &[(f64, [f64; 2])], down: &[(f64, [f64; 2])]) -> Vec<[f64; 2]> {
+/// value and the largest |α1| and |α2|; both sweeps go up. Amplitudes that differ by more than the part `different` belong to
+/// different motions.
+pub fn hysteresis(up: &[(f64, [f64; 2])], down: &[(f64, [f64; 2])], different: f64) -> Vec<[f64; 2]> {
     let differ =
-        |&(a, b): &(&Motion, &Motion)| (0..2).any(|joint| libm::fabs(a.1[joint] - b.1[joint]) > DIFFERENT * b.1[joint]);
+        |&(a, b): &(&Motion, &Motion)| (0..2).any(|joint| libm::fabs(a.1[joint] - b.1[joint]) > different * b.1[joint]);
     let pairs: Vec<_> = up.iter().zip(down).collect();
     let stretches = pairs.chunk_by(|a, b| differ(a) == differ(b)).filter(|stretch| differ(&stretch[0]));
     stretches.map(|stretch| [stretch[0].0.0, stretch[stretch.len() - 1].0.0]).collect()
@@ -27,10 +25,10 @@ mod tests {
         let up = [1.0, 1.0, 2.0, 3.0, 1.0, 1.0].map(|a| [a, 1.0]);
         let down = [1.0, 1.5, 2.5, 3.0, 1.0 + 1e-9, 1.0].map(|a| [a, 1.0]);
         let at = |amplitudes: [[f64; 2]; 6]| (0..6).map(f64::from).zip(amplitudes).collect::<Vec<_>>();
-        assert_eq!(hysteresis(&at(up), &at(down)), [[1.0, 2.0]]);
+        assert_eq!(hysteresis(&at(up), &at(down), 1e-6), [[1.0, 2.0]]);
         let mut joint2 = down;
         joint2[5][1] = 7.0;
-        assert_eq!(hysteresis(&at(up), &at(joint2)), [[1.0, 2.0], [5.0, 5.0]]);
-        assert!(hysteresis(&at(up), &at(up)).is_empty());
+        assert_eq!(hysteresis(&at(up), &at(joint2), 1e-6), [[1.0, 2.0], [5.0, 5.0]]);
+        assert!(hysteresis(&at(up), &at(up), 1e-6).is_empty());
     }
 }

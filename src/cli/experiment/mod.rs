@@ -1,5 +1,6 @@
 //! `resonarm experiment`: whole experiments in one process, through the wire's codec.
 
+mod fig9;
 mod walk;
 
 use clap::{Args, Subcommand};
@@ -15,12 +16,14 @@ pub(super) struct Experiment {
 
 #[derive(Debug, Subcommand)]
 enum Kind {
+    Fig9(fig9::Fig9),
     Walk(walk::Walk),
 }
 
 impl Experiment {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         match &self.experiment {
+            Kind::Fig9(fig9) => fig9.execute(),
             Kind::Walk(walk) => walk.execute(),
         }
     }

@@ -37,7 +37,7 @@ const SAMPLES_A_PERIOD: f64 = 12.0;
 /// How near the force comes to the wanted one, relative.
 const TOLERANCE: f64 = 3e-3;
 /// Most tries of a point before it is reported as it is, not settled.
-const MOST_TRIES: u32 = 8;
+const MOST_TRIES: u32 = 30;
 /// The largest factor by which a try changes the command.
 const LARGEST_FACTOR: f64 = 4.0;
 
@@ -50,7 +50,7 @@ pub struct ForceControlSpec {
     /// How long the command takes from one amplitude to the next, s, not negative.
     #[serde(default)]
     pub ramp_s: f64,
-    /// The frequencies: a dwell or a stepped sine.
+    /// The frequencies: a dwell, a stepped sine or a list.
     pub profile: Waveform,
     /// Largest amplitude of the acceleration of B, m/s², positive: the force is notched where it would be more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -95,7 +95,7 @@ pub enum ForceControlError {
     Torque,
     /// The profile is no dwell.
     #[error(
-        "control: force control leads the force to its amplitude at one frequency after the other: take `dwell` or `stepped-sine`"
+        "control: force control leads the force to its amplitude at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`"
     )]
     NotADwell,
     /// Too few samples a period.
@@ -165,10 +165,8 @@ impl ForceControl {
             return Err(ForceControlError::Torque);
         }
         let profile = Profile::new(&spec.excitation(), rate_hz)?;
-        let (length_s, settle_s) = match spec.profile {
-            Waveform::Dwell { duration_s, settle_s, .. } => (duration_s, settle_s),
-            Waveform::SteppedSine { dwell_s, settle_s, .. } => (dwell_s, settle_s),
-            _ => return Err(ForceControlError::NotADwell),
+        let (Some(dwell_s), Some(settle_s)) = (spec.profile.dwell_s(), spec.profile.settle_s()) else {
+            return Err(ForceControlError::NotADwell);
         };
         let frequencies_hz: Vec<f64> = profile.windows().map(|window| window.frequency_hz).collect();
         let frequency_hz = frequencies_hz.iter().fold(0.0_f64, |most, frequency| most.max(*frequency));
@@ -186,7 +184,7 @@ impl ForceControl {
             direction: force_n / amplitude_n,
             ramp_s: spec.ramp_s,
             settle_s,
-            read_s: length_s - settle_s,
+            read_s: dwell_s - settle_s,
             stage: Stage::Ramp { from: Phasor::new(0.0, 0.0), since: 0 },
             reading: None,
             point: 0,

@@ -305,7 +305,9 @@ impl PhaseWalk {
         let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
-        real_product(&u, &unit(self.phase_rad))
+        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm does, it counts.
+        let half = 0.5 * omega / self.rate_hz;
+        real_product(&(u * (half / libm::sin(half))), &unit(self.phase_rad))
     }
 
     /// What forbids to go on with a sample.

@@ -1,0 +1,316 @@
+//! `resonarm experiment fig9`: both resonance zones of the paper's measured position, on the emulated bench.
+
+use core::fmt::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::arm::Arm;
+use crate::cli::configuration;
+use crate::cli::failure::{Failure, Verdict};
+use crate::cli::flags::SessionFlags;
+use crate::cli::output::{self, OverwriteFlag};
+use crate::cli::supervise::supervise;
+use crate::cli::walk_point::WalkPoint;
+use crate::cli::zone_figure;
+use crate::control::{Length, ModeNumber};
+use crate::excitation::Amplitude;
+use crate::experiment::{Measured, Score, Zone, ZoneMeasured, measure_zones, score};
+use crate::node::Outcome;
+use crate::realtime::{Clock, SystemClock};
+use crate::run::{Signals, fault_text};
+use crate::scenario::Scenario;
+
+/// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response, the
+/// backbone, and stepped sines up and down at controlled force, through shaker, impedance head, frames and accelerometers; all
+/// against the computed response.
+#[derive(Debug, Args)]
+pub(super) struct Fig9 {
+    #[command(flatten)]
+    session: SessionFlags,
+    /// Force in the first zone, N.
+    #[arg(long, value_name = "N", default_value_t = 100.0, allow_hyphen_values = true)]
+    first_force_n: f64,
+    /// Force in the second zone, N: with more than about 16 N accelerations leave the range of the wire, 1638 m/s².
+    #[arg(long, value_name = "N", default_value_t = 15.0, allow_hyphen_values = true)]
+    second_force_n: f64,
+    /// Lowest and highest frequency, Hz; the zones meet halfway between the natural frequencies.
+    #[arg(long, value_name = "F,F", value_delimiter = ',', num_args = 2, default_values_t = [26.0, 46.0])]
+    range_hz: Vec<f64>,
+    /// Largest step of the sines, Hz; at the resonance they are dense.
+    #[arg(long, value_name = "F", default_value_t = 0.5, allow_hyphen_values = true)]
+    step_hz: f64,
+    /// Number of points of each walk.
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(3..=1000))]
+    points: u16,
+    /// Draw everything into STEM.svg and STEM.png, the data into STEM.csv and STEM.json.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Points of each backbone.
+const BACKBONE_POINTS: usize = 10;
+
+#[derive(Serialize)]
+struct Document {
+    configuration: Value,
+    zones: Vec<ZoneDocument>,
+    simulated_s: f64,
+    wall_s: f64,
+}
+
+#[derive(Serialize)]
+struct ZoneDocument {
+    mode_number: u8,
+    force_n: [f64; 2],
+    range_hz: [f64; 2],
+    walk: Run,
+    backbone: Run,
+    up: Run,
+    down: Run,
+    computed: Computed,
+}
+
+/// What a controller has read, and how it ended.
+#[derive(Serialize)]
+struct Run {
+    points: Vec<WalkPoint>,
+    outcome: &'static str,
+    reason: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Computed {
+    folds_hz: Vec<f64>,
+    /// Points of the walk where the computed motion is unstable.
+    unstable_points: usize,
+    settled_points: usize,
+    largest_frequency_deviation: f64,
+    largest_amplitude_deviation: f64,
+    largest_backbone_deviation: f64,
+    jumps: Option<Value>,
+}
+
+impl Fig9 {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        let scenario = self.session.scenario(scenario)?;
+        let arm = scenario.build_arm()?;
+        let zones = self.zones(&arm)?;
+        let start_ns = SystemClock.now_ns();
+        let measured = self.measure(&scenario, zones)?;
+        let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&arm, zone, measured));
+        let scores = scores.collect::<Result<Vec<_>, _>>()?;
+        let parts = zones.iter().zip(&measured).zip(&scores);
+        let document = Document {
+            configuration: configuration::of_arm(&scenario)?,
+            zones: parts.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &arm)).collect(),
+            simulated_s: measured.iter().map(ZoneMeasured::simulated_s).sum(),
+            wall_s,
+        };
+        let mut files = Vec::new();
+        if let Some(stem) = &self.plot {
+            let views: Vec<_> = document.zones.iter().zip(&scores).map(|(zone, score)| zone.view(score)).collect();
+            let figure = zone_figure::figure(&scenario, &views);
+            files = output::plot(stem, &figure, &csv(&document.zones), &document)?;
+        }
+        if self.json {
+            output::print_json(&document)?;
+        } else {
+            output::print(&text(&document))?;
+            if !files.is_empty() {
+                output::print_written(&files)?;
+            }
+        }
+        Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.is_whole())))
+    }
+
+    /// The two zones, which meet halfway between the natural frequencies.
+    fn zones(&self, arm: &Arm) -> Result<[Zone; 2], Failure> {
+        let [first_hz, second_hz] = crate::analysis::modes(arm).map(|mode| mode.frequency_hz);
+        let halfway_hz = 0.5 * (first_hz + second_hz);
+        let (low_hz, high_hz) = (self.range_hz[0], self.range_hz[1]);
+        if !(low_hz > 0.0 && low_hz < first_hz && second_hz < high_hz) {
+            return Err(Failure::Usage(format!(
+                "--range-hz is {low_hz},{high_hz}: it must hold both natural frequencies, {first_hz:.2} and {second_hz:.2} Hz"
+            )));
+        }
+        if !(self.step_hz > 0.0 && high_hz - low_hz <= 1e4 * self.step_hz) {
+            return Err(Failure::Usage(format!(
+                "--step-hz is {}: it must be positive, and the range at most 10000 steps",
+                self.step_hz
+            )));
+        }
+        let zone = |mode_number, force_x_n, range_hz| Zone {
+            mode_number,
+            amplitude: Amplitude { force_x_n, ..Amplitude::default() },
+            range_hz,
+            step_hz: self.step_hz,
+            walk_points: usize::from(self.points),
+            backbone_points: BACKBONE_POINTS,
+        };
+        Ok([
+            zone(ModeNumber::First, self.first_force_n, [low_hz, halfway_hz]),
+            zone(ModeNumber::Second, self.second_force_n, [halfway_hz, high_hz]),
+        ])
+    }
+
+    /// All runs, with one progress bar over them.
+    fn measure(&self, scenario: &Scenario, zones: [Zone; 2]) -> Result<Vec<ZoneMeasured>, Failure> {
+        let watch: Arc<Vec<Signals>> =
+            Arc::new((0..ZoneMeasured::RUNS * zones.len()).map(|_| Signals::default()).collect());
+        let (signals, watched, scenario) = (Arc::new(Signals::default()), Arc::clone(&watch), scenario.clone());
+        let whole = Arc::clone(&signals);
+        let tell = move || {
+            whole.set_responses(watch.iter().map(|run| run.responses() as usize).sum());
+            if whole.is_stopped() {
+                watch.iter().for_each(Signals::stop);
+            }
+        };
+        let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
+        let work = move || measure_zones(&scenario, &zones, &watched);
+        Ok(supervise("experiment", &signals, length, tell, work)??)
+    }
+}
+
+/// The bench of the experiment.
+fn scenario() -> Result<Scenario, Failure> {
+    Ok(Scenario::parse(include_str!("../../../scenarios/fig9.toml"), "scenarios/fig9.toml")?)
+}
+
+impl Run {
+    fn new(measured: &Measured, arm: &Arm) -> Run {
+        let (outcome, reason) = match &measured.outcome {
+            Some(Outcome::Finished) => ("finished", None),
+            Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
+            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency))),
+            Some(Outcome::PlantLeft | Outcome::Stopped) | None => ("stopped", None),
+        };
+        Run { points: measured.points.iter().map(|point| WalkPoint::new(point, arm)).collect(), outcome, reason }
+    }
+
+    fn settled(&self) -> usize {
+        self.points.iter().filter(|point| point.settled).count()
+    }
+
+    fn is_whole(&self) -> bool {
+        self.outcome == "finished"
+    }
+}
+
+impl ZoneDocument {
+    fn new(zone: &Zone, measured: &ZoneMeasured, score: &Score, arm: &Arm) -> ZoneDocument {
+        let [walk, backbone, up, down] = measured.runs().map(|run| Run::new(run, arm));
+        let jumps = score.jumps.map(|[up, down]| {
+            let jump = |jump: crate::experiment::Jump| {
+                json!({ "between_hz": jump.between_hz, "fold_hz": jump.fold_hz, "steps_off": jump.steps_off() })
+            };
+            json!({ "up": jump(up), "down": jump(down) })
+        });
+        ZoneDocument {
+            mode_number: zone.mode_number.into(),
+            force_n: zone.amplitude.load().force_n.into(),
+            range_hz: zone.range_hz,
+            walk,
+            backbone,
+            up,
+            down,
+            computed: Computed {
+                folds_hz: score.folds_hz.clone(),
+                unstable_points: score.unstable_points,
+                settled_points: score.settled_points,
+                largest_frequency_deviation: score.largest_frequency_deviation,
+                largest_amplitude_deviation: score.largest_amplitude_deviation,
+                largest_backbone_deviation: score.largest_backbone_deviation,
+                jumps,
+            },
+        }
+    }
+
+    fn runs(&self) -> [(&'static str, &Run); 4] {
+        [("walk", &self.walk), ("backbone", &self.backbone), ("up", &self.up), ("down", &self.down)]
+    }
+
+    fn view<'a>(&'a self, score: &'a Score) -> zone_figure::View<'a> {
+        zone_figure::View {
+            joint: usize::from(self.mode_number - 1),
+            force_n: self.force_n[0],
+            score,
+            walk: &self.walk.points,
+            backbone: &self.backbone.points,
+            up: &self.up.points,
+            down: &self.down.points,
+        }
+    }
+}
+
+fn text(document: &Document) -> String {
+    let mut text = String::new();
+    for zone in &document.zones {
+        let computed = &zone.computed;
+        let _infallible = writeln!(text, "zone {}: {} N along x", zone.mode_number, zone.force_n[0]);
+        for (name, run) in zone.runs() {
+            let reason = run.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
+            let _infallible = writeln!(
+                text,
+                "  {name:<9} {:4} points, {} settled, {}{reason}",
+                run.points.len(),
+                run.settled(),
+                run.outcome
+            );
+        }
+        let folds: Vec<_> = computed.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
+        let folds = if folds.is_empty() { String::from("none") } else { folds.join(", ") };
+        let jumps = computed.jumps.as_ref().map_or(String::from("none: up and down are the same"), |jumps| {
+            let between = |way: &str| {
+                let hz = |i: usize| jumps[way]["between_hz"][i].as_f64().unwrap_or(f64::NAN);
+                format!("{way} between {:.6} and {:.6} Hz", hz(0), hz(1))
+            };
+            format!("{}, {}", between("up"), between("down"))
+        });
+        let _infallible = writeln!(
+            text,
+            "  folds     computed: {folds}\n  jumps     measured: {jumps}\n  \
+             walk      {} points on the unstable part; at most {:.1e} off in frequency, {:.3} % in α{}\n  \
+             backbone  at most {:.1e} off in frequency",
+            computed.unstable_points,
+            computed.largest_frequency_deviation,
+            100.0 * computed.largest_amplitude_deviation,
+            zone.mode_number,
+            computed.largest_backbone_deviation,
+        );
+    }
+    let minutes = document.simulated_s / 60.0;
+    let _infallible = writeln!(text, "{minutes:.0} simulated minutes in {:.0} s", document.wall_s);
+    text
+}
+
+fn csv(zones: &[ZoneDocument]) -> String {
+    let mut text = String::from(
+        "zone,run,frequency_hz,phase_deg,excitation_n,harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
+         largest_alpha1_rad,largest_alpha2_rad,settled,tries\n",
+    );
+    for zone in zones {
+        for (name, run) in zone.runs() {
+            for point in &run.points {
+                let ([h1, h2], [a1, a2]) = (point.harmonic1_rad, point.amplitude_rad);
+                let WalkPoint { frequency_hz, phase_deg, excitation, settled, tries, .. } = point;
+                let _infallible = writeln!(
+                    text,
+                    "{},{name},{frequency_hz},{phase_deg},{excitation},{h1},{h2},{a1},{a2},{settled},{tries}",
+                    zone.mode_number
+                );
+            }
+        }
+    }
+    text
+}

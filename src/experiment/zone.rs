@@ -1,0 +1,160 @@
+//! A resonance zone, measured: walk, backbone, and stepped sines up and down.
+
+use core::f64::consts::TAU;
+
+use super::{Measured, measure};
+use crate::analysis::{Mode, modes};
+use crate::arm::Arm;
+use crate::control::{ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
+use crate::excitation::{Amplitude, ExcitationSpec, Waveform};
+use crate::rig::{Amplifier, ShakerSpec};
+use crate::run::{RunError, Signals};
+use crate::scenario::{Scenario, ScenarioError};
+use crate::study::on_all_cores;
+
+/// Runs of a zone: walk, backbone, up, down.
+const RUNS: usize = 4;
+
+/// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and reading. Every
+/// try leaves e⁻³ of what the one before it has left.
+const SETTLE: f64 = 3.0;
+const READ: f64 = 0.6;
+/// How long a reading is at least, periods.
+const LEAST_PERIODS: f64 = 40.0;
+/// How long the force takes from one amplitude to the next, s.
+const RAMP_S: f64 = 0.3;
+/// Frequencies nearer together than this, relative, are one.
+const SAME_FREQUENCY: f64 = 1e-7;
+
+/// A resonance zone and how it is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Zone {
+    /// The mode whose resonance is in it.
+    pub mode_number: ModeNumber,
+    /// Amplitude and direction of the force.
+    pub amplitude: Amplitude,
+    /// Its lowest and its highest frequency, Hz.
+    pub range_hz: [f64; 2],
+    /// Distance of the stepped sine's frequencies apart from the resonance, Hz, at most.
+    pub step_hz: f64,
+    /// Points of the walk, whose frequencies the stepped sines take over.
+    pub walk_points: usize,
+    /// Points of the backbone.
+    pub backbone_points: usize,
+}
+
+/// What was measured in a zone.
+#[derive(Clone, Debug)]
+pub struct ZoneMeasured {
+    /// The whole response at constant force, stable or not.
+    pub walk: Measured,
+    /// The motions at a lag of 90°, up to that force.
+    pub backbone: Measured,
+    /// The stepped sine up, and that down at the same frequencies.
+    pub up: Measured,
+    /// From the highest frequency to the lowest.
+    pub down: Measured,
+}
+
+impl Zone {
+    /// The most responses that are read in it.
+    pub fn responses(&self) -> usize {
+        self.walk_points + self.backbone_points + 2 * (self.walk_points + self.steps() + 1)
+    }
+
+    fn steps(&self) -> usize {
+        let [low_hz, high_hz] = self.range_hz;
+        libm::ceil((high_hz - low_hz) / self.step_hz).max(1.0) as usize
+    }
+
+    fn walk(&self) -> ControlSpec {
+        let Zone { mode_number, walk_points: points, .. } = *self;
+        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::new(self.amplitude) })
+    }
+
+    fn backbone(&self) -> ControlSpec {
+        let Zone { mode_number, backbone_points: points, .. } = *self;
+        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::backbone(self.amplitude) })
+    }
+
+    /// Evenly over the zone, and where the walk has read the response: there its points crowd where the response turns.
+    fn frequencies_hz(&self, walked: &[ResponsePoint]) -> Vec<f64> {
+        let ([low_hz, high_hz], steps) = (self.range_hz, self.steps());
+        let even = (0..=steps).map(|i| low_hz + (high_hz - low_hz) * (i as f64 / steps as f64));
+        let settled = walked.iter().filter(|point| point.settled).map(|point| point.frequency_hz);
+        let mut all: Vec<f64> =
+            even.chain(settled.filter(|frequency_hz| (low_hz..=high_hz).contains(frequency_hz))).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|next, kept| *next - *kept < SAME_FREQUENCY * *kept);
+        all
+    }
+
+    /// A stepped sine at controlled force; `slowest_s` is the time constant of the slowest mode.
+    fn stepped(&self, frequencies_hz: Vec<f64>, slowest_s: f64) -> ControlSpec {
+        let settle_s = SETTLE * slowest_s;
+        let dwell_s = settle_s + (READ * slowest_s).max(LEAST_PERIODS / self.range_hz[0]);
+        let profile = Waveform::SineList { frequencies_hz, dwell_s, settle_s };
+        let excitation = ExcitationSpec { amplitude: self.amplitude, ramp_s: RAMP_S, profile };
+        ControlSpec::ForceControl(ForceControlSpec::new(&excitation))
+    }
+}
+
+/// The longest time constant 1/(ζω) of the arm with the shaker on it, s. In voltage mode the coil brakes the armature with Bl²/R.
+fn slowest_s(arm: Arm, shaker: Option<&ShakerSpec>) -> Result<f64, ScenarioError> {
+    let mut arm = arm;
+    if let Some(shaker) = shaker {
+        let mut armature = shaker.armature();
+        if shaker.amplifier == Amplifier::Voltage {
+            armature.damping_n_s_m += shaker.force_factor_n_a * shaker.force_factor_n_a / shaker.resistance_ohm;
+        }
+        arm = arm.with_attachment(armature)?;
+    }
+    let time_constant_s = |mode: &Mode| 1.0 / (mode.damping_ratio * TAU * mode.frequency_hz);
+    Ok(modes(&arm).iter().map(time_constant_s).fold(0.0, f64::max))
+}
+
+/// Measures zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then the stepped sines,
+/// over all cores. `watch` has a [`Signals`] for each run, [`ZoneMeasured::RUNS`] a zone.
+///
+/// # Errors
+/// [`RunError`] if a run can't begin, or an error ends it.
+///
+/// # Panics
+/// If `watch` has fewer signals than there are runs.
+pub fn measure_zones(scenario: &Scenario, zones: &[Zone], watch: &[Signals]) -> Result<Vec<ZoneMeasured>, RunError> {
+    let slowest_s = slowest_s(scenario.build_arm()?, scenario.rig.shaker.as_ref())?;
+    let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
+    let (for_walks, for_sines) = watch.split_at(2 * zones.len());
+    let walks = zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]).zip(for_walks).collect::<Vec<_>>();
+    let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
+    let sines = zones.iter().zip(walks.chunks_exact(2)).flat_map(|(zone, walks)| {
+        let up_hz = zone.frequencies_hz(&walks[0].points);
+        let down_hz = up_hz.iter().rev().copied().collect();
+        [zone.stepped(up_hz, slowest_s), zone.stepped(down_hz, slowest_s)]
+    });
+    let sines = sines.zip(for_sines).collect::<Vec<_>>();
+    let sines = on_all_cores(&sines, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
+    let (mut walks, mut sines) = (walks.into_iter(), sines.into_iter());
+    let mut measured = Vec::with_capacity(zones.len());
+    while let (Some(walk), Some(backbone), Some(up), Some(down)) =
+        (walks.next(), walks.next(), sines.next(), sines.next())
+    {
+        measured.push(ZoneMeasured { walk, backbone, up, down });
+    }
+    Ok(measured)
+}
+
+impl ZoneMeasured {
+    /// Runs of a zone.
+    pub const RUNS: usize = RUNS;
+
+    /// Length of all runs together, s of simulated time.
+    pub fn simulated_s(&self) -> f64 {
+        self.runs().iter().map(|run| run.simulated_s).sum()
+    }
+
+    /// Walk, backbone, up, down.
+    pub fn runs(&self) -> [&Measured; RUNS] {
+        [&self.walk, &self.backbone, &self.up, &self.down]
+    }
+}
