@@ -69,17 +69,22 @@ fn marked(panel: Panel, label: &str, (color, shape): (Color, Marker), points: &[
     panel.with(Series::markers(label, color, shape, places).style(style))
 }
 
-/// Where a zone bends: five times as wide as its folds lie apart, or else where the walk's lag is from 20° to 160°.
+/// Where a zone bends: five times as wide as its folds lie apart, else where the walk's lag is from 20° to 160°, else the whole zone.
 fn range(view: &View) -> (f64, f64) {
     let ends = |hz: &mut dyn Iterator<Item = f64>| {
         hz.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), hz| (low.min(hz), high.max(hz)))
     };
     let folds = ends(&mut view.score.folds_hz.iter().copied());
     let inner = view.walk.iter().filter(|point| (20.0..=160.0).contains(&point.phase_deg));
+    let inner = ends(&mut inner.map(|point| point.frequency_hz));
     let ((low, high), margin) = if folds.0 < folds.1 {
         (folds, 2.0)
+    } else if inner.0 <= inner.1 {
+        (inner, 0.1)
     } else {
-        (ends(&mut inner.map(|point| point.frequency_hz)), 0.1)
+        (ends(&mut view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz)), 0.0)
     };
-    (low - margin * (high - low), high + margin * (high - low))
+    // One point alone gets a thousandth to each side.
+    let margin_hz = if low < high { margin * (high - low) } else { 1e-3 * high };
+    (low - margin_hz, high + margin_hz)
 }

@@ -103,3 +103,17 @@ fn a_staircase_has_a_bound() {
     insta::assert_snapshot!(refusal(0), @"excitation: `steps` is 0: it must be from 1 to 100000");
     assert_eq!(Profile::new(&stepped(100_000), 1000.0).unwrap().windows().count(), 100_000);
 }
+
+/// A list is played in its order, each sine in whole periods, and read as the steps of a stepped sine are.
+#[test]
+fn a_list_of_sines_is_played_in_its_order() {
+    let list = |frequencies_hz| force(Waveform::SineList { frequencies_hz, dwell_s: 2.0, settle_s: 0.6 });
+    let profile = Profile::new(&list(vec![25.0, 20.0, 20.5]), 1000.0).unwrap();
+    let windows: Vec<_> = profile.windows().map(|window| (window.frequency_hz, window.first, window.end)).collect();
+    assert_eq!(windows, [(25.0, 600, 2000), (20.0, 2600, 4000), (20.5, 4600, 5500)]);
+    assert_eq!(profile.samples(), 6000);
+    let refusal = |frequencies_hz| Profile::new(&list(frequencies_hz), 1000.0).unwrap_err().to_string();
+    insta::assert_snapshot!(refusal(vec![]), @"excitation: `frequencies_hz` is 0: it must be from 1 to 100000");
+    insta::assert_snapshot!(refusal(vec![20.0, -1.0]), @"");
+    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"");
+}

@@ -31,11 +31,9 @@ pub struct Measured {
 /// # Errors
 /// [`RunError`] if the run can't begin, or an error ends it.
 pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> Result<Measured, RunError> {
-    let mut scenario = scenario.clone();
-    (scenario.control, scenario.excitation, scenario.simulation.duration_s) = (Some(control), None, None);
-    scenario.check()?;
+    let session = session(scenario, control)?;
     let rate_hz = scenario.simulation.rate_hz;
-    let report = Session::new(scenario, Mode::Free, Options::default())?.both(signals, |_| {})?;
+    let report = session.both(signals, |_| {})?;
     match report.plant.error.or(report.exciter.error) {
         Some(error) => Err(error),
         None => Ok(Measured {
@@ -44,4 +42,14 @@ pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> 
             simulated_s: report.plant.samples as f64 / rate_hz,
         }),
     }
+}
+
+/// The session of such a run, checked.
+fn session(scenario: &Scenario, control: ControlSpec) -> Result<Session, RunError> {
+    let mut scenario = scenario.clone();
+    (scenario.control, scenario.excitation, scenario.simulation.duration_s) = (Some(control), None, None);
+    scenario.check()?;
+    let session = Session::new(scenario, Mode::Free, Options::default())?;
+    session.controller()?;
+    Ok(session)
 }

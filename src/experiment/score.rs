@@ -127,7 +127,9 @@ fn frequency_at(backbone: &Backbone, joint: usize, point: &MeasuredMotion) -> Op
     backbone.points.windows(2).find_map(|pair| {
         let [a, b] = [pair[0].harmonic1_rad[joint], pair[1].harmonic1_rad[joint]];
         let share = (amplitude - a) / (b - a);
-        (0.0..=1.0).contains(&share).then(|| pair[0].frequency_hz + share * (pair[1].frequency_hz - pair[0].frequency_hz))
+        (0.0..=1.0)
+            .contains(&share)
+            .then(|| pair[0].frequency_hz + share * (pair[1].frequency_hz - pair[0].frequency_hz))
     })
 }
 

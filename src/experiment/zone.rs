@@ -2,9 +2,9 @@
 
 use core::f64::consts::TAU;
 
-use super::{Measured, measure};
+use super::{Measured, measure, session};
 use crate::analysis::{Mode, modes};
-use crate::arm::Arm;
+use crate::arm::{Arm, ArmError};
 use crate::control::{ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationSpec, Waveform};
 use crate::rig::{Amplifier, ShakerSpec};
@@ -15,8 +15,9 @@ use crate::study::on_all_cores;
 /// Runs of a zone: walk, backbone, up, down.
 const RUNS: usize = 4;
 
-/// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and reading. Every
-/// try leaves e⁻³ of what the one before it has left.
+/// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and reading. A try
+/// leaves e⁻³ of what it changed in the head's force; of the motion it must leave less, as a shaker that brakes takes many times
+/// what the arm does.
 const SETTLE: f64 = 3.0;
 const READ: f64 = 0.6;
 /// How long a reading is at least, periods.
@@ -89,28 +90,30 @@ impl Zone {
         all
     }
 
-    /// A stepped sine at controlled force; `slowest_s` is the time constant of the slowest mode.
-    fn stepped(&self, frequencies_hz: Vec<f64>, slowest_s: f64) -> ControlSpec {
-        let settle_s = SETTLE * slowest_s;
-        let dwell_s = settle_s + (READ * slowest_s).max(LEAST_PERIODS / self.range_hz[0]);
+    /// A stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode without and with the
+    /// shaker.
+    fn stepped(&self, frequencies_hz: Vec<f64>, (alone_s, coupled_s): (f64, f64)) -> ControlSpec {
+        let settle_s = (SETTLE + libm::log(alone_s / coupled_s)) * coupled_s;
+        let dwell_s = settle_s + (READ * coupled_s).max(LEAST_PERIODS / self.range_hz[0]);
         let profile = Waveform::SineList { frequencies_hz, dwell_s, settle_s };
         let excitation = ExcitationSpec { amplitude: self.amplitude, ramp_s: RAMP_S, profile };
         ControlSpec::ForceControl(ForceControlSpec::new(&excitation))
     }
 }
 
-/// The longest time constant 1/(ζω) of the arm with the shaker on it, s. In voltage mode the coil brakes the armature with Bl²/R.
-fn slowest_s(arm: Arm, shaker: Option<&ShakerSpec>) -> Result<f64, ScenarioError> {
-    let mut arm = arm;
-    if let Some(shaker) = shaker {
-        let mut armature = shaker.armature();
-        if shaker.amplifier == Amplifier::Voltage {
-            armature.damping_n_s_m += shaker.force_factor_n_a * shaker.force_factor_n_a / shaker.resistance_ohm;
-        }
-        arm = arm.with_attachment(armature)?;
-    }
+/// The longest time constant 1/(ζω) of the arm, s.
+fn slowest_s(arm: &Arm) -> f64 {
     let time_constant_s = |mode: &Mode| 1.0 / (mode.damping_ratio * TAU * mode.frequency_hz);
-    Ok(modes(&arm).iter().map(time_constant_s).fold(0.0, f64::max))
+    modes(arm).iter().map(time_constant_s).fold(0.0, f64::max)
+}
+
+/// The arm with the armature on it. In voltage mode the coil brakes with Bl²/R.
+fn coupled(arm: &Arm, shaker: &ShakerSpec) -> Result<Arm, ArmError> {
+    let mut armature = shaker.armature();
+    if shaker.amplifier == Amplifier::Voltage {
+        armature.damping_n_s_m += shaker.force_factor_n_a * shaker.force_factor_n_a / shaker.resistance_ohm;
+    }
+    arm.clone().with_attachment(armature)
 }
 
 /// Measures zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then the stepped sines,
@@ -122,15 +125,21 @@ fn slowest_s(arm: Arm, shaker: Option<&ShakerSpec>) -> Result<f64, ScenarioError
 /// # Panics
 /// If `watch` has fewer signals than there are runs.
 pub fn measure_zones(scenario: &Scenario, zones: &[Zone], watch: &[Signals]) -> Result<Vec<ZoneMeasured>, RunError> {
-    let slowest_s = slowest_s(scenario.build_arm()?, scenario.rig.shaker.as_ref())?;
+    let arm = scenario.build_arm()?;
+    let with_shaker = scenario.rig.shaker.as_ref().map(|shaker| coupled(&arm, shaker)).transpose();
+    let with_shaker = with_shaker.map_err(ScenarioError::from)?;
+    let constants_s = (slowest_s(&arm), slowest_s(with_shaker.as_ref().unwrap_or(&arm)));
     let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
+    for control in zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]) {
+        session(scenario, control)?;
+    }
     let (for_walks, for_sines) = watch.split_at(2 * zones.len());
     let walks = zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]).zip(for_walks).collect::<Vec<_>>();
     let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
     let sines = zones.iter().zip(walks.chunks_exact(2)).flat_map(|(zone, walks)| {
         let up_hz = zone.frequencies_hz(&walks[0].points);
         let down_hz = up_hz.iter().rev().copied().collect();
-        [zone.stepped(up_hz, slowest_s), zone.stepped(down_hz, slowest_s)]
+        [zone.stepped(up_hz, constants_s), zone.stepped(down_hz, constants_s)]
     });
     let sines = sines.zip(for_sines).collect::<Vec<_>>();
     let sines = on_all_cores(&sines, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;

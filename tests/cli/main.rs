@@ -5,6 +5,7 @@ mod backbone;
 mod bad_input;
 mod compare;
 mod documents;
+mod experiment;
 mod figures;
 mod identify;
 mod integrators;

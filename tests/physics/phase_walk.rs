@@ -195,6 +195,27 @@ fn a_shaker_s_armature_is_walked_past() {
     }
 }
 
+/// A brake that takes 20 times what the arm does: what is held for a sample acts less by 0.3 %, which is 5 % of the arm's own.
+#[test]
+fn a_shaker_that_takes_most_of_the_force_is_walked_past() {
+    let shaker = Some(ShakerSpec {
+        direction_deg: 0.0,
+        amplifier: Amplifier::Current,
+        moving_mass_kg: 0.1,
+        stiffness_n_m: 2000.0,
+        damping_n_s_m: 110.0,
+        force_factor_n_a: 30.0,
+        resistance_ohm: 6.0,
+        inductance_h: 3e-4,
+        stroke_m: 0.03,
+        current_limit_a: 22.0,
+        voltage_limit_v: 250.0,
+    });
+    let amplitude = Amplitude { force_x_n: 15.0, ..Amplitude::default() };
+    let (beta1_deg, beta2_deg, mode) = (-76.5413, 120.0, ModeNumber::Second);
+    check(&Case { beta1_deg, beta2_deg, amplitude, mode, shaker, unstable: 0, tries: 2.0 });
+}
+
 /// Where the lag is 90°, load and amplitude grow together, and the frequency follows the computed backbone.
 #[test]
 fn the_backbone_is_walked_at_quadrature() {

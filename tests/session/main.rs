@@ -3,6 +3,7 @@
 
 mod closed_loop;
 mod examples;
+mod experiment;
 mod faults;
 mod limits;
 #[cfg(debug_assertions)]

@@ -20,6 +20,7 @@ use crate::control::{Length, ModeNumber};
 use crate::excitation::Amplitude;
 use crate::experiment::{Measured, Score, Zone, ZoneMeasured, measure_zones, score};
 use crate::node::Outcome;
+use crate::number::short;
 use crate::realtime::{Clock, SystemClock};
 use crate::run::{Signals, fault_text};
 use crate::scenario::Scenario;
@@ -37,9 +38,12 @@ pub(super) struct Fig9 {
     /// Force in the second zone, N: with more than about 16 N accelerations leave the range of the wire, 1638 m/s².
     #[arg(long, value_name = "N", default_value_t = 15.0, allow_hyphen_values = true)]
     second_force_n: f64,
-    /// Lowest and highest frequency, Hz; the zones meet halfway between the natural frequencies.
-    #[arg(long, value_name = "F,F", value_delimiter = ',', num_args = 2, default_values_t = [26.0, 46.0])]
-    range_hz: Vec<f64>,
+    /// Lowest frequency, Hz. The zones meet halfway between the natural frequencies.
+    #[arg(long, value_name = "F", default_value_t = 26.0, allow_hyphen_values = true)]
+    from_hz: f64,
+    /// Highest frequency, Hz.
+    #[arg(long, value_name = "F", default_value_t = 46.0, allow_hyphen_values = true)]
+    to_hz: f64,
     /// Largest step of the sines, Hz; at the resonance they are dense.
     #[arg(long, value_name = "F", default_value_t = 0.5, allow_hyphen_values = true)]
     step_hz: f64,
@@ -56,6 +60,8 @@ pub(super) struct Fig9 {
     json: bool,
 }
 
+/// Most steps of a stepped sine, beside those of the walk.
+const MOST_STEPS: f64 = 1e4;
 /// Points of each backbone.
 const BACKBONE_POINTS: usize = 10;
 
@@ -138,16 +144,22 @@ impl Fig9 {
     fn zones(&self, arm: &Arm) -> Result<[Zone; 2], Failure> {
         let [first_hz, second_hz] = crate::analysis::modes(arm).map(|mode| mode.frequency_hz);
         let halfway_hz = 0.5 * (first_hz + second_hz);
-        let (low_hz, high_hz) = (self.range_hz[0], self.range_hz[1]);
-        if !(low_hz > 0.0 && low_hz < first_hz && second_hz < high_hz) {
-            return Err(Failure::Usage(format!(
-                "--range-hz is {low_hz},{high_hz}: it must hold both natural frequencies, {first_hz:.2} and {second_hz:.2} Hz"
-            )));
+        for (flag, got_hz, fits, place) in [
+            ("--from-hz", self.from_hz, self.from_hz > 0.0 && self.from_hz < first_hz, "above 0 and below"),
+            ("--to-hz", self.to_hz, self.to_hz.is_finite() && self.to_hz > second_hz, "above"),
+        ] {
+            if !fits {
+                let (got_hz, end_hz) = (short(&got_hz), if flag == "--from-hz" { first_hz } else { second_hz });
+                return Err(Failure::Usage(format!(
+                    "{flag} is {got_hz}: it must be {place} the natural frequency of {end_hz:.2} Hz, so that the zone holds it"
+                )));
+            }
         }
-        if !(self.step_hz > 0.0 && high_hz - low_hz <= 1e4 * self.step_hz) {
+        if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
             return Err(Failure::Usage(format!(
-                "--step-hz is {}: it must be positive, and the range at most 10000 steps",
-                self.step_hz
+                "--step-hz is {}: it must be positive, and at least {:.4}, the range in {MOST_STEPS} steps",
+                short(&self.step_hz),
+                (self.to_hz - self.from_hz) / MOST_STEPS
             )));
         }
         let zone = |mode_number, force_x_n, range_hz| Zone {
@@ -159,8 +171,8 @@ impl Fig9 {
             backbone_points: BACKBONE_POINTS,
         };
         Ok([
-            zone(ModeNumber::First, self.first_force_n, [low_hz, halfway_hz]),
-            zone(ModeNumber::Second, self.second_force_n, [halfway_hz, high_hz]),
+            zone(ModeNumber::First, self.first_force_n, [self.from_hz, halfway_hz]),
+            zone(ModeNumber::Second, self.second_force_n, [halfway_hz, self.to_hz]),
         ])
     }
 

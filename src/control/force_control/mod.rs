@@ -8,8 +8,13 @@
 //! c ← c F/H
 //! ```
 //!
-//! exactly for a linear arm, and near enough for another that a few tries lead there. While the command is held nothing is fed back,
-//! so that no gain has to suit arm and shaker; what the shaker damps the vibration by is what settles it.
+//! exactly for a linear arm. Where the arm's frequency moves with its amplitude, H grows with c to a power s = d ln H/d ln c other than 1,
+//! and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it is below, near a fold, the step stays as it
+//! is: motions with s > 0 attract, those between two folds, with s < 0, repel, so that a sweep jumps where the response at
+//! constant force folds.
+//!
+//! While the command is held nothing is fed back, so that no gain has to suit arm and shaker; what the shaker damps the vibration by
+//! is what settles it.
 //!
 //! With a notch, F is what takes an acceleration to it, where that is less.
 //!
@@ -40,6 +45,9 @@ const TOLERANCE: f64 = 3e-3;
 const MOST_TRIES: u32 = 30;
 /// The largest factor by which a try changes the command.
 const LARGEST_FACTOR: f64 = 4.0;
+/// The largest power s that is believed, and the least change of ln c that tells it.
+const LARGEST_POWER: f64 = 10.0;
+const TELLING_CHANGE: f64 = 2e-3;
 
 /// Force control as a scenario states it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -143,6 +151,9 @@ pub struct ForceControl {
     tries: u32,
     /// The command's amplitude against the phase: Im(c e^{iφ}), N.
     command_n: Phasor,
+    /// (ln c, ln H) of the last try at this frequency, and s.
+    tried: Option<[f64; 2]>,
+    power: f64,
     last_sample: Option<u64>,
     /// Phase in the middle of the hold.
     phase_rad: f64,
@@ -190,6 +201,8 @@ impl ForceControl {
             point: 0,
             tries: 0,
             command_n: Phasor::new(amplitude_n, 0.0),
+            tried: None,
+            power: 1.0,
             last_sample: None,
             phase_rad: 0.0,
             response: None,
@@ -256,13 +269,25 @@ impl ForceControl {
         let wanted_n = self.wanted_n(&point);
         let reached = (point.load / wanted_n - 1.0).abs() < TOLERANCE;
         let from = self.command_n;
-        self.command_n = corrected(from, head_n, wanted_n);
+        self.learn(libm::log(libm::hypot(from.re, from.im)), libm::log(point.load));
+        self.command_n = corrected(from, head_n, wanted_n, self.power);
         if (reached && point.settled) || self.tries == MOST_TRIES {
             self.response = Some(ResponsePoint { settled: reached && point.settled, ..point });
             self.next(n);
         } else {
             self.stage = Stage::Ramp { from, since: n };
         }
+    }
+
+    /// What a try says of the power s.
+    fn learn(&mut self, command: f64, head: f64) {
+        if let Some([command_before, head_before]) = self.tried {
+            let change = command - command_before;
+            if change.abs() > TELLING_CHANGE {
+                self.power = ((head - head_before) / change).clamp(1.0, LARGEST_POWER);
+            }
+        }
+        self.tried = Some([command, head]);
     }
 
     /// The force that is wanted at the frequency of a response: F, or what takes an acceleration to its notch if that is less.
@@ -277,7 +302,7 @@ impl ForceControl {
 
     /// On to the next frequency with the command of this one, or to the end.
     fn next(&mut self, n: u64) {
-        (self.point, self.tries) = (self.point + 1, 0);
+        (self.point, self.tries, self.tried) = (self.point + 1, 0, None);
         let from = self.command_n;
         let more = self.point < self.frequencies_hz.len();
         self.stage = if more { Stage::Ramp { from, since: n } } else { Stage::Leave { from, since: n } };
@@ -293,10 +318,10 @@ impl ForceControl {
     }
 }
 
-/// c F/H, turned so that the head's force is in phase, and changed by no more than a factor.
-fn corrected(command_n: Phasor, head_n: Phasor, wanted_n: f64) -> Phasor {
+/// c (F/H)^(1/s), turned so that the head's force is in phase, and changed by no more than a factor.
+fn corrected(command_n: Phasor, head_n: Phasor, wanted_n: f64, power: f64) -> Phasor {
     let size = libm::hypot(head_n.re, head_n.im).max(wanted_n / LARGEST_FACTOR).min(wanted_n * LARGEST_FACTOR);
-    command_n * unit(-libm::atan2(head_n.im, head_n.re)) * (wanted_n / size)
+    command_n * unit(-libm::atan2(head_n.im, head_n.re)) * libm::pow(wanted_n / size, 1.0 / power)
 }
 
 impl Controller for ForceControl {
@@ -313,6 +338,8 @@ impl Controller for ForceControl {
             point: 0,
             tries: 0,
             command_n: Phasor::new(self.amplitude_n, 0.0),
+            tried: None,
+            power: 1.0,
             last_sample: None,
             phase_rad: 0.0,
             response: None,
