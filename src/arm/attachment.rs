@@ -123,6 +123,17 @@ impl Arm {
         self.attached.as_ref().map(|attached| &attached.attachment)
     }
 
+    /// Share of a sudden force on the attachment that goes through it into the arm at rest: 1/(1 + m/M), with m the attachment's mass and M
+    /// what the tip weighs along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ d; 1 without an attachment.
+    pub fn share_of_sudden_force(&self) -> f64 {
+        let Some(Attached { attachment, direction }) = &self.attached else { return 1.0 };
+        let rest = Vector2::zeros();
+        let alone = self.clone().without_attachment();
+        let moment = alone.tip_jacobian(&rest).transpose() * direction;
+        let inverse = alone.mass_matrix(&rest).try_inverse().map_or(0.0, |inverse| moment.dot(&(inverse * moment)));
+        1.0 / (1.0 + attachment.mass_kg * inverse)
+    }
+
     /// The displacement s of the tip from rest along the direction of the attachment, m, and its rate, m/s; zero without one.
     pub fn attachment_motion(&self, state: &State) -> (f64, f64) {
         self.attached.as_ref().map_or((0.0, 0.0), |attached| {

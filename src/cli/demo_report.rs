@@ -29,6 +29,9 @@ pub(super) fn introduction(
             format!("phase walk of {points} points at {size} {unit}, lags {from}° to {to}°")
         }
         ControlSpec::ForceControl(_) => format!("force control at {size} {unit}"),
+        ControlSpec::ResponseControl(spec) => {
+            format!("response control at {} rad, {} to {} Hz", spec.angle_rad, spec.from_hz, spec.to_hz)
+        }
     };
     Ok(format!(
         "arm          {} at β1 = {}°, β2 = {}°\n\

@@ -25,7 +25,7 @@ pub use joint_angles::JointAngles;
 pub use limits::{Limited, LimitsSpec};
 pub use mode_model::{Link, ModeModel, ModeNumber, NoSuchMode};
 pub use open_loop::OpenLoop;
-pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec};
+pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec, ResponseControlSpec};
 pub use response::ResponsePoint;
 pub use spec::{ControlError, ControlSpec};
 

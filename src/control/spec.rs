@@ -5,7 +5,10 @@ use alloc::boxed::Box;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Controller, ForceControl, ForceControlError, ForceControlSpec, PhaseWalk, PhaseWalkError, PhaseWalkSpec};
+use super::{
+    Controller, ForceControl, ForceControlError, ForceControlSpec, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
+    ResponseControlSpec,
+};
 use crate::arm::Arm;
 use crate::excitation::Amplitude;
 
@@ -15,8 +18,10 @@ use crate::excitation::Amplitude;
 pub enum ControlSpec {
     /// Traces the response at constant load through a resonance, stable or not, or the backbone.
     PhaseWalk(PhaseWalkSpec),
-    /// Plays a dwell or a stepped sine, and leads the fundamental of the force in the impedance head to its amplitude.
+    /// Plays a dwell or a staircase of sines, and leads the fundamental of the force in the impedance head to its amplitude.
     ForceControl(ForceControlSpec),
+    /// Steps a sine, and finds the load that holds one amplitude of the response at every frequency.
+    ResponseControl(ResponseControlSpec),
 }
 
 /// Why there is no such controller.
@@ -37,10 +42,11 @@ impl ControlSpec {
         match self {
             ControlSpec::PhaseWalk(spec) => &spec.amplitude,
             ControlSpec::ForceControl(spec) => &spec.amplitude,
+            ControlSpec::ResponseControl(spec) => &spec.amplitude,
         }
     }
 
-    /// The controller, for `arm` as it is known beforehand, at `rate_hz` samples a second, with an exciter that has `limit`,
+    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, at `rate_hz` samples a second, with an exciter that has `limit`,
     /// N or N·m.
     ///
     /// # Errors
@@ -48,7 +54,8 @@ impl ControlSpec {
     pub fn controller(&self, arm: &Arm, rate_hz: f64, limit: f64) -> Result<Box<dyn Controller>, ControlError> {
         Ok(match self {
             ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, arm, rate_hz, limit)?),
-            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, rate_hz, limit)?),
+            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, arm, rate_hz, limit)?),
+            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, arm, rate_hz, limit)?),
         })
     }
 }

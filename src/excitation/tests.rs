@@ -114,6 +114,6 @@ fn a_list_of_sines_is_played_in_its_order() {
     assert_eq!(profile.samples(), 6000);
     let refusal = |frequencies_hz| Profile::new(&list(frequencies_hz), 1000.0).unwrap_err().to_string();
     insta::assert_snapshot!(refusal(vec![]), @"excitation: `frequencies_hz` is 0: it must be from 1 to 100000");
-    insta::assert_snapshot!(refusal(vec![20.0, -1.0]), @"");
-    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"");
+    insta::assert_snapshot!(refusal(vec![20.0, -1.0]), @"excitation: `frequencies_hz` is -1: it must be a positive number");
+    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"excitation: 500 Hz can't be told at 1000 samples a second: it must be below half of that");
 }

@@ -362,7 +362,11 @@ impl Scenario {
             None => Ok(Box::new(OpenLoop::new(self.profile()?))),
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive());
-                Ok(spec.controller(&self.build_arm()?, self.simulation.rate_hz, limit)?)
+                let arm = match &self.rig.shaker {
+                    Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
+                    None => self.build_arm()?,
+                };
+                Ok(spec.controller(&arm, self.simulation.rate_hz, limit)?)
             }
         }
     }

@@ -6,7 +6,9 @@ use resonarm::analysis::{
     nearest, trace,
 };
 use resonarm::arm::{Arm, Pose, Preset, State};
-use resonarm::control::{Answer, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponsePoint};
+use resonarm::control::{
+    Answer, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponseControlSpec, ResponsePoint,
+};
 use resonarm::excitation::Amplitude;
 use resonarm::integrate::Scheme;
 use resonarm::plant::{Plant, PlantSpec};
@@ -60,17 +62,7 @@ impl Case {
     fn walk_by(&self, plant: &mut Plant, spec: PhaseWalkSpec) -> Vec<ResponsePoint> {
         let spec = PhaseWalkSpec { mode_number: self.mode, ..spec };
         let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
-        let mut controller = PhaseWalk::new(spec, &plant.arm().clone().without_attachment(), RATE_HZ, limit).unwrap();
-        let mut points = Vec::new();
-        loop {
-            let answer = controller.answer(&plant.measure());
-            points.extend(std::iter::from_fn(|| controller.poll_response()));
-            match answer {
-                Answer::Hold(load) => plant.advance(&load).unwrap(),
-                Answer::Finished => return points,
-                Answer::Aborted(abort) => panic!("{abort}"),
-            }
-        }
+        drive(&mut PhaseWalk::new(spec, &plant.arm().clone(), RATE_HZ, limit).unwrap(), plant)
     }
 
     /// The branch around the points, in steps so small that it is straight between its motions.
@@ -86,16 +78,32 @@ impl Case {
     }
 }
 
+/// Runs to the end of the controller's work.
+fn drive(controller: &mut dyn Controller, plant: &mut Plant) -> Vec<ResponsePoint> {
+    let mut points = Vec::new();
+    loop {
+        let answer = controller.answer(&plant.measure());
+        points.extend(std::iter::from_fn(|| controller.poll_response()));
+        match answer {
+            Answer::Hold(load) => plant.advance(&load).unwrap(),
+            Answer::Finished => return points,
+            Answer::Aborted(abort) => panic!("{abort}"),
+        }
+    }
+}
+
 fn check(case: &Case) {
     let mut plant = case.plant();
     let points = case.walk(&mut plant);
     let branch = case.branch(plant.arm(), &points);
+    // The joint that moves most in the mode.
+    let joint = usize::from(u8::from(case.mode) - 1);
     let mut unstable = 0;
     for point in &points {
         assert!(point.settled, "{point:?}");
         let harmonic1_rad = JointAngles::of(point, plant.arm()).harmonic1_rad();
         let measured = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad };
-        let place = nearest(&branch, &measured, 0, BOUNDS).unwrap();
+        let place = nearest(&branch, &measured, joint, BOUNDS).unwrap();
         let distance = place.distance;
         assert!(distance < 1.0, "{} Hz, {:?}: {distance}", point.frequency_hz, case.shaker);
         unstable += usize::from(!place.is_stable);
@@ -190,12 +198,13 @@ fn a_shaker_s_armature_is_walked_past() {
             mode: ModeNumber::First,
             shaker,
             unstable: 0,
-            tries: 2.0,
+            tries: 2.5,
         });
     }
 }
 
-/// A brake that takes 20 times what the arm does: what is held for a sample acts less by 0.3 %, which is 5 % of the arm's own.
+/// A brake that takes 30 times what the arm does: what is held for a sample acts less by 0.3 %, which is 9 % of the arm's own. With
+/// more force the harmonics of what the brake takes would move the response as well.
 #[test]
 fn a_shaker_that_takes_most_of_the_force_is_walked_past() {
     let shaker = Some(ShakerSpec {
@@ -211,9 +220,9 @@ fn a_shaker_that_takes_most_of_the_force_is_walked_past() {
         current_limit_a: 22.0,
         voltage_limit_v: 250.0,
     });
-    let amplitude = Amplitude { force_x_n: 15.0, ..Amplitude::default() };
+    let amplitude = Amplitude { force_x_n: 8.0, ..Amplitude::default() };
     let (beta1_deg, beta2_deg, mode) = (-76.5413, 120.0, ModeNumber::Second);
-    check(&Case { beta1_deg, beta2_deg, amplitude, mode, shaker, unstable: 0, tries: 2.0 });
+    check(&Case { beta1_deg, beta2_deg, amplitude, mode, shaker, unstable: 0, tries: 3.0 });
 }
 
 /// Where the lag is 90°, load and amplitude grow together, and the frequency follows the computed backbone.
@@ -251,4 +260,49 @@ fn the_backbone_is_walked_at_quadrature() {
         assert!((point.load / drive - 1.0).abs() < 2e-3, "{load}: {drive} {point:?}");
     }
     assert_eq!(points.len(), 9);
+}
+
+/// At every frequency the load that holds the amplitude is the one whose computed motion has it, on either side of the resonance and in
+/// it, where the motion is unstable at constant load.
+#[test]
+fn one_amplitude_is_held_by_the_computed_loads() {
+    let amplitude = Amplitude { torque1_nm: 200.0, ..Amplitude::default() };
+    let case = Case {
+        beta1_deg: 0.0,
+        beta2_deg: 60.0,
+        amplitude,
+        mode: ModeNumber::First,
+        shaker: None,
+        unstable: 0,
+        tries: 2.0,
+    };
+    let mut plant = case.plant();
+    let spec = ResponseControlSpec {
+        amplitude,
+        mode_number: case.mode,
+        angle_rad: 0.06,
+        from_hz: 22.13,
+        to_hz: 22.17,
+        points: 9,
+    };
+    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, plant.arm(), RATE_HZ, 1600.0).unwrap(), &mut plant);
+    assert_eq!(points.len(), 9);
+    let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
+    let forced = ForcedArm::new(plant.arm().clone(), direction, 1.0);
+    for (point, frequency_hz) in points.iter().zip((0..9).map(|k| 22.13 + 0.005 * f64::from(k))) {
+        assert!(point.settled && (point.frequency_hz - frequency_hz).abs() < 1e-9, "{point:?}");
+        let a = JointAngles::of(point, plant.arm()).harmonic1_rad()[0];
+        assert!((a / 0.06 - 1.0).abs() < 2e-3, "{point:?}");
+        let mut options = BranchOptions::new(0.1, 1.5 * point.load);
+        options.walk.largest_turn_rad = 0.01;
+        let coordinate = Coordinate::Parameter(ArmParameter::Amplitude);
+        let branch = trace(forced.clone(), point.frequency_hz, coordinate, &options).unwrap();
+        let loads = branch.orbits.windows(2).filter_map(|pair| {
+            let [low, high] = [pair[0].harmonic1_rad[0], pair[1].harmonic1_rad[0]];
+            let share = (a - low) / (high - low);
+            (0.0..=1.0).contains(&share).then(|| pair[0].value + share * (pair[1].value - pair[0].value))
+        });
+        let nearest = loads.min_by(|x, y| (x - point.load).abs().total_cmp(&(y - point.load).abs())).unwrap();
+        assert!((point.load / nearest - 1.0).abs() < 2e-3, "{nearest} {point:?}");
+    }
 }

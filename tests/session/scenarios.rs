@@ -69,6 +69,12 @@ fn controlled() -> Scenario {
     with_every_other_key(&format!("control = {{ law = 'phase-walk', amplitude = {{ {AMPLITUDE} }}, {spec} }}"))
 }
 
+/// The same with the response kept.
+fn response_controlled() -> Scenario {
+    let spec = "mode_number = 2, points = 7, angle_rad = 0.1, from_hz = 1, to_hz = 1";
+    with_every_other_key(&format!("control = {{ law = 'response-control', amplitude = {{ {AMPLITUDE} }}, {spec} }}"))
+}
+
 /// The same with the force in the head kept.
 fn force_controlled(waveform: &str) -> Scenario {
     let profile = format!("ramp_s = 1.0, notch_b_m_s2 = 1.0, notch_c_m_s2 = 1.0, profile = {{ {waveform} }}");
@@ -136,6 +142,7 @@ fn the_table_of_keys_has_every_key_and_no_other() {
     let waveforms = [
         "waveform = 'dwell', frequency_hz = 1, duration_s = 1, settle_s = 1",
         "waveform = 'stepped-sine', from_hz = 1, to_hz = 1, steps = 1, dwell_s = 1, settle_s = 1",
+        "waveform = 'sine-list', frequencies_hz = [1], dwell_s = 1, settle_s = 1",
         "waveform = 'swept-sine', from_hz = 1, to_hz = 1, duration_s = 1",
         "waveform = 'impulse', pulse_s = 1, duration_s = 1",
         "waveform = 'random', from_hz = 1, to_hz = 1, duration_s = 1",
@@ -145,7 +152,8 @@ fn the_table_of_keys_has_every_key_and_no_other() {
     ];
     let mut known: Vec<String> = waveforms.iter().flat_map(|waveform| keys_of(&full(waveform)).into_keys()).collect();
     known.extend(keys_of(&controlled()).into_keys());
-    for waveform in &waveforms[..2] {
+    known.extend(keys_of(&response_controlled()).into_keys());
+    for waveform in &waveforms[..3] {
         known.extend(keys_of(&force_controlled(waveform)).into_keys());
     }
     known.sort();

@@ -88,7 +88,7 @@ impl Walk {
     fn spec(&self, scenario: &Scenario) -> Result<PhaseWalkSpec, Failure> {
         let of_scenario = match &scenario.control {
             Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
-            Some(ControlSpec::ForceControl(_)) | None => None,
+            Some(ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_)) | None => None,
         };
         let drive = &self.drive;
         let is_driven = drive.torque1_nm.is_some() || drive.is_force();

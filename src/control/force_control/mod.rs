@@ -19,7 +19,7 @@
 //! With a notch, F is what takes an acceleration to it, where that is less.
 //!
 //! A sine held from sample to sample has beyond its fundamental, smaller by sin y/y with y = ½ωT, what in the middle of a hold adds
-//! up to the sample itself, and the head reads both.
+//! up to the sample itself, and the head reads both: of the latter the share that goes past the armature into the arm.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -29,7 +29,7 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::arm::Load;
+use crate::arm::{Arm, Load};
 use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
 use crate::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
@@ -135,6 +135,8 @@ pub struct ForceControl {
     frequencies_hz: Vec<f64>,
     rate_hz: f64,
     limit_n: f64,
+    /// What of a sudden force at the shaker goes into the arm.
+    share: f64,
     amplitude_n: f64,
     /// Largest amplitudes of the accelerations of B and C, m/s².
     notches_m_s2: [Option<f64>; 2],
@@ -161,11 +163,17 @@ pub struct ForceControl {
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` at `rate_hz` samples a second, with an exciter that has `limit_n`.
+    /// A controller that plays the frequencies of `spec` at `rate_hz` samples a second on `arm`, as the controller knows it, with a
+    /// shaker's armature if there is one, with an exciter that has `limit_n`.
     ///
     /// # Errors
     /// [`ForceControlError`] says what is impossible.
-    pub fn new(spec: &ForceControlSpec, rate_hz: f64, limit_n: f64) -> Result<ForceControl, ForceControlError> {
+    pub fn new(
+        spec: &ForceControlSpec,
+        arm: &Arm,
+        rate_hz: f64,
+        limit_n: f64,
+    ) -> Result<ForceControl, ForceControlError> {
         let notches = [("notch_b_m_s2", spec.notch_b_m_s2), ("notch_c_m_s2", spec.notch_c_m_s2)];
         for (name, got) in notches.into_iter().filter_map(|(name, notch)| Some((name, notch?))) {
             if !(got.is_finite() && got > 0.0) {
@@ -190,6 +198,7 @@ impl ForceControl {
             frequencies_hz,
             rate_hz,
             limit_n,
+            share: arm.share_of_sudden_force(),
             amplitude_n,
             notches_m_s2: [spec.notch_b_m_s2, spec.notch_c_m_s2],
             direction: force_n / amplitude_n,
@@ -263,7 +272,8 @@ impl ForceControl {
         let Some(mut point) = read else { return self.next(n) };
         let half = 0.5 * TAU * point.frequency_hz / self.rate_hz;
         let [x, y] = point.head_force_n;
-        let head_n = x * self.direction.x + y * self.direction.y + self.command_n * (libm::sin(half) / half - 1.0);
+        let rest = self.share * (libm::sin(half) / half - 1.0);
+        let head_n = x * self.direction.x + y * self.direction.y + self.command_n * rest;
         point.load = libm::hypot(head_n.re, head_n.im);
         point.tries = self.tries;
         let wanted_n = self.wanted_n(&point);

@@ -37,6 +37,10 @@ fn plant(amplifier: Amplifier) -> Plant {
     .unwrap()
 }
 
+fn arm() -> Arm {
+    plant(Amplifier::Current).arm().clone()
+}
+
 fn stepped(force_x_n: f64, settle_s: f64) -> ForceControlSpec {
     let dwell_s = settle_s + 1.0;
     ForceControlSpec::new(&ExcitationSpec {
@@ -74,7 +78,7 @@ fn the_force_is_kept_where_it_would_drop_out() {
         let forces: Vec<f64> = points.iter().map(force_n).collect();
         let (least, most) = forces.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(*f), b.max(*f)));
         assert!(least < most / 3.0, "{amplifier:?}: {forces:?}");
-        let mut closed = ForceControl::new(&spec, 1000.0, 600.0).unwrap();
+        let mut closed = ForceControl::new(&spec, &arm(), 1000.0, 600.0).unwrap();
         let (points, end) = play(&mut closed, &mut plant(amplifier));
         assert_eq!((points.len(), end), (4, Answer::Finished));
         for point in &points {
@@ -90,7 +94,7 @@ fn the_force_is_kept_where_it_would_drop_out() {
 
 #[test]
 fn stops_where_the_shaker_has_no_more() {
-    let mut controller = ForceControl::new(&stepped(2.0, 2.0), 1000.0, 3.0).unwrap();
+    let mut controller = ForceControl::new(&stepped(2.0, 2.0), &arm(), 1000.0, 3.0).unwrap();
     let (_, end) = play(&mut controller, &mut plant(Amplifier::Current));
     let Answer::Aborted(abort) = end else { panic!("{end:?}") };
     assert!(matches!(abort, Abort::Load { limit: 3.0, .. }), "{abort}");
@@ -100,7 +104,7 @@ fn stops_where_the_shaker_has_no_more() {
 #[test]
 fn the_force_is_notched_where_the_tip_would_move_too_fast() {
     let spec = ForceControlSpec { notch_c_m_s2: Some(2.0), ..stepped(2.0, 2.0) };
-    let mut controller = ForceControl::new(&spec, 1000.0, 600.0).unwrap();
+    let mut controller = ForceControl::new(&spec, &arm(), 1000.0, 600.0).unwrap();
     let (points, end) = play(&mut controller, &mut plant(Amplifier::Voltage));
     assert_eq!((points.len(), end), (4, Answer::Finished));
     let tip = |point: &ResponsePoint| {
@@ -121,8 +125,9 @@ fn the_force_is_notched_where_the_tip_would_move_too_fast() {
 #[test]
 fn says_what_force_can_t_be_controlled() {
     let notch = ForceControlSpec { notch_b_m_s2: Some(-1.0), ..stepped(1.0, 2.0) };
-    insta::assert_snapshot!(ForceControl::new(&notch, 1000.0, 600.0).unwrap_err(), @"control: `notch_b_m_s2` is -1: it must be a positive number");
-    let says = |spec: &ForceControlSpec, rate_hz| ForceControl::new(spec, rate_hz, 600.0).unwrap_err().to_string();
+    insta::assert_snapshot!(ForceControl::new(&notch, &arm(), 1000.0, 600.0).unwrap_err(), @"control: `notch_b_m_s2` is -1: it must be a positive number");
+    let says =
+        |spec: &ForceControlSpec, rate_hz| ForceControl::new(spec, &arm(), rate_hz, 600.0).unwrap_err().to_string();
     let torque =
         ForceControlSpec { amplitude: Amplitude { torque1_nm: 1.0, ..Amplitude::default() }, ..stepped(1.0, 2.0) };
     insta::assert_snapshot!(says(&torque, 1000.0), @"control: force control is closed on the impedance head, which reads no torque: give `force_x_n` or `force_y_n`");

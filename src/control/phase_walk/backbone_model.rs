@@ -80,6 +80,12 @@ impl BackboneModel {
         (stiffness, damping)
     }
 
+    /// U/a at the amplitude and an angular frequency.
+    pub fn dynamic_stiffness(&self, amplitude_rad: f64, omega_rad_s: f64) -> Phasor {
+        let (stiffness, damping) = self.at(amplitude_rad);
+        Phasor::new(self.mass * (stiffness - omega_rad_s * omega_rad_s), damping * omega_rad_s)
+    }
+
     /// The value at `square` by weighted least squares.
     fn predict(&self, square: f64, degree: usize, value: impl Fn(&Finding) -> f64) -> f64 {
         let scale = self.findings.iter().fold(square, |most, finding| most.max(finding.square)).max(f64::MIN_POSITIVE);

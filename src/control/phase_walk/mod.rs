@@ -1,5 +1,5 @@
 //! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone, at a lag
-//! of 90° and growing load.
+//! of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the angle.
 //!
 //! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is stable
 //! under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an excitation like
@@ -12,6 +12,7 @@
 //! expected at the target, lets a follow A(t), which is real, with the rate g.
 
 mod backbone_model;
+mod plan;
 mod reading;
 mod spec;
 
@@ -19,10 +20,13 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 use core::mem;
 
+pub use plan::ResponseControlSpec;
 pub use spec::{PhaseWalkError, PhaseWalkSpec};
 
 use self::backbone_model::BackboneModel;
+use self::plan::{Plan, Wanted};
 use self::reading::{Found, Reader};
+use self::spec::BAND;
 use super::fourier_filter::{real_product, unit, wrapped};
 use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
 use crate::arm::{Arm, Load};
@@ -33,10 +37,13 @@ use crate::rig::Measurement;
 const MOST_TRIES: u32 = 6;
 /// Points in a row that may fail to settle.
 const MOST_UNSETTLED: u32 = 2;
-/// How near the load's amplitude comes to the wanted one, relative.
-const LOAD_TOLERANCE: f64 = 7e-4;
+/// How near the load's amplitude comes to the wanted one, relative, and where noise asks for more.
+const LOAD_TOLERANCE: f64 = 5e-4;
+const NOISY_LOAD_TOLERANCE: f64 = 1e-3;
 /// How near the lag comes to its target, rad.
 const LAG_TOLERANCE_RAD: f64 = 0.01;
+/// How near a wanted amplitude of the angle comes, relative.
+const AMPLITUDE_TOLERANCE: f64 = 1e-3;
 /// How much the angle may change while a point is read, relative.
 const DRIFT_TOLERANCE: f64 = 5e-4;
 /// Lengths of ramp (at least), wait and reading, in time constants 1/g of the loop.
@@ -47,8 +54,7 @@ const READ: f64 = 5.0;
 const RETRY: f64 = 0.25;
 /// How much longer a reading may become where noise asks for it.
 const LONGEST_READ: f64 = 1.5;
-/// How far the walk may leave the mode's frequency, relative, and its largest amplitude, rad.
-const BAND: f64 = 0.1;
+/// The largest amplitude, rad.
 const LARGEST_AMPLITUDE_RAD: f64 = 0.5;
 /// Responses that wait to be fetched.
 const RESPONSES: usize = 4;
@@ -76,13 +82,15 @@ enum Stage {
     Done(Option<Abort>),
 }
 
-/// Traces the response at constant load through a resonance, stable or not, or the backbone.
+/// Traces the response at constant load through a resonance, stable or not, or the backbone, or what load holds one amplitude.
 #[derive(Clone, Debug)]
 pub struct PhaseWalk {
-    spec: PhaseWalkSpec,
+    plan: Plan,
     /// The largest load that there is.
     limit: f64,
     unit_load: Load,
+    /// What of a sudden force at the shaker goes into the arm.
+    share: f64,
     model: ModeModel,
     rate_hz: f64,
     gain_1_s: f64,
@@ -108,27 +116,46 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// A walk on `arm`, as the controller knows it, at `rate_hz` samples a second, with an exciter that has `limit`, N or N·m.
+    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, at `rate_hz` samples a second, with an exciter that has `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] says what is impossible.
     pub fn new(spec: PhaseWalkSpec, arm: &Arm, rate_hz: f64, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
-        spec.check()?;
-        let (load, unit_load) = (spec.load(), spec.unit_load());
+        PhaseWalk::of(Plan::Walk(spec), arm, rate_hz, limit)
+    }
+
+    /// A stepped sine at which the response is controlled, likewise.
+    ///
+    /// # Errors
+    /// [`PhaseWalkError`] says what is impossible.
+    pub fn at_one_amplitude(
+        spec: ResponseControlSpec,
+        arm: &Arm,
+        rate_hz: f64,
+        limit: f64,
+    ) -> Result<PhaseWalk, PhaseWalkError> {
+        PhaseWalk::of(Plan::Response(spec), arm, rate_hz, limit)
+    }
+
+    fn of(plan: Plan, arm: &Arm, rate_hz: f64, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+        plan.check()?;
+        let (load, unit_load) = (plan.load(), plan.unit_load());
         if limit.is_nan() || limit <= load {
             let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
             return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
         }
-        let model = ModeModel::new(arm, &unit_load, spec.mode_number);
-        let gain_1_s = spec.gain_1_s(&model, rate_hz)?;
+        let share = arm.share_of_sudden_force();
+        let model = ModeModel::new(&arm.clone().without_attachment(), &unit_load, plan.mode_number());
+        let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), rate_hz)?;
+        plan.check_mode(&model)?;
         let (backbone, responses) = (BackboneModel::new(&model), Vec::with_capacity(RESPONSES));
-        Ok(PhaseWalk::at_start(spec, limit, model, (rate_hz, gain_1_s), (backbone, responses)))
+        Ok(PhaseWalk::at_start(plan, (limit, share), model, (rate_hz, gain_1_s), (backbone, responses)))
     }
 
     /// Before the first sample, with the room that is there already: emptied, not made anew.
     fn at_start(
-        spec: PhaseWalkSpec,
-        limit: f64,
+        plan: Plan,
+        (limit, share): (f64, f64),
         model: ModeModel,
         (rate_hz, gain_1_s): (f64, f64),
         (mut backbone, mut responses): (BackboneModel, Vec<ResponsePoint>),
@@ -139,9 +166,10 @@ impl PhaseWalk {
         let damping = 2.0 * model.damping_ratio * omega_rad_s * model.modal_mass;
         let other_step = model.other_angular_frequency_rad_s / rate_hz;
         PhaseWalk {
-            spec,
+            plan,
             limit,
-            unit_load: spec.unit_load(),
+            unit_load: plan.unit_load(),
+            share,
             model,
             rate_hz,
             gain_1_s,
@@ -173,35 +201,32 @@ impl PhaseWalk {
         self.gain_1_s
     }
 
-    /// The lag at the point that is tried, rad.
-    fn lag_rad(&self) -> f64 {
-        self.spec.lag_rad(self.point)
-    }
-
-    /// The amplitude of the load at the point that is tried.
-    fn load(&self) -> f64 {
-        self.spec.load_at(self.point)
-    }
-
     fn samples_in(&self, seconds: f64) -> u64 {
         libm::ceil(seconds * self.rate_hz) as u64
     }
 
     /// Sets off at sample `n` to the point that is to be tried, or to rest after the last.
     fn set_off(&mut self, n: u64) {
-        if self.point == self.spec.points {
+        if self.point == self.plan.points() {
             return self.head_for(n, Target { amplitude_rad: 0.0, ..self.target });
         }
-        let lag_rad = self.lag_rad();
         let near = (self.target.amplitude_rad, self.target.omega_rad_s);
-        let (amplitude_rad, omega_rad_s) = self.backbone.target(lag_rad, self.load(), near);
+        let wanted = self.plan.wanted(self.point);
+        let (amplitude_rad, omega_rad_s) = match wanted {
+            Wanted::Lag(lag_rad, load) => self.backbone.target(lag_rad, load, near),
+            Wanted::Amplitude(amplitude_rad, omega_rad_s) => (amplitude_rad, omega_rad_s),
+        };
+        let stiffness = match wanted {
+            Wanted::Lag(lag_rad, load) => unit(lag_rad) * (load / amplitude_rad),
+            Wanted::Amplitude(..) => self.backbone.dynamic_stiffness(amplitude_rad, omega_rad_s),
+        };
         let in_band = (omega_rad_s / self.model.angular_frequency_rad_s - 1.0).abs() < BAND;
         if !(in_band && amplitude_rad < LARGEST_AMPLITUDE_RAD) {
-            let (lag_deg, frequency_hz) = (lag_rad.to_degrees(), omega_rad_s / TAU);
+            let lag_deg = libm::atan2(stiffness.im, stiffness.re).to_degrees();
+            let frequency_hz = omega_rad_s / TAU;
             self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude_rad }));
             return;
         }
-        let stiffness = unit(lag_rad) * (self.load() / amplitude_rad);
         self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
     }
 
@@ -210,7 +235,7 @@ impl PhaseWalk {
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
         let change = (to.amplitude_rad - from.amplitude_rad).abs();
-        let spare = 0.5 * (self.limit - self.spec.load());
+        let spare = 0.5 * (self.limit - self.plan.load());
         let seconds = (3.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(RAMP / self.gain_1_s);
         self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
     }
@@ -232,7 +257,7 @@ impl PhaseWalk {
         match self.stage {
             Stage::Start => self.set_off(n),
             Stage::Ramp { since, length, .. } if n >= since + length => {
-                let more = self.point < self.spec.points;
+                let more = self.point < self.plan.points();
                 self.stage = if more { Stage::Settle { since: n } } else { Stage::Done(None) };
             }
             Stage::Settle { since } if n >= since + self.samples_in(SETTLE / self.gain_1_s) => {
@@ -243,7 +268,7 @@ impl PhaseWalk {
                 self.stage = Stage::Read;
             }
             Stage::Read => {
-                let how = (self.load_kind(), &self.unit_load);
+                let how = (self.load_kind(), &self.unit_load, self.share);
                 let omega = self.target.omega_rad_s;
                 if let Some(found) = self.reader.finish(n, self.rate_hz, how, &self.model, omega) {
                     self.judge(n, &found);
@@ -257,20 +282,30 @@ impl PhaseWalk {
     fn judge(&mut self, n: u64, found: &Found) {
         self.tries += 1;
         self.taken = found.taken;
+        let wanted = self.plan.wanted(self.point);
+        let load = match wanted {
+            Wanted::Lag(_, load) => load,
+            Wanted::Amplitude(..) => found.load,
+        };
         // What the correction for a drift took is not to be trusted.
         let corrected = found.stiffness - found.lag;
         let correction = libm::hypot(corrected.re, corrected.im) * found.amplitude_rad;
-        let deviation = libm::hypot(found.load_deviation, correction) / self.load();
+        let deviation = libm::hypot(found.load_deviation, correction) / load;
         self.backbone.add(found.amplitude_rad, self.target.omega_rad_s, found.stiffness, deviation);
         let lag_rad = libm::atan2(found.lag.im, found.lag.re);
-        let tolerance = LOAD_TOLERANCE * self.load();
+        let tolerance = LOAD_TOLERANCE * load;
         // Noise in the reading goes with the power 3/2 of its length.
         let noise = found.load_deviation / (1.5 * tolerance);
         let longer = self.read_factor * libm::pow(noise, 2.0 / 3.0);
         self.read_factor = longer.clamp(1.0, LONGEST_READ);
-        let settled = (found.load - self.load()).abs() < tolerance.max(2.0 * found.load_deviation).min(2.0 * tolerance)
-            && (lag_rad - self.lag_rad()).abs() < LAG_TOLERANCE_RAD
-            && found.drift < DRIFT_TOLERANCE;
+        let met = match wanted {
+            Wanted::Lag(wanted_rad, _) => {
+                (found.load - load).abs() < tolerance.max((2.0 * found.load_deviation).min(NOISY_LOAD_TOLERANCE * load))
+                    && (lag_rad - wanted_rad).abs() < LAG_TOLERANCE_RAD
+            }
+            Wanted::Amplitude(wanted_rad, _) => (found.amplitude_rad / wanted_rad - 1.0).abs() < AMPLITUDE_TOLERANCE,
+        };
+        let settled = met && found.drift < DRIFT_TOLERANCE;
         if settled || self.tries == MOST_TRIES {
             self.report(found, lag_rad, settled);
         }
@@ -321,7 +356,7 @@ impl PhaseWalk {
     }
 
     fn check_load(&self) -> Option<Abort> {
-        let unit = self.spec.amplitude.unit();
+        let unit = self.plan.amplitude().unit();
         let (got, limit, frequency_hz) = (self.held.abs(), self.limit, self.omega_rad_s / TAU);
         (got > limit).then_some(Abort::Load { got, limit, unit, frequency_hz })
     }
@@ -329,12 +364,13 @@ impl PhaseWalk {
 
 impl Controller for PhaseWalk {
     fn load_kind(&self) -> LoadKind {
-        if self.spec.amplitude.is_torque() { LoadKind::Torque } else { LoadKind::Force }
+        if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
     fn restart(&mut self) {
         let room = (mem::take(&mut self.backbone), mem::take(&mut self.responses));
-        *self = PhaseWalk::at_start(self.spec, self.limit, self.model, (self.rate_hz, self.gain_1_s), room);
+        *self =
+            PhaseWalk::at_start(self.plan, (self.limit, self.share), self.model, (self.rate_hz, self.gain_1_s), room);
     }
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
@@ -366,7 +402,7 @@ impl Controller for PhaseWalk {
     }
 
     fn length(&self) -> Length {
-        Length::Responses(self.spec.points as u64)
+        Length::Responses(self.plan.points() as u64)
     }
 }
 

@@ -88,12 +88,13 @@ impl Reader {
     /// What was found at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
     ///
     /// What is held for a period T is a staircase, whose fundamental is smaller than that of its samples by
-    /// sinc ωT/2; between shaker and arm the head reads the rest.
+    /// sinc ωT/2. Of the rest, edges that come and go within a sample, the head between shaker and arm reads the share that goes
+    /// into the arm.
     pub fn finish(
         &self,
         now: u64,
         rate_hz: f64,
-        (kind, unit_load): (LoadKind, &Load),
+        (kind, unit_load, share): (LoadKind, &Load, f64),
         model: &ModeModel,
         omega: f64,
     ) -> Option<Found> {
@@ -108,7 +109,7 @@ impl Reader {
             LoadKind::Torque => held,
             LoadKind::Force => fundamental(0) * unit_load.force_n.x + fundamental(1) * unit_load.force_n.y,
         };
-        let load = acting + held * (libm::sin(half) / half - 1.0);
+        let load = acting + held * (share * (libm::sin(half) / half - 1.0));
         let angle =
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
         let lag = load / angle;

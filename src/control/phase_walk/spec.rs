@@ -5,16 +5,17 @@ use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::arm::Load;
 use crate::control::loop_poles::{self, Loop};
 use crate::control::{ModeModel, ModeNumber};
 use crate::excitation::{Amplitude, ExcitationError};
 use crate::number::short;
 
 /// Most points of a walk: each is kept.
-const MOST_POINTS: usize = 10_000;
+pub(super) const MOST_POINTS: usize = 10_000;
 /// Samples that a period has at least: harmonics up to the fifth are read.
 const SAMPLES_A_PERIOD: f64 = 11.0;
+/// How far the frequency may leave the mode's, relative.
+pub(super) const BAND: f64 = 0.1;
 /// Bandwidth of the filter over the gain of the loop.
 pub(super) const FILTER_RATE: f64 = 5.0;
 
@@ -98,6 +99,19 @@ pub enum PhaseWalkError {
         /// The mode's frequency, Hz.
         frequency_hz: f64,
     },
+    /// A frequency is too far from the mode's: there the loop knows nothing of the arm.
+    #[error(
+        "control: `{name}` is {got_hz}: it must be within a tenth of the mode's {mode_hz:.2} Hz, from {:.2} to {:.2} Hz",
+        (1.0 - BAND) * mode_hz, (1.0 + BAND) * mode_hz, got_hz = short(.got_hz)
+    )]
+    Far {
+        /// The value, as it is called in a scenario.
+        name: &'static str,
+        /// What was given, Hz.
+        got_hz: f64,
+        /// The mode's frequency, Hz.
+        mode_hz: f64,
+    },
     /// The control loop would be unstable at every gain that was tried.
     #[error(
         "control: no gain makes the loop stable on mode {mode} in this pose: the other mode, at {other_hz:.2} Hz, takes part; choose another direction of the load or a higher rate"
@@ -108,6 +122,12 @@ pub enum PhaseWalkError {
         /// The other mode's frequency, Hz.
         other_hz: f64,
     },
+}
+
+/// Amplitude of a load, N or N·m.
+pub(super) fn size(amplitude: &Amplitude) -> f64 {
+    let load = amplitude.load();
+    libm::hypot(load.force_n.norm(), load.torque_nm.norm())
 }
 
 impl PhaseWalkSpec {
@@ -130,13 +150,7 @@ impl PhaseWalkSpec {
 
     /// Amplitude of the load at the last point, N or N·m.
     pub fn load(&self) -> f64 {
-        let load = self.amplitude.load();
-        libm::hypot(load.force_n.norm(), load.torque_nm.norm())
-    }
-
-    /// The load of amplitude 1.
-    pub(super) fn unit_load(&self) -> Load {
-        self.amplitude.load().scaled(1.0 / self.load())
+        size(&self.amplitude)
     }
 
     /// Checks every number.
@@ -174,20 +188,20 @@ impl PhaseWalkSpec {
     pub(super) fn load_at(&self, point: usize) -> f64 {
         self.load() * (self.from_part + (1.0 - self.from_part) * self.share(point))
     }
+}
 
-    /// The gain g of the loop on `model`, 1/s.
-    pub(super) fn gain_1_s(&self, model: &ModeModel, rate_hz: f64) -> Result<f64, PhaseWalkError> {
-        let mode = u8::from(self.mode_number);
-        let frequency_hz = model.angular_frequency_rad_s / TAU;
-        if !model.modal_mass.is_finite() {
-            return Err(PhaseWalkError::NotDriven { mode });
-        }
-        if rate_hz < SAMPLES_A_PERIOD * frequency_hz {
-            return Err(PhaseWalkError::Rate { rate_hz, frequency_hz });
-        }
-        let other_hz = model.other_angular_frequency_rad_s / TAU;
-        stable_gain_1_s(model, rate_hz).ok_or(PhaseWalkError::Unstable { mode, other_hz })
+/// The gain g of the loop on `model`, the mode of this number, 1/s.
+pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, rate_hz: f64) -> Result<f64, PhaseWalkError> {
+    let mode = u8::from(mode_number);
+    let frequency_hz = model.angular_frequency_rad_s / TAU;
+    if !model.modal_mass.is_finite() {
+        return Err(PhaseWalkError::NotDriven { mode });
     }
+    if rate_hz < SAMPLES_A_PERIOD * frequency_hz {
+        return Err(PhaseWalkError::Rate { rate_hz, frequency_hz });
+    }
+    let other_hz = model.other_angular_frequency_rad_s / TAU;
+    stable_gain_1_s(model, rate_hz).ok_or(PhaseWalkError::Unstable { mode, other_hz })
 }
 
 /// The largest gain g of which the loop is stable with room to spare, 1/s.

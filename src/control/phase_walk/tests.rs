@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::arm::{Pose, Preset, State};
+use crate::control::ModeNumber;
 use crate::excitation::Amplitude;
 use crate::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};
@@ -123,6 +124,21 @@ fn says_what_no_walk_can_be() {
     insta::assert_snapshot!(says(torque(0.0), 1000.0, 1600.0), @"control.amplitude: excitation: the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`");
     insta::assert_snapshot!(says(spec, 1000.0, 20.0), @"control: `amplitude` is 20: it must be below what the exciter has: the loop needs some of it to change the amplitude");
     insta::assert_snapshot!(says(spec, 200.0, 1600.0), @"control: 200 samples a second are too few for a mode at 22.16 Hz: at least 244 are needed");
+}
+
+#[test]
+fn says_what_response_can_not_be_controlled() {
+    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    let (from_hz, to_hz, points) = (22.0, 22.3, 5);
+    let spec =
+        ResponseControlSpec { amplitude, mode_number: ModeNumber::First, angle_rad: 0.05, from_hz, to_hz, points };
+    let says = |spec: ResponseControlSpec| -> String {
+        PhaseWalk::at_one_amplitude(spec, &arm(60.0), 1000.0, 1600.0).unwrap_err().to_string()
+    };
+    insta::assert_snapshot!(says(ResponseControlSpec { points: 1, ..spec }), @"control: `points` is 1: it must be from 3 to 10000");
+    insta::assert_snapshot!(says(ResponseControlSpec { angle_rad: -0.05, ..spec }), @"control: `angle_rad` is -0.05: it must be above 0 and below 0.5");
+    insta::assert_snapshot!(says(ResponseControlSpec { from_hz: 12.0, ..spec }), @"control: `from_hz` is 12: it must be within a tenth of the mode's 22.16 Hz, from 19.94 to 24.37 Hz");
+    insta::assert_snapshot!(says(ResponseControlSpec { to_hz: f64::NAN, ..spec }), @"control: `to_hz` is NaN: it must be within a tenth of the mode's 22.16 Hz, from 19.94 to 24.37 Hz");
 }
 
 #[test]
