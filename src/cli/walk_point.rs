@@ -27,6 +27,8 @@ pub(super) struct WalkPoint {
     pub excitation: f64,
     /// Its standard deviation by the noise of the readings, at this frequency and amplitude.
     pub excitation_deviation: Option<f64>,
+    /// Harmonics 2 and 3 of the head's force over its fundamental: the computed response is that of a pure sine.
+    pub distortion: Option<f64>,
     pub settled: bool,
     pub tries: u32,
     /// Whether α1 and α2 rest on readings that were clipped in both axes: then they are right to some per cent only.
@@ -43,6 +45,7 @@ impl WalkPoint {
             phase_deg: point.lag_rad.map_or(f64::NAN, f64::to_degrees),
             excitation: point.load,
             excitation_deviation: point.load_deviation,
+            distortion: point.distortion(),
             settled: point.settled,
             tries: point.tries,
             clipped: angles.clipped,

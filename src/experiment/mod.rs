@@ -8,7 +8,7 @@ mod score;
 mod zone;
 
 pub use score::{Jump, Score, score};
-pub use zone::{Zone, ZoneMeasured, measure_zones};
+pub use zone::{Zone, ZoneMeasured, check_zones, measure_zones};
 
 use crate::control::{ControlSpec, ResponsePoint};
 use crate::node::Outcome;

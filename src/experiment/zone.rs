@@ -116,6 +116,15 @@ fn coupled(arm: &Arm, shaker: &ShakerSpec) -> Result<Arm, ArmError> {
     arm.clone().with_attachment(armature)
 }
 
+/// Checks that the walks of zones can begin: what is wrong with a scenario or a zone is found before anything runs.
+///
+/// # Errors
+/// [`RunError`] says what is impossible.
+pub fn check_zones(scenario: &Scenario, zones: &[Zone]) -> Result<(), RunError> {
+    let controls = zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]);
+    controls.into_iter().try_for_each(|control| session(scenario, control).map(drop))
+}
+
 /// Measures zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then the stepped sines,
 /// over all cores. `watch` has a [`Signals`] for each run, [`ZoneMeasured::RUNS`] a zone.
 ///
@@ -130,9 +139,7 @@ pub fn measure_zones(scenario: &Scenario, zones: &[Zone], watch: &[Signals]) -> 
     let with_shaker = with_shaker.map_err(ScenarioError::from)?;
     let constants_s = (slowest_s(&arm), slowest_s(with_shaker.as_ref().unwrap_or(&arm)));
     let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
-    for control in zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]) {
-        session(scenario, control)?;
-    }
+    check_zones(scenario, zones)?;
     let (for_walks, for_sines) = watch.split_at(2 * zones.len());
     let walks = zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]).zip(for_walks).collect::<Vec<_>>();
     let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;

@@ -70,7 +70,7 @@ fn scenarios_that_cannot_be_read() {
       |
     2 | profile = { waveform = 'chirp' }
       |                        ^^^^^^^
-    unknown variant `chirp`, expected one of `dwell`, `stepped-sine`, `swept-sine`, `impulse`, `random`, `burst-random`, `multisine`, `file`
+    unknown variant `chirp`, expected one of `dwell`, `stepped-sine`, `sine-list`, `swept-sine`, `impulse`, `random`, `burst-random`, `multisine`, `file`
     ");
     assert_snapshot!(scenario("[arm]\nbeta1_deg = 'up'"), @r#"
     resonarm: scenario.toml: TOML parse error at line 2, column 13

@@ -12,7 +12,7 @@ const COMMANDS: [(&str, &str); 22] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
-    ("experiment fig9", "--second-force-n 1e5"),
+    ("experiment fig9", "--plot /dev/null/none"),
     ("experiment walk", "--torque1-nm 10 --points 3"),
     ("simulate", "--excitation-hz 10 --duration-s 0.01"),
     ("modes", "--from-beta2-deg 0 --to-beta2-deg 90 --points 3"),

@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::arm::Arm;
+use crate::arm::{Arm, Pose};
 use crate::cli::configuration;
 use crate::cli::failure::{Failure, Verdict};
 use crate::cli::flags::SessionFlags;
@@ -18,7 +18,7 @@ use crate::cli::walk_point::WalkPoint;
 use crate::cli::zone_figure;
 use crate::control::{Length, ModeNumber};
 use crate::excitation::Amplitude;
-use crate::experiment::{Measured, Score, Zone, ZoneMeasured, measure_zones, score};
+use crate::experiment::{Measured, Score, Zone, ZoneMeasured, check_zones, measure_zones, score};
 use crate::node::Outcome;
 use crate::number::short;
 use crate::realtime::{Clock, SystemClock};
@@ -107,10 +107,17 @@ struct Computed {
 
 impl Fig9 {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        if let Some(duration_s) = self.session.duration_s {
+            let duration_s = short(&duration_s);
+            return Err(Failure::Usage(format!(
+                "--duration-s is {duration_s}: the experiment ends by itself, leave it out"
+            )));
+        }
         let scenario = self.session.scenario(scenario)?;
         let arm = scenario.build_arm()?;
         let zones = self.zones(&arm)?;
+        check_zones(&scenario, &zones)?;
+        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
         let start_ns = SystemClock.now_ns();
         let measured = self.measure(&scenario, zones)?;
         let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
@@ -144,22 +151,28 @@ impl Fig9 {
     fn zones(&self, arm: &Arm) -> Result<[Zone; 2], Failure> {
         let [first_hz, second_hz] = crate::analysis::modes(arm).map(|mode| mode.frequency_hz);
         let halfway_hz = 0.5 * (first_hz + second_hz);
-        for (flag, got_hz, fits, place) in [
-            ("--from-hz", self.from_hz, self.from_hz > 0.0 && self.from_hz < first_hz, "above 0 and below"),
-            ("--to-hz", self.to_hz, self.to_hz.is_finite() && self.to_hz > second_hz, "above"),
-        ] {
-            if !fits {
-                let (got_hz, end_hz) = (short(&got_hz), if flag == "--from-hz" { first_hz } else { second_hz });
-                return Err(Failure::Usage(format!(
-                    "{flag} is {got_hz}: it must be {place} the natural frequency of {end_hz:.2} Hz, so that the zone holds it"
-                )));
+        for (flag, got_n) in [("--first-force-n", self.first_force_n), ("--second-force-n", self.second_force_n)] {
+            if !(got_n.is_finite() && got_n > 0.0) {
+                return Err(Failure::Usage(format!("{flag} is {}: it must be a positive number", short(&got_n))));
             }
+        }
+        let Pose { beta1_deg, beta2_deg } = arm.pose();
+        let pose = format!("at β1 = {}°, β2 = {}°", short(&beta1_deg), short(&beta2_deg));
+        let (from_hz, to_hz) = (short(&self.from_hz), short(&self.to_hz));
+        if !(self.from_hz > 0.0 && self.from_hz < first_hz) {
+            return Err(Failure::Usage(format!(
+                "--from-hz is {from_hz}: it must be above 0 and below the first natural frequency, {first_hz:.2} Hz {pose}"
+            )));
+        }
+        if !(self.to_hz.is_finite() && self.to_hz > second_hz) {
+            return Err(Failure::Usage(format!(
+                "--to-hz is {to_hz}: it must be above the second natural frequency, {second_hz:.2} Hz {pose}"
+            )));
         }
         if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
             return Err(Failure::Usage(format!(
-                "--step-hz is {}: it must be positive, and at least {:.4}, the range in {MOST_STEPS} steps",
+                "--step-hz is {}: it must be positive, and {from_hz} to {to_hz} Hz at most {MOST_STEPS} of it",
                 short(&self.step_hz),
-                (self.to_hz - self.from_hz) / MOST_STEPS
             )));
         }
         let zone = |mode_number, force_x_n, range_hz| Zone {
@@ -212,6 +225,11 @@ impl Run {
 
     fn settled(&self) -> usize {
         self.points.iter().filter(|point| point.settled).count()
+    }
+
+    /// The largest distortion of the force.
+    fn distortion(&self) -> f64 {
+        self.points.iter().filter_map(|point| point.distortion).fold(0.0, f64::max)
     }
 
     fn is_whole(&self) -> bool {
@@ -274,9 +292,10 @@ fn text(document: &Document) -> String {
             let reason = run.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
             let _infallible = writeln!(
                 text,
-                "  {name:<9} {:4} points, {} settled, {}{reason}",
+                "  {name:<9} {:4} points, {} settled, distortion of the force up to {:.1} %, {}{reason}",
                 run.points.len(),
                 run.settled(),
+                100.0 * run.distortion(),
                 run.outcome
             );
         }
