@@ -65,6 +65,8 @@ pub struct Orbit {
     pub value: f64,
     /// Ω/2π, Hz.
     pub frequency_hz: f64,
+    /// ν: periods of the excitation after which the motion repeats.
+    pub period: usize,
     /// The largest |α1| and |α2| over the period, rad.
     pub amplitude_rad: [f64; 2],
     /// √(a² + b²) of the component at Ω of α1 and α2, rad.
@@ -165,6 +167,7 @@ impl Orbit {
         Orbit {
             value,
             frequency_hz: balance.coordinate(Coordinate::FrequencyHz),
+            period: balance.subharmonic(),
             amplitude_rad: balance.largest_rad(x),
             harmonic1_rad,
             stability: floquet.stability(balance, x),

@@ -44,6 +44,15 @@ impl Arm {
         Matrix2::new(-c.y, -second.y, c.x, second.x)
     }
 
+    /// Velocities of B and C, m/s: a link vector r turning with the rate w has w (−r_y, r_x).
+    pub fn point_velocities(&self, state: &State) -> [Vector2<f64>; 2] {
+        let (first, second) = self.links(&state.alpha_rad);
+        let turning = |r: Vector2<f64>, w: f64| Vector2::new(-r.y, r.x) * w;
+        let v = &state.alpha_dot_rad_s;
+        let b_m_s = turning(first, v.x);
+        [b_m_s, b_m_s + turning(second, v.x + v.y)]
+    }
+
     /// Accelerations of B and C, with the centripetal terms.
     ///
     /// A link vector r turning with the rate w and the angular acceleration e adds e (−r_y, r_x) − w² r; link 1 turns with

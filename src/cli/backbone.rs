@@ -16,10 +16,11 @@ use super::ended_early::Early;
 use super::failure::{Failure, Verdict};
 use super::flags::ArmFlags;
 use super::output::{self, OverwriteFlag};
+use super::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
 use super::walk_flags::WalkFlags;
 use crate::analysis::{
     ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
-    ForcedArm, backbone, modes, trace,
+    ForcedArm, Readings, backbone, modes, trace,
 };
 use crate::arm::Load;
 use crate::number::short;
@@ -36,12 +37,15 @@ Examples:
 
 A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
 
+/// How a motion without a load is read.
+const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quadrature with the mode.";
+
 /// Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it hardens or softens.
 ///
 /// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is where the peak of the forced
 /// response lies. Without dampers it is a free motion, and the curve a nonlinear normal mode.
 #[derive(Debug, Args)]
-#[command(after_long_help = EXAMPLES)]
+#[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Backbone {
     #[command(flatten)]
     arm: ArmFlags,
@@ -58,6 +62,8 @@ pub(super) struct Backbone {
     to_rad: f64,
     #[command(flatten)]
     walk: WalkFlags,
+    #[command(flatten)]
+    readings: ReadingsFlag,
     /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; CSV and JSON beside
     /// them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
@@ -122,10 +128,11 @@ impl Backbone {
             files = self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
         }
         let configuration = self.configuration(&scenario, &drive)?;
-        let document = self.document(configuration, linear_hz, &drive, &curve, wall_s);
+        let readings = self.read(&damped, &curve);
+        let document = self.document(configuration, linear_hz, &drive, (&curve, &readings), wall_s);
         let document = Document { ended_early: early.document(), ..document };
         if let Some(stem) = &self.plot {
-            files.push(output::write(beside(stem, ".csv"), &self.csv(&drive, &curve))?);
+            files.push(output::write(beside(stem, ".csv"), &self.csv(&drive, &curve, &readings))?);
             files.push(output::write_json(beside(stem, ".json"), &document)?);
         }
         if self.json {
@@ -186,15 +193,24 @@ impl Backbone {
         Ok(configuration)
     }
 
+    /// The readings of each point, if they are wanted; else none.
+    fn read(&self, damped: &ForcedArm, curve: &Curve) -> Vec<ReadingsDocument> {
+        let read = |point| ReadingsDocument(Readings::of_backbone(damped.arm(), point));
+        curve.points.iter().filter(|_| self.readings.readings).map(read).collect()
+    }
+
     /// A line for each point, with the units in the names of the columns.
-    fn csv(&self, drive: &Drive, curve: &Curve) -> String {
+    fn csv(&self, drive: &Drive, curve: &Curve, readings: &[ReadingsDocument]) -> String {
+        let columns = readings::columns(self.readings.readings);
         let head = if self.undamped { String::new() } else { format!(",{}", drive.name) };
-        let mut text =
-            format!("frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad{head}\n");
-        for point in &curve.points {
+        let mut text = format!(
+            "frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad{head}{columns}\n"
+        );
+        for (index, point) in curve.points.iter().enumerate() {
             let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
             let amount = if self.undamped { String::new() } else { format!(",{}", point.drive.abs()) };
-            let _infallible = writeln!(text, "{},{a1},{a2},{h1},{h2}{amount}", point.frequency_hz);
+            let read = readings.get(index).map_or_else(String::new, ReadingsDocument::cells);
+            let _infallible = writeln!(text, "{},{a1},{a2},{h1},{h2}{amount}{read}", point.frequency_hz);
         }
         text
     }
@@ -204,16 +220,19 @@ impl Backbone {
         configuration: Value,
         linear_frequency_hz: f64,
         drive: &Drive,
-        curve: &Curve,
+        (curve, readings): (&Curve, &[ReadingsDocument]),
         wall_s: f64,
     ) -> Document {
-        let point = |point: &BackbonePoint| {
+        let point = |(index, point): (usize, &BackbonePoint)| {
             let mut map = Map::new();
             map.insert(String::from("frequency_hz"), json!(point.frequency_hz));
             map.insert(String::from("amplitude_rad"), json!(point.amplitude_rad));
             map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
             if !self.undamped {
                 map.insert(String::from(drive.name), json!(point.drive.abs()));
+            }
+            if let Some(read) = readings.get(index) {
+                map.insert(String::from("readings"), read.value());
             }
             Value::Object(map)
         };
@@ -225,7 +244,7 @@ impl Backbone {
             bending: curve.bending().map(Bending::name),
             frequency_shift_hz: curve.shift_hz(),
             curvature_hz_rad2: [0, 1].map(|joint| curve.curvature_hz_rad2(joint)),
-            points: curve.points.iter().map(point).collect(),
+            points: curve.points.iter().enumerate().map(point).collect(),
             ended_early: None,
             wall_s,
         }
@@ -281,7 +300,10 @@ impl Backbone {
         let branches: Vec<&Branch> = response.iter().collect();
         let mut files = Vec::new();
         if response.is_some() {
-            files.push(output::write(beside(stem, "-response.csv"), &csv("frequency_hz", &branches))?);
+            let (forced, coordinate) = (arm.clone(), Coordinate::FrequencyHz);
+            let reader = self.readings.readings.then_some(Reader { forced, coordinate });
+            let table = csv("frequency_hz", &branches, reader.as_ref());
+            files.push(output::write(beside(stem, "-response.csv"), &table)?);
         }
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
         let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);

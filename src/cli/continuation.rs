@@ -17,6 +17,7 @@ use super::flags::ArmFlags;
 use super::interval::{Ends, interval};
 use super::output::{self, OverwriteFlag};
 use super::quantity::Quantity;
+use super::readings::{self, Reader, ReadingsFlag};
 use super::singular_curves::{CurveFlags, Curves};
 use super::walk_flags::WalkFlags;
 use crate::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
@@ -39,7 +40,7 @@ A walk that ends early prints what it found, says why on standard error, and end
 
 /// Follows periodic motions of the forced arm in a parameter, with stability and bifurcations, around folds.
 #[derive(Debug, Args)]
-#[command(after_long_help = EXAMPLES)]
+#[command(after_long_help = readings::help_after(EXAMPLES, ""))]
 pub(super) struct Continue {
     #[command(flatten)]
     arm: ArmFlags,
@@ -60,6 +61,8 @@ pub(super) struct Continue {
     doubled: bool,
     #[command(flatten)]
     curves: CurveFlags,
+    #[command(flatten)]
+    readings: ReadingsFlag,
     /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
@@ -137,6 +140,8 @@ struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
     curves: Option<Curves>,
+    /// What reads the motions, if that is wanted.
+    reader: Option<Reader>,
     early: Early,
     wall_s: f64,
 }
@@ -152,7 +157,7 @@ impl Found {
     ) -> Result<Vec<PathBuf>, Failure> {
         let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
         let mut files = branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?.to_vec();
-        files.push(output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches))?);
+        files.push(output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches, self.reader.as_ref()))?);
         if let Some(curves) = &self.curves {
             let stem = beside(stem, "-curves");
             files.extend(curves.figure(on_curves).write(&stem)?);
@@ -162,8 +167,10 @@ impl Found {
     }
 
     fn document(&self, configuration: Value, varied: &Varied) -> Document {
-        let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit)).collect();
-        let events = |branch: &Branch| branch.bifurcations.iter().map(|event| bifurcation(varied, event)).collect();
+        let reader = self.reader.as_ref();
+        let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect();
+        let event = |event: &Bifurcation| bifurcation(varied, event, reader);
+        let events = |branch: &Branch| branch.bifurcations.iter().map(event).collect();
         let doubled = |branch: &Branch| DoubledBranch { points: points(branch), bifurcations: events(branch) };
         Document {
             configuration,
@@ -320,7 +327,8 @@ impl Continue {
             .map(|second| Curves::trace(&forced, &branch, varied.quantity.clone(), second, &self.walk, &mut early))
             .transpose()?;
         let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
-        Ok(Found { branch, doubled, curves, early, wall_s })
+        let reader = self.readings.readings.then_some(Reader { forced, coordinate });
+        Ok(Found { branch, doubled, curves, reader, early, wall_s })
     }
 
     /// What is driven. An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
@@ -370,8 +378,8 @@ impl Continue {
 }
 
 /// A motion as JSON; what varies stands beside the frequency.
-fn point(varied: &Varied, orbit: &Orbit) -> Value {
-    let mut map = place(varied, orbit);
+fn point(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
+    let mut map = place(varied, orbit, reader);
     let multipliers: Vec<[f64; 2]> = orbit.multipliers().iter().map(|z| [z.re, z.im]).collect();
     map.insert(String::from("amplitude_rad"), json!(orbit.amplitude_rad));
     map.insert(String::from("harmonic1_rad"), json!(orbit.harmonic1_rad));
@@ -380,18 +388,22 @@ fn point(varied: &Varied, orbit: &Orbit) -> Value {
     Value::Object(map)
 }
 
-fn bifurcation(varied: &Varied, bifurcation: &Bifurcation) -> Value {
-    let mut map = place(varied, &bifurcation.orbit);
+fn bifurcation(varied: &Varied, bifurcation: &Bifurcation, reader: Option<&Reader>) -> Value {
+    let mut map = place(varied, &bifurcation.orbit, reader);
     map.insert(String::from("kind"), json!(bifurcation.kind.name()));
     map.insert(String::from("harmonic1_rad"), json!(bifurcation.orbit.harmonic1_rad));
     map.insert(String::from("amplitude_rad"), json!(bifurcation.orbit.amplitude_rad));
     Value::Object(map)
 }
 
-fn place(varied: &Varied, orbit: &Orbit) -> Map<String, Value> {
+/// What points and bifurcations have in common.
+fn place(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Map<String, Value> {
     let mut map = Map::new();
     map.insert(String::from("frequency_hz"), json!(orbit.frequency_hz));
     map.insert(String::from(varied.quantity.name), json!(orbit.value));
+    if let Some(reader) = reader {
+        map.insert(String::from("readings"), reader.read(orbit).value());
+    }
     map
 }
 

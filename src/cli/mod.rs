@@ -32,6 +32,7 @@ mod output;
 mod paper;
 mod poincare;
 mod quantity;
+mod readings;
 mod recover;
 mod replay;
 mod resim;

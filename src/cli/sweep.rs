@@ -10,6 +10,7 @@ use serde_json::Value;
 use super::captions::{self, degrees};
 use super::failure::{Failure, Verdict};
 use super::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
+use super::readings::{self, ReadingsDocument, ReadingsFlag};
 use super::{output, study};
 use crate::analysis::time_domain::{
     Direction, Grid, StroboscopicMap, Sweep as SteppedSweep, SweepParameter, hysteresis,
@@ -20,7 +21,7 @@ use crate::integrate::Sine;
 use crate::number::short;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use crate::scenario::Scenario;
-use crate::study::{Chain, Chains, Point};
+use crate::study::{Chain, Chains, Point, StudyError, Walk};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -28,10 +29,13 @@ Examples:
   resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --direction down
   resonarm sweep --force-x-n 20 --over-beta2-deg 60,120 --from-hz 21 --to-hz 28 --out poses";
 
+/// How a motion without a period is read.
+const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of the excitation.";
+
 /// Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does: jumps and hysteresis
 /// included. Every motion is followed until its end is proved.
 #[derive(Debug, Args)]
-#[command(after_long_help = EXAMPLES)]
+#[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Sweep {
     #[command(flatten)]
     motion: MotionFlags,
@@ -51,6 +55,8 @@ pub(super) struct Sweep {
     /// Sweep at each of these angles β2 instead of one, degrees.
     #[arg(long, value_name = "DEG,…", allow_hyphen_values = true, value_delimiter = ',', conflicts_with = "beta2_deg")]
     over_beta2_deg: Vec<f64>,
+    #[command(flatten)]
+    readings: ReadingsFlag,
 }
 
 /// Amplitudes that differ by more than this part belong to different motions: each was followed until its end was proved.
@@ -89,6 +95,8 @@ struct PointDocument {
     largest_multiplier: Option<f64>,
     settling_periods: u64,
     drift: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    readings: Option<ReadingsDocument>,
 }
 
 #[derive(Serialize)]
@@ -116,7 +124,10 @@ impl Sweep {
         let chains = self.chains(&scenario, &poses);
         let walked = study::walk("sweep", chains, journal.as_deref().map(|path| (path, &configuration)))?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
-        let document = document(configuration, &poses, walked.points());
+        let mut document = document(configuration, &poses, walked.points());
+        if self.readings.readings {
+            document.read(&walked)?;
+        }
         if self.motion.json {
             output::print_json(&document)?;
         } else {
@@ -205,6 +216,7 @@ impl PointDocument {
             largest_multiplier: point.largest_multiplier,
             settling_periods: point.settling_periods,
             drift: point.drift,
+            readings: None,
         }
     }
 }
@@ -246,6 +258,16 @@ fn differences(up: &SweepDocument, down: &SweepDocument) -> String {
 }
 
 impl Document {
+    /// Adds the readings of every point.
+    fn read(&mut self, walked: &Walk) -> Result<(), StudyError> {
+        for (sweep, readings) in self.sweeps.iter_mut().zip(walked.readings()?) {
+            for (point, read) in sweep.points.iter_mut().zip(readings) {
+                point.readings = Some(ReadingsDocument(read));
+            }
+        }
+        Ok(())
+    }
+
     /// The sweeps for reading.
     fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
@@ -283,16 +305,19 @@ impl Document {
     }
 
     fn csv(&self) -> String {
-        let mut text = String::from(
+        let is_read = self.sweeps.iter().flat_map(|sweep| &sweep.points).any(|point| point.readings.is_some());
+        let with_readings = readings::columns(is_read);
+        let mut text = format!(
             "beta1_deg,beta2_deg,direction,frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,\
-             harmonic1_alpha2_rad,period,largest_multiplier,settling_periods,drift\n",
+             harmonic1_alpha2_rad,period,largest_multiplier,settling_periods,drift{with_readings}\n"
         );
         for sweep in &self.sweeps {
             for point in &sweep.points {
                 let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
+                let read = point.readings.as_ref().map_or_else(String::new, ReadingsDocument::cells);
                 let _infallible = writeln!(
                     text,
-                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}",
+                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}{read}",
                     sweep.beta1_deg,
                     sweep.beta2_deg,
                     direction_name(sweep.direction),

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Control, Journal, StudyError, on_all_cores};
-use crate::analysis::time_domain::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, settle};
+use crate::analysis::Readings;
+use crate::analysis::time_domain::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, readings, settle};
 use crate::arm::{Arm, State};
 use crate::integrate::Sine;
 
@@ -155,6 +156,22 @@ impl Walk {
     /// The points of each chain.
     pub fn points(&self) -> &[Vec<Point>] {
         &self.points
+    }
+
+    /// What a bench reads at each point of each chain: over the motion's period, or over 64 periods of the excitation
+    /// where it has none.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] if a step can't be made.
+    pub fn readings(&self) -> Result<Vec<Vec<Readings>>, StudyError> {
+        let at = |chain: &Chain, sine: &Sine, point: &Point| {
+            StroboscopicMap::new(&chain.arm, *sine).and_then(|map| readings(&map, &point.end(), point.period))
+        };
+        let of = |(chain, points): (&Chain, &Vec<Point>)| {
+            chain.excitations.iter().zip(points).map(|(sine, point)| at(chain, sine, point)).collect()
+        };
+        let all: Result<_, TimeDomainError> = self.chains.chains.iter().zip(&self.points).map(of).collect();
+        Ok(all?)
     }
 
     /// How many points there are.

@@ -216,6 +216,8 @@ fn help_says_what_there_is() {
           --most-points <N>     Most points of a branch [default: 20000]
           --largest-step <X>    Largest step along a branch, as part of the motion's size [default:
                                 0.25]
+          --readings            Add what a bench reads at B and C to the points in JSON and CSV: the
+                                fundamental of displacement, velocity and acceleration
           --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
                                 of the excitation is given; CSV and JSON beside them, of the forced
                                 response STEM-response.csv

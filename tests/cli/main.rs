@@ -11,6 +11,7 @@ mod identify;
 mod integrators;
 mod numbers;
 mod paper;
+mod readings;
 mod readme;
 mod recordings;
 mod time_domain;

@@ -225,6 +225,8 @@ fn help_says_what_there_is() {
                                      them as many as the resonances of the forced response need]
           --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
           --over-beta2-deg <DEG,…>   Sweep at each of these angles β2 instead of one, degrees
+          --readings                 Add what a bench reads at B and C to the points in JSON and CSV:
+                                     the fundamental of displacement, velocity and acceleration
       -h, --help                     Print help (see more with '--help')
     ");
     insta::assert_snapshot!(help("poincare"), @r"

@@ -1,11 +1,14 @@
-//! Amplitudes of a motion.
+//! Amplitudes and readings of a motion.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
+use super::settle::UNSETTLED_PERIODS;
 use super::{StroboscopicMap, TimeDomainError};
+use crate::analysis::Readings;
+use crate::analysis::readings::Sums;
 use crate::arm::State;
 
 /// What a motion measures.
@@ -60,6 +63,23 @@ pub(super) fn measure(map: &StroboscopicMap, start: &State, periods: u32) -> Res
     let weight = 2.0 / (f64::from(periods) * f64::from(map.steps_per_period()));
     let harmonic1_rad = sums.map(|sum| weight * libm::hypot(sum.re, sum.im));
     Ok(Measured { amplitude_rad: crests(map, &turns, largest)?, harmonic1_rad, section })
+}
+
+/// What a bench reads of the motion that goes on from `start`, at phase 0, and repeats after `period` periods of the
+/// excitation; of one that has no period, over 64 of the excitation's. The rectangle rule, as for
+/// [`Settled::harmonic1_rad`](super::Settled).
+///
+/// # Errors
+/// [`TimeDomainError::Integrate`] if a step can't be made.
+pub fn readings(map: &StroboscopicMap, start: &State, period: Option<u32>) -> Result<Readings, TimeDomainError> {
+    let (mut sums, mut state) = (Sums::new(map.arm()), *start);
+    for _ in 0..period.unwrap_or(UNSETTLED_PERIODS).max(1) {
+        state = map.walk(&state, |step, state| {
+            sums.add(state, TAU * f64::from(step) / f64::from(map.steps_per_period()));
+            Ok(())
+        })?;
+    }
+    Ok(sums.finish(map.sine().frequency_hz))
 }
 
 /// The turn of a joint between two states a step apart, if there is one.

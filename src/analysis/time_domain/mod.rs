@@ -18,6 +18,7 @@ mod sweep;
 pub use basins::{Outcome, StableMotion, StateCoordinate, UnknownStateCoordinate, outcomes, stable_motions};
 pub use error::TimeDomainError;
 pub use hysteresis::hysteresis;
+pub use measure::readings;
 pub use settle::{SettleOptions, Settled, settle};
 pub use strobe::StroboscopicMap;
 pub use sweep::{Direction, Grid, Sweep, SweepParameter};

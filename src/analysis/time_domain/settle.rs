@@ -19,7 +19,7 @@ pub(super) const CLOSURE: f64 = 1e-9;
 /// The return after n periods must be this much nearer than the one after 1 to look for a motion of n periods.
 const NEARER: f64 = 0.5;
 /// Periods over which an unsettled motion is measured.
-const UNSETTLED_PERIODS: u32 = 64;
+pub(super) const UNSETTLED_PERIODS: u32 = 64;
 
 /// How long to wait, and what to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -81,6 +81,11 @@ impl<'a> StroboscopicMap<'a> {
         Ok(StroboscopicMap { arm, sine, integrator, steps: steps as u32, time_constant_periods })
     }
 
+    /// The arm.
+    pub(super) fn arm(&self) -> &'a Arm {
+        self.arm
+    }
+
     /// N: integration steps in a period.
     pub fn steps_per_period(&self) -> u32 {
         self.steps
