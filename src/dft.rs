@@ -55,7 +55,7 @@ impl Fft {
     }
 
     /// N times the inverse transform in place: conj F(conj x).
-    fn backward(&self, values: &mut [Complex<f64>]) {
+    pub fn backward(&self, values: &mut [Complex<f64>]) {
         values.iter_mut().for_each(|value| *value = value.conj());
         self.forward(values);
         values.iter_mut().for_each(|value| *value = value.conj());

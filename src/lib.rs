@@ -32,7 +32,7 @@
 //! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
 //! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
 //! | [`plant`] | the arm with its instruments, sample by sample |
-//! | [`identify`] | frequency responses and modes from what the instruments said |
+//! | [`identify`] | frequency responses, modes and joint angles from what the instruments said |
 //! | [`control`] | exciter controllers: what answers a sample |
 //! | [`node`] | plant and exciter controller as CAN nodes without IO |
 //! | [`protocol`] | the CAN protocol, a crate of its own |

@@ -11,6 +11,7 @@ use super::captions;
 use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::frf::{broken_at_wraps, style};
+use super::identify_angles::{self, Domain, Request};
 use super::output::{self, OverwriteFlag};
 use super::{flags, inspect};
 use crate::analysis::Response;
@@ -30,11 +31,19 @@ use crate::scenario::Scenario;
 /// standard deviation. The arm has to be driven by a force at C. Periods of a multisine or of bursts and segments of other
 /// records (Welch's method: a Hann window, half overlapping) are averaged to H1, H2 and coherence; an impact is taken whole.
 /// These are in the document of --json and in the files of --plot. If there is no mode the exit code is 1.
+///
+/// With --angles, and of a run with any load, the joints' angles over time instead: the accelerations are integrated
+/// twice, and the arm's lengths and pose in the recording make angles of the displacements. Vibration at f has the gain
+/// 1 − (1 + (f/f0)⁴)⁻³ with the corner f0 of --from-hz. Accelerometers tell no means: they are zero. Each angle has the
+/// standard deviation that the instruments' white noise gives it. At both ends four periods of the corner are left out,
+/// but for a beginning from rest. Clipped readings are refused. Times are those of the readings: half a sample period
+/// before their samples.
 #[derive(Debug, Args)]
 pub(super) struct Identify {
     /// The recording, an MCAP file.
     file: PathBuf,
-    /// Lowest frequency, Hz [default: that of the recorded excitation, or 1].
+    /// Lowest frequency, Hz [default: that of the recorded excitation, or 1; with --angles a quarter of the arm's
+    /// lowest natural frequency].
     #[arg(long, value_name = "F")]
     from_hz: Option<f64>,
     /// Highest frequency, Hz [default: that of the recorded excitation; of an impact 1 over its length; or 100].
@@ -49,6 +58,12 @@ pub(super) struct Identify {
     /// Plot the responses to STEM.svg and STEM.png; CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
+    /// Write the angles α1 and α2 over time, rad, and their standard deviations to a CSV file.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "segment_s", "plot"])]
+    angles: Option<PathBuf>,
+    /// Domain in which accelerations are integrated twice [default: frequency].
+    #[arg(long, value_name = "DOMAIN", value_enum, requires = "angles")]
+    integration: Option<Domain>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
     /// Print one JSON document.
@@ -117,11 +132,17 @@ struct Curve {
 impl Identify {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        self.overwrite.check(self.angles.clone())?;
         let recording = Recording::open(&self.file)?;
         if let Some(note) = inspect::integrity_note(recording.integrity()) {
             tracing::warn!("{note}");
         }
         let scenario = Scenario::from_configuration(recording.configuration())?;
+        if let Some(csv) = &self.angles {
+            let domain = self.integration.unwrap_or(Domain::Frequency);
+            let request = Request { csv, domain, from_hz: self.from_hz, json: self.json };
+            return identify_angles::execute(&recording, &scenario, &request);
+        }
         let document = self.compute(&recording, &scenario)?;
         for (k, mode) in document.modes.iter().enumerate().filter(|(_, mode)| !mode.is_linear) {
             tracing::warn!(

@@ -21,6 +21,7 @@ mod failure;
 mod flags;
 mod frf;
 mod identify;
+mod identify_angles;
 mod inspect;
 mod integrators;
 mod interval;

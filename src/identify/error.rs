@@ -65,4 +65,38 @@ pub enum IdentifyError {
         /// Samples of the record.
         samples: usize,
     },
+    /// No lower corner of a double integration.
+    #[error("the lower corner, {from_hz} Hz, must be above 0 and below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), rate_hz = short(.rate_hz))]
+    Corner {
+        /// The corner, Hz.
+        from_hz: f64,
+        /// The sample rate, Hz.
+        rate_hz: f64,
+    },
+    /// A record that ends before a double integration has settled.
+    #[error("the record has {samples} samples where {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
+    NoMiddle {
+        /// What there is.
+        samples: usize,
+        /// What would do.
+        least: f64,
+        /// The corner, Hz.
+        from_hz: f64,
+    },
+    /// A reading that is no number.
+    #[error(
+        "reading {reading}, counted from 0, has an acceleration that is no finite number: no instrument reads such"
+    )]
+    NotFinite {
+        /// Its index.
+        reading: usize,
+    },
+    /// Angles beyond what the inverse kinematics are made for.
+    #[error("the displacements are those of angles of {angle_rad} rad, and more than {most_rad} rad is no vibration of the arm: look at the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
+    TooLarge {
+        /// The largest angle, rad.
+        angle_rad: f64,
+        /// The largest that is found, rad.
+        most_rad: f64,
+    },
 }

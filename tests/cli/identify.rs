@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use insta::assert_snapshot;
+use resonarm::recording::Recording;
 use serde_json::Value;
 
 use crate::{complaint, document, names, resonarm};
@@ -79,4 +80,82 @@ fn recordings_that_tell_nothing() {
     assert_snapshot!(says(&["force.mcap", "--segment-s", "-1"]), @"resonarm: --segment-s: it must be positive");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment of 100000 samples has to have from 16 samples to as many as the record, 4050");
     assert_snapshot!(says(&["notes.txt"]), @"resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`");
+}
+
+/// The table of angles against the states of the run, which the recording holds as well.
+#[test]
+fn a_recording_tells_the_angles_of_its_arm() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 4, settle_s = 1";
+    record(folder, "dwell", "torque1_nm = 60", dwell);
+    let states: Vec<_> =
+        Recording::open(folder.join("dwell.mcap")).unwrap().states().unwrap().map(Result::unwrap).collect();
+    for domain in ["frequency", "time"] {
+        let table = format!("{domain}.csv");
+        let flags = ["identify", "dwell.mcap", "--angles", &table, "--integration", domain];
+        let found = document(folder, 0, &[flags.as_slice(), &["--json"]].concat());
+        assert_eq!(found["integration"], domain);
+        let residual = number(&found["residual_over_noise"]);
+        assert!((0.8..1.2).contains(&residual), "{residual}");
+        let text = fs::read_to_string(folder.join(&table)).unwrap();
+        let mut lines = text.lines();
+        assert_eq!(lines.next(), Some("time_s,alpha1_rad,alpha2_rad,alpha1_deviation_rad,alpha2_deviation_rad"));
+        let rows: Vec<Vec<f64>> =
+            lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+        assert_eq!(rows.len() as u64, found["samples"].as_u64().unwrap());
+        // The run begins at rest, so the table begins with it, in the middle of the first hold.
+        assert_eq!(rows[0][0], 0.0005);
+        for row in &rows {
+            let after = &states[(row[0] * 1000.0 + 0.5).round() as usize];
+            let before = &states[(row[0] * 1000.0 - 0.5).round() as usize];
+            for joint in 0..2 {
+                let middle = 0.5 * (before.alpha_rad[joint] + after.alpha_rad[joint])
+                    + 0.125e-3 * (before.alpha_dot_rad_s[joint] - after.alpha_dot_rad_s[joint]);
+                let off = (row[1 + joint] - middle).abs();
+                // Five deviations, and what a sudden start has below the corner.
+                assert!(off < 5.0 * row[3 + joint] + 1e-2 * number(&found["largest_rad"][joint]), "{row:?} {middle}");
+            }
+        }
+    }
+    let again = ["identify", "dwell.mcap", "--angles", "time.csv"];
+    assert_snapshot!(complaint(folder, 2, &again), @"resonarm: time.csv already exists: name another place, or allow overwriting it (--overwrite)");
+    let said = resonarm(folder, &[again.as_slice(), &["--overwrite", "--from-hz", "5"]].concat());
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert_snapshot!(said.stdout, @r"
+    dwell.mcap: angles from 0.0005 to 3.2495 s, integrated in the frequency domain from 5.000 Hz on
+
+      joint   largest (rad)   deviation (rad)
+          1        1.290e-2            3.5e-6
+          2        1.016e-2            7.2e-6
+
+      residual over displacement 5.1e-4; over the noise 1.08
+    written to time.csv
+    ");
+}
+
+#[test]
+fn recordings_that_tell_no_angles() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 1, settle_s = 0.2";
+    record(folder, "short", "torque1_nm = 5", dwell);
+    let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify", "short.mcap"], arguments].concat());
+    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "2"]), @"resonarm: the record has 1050 samples where 2500 are needed for angles from 2.000 Hz on: record for longer, or raise the lower corner");
+    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "-2"]), @"resonarm: the lower corner, -2 Hz, must be above 0 and below half the sample rate, 1000 Hz");
+    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "500"]), @"resonarm: the lower corner, 500 Hz, must be above 0 and below half the sample rate, 1000 Hz");
+    let first_line = |arguments: &[&str]| says(arguments).lines().next().unwrap().to_string();
+    assert_snapshot!(first_line(&["--angles", "a.csv", "--segment-s", "2"]), @"error: the argument '--angles <FILE>' cannot be used with '--segment-s <S>'");
+    assert_snapshot!(first_line(&["--integration", "time"]), @"error: the following required arguments were not provided:");
+    assert_snapshot!(says(&["--angles", "no/a.csv"]), @"resonarm: can't write no/a.csv: No such file or directory (os error 2)");
+    let clipping = "[excitation]\namplitude = { torque1_nm = 200 }\nprofile = { waveform = 'dwell', frequency_hz = 22, \
+                    duration_s = 2, settle_s = 1 }\n[rig.accelerometer_c]\nrange_m_s2 = 50\n";
+    fs::write(folder.join("clipping.toml"), clipping).unwrap();
+    let run = ["run", "--mode", "free", "--scenario", "clipping.toml", "--record", "clipping.mcap"];
+    assert_eq!(resonarm(folder, &run).code, 0);
+    let clipped = complaint(folder, 2, &["identify", "clipping.mcap", "--angles", "a.csv"]);
+    let (count, rest) = clipped.strip_prefix("resonarm: ").unwrap().split_once(' ').unwrap();
+    assert!(count.parse::<u32>().unwrap() > 10, "{clipped}");
+    assert_snapshot!(rest, @"samples have a reading beyond the range of its sensor: lower the force, or give the sensor more range");
+    assert!(!folder.join("a.csv").exists());
 }

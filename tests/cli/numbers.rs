@@ -36,7 +36,8 @@ const COMMANDS: [(&str, &str); 22] = [
 /// Value names of numeric flags in the help, and of all others.
 const NUMERIC: [&str; 16] =
     ["N", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "X,Y", "NX,NY", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
-const OTHERS: [&str; 19] = [
+const OTHERS: [&str; 20] = [
+    "DOMAIN",
     "INPUT",
     "NAME",
     "NAMES",
