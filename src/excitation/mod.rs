@@ -4,6 +4,7 @@ mod harmonic_fit;
 mod load_file;
 mod profile;
 mod spec;
+mod spectrum;
 mod synthesis;
 mod waveform;
 
@@ -11,6 +12,7 @@ pub use harmonic_fit::{HarmonicFit, Phasor, SineFit};
 pub use load_file::{LoadFile, LoadFileError};
 pub use profile::{Profile, Window};
 pub use spec::{Amplitude, ExcitationError, ExcitationSpec};
+pub use spectrum::Spectrum;
 pub use waveform::{Phases, SweepLaw, Waveform};
 
 #[cfg(test)]

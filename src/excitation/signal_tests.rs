@@ -65,7 +65,7 @@ proptest! {
     #[test]
     fn noise_has_its_crest_its_band_and_the_bits_of_its_seed(from_hz in 5.0..100.0_f64, width_hz in 20.0..300.0_f64, seed: u64) {
         let to_hz = from_hz + width_hz;
-        let random = |seed| Waveform::Random { from_hz, to_hz, duration_s: 3.0, seed };
+        let random = |seed| Waveform::Random { from_hz, to_hz, duration_s: 3.0, spectrum: None, seed };
         let profile = along_y(0.0, random(seed)).unwrap();
         let values = played(&profile);
         prop_assert_eq!(values.len(), 3000);
@@ -109,7 +109,7 @@ fn noise_is_flat_and_normal() {
     let mut parts = [0.0; 10];
     let (mut within, mut total) = (0, 0);
     for seed in 0..20 {
-        let profile = Waveform::Random { from_hz: 50.0, to_hz: 150.0, duration_s: 4.0, seed };
+        let profile = Waveform::Random { from_hz: 50.0, to_hz: 150.0, duration_s: 4.0, spectrum: None, seed };
         let values = played(&along_y(0.0, profile).unwrap());
         let sigma = rms(&values);
         within += values.iter().filter(|value| value.abs() < sigma).count();
@@ -125,6 +125,69 @@ fn noise_is_flat_and_normal() {
     assert!((within as f64 / total as f64 - 0.6827).abs() < 0.01, "{within} of {total}");
 }
 
+/// The level of a table by the formula of the standards: N dB an octave between breakpoints.
+fn level(table: &[[f64; 2]], hz: f64) -> f64 {
+    let above = table.iter().position(|[point_hz, _]| *point_hz >= hz).unwrap().max(1);
+    let ([f1, l1], [f2, l2]) = (table[above - 1], table[above]);
+    let slope_db = 10.0 * libm::log10(l2 / l1) / libm::log2(f2 / f1);
+    l1 * libm::pow(10.0, 0.1 * slope_db * libm::log2(hz / f1))
+}
+
+/// Of 20 seeds, the power in ten parts of the band is that of the table within what chance leaves of 20·50 lines each,
+/// of noise and of a burst.
+#[test]
+fn noise_follows_its_spectrum() {
+    let table = [[50.0, 0.01], [80.0, 0.01], [100.0, 0.16], [120.0, 0.16], [150.0, 0.02]];
+    let shape = || Some(Spectrum(table.into()));
+    let waveform = |bursts, seed| match bursts {
+        false => Waveform::Random { from_hz: 50.0, to_hz: 150.0, duration_s: 4.0, spectrum: shape(), seed },
+        true => Waveform::BurstRandom {
+            from_hz: 50.0,
+            to_hz: 150.0,
+            burst_s: 4.0,
+            period_s: 5.0,
+            periods: 1,
+            spectrum: shape(),
+            seed,
+        },
+    };
+    for bursts in [false, true] {
+        let (mut found, mut expected) = ([0.0; 10], [0.0; 10]);
+        for seed in 0..20 {
+            let values = played(&along_y(0.0, waveform(bursts, seed)).unwrap());
+            assert!((crest(&values) - 1.0).abs() < 1e-15);
+            let values = &values[..4000];
+            let sigma = rms(values);
+            for (part, (found, expected)) in found.iter_mut().zip(&mut expected).enumerate() {
+                let hz = || grid(50.5 + 10.0 * part as f64, 59.5 + 10.0 * part as f64, 25);
+                *found += power(values, hz()) / (sigma * sigma);
+                *expected += hz().map(|hz| level(&table, hz)).sum::<f64>();
+            }
+        }
+        let scale = found.iter().sum::<f64>() / expected.iter().sum::<f64>();
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found / (scale * expected) - 1.0).abs() < 0.25, "{bursts}: {found} {}", scale * expected);
+        }
+    }
+}
+
+/// A flat table has the bits of none, and only the ratios of the levels count, whatever their size.
+#[test]
+fn a_flat_spectrum_is_none() {
+    let noise = |spectrum: Option<[[f64; 2]; 2]>| {
+        let spectrum = spectrum.map(|table| Spectrum(table.into()));
+        played(
+            &along_y(0.0, Waveform::Random { from_hz: 20.0, to_hz: 90.0, duration_s: 2.0, spectrum, seed: 4 }).unwrap(),
+        )
+    };
+    let flat = noise(None);
+    assert_eq!(noise(Some([[20.0, 1.0], [90.0, 1.0]])), flat);
+    let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+    assert!(close(&noise(Some([[20.0, 1e-200], [90.0, 1e-200]])), &flat));
+    let (small, large) = (noise(Some([[20.0, 1e-300], [90.0, 3e-300]])), noise(Some([[20.0, 1e300], [90.0, 3e300]])));
+    assert!(close(&small, &large) && !close(&small, &flat));
+}
+
 #[test]
 fn a_schroeder_multisine_is_flatter_than_noise() {
     let factor = |phases| {
@@ -137,8 +200,15 @@ fn a_schroeder_multisine_is_flatter_than_noise() {
 
 #[test]
 fn bursts_are_on_and_off_and_differ() {
-    let profile =
-        Waveform::BurstRandom { from_hz: 20.0, to_hz: 90.0, burst_s: 0.3, period_s: 0.5, periods: 4, seed: 5 };
+    let profile = Waveform::BurstRandom {
+        from_hz: 20.0,
+        to_hz: 90.0,
+        burst_s: 0.3,
+        period_s: 0.5,
+        periods: 4,
+        spectrum: None,
+        seed: 5,
+    };
     let values = played(&along_y(0.1, profile).unwrap());
     assert_eq!(values.len(), 2000);
     assert!((crest(&values) - 1.0).abs() < 1e-15);
@@ -155,7 +225,7 @@ fn bursts_are_on_and_off_and_differ() {
 /// The ends of noise and multisines are softened as those of sines.
 #[test]
 fn ramps_soften_the_ends() {
-    let profile = Waveform::Random { from_hz: 20.0, to_hz: 90.0, duration_s: 4.0, seed: 1 };
+    let profile = Waveform::Random { from_hz: 20.0, to_hz: 90.0, duration_s: 4.0, spectrum: None, seed: 1 };
     let (soft, hard) = (played(&along_y(1.0, profile.clone()).unwrap()), played(&along_y(0.0, profile).unwrap()));
     assert_eq!(soft[1000..3000], hard[1000..3000]);
     assert!(soft[0] == 0.0 && (soft[500] - 0.5 * hard[500]).abs() < 1e-12);
@@ -199,7 +269,7 @@ fn says_what_is_wrong_with_a_file() {
 #[test]
 fn says_what_noise_cannot_be() {
     let says = |profile| along_y(0.0, profile).unwrap_err().to_string();
-    let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, seed: 0 };
+    let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, spectrum: None, seed: 0 };
     insta::assert_snapshot!(says(random(10.0, 5.0, 1.0)), @"excitation: `to_hz` is 5: it must be at least `from_hz`");
     insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz can't be told at 1000 samples a second: it must be below half of that");
     insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz lies from 10.1 to 10.2 Hz: make the band wider, or `duration_s` longer");
@@ -221,9 +291,28 @@ fn says_what_noise_cannot_be() {
         burst_s,
         period_s,
         periods: 2,
+        spectrum: None,
         seed: 0,
     };
     insta::assert_snapshot!(says(bursts(2.0, 1.0)), @"excitation: `period_s` is 1: it must be at least `burst_s`");
+}
+
+#[test]
+fn says_what_no_spectrum_is() {
+    let says = |table: &[[f64; 2]]| {
+        let spectrum = Some(Spectrum(table.into()));
+        let random = Waveform::Random { from_hz: 10.0, to_hz: 20.0, duration_s: 1.0, spectrum, seed: 0 };
+        along_y(0.0, random).unwrap_err().to_string()
+    };
+    insta::assert_snapshot!(says(&[]), @"excitation: the number of breakpoints of `spectrum` is 0: it must be from 2 to 1000, each `[hz, level]`");
+    insta::assert_snapshot!(says(&[[10.0, 1.0]]), @"excitation: the number of breakpoints of `spectrum` is 1: it must be from 2 to 1000, each `[hz, level]`");
+    insta::assert_snapshot!(says(&[[10.0, 1.0]; 1001]), @"excitation: the number of breakpoints of `spectrum` is 1001: it must be from 2 to 1000, each `[hz, level]`");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [20.0, 0.0]]), @"excitation: the level of `spectrum` at 20 Hz is 0: it must be a positive number");
+    insta::assert_snapshot!(says(&[[10.0, f64::NAN], [20.0, 1.0]]), @"excitation: the level of `spectrum` at 10 Hz is NaN: it must be a positive number");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [15.0, 1.0], [15.0, 2.0], [20.0, 1.0]]), @"excitation: `spectrum` goes from 15 to 15 Hz: its frequencies must rise");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [f64::NAN, 1.0], [20.0, 1.0]]), @"excitation: `spectrum` goes from 10 to NaN Hz: its frequencies must rise");
+    insta::assert_snapshot!(says(&[[5.0, 1.0], [20.0, 1.0]]), @"excitation: `from_hz` is 10, and the breakpoint of `spectrum` there is at 5 Hz: they must be the same");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [19.0, 1.0]]), @"excitation: `to_hz` is 20, and the breakpoint of `spectrum` there is at 19 Hz: they must be the same");
 }
 
 #[test]
@@ -238,8 +327,14 @@ fn signals_read_from_toml() {
     );
     assert_eq!(
         reads("waveform = 'random', from_hz = 1, to_hz = 2, duration_s = 3, seed = '0xffffffffffffffff'"),
-        Waveform::Random { from_hz: 1.0, to_hz: 2.0, duration_s: 3.0, seed: u64::MAX }
+        Waveform::Random { from_hz: 1.0, to_hz: 2.0, duration_s: 3.0, spectrum: None, seed: u64::MAX }
     );
+    let Waveform::Random { spectrum, .. } =
+        reads("waveform = 'random', from_hz = 1, to_hz = 2, duration_s = 3, spectrum = [[1, 1], [2, 0.5]]")
+    else {
+        panic!("no noise")
+    };
+    assert_eq!(spectrum, Some(Spectrum([[1.0, 1.0], [2.0, 0.5]].into())));
     assert_eq!(
         reads("waveform = 'multisine', from_hz = 1, to_hz = 2, period_s = 3, periods = 4, phases = 'schroeder'"),
         Waveform::Multisine { from_hz: 1.0, to_hz: 2.0, period_s: 3.0, periods: 4, phases: Phases::Schroeder, seed: 0 }

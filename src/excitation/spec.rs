@@ -102,6 +102,42 @@ pub enum ExcitationError {
         /// The length that gives this distance, as it is called in a scenario.
         length: &'static str,
     },
+    /// A table of a spectrum that is too short or too long.
+    #[error(
+        "excitation: the number of breakpoints of `spectrum` is {got}: it must be from 2 to {most}, each `[hz, level]`"
+    )]
+    Breakpoints {
+        /// Its breakpoints.
+        got: usize,
+        /// The most that do.
+        most: usize,
+    },
+    /// A level that no spectrum has on a logarithmic axis.
+    #[error("excitation: the level of `spectrum` at {hz} Hz is {level}: it must be a positive number", hz = short(.hz), level = short(.level))]
+    Level {
+        /// The frequency of the breakpoint, Hz.
+        hz: f64,
+        /// Its level.
+        level: f64,
+    },
+    /// Breakpoints out of order.
+    #[error("excitation: `spectrum` goes from {before_hz} to {hz} Hz: its frequencies must rise", before_hz = short(.before_hz), hz = short(.hz))]
+    BreakpointOrder {
+        /// Frequency of a breakpoint, Hz.
+        before_hz: f64,
+        /// Frequency of the next, Hz.
+        hz: f64,
+    },
+    /// A spectrum that is not as wide as its band.
+    #[error("excitation: `{name}` is {band_hz}, and the breakpoint of `spectrum` there is at {hz} Hz: they must be the same", band_hz = short(.band_hz), hz = short(.hz))]
+    BreakpointEnd {
+        /// The end of the band, as it is called in a scenario.
+        name: &'static str,
+        /// Its frequency, Hz.
+        band_hz: f64,
+        /// Frequency of the first or last breakpoint, Hz.
+        hz: f64,
+    },
     /// More samples than are kept ready.
     #[error("excitation: `{length}` is {samples} samples long: it must be from 1 to {most}", samples = rounded(.samples, 0))]
     Length {

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 
 use nalgebra::Complex;
 
-use super::{ExcitationError, Phases};
+use super::{ExcitationError, Phases, Spectrum};
 use crate::dft::{Fft, Lines};
 use crate::noise::Noise;
 
@@ -65,23 +65,27 @@ pub(super) fn with_crest_1(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Gaussian noise of a flat spectrum: a stretch of Re Σ c_k e^(−2πi kn/N) over the lines k in the band, N a power of two. Real and
-/// imaginary parts of the c_k are independent and standard normal, so the values are jointly normal, stationary, and have the
-/// same power in each line.
+/// Gaussian noise: a stretch of Re Σ c_k e^(−2πi kn/N) over the lines k in the band, N a power of two. Real and
+/// imaginary parts of the c_k are independent and normal, so the values are jointly normal and stationary. Their
+/// variance is 1, so that each line has the same power, or with a spectrum its level at the line's frequency.
 ///
 /// The band has to be wide enough for the length, called `length` in a scenario.
 pub(super) fn noise(
     band: Band,
     (length, samples): (&'static str, usize),
     rate_hz: f64,
-    seed: u64,
+    (seed, spectrum): (u64, Option<&Spectrum>),
 ) -> Result<Vec<f64>, ExcitationError> {
     let fft = Fft::at_least(samples);
-    let (first, count) = band.lines(rate_hz / fft.length() as f64, length)?;
+    let spacing_hz = rate_hz / fft.length() as f64;
+    let (first, count) = band.lines(spacing_hz, length)?;
     let mut normal = Noise::new(seed, STREAM);
     let mut values = alloc::vec![Complex::new(0.0, 0.0); fft.length()];
-    for value in values.iter_mut().skip(first).take(count) {
+    for (k, value) in values.iter_mut().enumerate().skip(first).take(count) {
         *value = Complex::new(normal.next(), normal.next());
+        if let Some(spectrum) = spectrum {
+            *value *= libm::sqrt(spectrum.level(k as f64 * spacing_hz));
+        }
     }
     fft.forward(&mut values);
     Ok(values.iter().take(samples).map(|value| value.re).collect())

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::spec::{not_negative, positive};
-use super::{ExcitationError, LoadFile};
+use super::{ExcitationError, LoadFile, Spectrum};
 
 /// Most frequencies of a stepped sine: each is kept ready to be played.
 const MOST_STEPS: f64 = 1e5;
@@ -67,8 +67,8 @@ pub enum Waveform {
         /// Length of pulse and silence together, s, at least `pulse_s`.
         duration_s: f64,
     },
-    /// Gaussian noise of a flat spectrum in a band. Of its samples the largest is the crest, about 4 to 5 times their root mean
-    /// square.
+    /// Gaussian noise in a band, of a flat spectrum unless another is given. Of its samples the largest is the crest,
+    /// about 4 to 5 times their root mean square.
     Random {
         /// Lowest frequency, Hz, positive.
         from_hz: f64,
@@ -76,6 +76,9 @@ pub enum Waveform {
         to_hz: f64,
         /// Length, s, positive.
         duration_s: f64,
+        /// Shape of the power spectral density, from a breakpoint at `from_hz` to one at `to_hz`; flat without it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        spectrum: Option<Spectrum>,
         /// Seed of the noise, apart from that of the instruments' noise.
         #[serde(default, with = "crate::seed")]
         seed: u64,
@@ -93,6 +96,9 @@ pub enum Waveform {
         period_s: f64,
         /// Number of periods, from 1 to 1000000; the noise of each is new.
         periods: u32,
+        /// Shape of the power spectral density, as of `Random`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        spectrum: Option<Spectrum>,
         /// Seed of the noise.
         #[serde(default, with = "crate::seed")]
         seed: u64,
@@ -208,11 +214,11 @@ impl Waveform {
                     Err(ExcitationError::Value { name: "duration_s", got: duration_s, expected: "at least `pulse_s`" })
                 }
             }
-            Waveform::Random { from_hz, to_hz, duration_s, .. } => {
+            Waveform::Random { from_hz, to_hz, duration_s, ref spectrum, .. } => {
                 positive("duration_s", duration_s)?;
-                band(from_hz, to_hz)
+                shaped_band(from_hz, to_hz, spectrum.as_ref())
             }
-            Waveform::BurstRandom { from_hz, to_hz, burst_s, period_s, periods, .. } => {
+            Waveform::BurstRandom { from_hz, to_hz, burst_s, period_s, periods, ref spectrum, .. } => {
                 positive("burst_s", burst_s)?;
                 if !(period_s.is_finite() && period_s >= burst_s) {
                     return Err(ExcitationError::Value {
@@ -222,7 +228,7 @@ impl Waveform {
                     });
                 }
                 check_periods(periods)?;
-                band(from_hz, to_hz)
+                shaped_band(from_hz, to_hz, spectrum.as_ref())
             }
             Waveform::Multisine { from_hz, to_hz, period_s, periods, .. } => {
                 positive("period_s", period_s)?;
@@ -242,6 +248,13 @@ fn band(from_hz: f64, to_hz: f64) -> Result<f64, ExcitationError> {
         return Err(ExcitationError::Value { name: "to_hz", got: to_hz, expected: "at least `from_hz`" });
     }
     Ok(to_hz)
+}
+
+/// The same, and the spectrum in it, if one is given.
+fn shaped_band(from_hz: f64, to_hz: f64, spectrum: Option<&Spectrum>) -> Result<f64, ExcitationError> {
+    let highest_hz = band(from_hz, to_hz)?;
+    spectrum.map_or(Ok(()), |spectrum| spectrum.check(from_hz, to_hz))?;
+    Ok(highest_hz)
 }
 
 fn check_steps(name: &'static str, got: f64) -> Result<(), ExcitationError> {

@@ -53,7 +53,7 @@ fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result
     Record::new(RATE_HZ, &spec.rig, samples, Direction::Principal)
 }
 
-const RANDOM: Waveform = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 40.0, seed: 3 };
+const RANDOM: Waveform = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 40.0, spectrum: None, seed: 3 };
 const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
 
 /// Frequencies within 0.01 %, damping ratios within 5 %, and both where their deviations say.
@@ -162,13 +162,13 @@ fn strong_vibration_is_called_not_linear() {
 
 #[test]
 fn says_what_tells_nothing() {
-    let short = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 0.2, seed: 3 };
+    let short = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 0.2, spectrum: None, seed: 3 };
     let told = |record: Result<Record, IdentifyError>, band| {
         record.and_then(|record| modes(&record, band)).unwrap_err().to_string()
     };
     let spec = spec(60.0);
     insta::assert_snapshot!(told(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
-    let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, seed: 3 };
+    let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
     let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
     insta::assert_snapshot!(told(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
     let record = recorded(&spec, force(0.0, 5.0), random(10.0)).unwrap();

@@ -145,8 +145,9 @@ fn the_table_of_keys_has_every_key_and_no_other() {
         "waveform = 'sine-list', frequencies_hz = [1], dwell_s = 1, settle_s = 1",
         "waveform = 'swept-sine', from_hz = 1, to_hz = 1, duration_s = 1",
         "waveform = 'impulse', pulse_s = 1, duration_s = 1",
-        "waveform = 'random', from_hz = 1, to_hz = 1, duration_s = 1",
-        "waveform = 'burst-random', from_hz = 1, to_hz = 1, burst_s = 1, period_s = 1, periods = 1",
+        "waveform = 'random', from_hz = 1, to_hz = 2, duration_s = 1, spectrum = [[1, 1], [2, 3]]",
+        "waveform = 'burst-random', from_hz = 1, to_hz = 2, burst_s = 1, period_s = 1, periods = 1, \
+         spectrum = [[1, 1], [2, 3]]",
         "waveform = 'multisine', from_hz = 1, to_hz = 1, period_s = 1, periods = 1",
         "waveform = 'file', path = 'load.csv'",
     ];

@@ -1,0 +1,55 @@
+//! The shape of a power spectral density as vibration tests state it.
+
+use alloc::vec::Vec;
+
+use serde::{Deserialize, Serialize};
+
+use super::ExcitationError;
+
+/// Most breakpoints: the tables of test standards have at most some tens.
+const MOST_BREAKPOINTS: usize = 1000;
+
+/// Breakpoints (frequency in Hz, level) of a power spectral density, between which it runs straight over logarithmic
+/// axes, as vibration tests state it (IEC 60068-2-64). Only the ratios of the levels count: the amplitude sets the
+/// size.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Spectrum(pub Vec<[f64; 2]>);
+
+impl Spectrum {
+    /// Checks the breakpoints: from 2 to 1000, levels positive, frequencies rising from `from_hz` to `to_hz`.
+    pub(super) fn check(&self, from_hz: f64, to_hz: f64) -> Result<(), ExcitationError> {
+        let Spectrum(points) = self;
+        let ([first_hz, _], [last_hz, _]) = match points.as_slice() {
+            [first, .., last] if points.len() <= MOST_BREAKPOINTS => (*first, *last),
+            _ => return Err(ExcitationError::Breakpoints { got: points.len(), most: MOST_BREAKPOINTS }),
+        };
+        for [hz, level] in points.iter().copied() {
+            if !(level.is_finite() && level > 0.0) {
+                return Err(ExcitationError::Level { hz, level });
+            }
+        }
+        // What is no number does not rise.
+        let rises = |pair: &&[[f64; 2]]| pair[0][0] < pair[1][0];
+        if let Some(pair) = points.windows(2).find(|pair| !rises(pair)) {
+            return Err(ExcitationError::BreakpointOrder { before_hz: pair[0][0], hz: pair[1][0] });
+        }
+        for (name, band_hz, hz) in [("from_hz", from_hz, first_hz), ("to_hz", to_hz, last_hz)] {
+            if hz != band_hz {
+                return Err(ExcitationError::BreakpointEnd { name, band_hz, hz });
+            }
+        }
+        Ok(())
+    }
+
+    /// The level at a frequency of the band: ln L runs straight over ln f from breakpoint to breakpoint.
+    pub(super) fn level(&self, hz: f64) -> f64 {
+        let Spectrum(points) = self;
+        let last = points.len().saturating_sub(2);
+        let segment = points.partition_point(|[point_hz, _]| *point_hz <= hz).saturating_sub(1).min(last);
+        let pair = points.get(segment..segment + 2).and_then(|pair| <[[f64; 2]; 2]>::try_from(pair).ok());
+        let Some([[f1, l1], [f2, l2]]) = pair else { return 1.0 };
+        let part = (libm::log(hz / f1) / libm::log(f2 / f1)).clamp(0.0, 1.0);
+        libm::exp(libm::log(l1) * (1.0 - part) + libm::log(l2) * part)
+    }
+}
