@@ -104,7 +104,8 @@ impl Plan {
         let Plan::Response(spec) = self else { return Ok(()) };
         let mode_hz = model.angular_frequency_rad_s / TAU;
         for (name, got_hz) in [("from_hz", spec.from_hz), ("to_hz", spec.to_hz)] {
-            if !((got_hz / mode_hz - 1.0).abs() < BAND) {
+            let within = (1.0 - BAND) * mode_hz..=(1.0 + BAND) * mode_hz;
+            if !within.contains(&got_hz) {
                 return Err(PhaseWalkError::Far { name, got_hz, mode_hz });
             }
         }
