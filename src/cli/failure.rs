@@ -120,7 +120,7 @@ impl Failure {
             Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),
             Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
-            Failure::Paper(PaperError::Settings(_) | PaperError::Arm(_)) => Exit::Usage,
+            Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
             Failure::Study(StudyError::Journal(error)) => journal(error),
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::SettingsError;
+use super::{MeasuredError, SettingsError};
 use crate::analysis::AnalysisError;
 use crate::arm::{ArmError, Preset};
 use crate::integrate::IntegrateError;
@@ -15,6 +15,9 @@ pub enum PaperError {
     /// The settings are none, or ask for what can't be.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// What was measured can't be used.
+    #[error(transparent)]
+    Measured(#[from] MeasuredError),
     /// There is no such arm.
     #[error(transparent)]
     Arm(#[from] ArmError),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::branch::by_name;
-use super::{Drive, ForcedBranch, PaperError, Settings, Subject};
+use super::{Drive, ForcedBranch, MeasuredPoint, MeasuredZone, MeasuredZones, PaperError, Settings, Subject};
 use crate::analysis::modes;
 use crate::arm::{Arm, Parameters, Preset};
 use crate::study::on_all_cores;
@@ -107,6 +107,9 @@ pub struct Curves {
     pub panels: Vec<Panel>,
     /// Its curves.
     pub curves: Vec<Curve>,
+    /// What a bench measured, to be drawn over the curves of every panel.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<MeasuredPoint>,
 }
 
 /// A figure before it is computed.
@@ -118,6 +121,7 @@ pub struct Plan {
     conditions: String,
     jobs: Vec<Job>,
     panels: Vec<Panel>,
+    measured: Vec<MeasuredPoint>,
 }
 
 /// The part of a mode's natural frequency on either side of it in which its resonance zone is looked for. Zones of this width do
@@ -154,7 +158,7 @@ impl Plan {
             ),
         };
         let conditions = format!("{}{conditions}", subject.label()?);
-        let mut plan = Plan { figure, subject, title, conditions, jobs: vec![], panels: vec![] };
+        let mut plan = Plan { figure, subject, title, conditions, jobs: vec![], panels: vec![], measured: vec![] };
         match figure {
             Figure::Fig4 => plan.fill_figure4(settings)?,
             Figure::Fig5 => plan.fill_figure5(settings)?,
@@ -162,6 +166,31 @@ impl Plan {
             Figure::Fig9 => plan.fill_figure9(settings)?,
         }
         Ok(plan)
+    }
+
+    /// Fig. 9 of an arm that was measured: a curve for each zone, under its force, and the points over it.
+    pub fn measured(measured: &MeasuredZones) -> Plan {
+        let (pose, zones) = (measured.arm.pose(), &measured.zones);
+        let forces: Vec<String> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
+        let (label, forces) = (&measured.label, forces.join(" and "));
+        let angles = format!("β₁ = {}°, β₂ = {}°", pose.beta1_deg, pose.beta2_deg).replace('-', "−");
+        let mut plan = Plan {
+            figure: Figure::Fig9,
+            subject: Subject::measured(measured),
+            title: "Amplitude–frequency characteristics in the measured position, measured on computed",
+            conditions: format!("{label}, {angles}, {forces} along x at the tip"),
+            jobs: vec![],
+            panels: vec![],
+            measured: zones.iter().flat_map(|zone| zone.points.clone()).collect(),
+        };
+        let add = |zone: &MeasuredZone| {
+            let force = (Drive::ForceX, zone.force_n);
+            plan.over_frequency(format!("{} N", zone.force_n), measured.arm.clone(), force, zone.range_hz)
+        };
+        let curves: Vec<usize> = zones.iter().map(add).collect();
+        plan.panel("(a) Link 1", 1, Some(measured.range_hz()), curves.clone());
+        plan.panel("(b) Link 2", 2, Some(measured.range_hz()), curves);
+        plan
     }
 
     /// How many curves it has.
@@ -188,8 +217,9 @@ impl Plan {
         };
         let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
         let (figure, preset, title) = (self.figure, self.subject.preset(), self.title.to_string());
-        let parameters = *self.subject.parameters();
-        Ok(Curves { figure, preset, parameters, title, conditions: self.conditions, panels: self.panels, curves })
+        let (parameters, conditions) = (*self.subject.parameters(), self.conditions);
+        let (panels, measured) = (self.panels, self.measured);
+        Ok(Curves { figure, preset, parameters, title, conditions, panels, curves, measured })
     }
 
     /// Adds a curve over the frequency and returns its place.

@@ -8,6 +8,7 @@ pub mod claims;
 mod error;
 mod figure;
 mod measure;
+mod measured;
 mod settings;
 mod subject;
 mod table;
@@ -15,6 +16,7 @@ mod table;
 pub use branch::{Drive, ForcedBranch, Motion};
 pub use error::PaperError;
 pub use figure::{Abscissa, Curve, Curves, Figure, NaturalFrequencies, Panel, Plan, natural_frequencies};
+pub use measured::{MeasuredError, MeasuredPoint, MeasuredZone, MeasuredZones, Way};
 pub use settings::{Settings, SettingsError};
 pub use subject::Subject;
 

@@ -1,6 +1,8 @@
 //! The arm of a preset, in the poses of the paper.
 
-use super::{PaperError, Settings, SettingsError};
+use nalgebra::Vector2;
+
+use super::{MeasuredZones, PaperError, Settings, SettingsError};
 use crate::arm::{Arm, Parameters, Pose, Preset};
 
 /// A preset with the settings' l2, and the line on which its tip is moved.
@@ -19,6 +21,12 @@ impl Subject {
     pub fn new(preset: Preset, settings: &Settings) -> Result<Subject, PaperError> {
         let parameters = Parameters { length2_m: settings.length2_m, ..preset.parameters()? };
         Ok(Subject { preset, parameters, height_m: settings.line.height_m })
+    }
+
+    /// The arm that was measured, its tip on the line at the height at which it was.
+    pub(super) fn measured(measured: &MeasuredZones) -> Subject {
+        let (preset, arm) = (measured.preset, &measured.arm);
+        Subject { preset, parameters: *arm.parameters(), height_m: arm.points(&Vector2::zeros()).c_m.y }
     }
 
     /// The preset.
@@ -79,7 +87,6 @@ impl Subject {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector2;
 
     #[test]
     fn the_tip_is_on_the_line_or_the_line_out_of_reach() {

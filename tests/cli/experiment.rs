@@ -1,11 +1,12 @@
 //! `experiment fig9`: what it says, and what it refuses.
 
 use std::fs;
+use std::path::Path;
 
 use insta::assert_snapshot;
 use serde_json::Value;
 
-use crate::{complaint, names, resonarm};
+use crate::{complaint, document, names, resonarm};
 
 /// A brake that settles the arm within some seconds, and instruments without noise.
 const BENCH: &str = "arm = { beta1_deg = -76.5413, beta2_deg = 120 }\nsimulation = { scheme = 'rk4' }\n\
@@ -59,8 +60,44 @@ fn both_zones_are_measured_and_drawn() {
     }
     let csv = fs::read_to_string(folder.join("zones.csv")).unwrap();
     assert!(csv.starts_with("zone,run,frequency_hz,"), "{csv}");
+    over_the_papers_curves(folder);
     // What was drawn is not drawn over.
     assert!(complaint(folder, 2, &[&SMALL[..], &["--plot", "zones"]].concat()).contains("--overwrite"));
+}
+
+/// `paper fig9 --measured` draws the document: a curve for each zone under its force, and every
+/// settled point in its place.
+fn over_the_papers_curves(folder: &Path) {
+    let drawn = document(folder, 0, &["paper", "fig9", "--measured", "zones.json", "--out", "paper", "--json"]);
+    assert_eq!(drawn["figures"][0]["files"].as_array().unwrap().len(), 4, "{drawn}");
+    let read = |file: &str| fs::read_to_string(folder.join(file)).unwrap();
+    let json = |file: &str| serde_json::from_str::<Value>(&read(file)).unwrap();
+    let (zones, figure) = (json("zones.json"), json("paper/fig9.json"));
+    let mut expected = Vec::new();
+    for zone in zones["zones"].as_array().unwrap() {
+        for way in ["up", "down", "walk"] {
+            let points = zone[way]["points"].as_array().unwrap();
+            expected.extend(points.iter().filter(|point| point["settled"] == true).map(|point| (way, point)));
+        }
+    }
+    let measured = figure["measured"].as_array().unwrap();
+    assert_eq!(measured.len(), expected.len());
+    let numbers = |point: &Value| {
+        let [a1, a2] = [0, 1].map(|joint: usize| point["amplitude_rad"][joint].as_f64().unwrap());
+        [point["frequency_hz"].as_f64().unwrap(), a1, a2]
+    };
+    for (point, (way, expected)) in measured.iter().zip(expected) {
+        let same = numbers(point).into_iter().zip(numbers(expected)).all(|(a, b)| (a / b - 1.0).abs() < 1e-14);
+        assert!(point["way"] == way && same, "{point} {expected}");
+    }
+    let curves = figure["curves"].as_array().unwrap();
+    let forces = curves.iter().map(|curve| (curve["label"].as_str().unwrap(), &curve["motions"][0]["excitation"]));
+    assert_eq!(forces.collect::<Vec<_>>(), [("12 N", &12.0.into()), ("4 N", &4.0.into())]);
+    assert_eq!(figure["panels"][0]["range"], serde_json::json!([26.0, 46.0]));
+    let svg = read("paper/fig9.svg");
+    for words in ["sine up", "sine down", "phase walk", "measured on computed", "β₂ = 120°"] {
+        assert!(svg.contains(words), "{words}");
+    }
 }
 
 #[test]

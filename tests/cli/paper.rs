@@ -125,6 +125,12 @@ fn bad_input_is_said_with_what_would_do() {
     let folder = tempfile::tempdir().unwrap();
     assert_snapshot!(complaint(folder.path(), &["fig3"]), @"resonarm: figures need a folder: --out DIR");
     assert_snapshot!(complaint(folder.path(), &["fig3", "--settings", "none.toml", "--out", "out"]), @"resonarm: can't read the settings none.toml: No such file or directory (os error 2)");
+    let measured = |what, file| complaint(folder.path(), &[what, "--measured", file, "--out", "out"]);
+    assert_snapshot!(measured("fig9", "none.json"), @"resonarm: can't read none.json: No such file or directory (os error 2)");
+    assert_snapshot!(measured("fig4", "none.json"), @"resonarm: --measured is for `paper fig9`: leave it out, or make that figure");
+    fs::write(folder.path().join("walk.json"), r#"{ "configuration": {}, "points": [] }"#).unwrap();
+    assert_snapshot!(measured("fig9", "walk.json"), @"resonarm: walk.json is no document of `experiment fig9 --json`: missing field `preset` at line 1 column 21");
+    assert!(!folder.path().join("out").exists());
     fs::write(folder.path().join("file"), "").unwrap();
     let output = paper(folder.path(), &["fig3", "--out", "file/out"]);
     assert_eq!(output.status.code(), Some(2), "{output:?}");

@@ -1,8 +1,8 @@
 //! The figures drawn: stable blue, unstable red and dashed.
 
 use crate::analysis;
-use crate::paper::{Abscissa, Curve, Curves, ForcedBranch, Motion, NaturalFrequencies, Panel};
-use crate::plot::{self, Axis, Color, Legend, Note, Series};
+use crate::paper::{Abscissa, Curve, Curves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way};
+use crate::plot::{self, Axis, Color, Legend, Marker, Note, Series, Style};
 
 /// Fig. 3, a panel for each preset.
 pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figure {
@@ -50,6 +50,7 @@ fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
     let inside = |motion: &&Motion| (range[0]..=range[1]).contains(&abscissa(panel, motion));
     let top = branches().flat_map(|curve| &curve.branch.motions).filter(inside);
     let top = top.fold(0.0_f64, |top, motion| top.max(motion.amplitude_rad[link]));
+    let top = curves.measured.iter().fold(top, |top, point| top.max(point.amplitude_rad[link]));
     let label = format!("amplitude of {} (rad)", ["α₁", "α₂"][link]);
     let y = if panel.logarithmic {
         Axis::log(label).range(DECADES * top, LOG_HEADROOM * top)
@@ -65,10 +66,29 @@ fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
         drawn = drawn.with(Series::stable(stretches(&curve.branch, panel, true)));
         drawn = drawn.with(Series::unstable(stretches(&curve.branch, panel, false)));
     }
+    drawn = with_points(drawn, &curves.measured, link);
     if panel.names {
         drawn = with_names(drawn, panel, range, branches());
     }
     if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
+}
+
+/// The panel with what was measured, the links counting from 0. The marks are those of `experiment fig9`.
+fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], link: usize) -> plot::Panel {
+    for way in Way::ALL {
+        let (color, shape) = match way {
+            Way::Up => (Color::Vermillion, Marker::Triangle),
+            Way::Down => (Color::Purple, Marker::Square),
+            Way::Walk => (Color::Green, Marker::Circle),
+        };
+        let points = measured.iter().filter(|point| point.way == way);
+        let points: Vec<_> = points.map(|point| (point.frequency_hz, point.amplitude_rad[link])).collect();
+        if !points.is_empty() {
+            let style = Style::Markers { color, shape, size: 5.0, filled: false };
+            drawn = drawn.with(Series::markers(way.label(), color, shape, points).style(style));
+        }
+    }
+    drawn
 }
 
 fn abscissa(panel: &Panel, motion: &Motion) -> f64 {

@@ -13,7 +13,7 @@ use super::failure::{Failure, Verdict};
 use super::output::{self, OverwriteFlag};
 use crate::arm::Preset;
 use crate::paper::claims::{self, Report};
-use crate::paper::{Figure, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies};
+use crate::paper::{Figure, MeasuredZones, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies};
 use crate::plot;
 use crate::realtime::{Clock, SystemClock};
 pub(super) use progress::Progress;
@@ -35,6 +35,10 @@ pub(super) struct Paper {
     /// Parameter set of Figs. 4, 5, 7 and 9 [default: irb1600-fitted]; the others show both.
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
+    /// Draw Fig. 9 as it was measured: the settled points of FILE, the document of `experiment fig9 --json`, over curves
+    /// for the arm and the forces in it. For `fig9`.
+    #[arg(long, value_name = "FILE", conflicts_with = "preset")]
+    measured: Option<PathBuf>,
     /// TOML file in place of scenarios/paper/settings.toml, which is built in.
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
@@ -86,13 +90,14 @@ struct Made {
 impl Paper {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let (text, settings) = self.settings()?;
+        let measured = self.measured()?;
         let start_ns = SystemClock.now_ns();
         if let Some(folder) = self.folder()? {
             self.overwrite.check(self.files(folder, &text))?;
             fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.to_path_buf(), source })?;
             output::write(folder.join("settings.toml"), &text)?;
         }
-        let mut document = Document { figures: self.figures(&settings)?, claims: None, wall_s: 0.0 };
+        let mut document = Document { figures: self.figures(&settings, measured.as_ref())?, claims: None, wall_s: 0.0 };
         if self.wants(What::Claims) {
             document.claims = Some(self.claims(&settings)?);
         }
@@ -131,6 +136,17 @@ impl Paper {
         }
     }
 
+    /// What was measured, if it is to be drawn.
+    fn measured(&self) -> Result<Option<MeasuredZones>, Failure> {
+        match &self.measured {
+            Some(_) if self.what != What::Fig9 => {
+                Err(Failure::Usage(String::from("--measured is for `paper fig9`: leave it out, or make that figure")))
+            }
+            Some(path) => Ok(Some(MeasuredZones::read(path).map_err(PaperError::from)?)),
+            None => Ok(None),
+        }
+    }
+
     /// The folder for files, which figures need.
     fn folder(&self) -> Result<Option<&Path>, Failure> {
         match &self.out {
@@ -139,7 +155,7 @@ impl Paper {
         }
     }
 
-    fn figures(&self, settings: &Settings) -> Result<Vec<Made>, Failure> {
+    fn figures(&self, settings: &Settings, measured: Option<&MeasuredZones>) -> Result<Vec<Made>, Failure> {
         let mut made = Vec::new();
         let Some(folder) = self.folder()? else { return Ok(made) };
         if self.wants(What::Fig3) {
@@ -152,7 +168,10 @@ impl Paper {
         let preset = self.preset.unwrap_or_default();
         for (_, figure) in CURVES.into_iter().filter(|(what, _)| self.wants(*what)) {
             let start_ns = SystemClock.now_ns();
-            let plan = Plan::new(figure, preset, settings)?;
+            let plan = match measured {
+                Some(measured) => Plan::measured(measured),
+                None => Plan::new(figure, preset, settings)?,
+            };
             let progress = Progress::new(figure.name(), plan.curve_count());
             let curves = plan.compute(|| progress.step())?;
             made.push(save(folder, figure.name(), start_ns, &draw::curves(&curves), &curves.csv(), &curves)?);
