@@ -84,12 +84,17 @@ impl OverwriteFlag {
         there.map_or(Ok(()), |path| Err(Failure::Exists { path }))
     }
 
-    /// The same for the files STEM + ending, whose folder must be there.
+    /// The same for the files STEM + ending.
     pub fn check_stem(self, stem: Option<&Path>, endings: &[&str]) -> Result<(), Failure> {
-        let folder = stem.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
-        if let (Some(stem), Some(Err(source))) = (stem, folder.map(std::fs::read_dir)) {
-            return Err(Failure::Write { path: stem.to_path_buf(), source });
-        }
         self.check(stem.into_iter().flat_map(|stem| endings.iter().map(|ending| beside(stem, ending))))
+    }
+}
+
+/// Whether the folder is there in which STEM's files are to be: commands that compute for minutes ask before.
+pub(super) fn check_folder(stem: &Path) -> Result<(), Failure> {
+    let folder = stem.parent().filter(|folder| !folder.as_os_str().is_empty());
+    match folder.map(std::fs::read_dir) {
+        Some(Err(source)) => Err(Failure::Write { path: stem.to_path_buf(), source }),
+        _ => Ok(()),
     }
 }

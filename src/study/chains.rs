@@ -1,7 +1,7 @@
 //! Chains of motions, each point begun where the one before ended; several chains at a time, stopped and gone on with.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
@@ -203,7 +203,8 @@ impl Walk {
     /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be written.
     pub fn go_on(self, control: &Control<'_>) -> Result<Walk, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
-        let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
+        // The first chain that has failed, if one has. Those before it go on, so that the same error is told every time.
+        let (failed, journal) = (AtomicUsize::new(usize::MAX), Mutex::new(self.journal));
         let finished = |point: &Point| {
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
                 journal.append(point)?;
@@ -211,11 +212,11 @@ impl Walk {
             (control.done)(done.fetch_add(1, Ordering::Relaxed) + 1);
             Ok(())
         };
-        let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
         let jobs: Vec<(usize, Vec<Point>)> = self.points.into_iter().enumerate().collect();
         let work = |(chain, known): &(usize, Vec<Point>)| {
+            let stop = || (control.stop)() || failed.load(Ordering::Relaxed) < *chain;
             let walked = self.chains.follow(*chain, known.clone(), &stop, &finished);
-            walked.inspect_err(|_error| failed.store(true, Ordering::Relaxed))
+            walked.inspect_err(|_error| _ = failed.fetch_min(*chain, Ordering::Relaxed))
         };
         let points = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
         Ok(Walk { chains: self.chains, points, journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner) })
@@ -282,6 +283,18 @@ mod tests {
     fn stops_when_it_is_told_to() {
         let stopped = Control { stop: &|| true, done: &|_done| () };
         assert_eq!(chains().begin(None).unwrap().go_on(&stopped).unwrap().done(), 0);
+    }
+
+    /// Whichever fails first, the error is that of the first chain.
+    #[test]
+    fn the_same_error_is_told_every_time() {
+        let mut chains = chains();
+        chains.chains.truncate(2);
+        let too_much = |frequency_hz| Sine { amplitude: Load::torque_nm(1e9, 0.0), frequency_hz };
+        chains.chains[0].excitations[1] = too_much(21.0);
+        chains.chains[1].excitations[0] = too_much(23.0);
+        let error = walk(chains, None).unwrap_err().to_string();
+        assert!(error.starts_with("excited at 21 Hz: "), "{error}");
     }
 
     #[test]

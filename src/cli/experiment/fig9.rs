@@ -118,6 +118,7 @@ impl Fig9 {
         let zones = self.zones(&arm)?;
         check_zones(&scenario, &zones)?;
         self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let start_ns = SystemClock.now_ns();
         let measured = self.measure(&scenario, zones)?;
         let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
