@@ -104,8 +104,10 @@ fn check(case: &Case) {
         let harmonic1_rad = JointAngles::of(point, plant.arm()).harmonic1_rad();
         let measured = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad };
         let place = nearest(&branch, &measured, joint, BOUNDS).unwrap();
-        let distance = place.distance;
-        assert!(distance < 1.0, "{} Hz, {:?}: {distance}", point.frequency_hz, case.shaker);
+        // Where a reading is noisy, be it by its counts, the load is held to 0.14 % in place of 0.05 %.
+        let is_noisy = point.load_deviation.is_some_and(|deviation| 2.0 * deviation > 1e-3 * point.load);
+        let (distance, bound) = (place.distance, if is_noisy { 1.5 } else { 1.0 });
+        assert!(distance < bound, "{} Hz, {:?}: {distance}, noisy: {is_noisy}", point.frequency_hz, case.shaker);
         unstable += usize::from(!place.is_stable);
     }
     assert!(unstable >= case.unstable, "{unstable} unstable motions");
