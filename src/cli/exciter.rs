@@ -5,6 +5,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
+use super::exciter_end::End;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
 use super::output;
@@ -12,9 +13,8 @@ use super::responses::{self, ResponseDocument};
 use super::session::seconds;
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
-use crate::control::Abort;
 use crate::node::Outcome;
-use crate::run::{BusCounts, ExciterReport, Fault, Mode, Options, RunError, Session, Signals, fault_text};
+use crate::run::{BusCounts, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use crate::scenario::Scenario;
 
 /// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the responses,
@@ -44,9 +44,8 @@ pub(super) struct Exciter {
 
 #[derive(Serialize)]
 struct Document {
-    outcome: &'static str,
-    /// Why the controller gave up.
-    reason: Option<String>,
+    #[serde(flatten)]
+    end: End,
     fault: Option<Fault>,
     error: Option<String>,
     samples_played: u64,
@@ -98,11 +97,10 @@ impl Exciter {
     }
 
     fn print(&self, report: &ExciterReport) -> Result<(), Failure> {
-        let outcome = outcome(report);
+        let end = End::from(report);
         if self.json {
             return output::print_json(&Document {
-                outcome,
-                reason: abort(report).map(|abort| abort.to_string()),
+                end,
                 fault: report.fault().map(Fault::from),
                 error: report.error.as_ref().map(RunError::to_string),
                 samples_played: report.samples_played,
@@ -114,7 +112,8 @@ impl Exciter {
             });
         }
         let mut text = format!(
-            "{outcome} after {} samples, {} missed; {} frames received, {} sent, {} dropped, {} refused\n",
+            "{} after {} samples, {} missed; {} frames received, {} sent, {} dropped, {} refused\n",
+            end.outcome,
             report.samples_played,
             report.missed_samples,
             report.bus.received,
@@ -127,49 +126,12 @@ impl Exciter {
     }
 }
 
-/// How an exciter ended, where that is a part of another document.
-#[derive(Serialize)]
-pub(super) struct End {
-    outcome: &'static str,
-    /// Why the controller gave up; none if it did not.
-    reason: Option<String>,
-}
-
-impl From<&ExciterReport> for End {
-    fn from(report: &ExciterReport) -> End {
-        End { outcome: outcome(report), reason: abort(report).map(Abort::to_string) }
-    }
-}
-
-/// How it ended, in a word.
-fn outcome(report: &ExciterReport) -> &'static str {
-    match report.outcome {
-        _ if report.error.is_some() => "failed",
-        Some(Outcome::Finished) => "finished",
-        Some(Outcome::Aborted(_)) => "aborted",
-        Some(Outcome::Faulted(_)) => "faulted",
-        Some(Outcome::PlantLeft) => "plant-left",
-        Some(Outcome::Stopped) | None => "stopped",
-    }
-}
-
-/// Why the controller gave up, if it did.
-fn abort(report: &ExciterReport) -> Option<&Abort> {
-    match &report.outcome {
-        Some(Outcome::Aborted(abort)) => Some(abort),
-        _ => None,
-    }
-}
-
 /// Why the exciter did not do what it was for, and what to do; `None` if it did, or an error says so.
 pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
-    match (report.fault(), report.outcome) {
-        (Some(emergency), _) => Some(fault_text(emergency)),
-        (None, Some(Outcome::Aborted(abort))) => Some(abort.to_string()),
-        (None, Some(Outcome::PlantLeft)) => Some(String::from("the plant left the bus before the excitation was over")),
-        (None, Some(Outcome::Stopped)) if report.samples_played == 0 => {
+    match report.outcome {
+        Some(Outcome::Stopped) if report.samples_played == 0 => {
             Some(String::from("stopped before the plant was armed, so nothing was played"))
         }
-        _ => None,
+        ref outcome => End::of(outcome.as_ref()).reason,
     }
 }

@@ -16,6 +16,7 @@ mod demo_report;
 mod doctor;
 mod ended_early;
 mod exciter;
+mod exciter_end;
 mod experiment;
 mod failure;
 mod flags;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::configuration;
-use super::exciter::End;
+use super::exciter_end::End;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
 use super::output;

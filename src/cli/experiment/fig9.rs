@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use crate::arm::{Arm, Pose};
 use crate::cli::configuration;
+use crate::cli::exciter_end::End;
 use crate::cli::failure::{Failure, Verdict};
 use crate::cli::flags::SessionFlags;
 use crate::cli::output::{self, OverwriteFlag};
@@ -19,10 +20,9 @@ use crate::cli::zone_figure;
 use crate::control::{Length, ModeNumber};
 use crate::excitation::Amplitude;
 use crate::experiment::{Measured, Score, Zone, ZoneMeasured, check_zones, measure_zones, score};
-use crate::node::Outcome;
 use crate::number::short;
 use crate::realtime::{Clock, SystemClock};
-use crate::run::{Signals, fault_text};
+use crate::run::Signals;
 use crate::scenario::Scenario;
 
 /// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response, the
@@ -89,8 +89,8 @@ struct ZoneDocument {
 #[derive(Serialize)]
 struct Run {
     points: Vec<WalkPoint>,
-    outcome: &'static str,
-    reason: Option<String>,
+    #[serde(flatten)]
+    end: End,
 }
 
 #[derive(Serialize)]
@@ -145,7 +145,7 @@ impl Fig9 {
                 output::print_written(&files)?;
             }
         }
-        Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.is_whole())))
+        Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.end.is_finished())))
     }
 
     /// The two zones, which meet halfway between the natural frequencies.
@@ -215,13 +215,8 @@ fn scenario() -> Result<Scenario, Failure> {
 
 impl Run {
     fn new(measured: &Measured, arm: &Arm) -> Run {
-        let (outcome, reason) = match &measured.outcome {
-            Some(Outcome::Finished) => ("finished", None),
-            Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
-            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency))),
-            Some(Outcome::PlantLeft | Outcome::Stopped) | None => ("stopped", None),
-        };
-        Run { points: measured.points.iter().map(|point| WalkPoint::new(point, arm)).collect(), outcome, reason }
+        let points = measured.points.iter().map(|point| WalkPoint::new(point, arm)).collect();
+        Run { points, end: End::of(measured.outcome.as_ref()) }
     }
 
     fn settled(&self) -> usize {
@@ -231,10 +226,6 @@ impl Run {
     /// The largest distortion of the force.
     fn distortion(&self) -> f64 {
         self.points.iter().filter_map(|point| point.distortion).fold(0.0, f64::max)
-    }
-
-    fn is_whole(&self) -> bool {
-        self.outcome == "finished"
     }
 }
 
@@ -290,14 +281,14 @@ fn text(document: &Document) -> String {
         let computed = &zone.computed;
         let _infallible = writeln!(text, "zone {}: {} N along x", zone.mode_number, zone.force_n[0]);
         for (name, run) in zone.runs() {
-            let reason = run.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
+            let reason = run.end.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
             let _infallible = writeln!(
                 text,
                 "  {name:<9} {:4} points, {} settled, distortion of the force up to {:.1} %, {}{reason}",
                 run.points.len(),
                 run.settled(),
                 100.0 * run.distortion(),
-                run.outcome
+                run.end.outcome
             );
         }
         let folds: Vec<_> = computed.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();

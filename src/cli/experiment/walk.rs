@@ -10,6 +10,7 @@ use serde_json::Value;
 use crate::arm::Load;
 use crate::cli::configuration;
 use crate::cli::continuation::DriveFlags;
+use crate::cli::exciter_end::End;
 use crate::cli::failure::{Failure, Verdict};
 use crate::cli::flags::SessionFlags;
 use crate::cli::output::{self, OverwriteFlag};
@@ -17,10 +18,9 @@ use crate::cli::supervise::supervise;
 use crate::cli::walk_point::{self, WalkPoint};
 use crate::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
 use crate::excitation::Amplitude;
-use crate::node::Outcome;
 use crate::realtime::{Clock, SystemClock};
 use crate::recording::Existing;
-use crate::run::{BothReport, Mode, Options, RecordTo, Session, Signals, fault_text};
+use crate::run::{BothReport, Mode, Options, RecordTo, Session, Signals};
 use crate::scenario::Scenario;
 
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a lag of
@@ -57,10 +57,8 @@ pub(super) struct Walk {
 struct Document<'a> {
     configuration: Value,
     points: &'a [WalkPoint],
-    /// `finished`, or how else it ended.
-    outcome: &'static str,
-    /// Why it ended early.
-    reason: Option<&'a str>,
+    #[serde(flatten)]
+    end: &'a End,
     simulated_s: f64,
     wall_s: f64,
 }
@@ -124,17 +122,11 @@ impl Walk {
         let arm = scenario.build_arm()?;
         let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
-        let (outcome, reason) = match exciter.outcome {
-            Some(Outcome::Finished) => ("finished", None),
-            Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
-            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(&emergency))),
-            Some(Outcome::PlantLeft | Outcome::Stopped) | None => ("stopped", None),
-        };
+        let end = End::of(exciter.outcome.as_ref());
         let unit = scenario.control.as_ref().map_or("", |control| control.amplitude().unit());
         let load = scenario.control.as_ref().map_or(Load::default(), |control| control.amplitude().load());
         let configuration = configuration::of(scenario, &load)?;
-        let document =
-            Document { configuration, points: &points, outcome, reason: reason.as_deref(), simulated_s, wall_s };
+        let document = Document { configuration, points: &points, end: &end, simulated_s, wall_s };
         let mut files = Vec::new();
         if let (Some(stem), Some(control)) = (&self.plot, &scenario.control)
             && let Some(figure) = walk_point::figure(scenario, control, &points)?
@@ -149,16 +141,17 @@ impl Walk {
                 output::print(&walk_point::table(&points, unit))?;
             }
             output::print(&format!(
-                "{outcome}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
+                "{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
+                end.outcome,
                 points.len()
             ))?;
             if !files.is_empty() {
                 output::print_written(&files)?;
             }
         }
-        if let Some(reason) = &reason {
+        if let Some(reason) = &end.reason {
             tracing::error!("{reason}");
         }
-        Ok(Verdict::of(outcome == "finished" && points.iter().all(|point| point.settled)))
+        Ok(Verdict::of(end.is_finished() && points.iter().all(|point| point.settled)))
     }
 }

@@ -1,0 +1,46 @@
+//! How an exciter ended, in words: one place for every command that runs one.
+
+use serde::Serialize;
+
+use crate::node::Outcome;
+use crate::run::{ExciterReport, fault_text};
+
+/// How an exciter ended, as a part of a document.
+#[derive(Serialize)]
+pub(super) struct End {
+    /// In a word: finished, aborted, faulted, plant-left, stopped or failed.
+    pub outcome: &'static str,
+    /// Why it ended before it was finished; none if it was finished or was stopped.
+    pub reason: Option<String>,
+}
+
+impl End {
+    /// The end of a controller's work; without an outcome it was stopped.
+    pub fn of(outcome: Option<&Outcome>) -> End {
+        let (outcome, reason) = match outcome {
+            Some(Outcome::Finished) => ("finished", None),
+            Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
+            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency))),
+            Some(Outcome::PlantLeft) => {
+                ("plant-left", Some(String::from("the plant left the bus before the excitation was over")))
+            }
+            Some(Outcome::Stopped) | None => ("stopped", None),
+        };
+        End { outcome, reason }
+    }
+
+    /// Whether the controller did all it was for.
+    pub fn is_finished(&self) -> bool {
+        self.outcome == "finished"
+    }
+}
+
+impl From<&ExciterReport> for End {
+    /// An error of the run comes before what the controller says.
+    fn from(report: &ExciterReport) -> End {
+        match &report.error {
+            Some(error) => End { outcome: "failed", reason: Some(error.to_string()) },
+            None => End::of(report.outcome.as_ref()),
+        }
+    }
+}
