@@ -10,7 +10,8 @@ use std::thread;
 
 use resonarm::bus::{Bus, memory};
 use resonarm::protocol::{
-    ForceCommand, Hello, Message, Network, Node, NodeState, OperatorCommand, OperatorRequest, Receiver, Transmitter,
+    ForceCommand, Hello, Message, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver,
+    Transmitter,
 };
 use resonarm::run::{Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;
@@ -60,7 +61,7 @@ fn control(bus: &mut dyn Bus, gain_n_s_m: f64) -> Result<(), Box<dyn Error>> {
             match receiver.accept(&received.frame)? {
                 // The plant is there: it must know whom it is armed by.
                 Some(Message::PlantHello(_)) => {
-                    bus.send(&transmitter.frame(&Message::ExciterHello(Hello::classic(RATE_HZ)))?)?;
+                    bus.send(&transmitter.frame(&Message::ExciterHello(Hello::new(Profile::Classic, RATE_HZ)))?)?;
                     bus.send(&transmitter.frame(&Message::Operator(arm))?)?;
                 }
                 // The last message of a sample: answer it.

@@ -1,10 +1,71 @@
-//! The DBC that the layouts come from, and its hash.
+//! The DBC files that the layouts come from, their hashes, and the same for another base and other node ids.
 
-/// The text of `resonarm.dbc`.
-pub const DBC_TEXT: &str = include_str!("../resonarm.dbc");
+use core::fmt::{self, Write};
 
-/// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of `resonarm.dbc`. A hello carries its low 24 bits.
-pub const DBC_HASH: u32 = crc32(DBC_TEXT.as_bytes());
+use crate::message::MessageKind;
+use crate::network::{Network, Node, Profile};
+
+/// The text of a profile's DBC, at the default base identifier and node ids: `resonarm.dbc` or `resonarm-fd.dbc`.
+pub const fn text(profile: Profile) -> &'static str {
+    match profile {
+        Profile::Classic => include_str!("../resonarm.dbc"),
+        Profile::Fd => include_str!("../resonarm-fd.dbc"),
+    }
+}
+
+/// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It stands for the
+/// layouts, so it is the same whatever the base and the node ids.
+pub const fn hash(profile: Profile) -> u32 {
+    const HASHES: [u32; 2] = [crc32(text(Profile::Classic).as_bytes()), crc32(text(Profile::Fd).as_bytes())];
+    HASHES[profile as usize]
+}
+
+/// The DBC of a network: [`text`] with the identifiers, node ids and data ids that the network has.
+///
+/// Identifiers stand after `BO_`, `SG_`, `VAL_` and `SIG_VALTYPE_`, each of which begins a line or follows `CM_` or the name of an
+/// attribute.
+#[derive(Clone, Copy, Debug)]
+pub struct Dbc(pub Network);
+
+impl fmt::Display for Dbc {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for line in text(self.0.profile()).lines() {
+            self.line(f, line)?;
+            f.write_char('\n')?;
+        }
+        Ok(())
+    }
+}
+
+impl Dbc {
+    fn line(&self, f: &mut fmt::Formatter<'_>, line: &str) -> fmt::Result {
+        if let Some(node) = line.strip_prefix("BA_ \"NodeId\" BU_ ") {
+            let node = if node.starts_with("Plant") { Node::Plant } else { Node::Exciter };
+            let name = if node == Node::Plant { "Plant" } else { "Exciter" };
+            return write!(f, "BA_ \"NodeId\" BU_ {name} {};", self.0.node_id(node));
+        }
+        let Some((before, kind, after)) = identifier(self.0.profile(), line) else { return f.write_str(line) };
+        write!(f, "{before}{}", kind.id(self.0))?;
+        match kind.data_id(self.0) {
+            Some(data_id) if before.starts_with("BA_ \"E2EDataId\"") => write!(f, " {data_id};"),
+            _ => f.write_str(after),
+        }
+    }
+}
+
+/// The message whose identifier a line has, with what stands before and after the identifier.
+fn identifier(profile: Profile, line: &str) -> Option<(&str, MessageKind, &str)> {
+    const BEFORE: [&str; 6] = ["BO_ ", "CM_ BO_ ", "CM_ SG_ ", "VAL_ ", "SIG_VALTYPE_ ", "BA_ \""];
+    let word = BEFORE.into_iter().find(|word| line.starts_with(word))?;
+    let start = if word.starts_with("BA_") { line.find(" BO_ ")? + " BO_ ".len() } else { word.len() };
+    let (before, rest) = line.split_at(start);
+    let digits = rest.find(|c: char| !c.is_ascii_digit())?;
+    let (number, after) = rest.split_at(digits);
+    let id = number.parse().ok()?;
+    let network = Network::default().with_profile(profile);
+    let kind = MessageKind::from_id(network, crate::Id::Standard(id))?;
+    Some((before, kind, after))
+}
 
 /// CRC-32/ISO-HDLC: reflected polynomial 0xEDB88320, start and final XOR 0xFFFFFFFF.
 const fn crc32(bytes: &[u8]) -> u32 {
@@ -25,6 +86,7 @@ const fn crc32(bytes: &[u8]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::string::ToString;
 
     #[test]
     fn the_hash_is_the_crc_of_zlib() {
@@ -33,9 +95,19 @@ mod tests {
     }
 
     #[test]
-    fn the_file_has_unix_line_ends_and_is_ascii() {
-        assert!(!DBC_TEXT.contains('\r'), "another line end would give another hash");
-        assert!(DBC_TEXT.is_ascii());
-        assert!(DBC_TEXT.ends_with('\n'));
+    fn the_files_have_unix_line_ends_and_are_ascii() {
+        for profile in Profile::ALL {
+            let text = text(profile);
+            assert!(!text.contains('\r'), "another line end would give another hash");
+            assert!(text.is_ascii());
+            assert!(text.ends_with('\n'));
+        }
+    }
+
+    #[test]
+    fn the_default_network_has_the_files() {
+        for profile in Profile::ALL {
+            assert_eq!(Dbc(Network::default().with_profile(profile)).to_string(), text(profile));
+        }
     }
 }

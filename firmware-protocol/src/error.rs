@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::e2e::{COUNTER_MAX, CounterFault, MAX_DELTA_COUNTER};
+use crate::e2e::{CounterFault, MAX_DELTA_COUNTER, Protection};
 use crate::frame::FrameFormat;
 use crate::message::MessageKind;
 
@@ -42,6 +42,20 @@ pub enum EncodeError {
         /// The largest value the signal can have.
         max: u32,
     },
+    /// A limit is less than zero.
+    Negative {
+        /// The message.
+        kind: MessageKind,
+        /// The signal, by the name of its field.
+        signal: &'static str,
+        /// The value, in the unit of the signal.
+        got: f64,
+    },
+    /// The network's profile has no such message.
+    OtherProfile {
+        /// The message.
+        kind: MessageKind,
+    },
 }
 
 impl fmt::Display for EncodeError {
@@ -56,6 +70,12 @@ impl fmt::Display for EncodeError {
             EncodeError::Invalid { kind, signal, got, min, max } => {
                 write!(f, "{kind}: {signal} is {got}, not in {min} to {max}; nothing was sent")
             }
+            EncodeError::Negative { kind, signal, got } => {
+                write!(f, "{kind}: {signal} is {got}, less than 0; nothing was sent")
+            }
+            EncodeError::OtherProfile { kind } => {
+                write!(f, "{kind}: the network's profile has no such message; nothing was sent")
+            }
         }
     }
 }
@@ -65,12 +85,17 @@ impl core::error::Error for EncodeError {}
 /// Why a frame on one of the protocol's identifiers is refused. Its content must not be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
-    /// The frame is not a classical data frame.
+    /// The frame is not of the format that the message has in the network's profile.
     Format {
         /// The message of the identifier.
         kind: MessageKind,
         /// The format of the frame.
         got: FrameFormat,
+    },
+    /// The network's profile has no such message.
+    OtherProfile {
+        /// The message of the identifier.
+        kind: MessageKind,
     },
     /// The frame has the wrong length.
     Length {
@@ -86,9 +111,11 @@ pub enum DecodeError {
         /// The message of the identifier.
         kind: MessageKind,
         /// The CRC in the frame.
-        got: u8,
+        got: u16,
         /// The CRC of its content.
-        expected: u8,
+        expected: u16,
+        /// The profile that states its width.
+        protection: Protection,
     },
     /// The CRC is right and the counter is not.
     Counter {
@@ -115,6 +142,20 @@ pub enum DecodeError {
         /// The signal, by the name of its field.
         signal: &'static str,
     },
+    /// A single is not a number or infinite.
+    NotFinite {
+        /// The message.
+        kind: MessageKind,
+        /// The signal, by the name of its field.
+        signal: &'static str,
+    },
+    /// A limit is less than zero.
+    Negative {
+        /// The message.
+        kind: MessageKind,
+        /// The signal, by the name of its field.
+        signal: &'static str,
+    },
     /// A signal has a value without a meaning.
     UnknownValue {
         /// The message.
@@ -131,11 +172,14 @@ impl DecodeError {
     pub const fn kind(&self) -> MessageKind {
         match *self {
             DecodeError::Format { kind, .. }
+            | DecodeError::OtherProfile { kind }
             | DecodeError::Length { kind, .. }
             | DecodeError::Crc { kind, .. }
             | DecodeError::Counter { kind, .. }
             | DecodeError::Reserved { kind, .. }
             | DecodeError::NotAvailable { kind, .. }
+            | DecodeError::NotFinite { kind, .. }
+            | DecodeError::Negative { kind, .. }
             | DecodeError::UnknownValue { kind, .. } => kind,
         }
     }
@@ -151,22 +195,31 @@ impl fmt::Display for DecodeError {
         write!(f, "{} refused: ", self.kind())?;
         match *self {
             DecodeError::Format { got: FrameFormat::Remote, .. } => f.write_str("a remote frame carries no data"),
-            DecodeError::Format { .. } => f.write_str("a CAN FD frame on an identifier of the classic profile"),
+            DecodeError::Format { got: FrameFormat::Fd { .. }, .. } => {
+                f.write_str("a CAN FD frame where a classical one belongs")
+            }
+            DecodeError::Format { .. } => f.write_str("a classical frame where a CAN FD one belongs"),
+            DecodeError::OtherProfile { .. } => f.write_str("the network's profile has no such message"),
             DecodeError::Length { got, expected, .. } => write!(f, "{got} bytes long instead of {expected}"),
-            DecodeError::Crc { got, expected, .. } => {
+            DecodeError::Crc { got, expected, protection: Protection::Profile11, .. } => {
                 write!(f, "CRC {got:#04X} instead of {expected:#04X}")
+            }
+            DecodeError::Crc { got, expected, protection: Protection::Profile5, .. } => {
+                write!(f, "CRC {got:#06X} instead of {expected:#06X}")
             }
             DecodeError::Counter { fault: CounterFault::Repeated, got, .. } => write!(f, "counter {got} again"),
             DecodeError::Counter { fault: CounterFault::WrongSequence { last }, got, .. } => {
                 write!(f, "counter {got} after {last}, a step of more than {MAX_DELTA_COUNTER}")
             }
             DecodeError::Counter { fault: CounterFault::Invalid, got, .. } => {
-                write!(f, "counter {got} is not in 0 to {COUNTER_MAX}")
+                write!(f, "counter {got} is not in 0 to {}", Protection::Profile11.counter_max())
             }
             DecodeError::Reserved { byte, got, .. } => {
                 write!(f, "byte {byte} has reserved bits set ({got:#04X})")
             }
             DecodeError::NotAvailable { signal, .. } => write!(f, "{signal} is not available"),
+            DecodeError::NotFinite { signal, .. } => write!(f, "{signal} is not a finite number"),
+            DecodeError::Negative { signal, .. } => write!(f, "{signal} is less than 0"),
             DecodeError::UnknownValue { signal, got, .. } => write!(f, "{signal} has no value {got}"),
         }
     }
@@ -210,8 +263,8 @@ mod tests {
             let mut bytes = [0; 64];
             bytes[..data.len()].copy_from_slice(data);
             let kind = MessageKind::from_id(Network::default(), Id::Standard(id)).unwrap();
-            if let (8, Some(data_id), 0) = (data.len(), kind.data_id(), data[0]) {
-                bytes[0] = crate::e2e::crc(data_id, bytes.first_chunk().unwrap());
+            if let (8, Some(data_id), 0) = (data.len(), kind.data_id(Network::default()), data[0]) {
+                bytes[0] = crate::e2e::profile11::crc(data_id, bytes.first_chunk().unwrap());
             }
             let frame = Frame::new(Id::Standard(id), format, &bytes[..data.len()]).unwrap();
             receiver.accept(&frame).map_or_else(|error| error.to_string(), |_| "taken".to_string())
@@ -241,7 +294,7 @@ mod tests {
             (0x701, classic, &[0x42]),
         ]), @r"
         ForceCommand refused: a remote frame carries no data
-        ForceCommand refused: a CAN FD frame on an identifier of the classic profile
+        ForceCommand refused: a CAN FD frame where a classical one belongs
         ImpedanceHead refused: 7 bytes long instead of 8
         ExciterHeartbeat refused: 2 bytes long instead of 1
         ForceCommand refused: CRC 0x01 instead of 0x81

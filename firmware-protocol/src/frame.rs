@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::message::Form;
+
 /// A CAN identifier (ISO 11898-1): 11 bits (base format) or 29 bits (extended format).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
@@ -129,16 +131,11 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
-    /// A classical data frame of this protocol, whose identifiers and lengths fit by construction.
-    pub(crate) const fn standard<const N: usize>(id: u16, bytes: [u8; N]) -> Frame {
-        const { assert!(N <= 8) };
+    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with the first of `bytes`.
+    pub(crate) fn of_form(id: u16, form: &Form, bytes: &[u8]) -> Frame {
         let mut data = [0; 64];
-        let mut i = 0;
-        while i < N {
-            data[i] = bytes[i];
-            i += 1;
-        }
-        Frame { id: Id::Standard(id), format: FrameFormat::Classic, len: N as u8, data }
+        data[..form.length].copy_from_slice(&bytes[..form.length]);
+        Frame { id: Id::Standard(id), format: form.format, len: form.length as u8, data }
     }
 
     /// The identifier.

@@ -1,14 +1,14 @@
 //! The CAN protocol between the Resonarm plant and an exciter controller.
 //!
 //! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware.
-//! `SPEC.md` beside this crate is the specification, `resonarm.dbc` the source of truth for layouts.
+//! `SPEC.md` beside this crate is the specification; `resonarm.dbc` and `resonarm-fd.dbc` are the source of truth for layouts.
 #![no_std]
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 extern crate std;
 
-mod dbc;
+pub mod dbc;
 pub mod e2e;
 mod error;
 pub mod frame;
@@ -21,17 +21,17 @@ pub mod state;
 pub mod timing;
 mod transmitter;
 
-pub use dbc::{DBC_HASH, DBC_TEXT};
 pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
 pub use message::{
-    Acceleration, Cycle, Emergency, EmergencyCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Message, MessageKind,
-    Mismatch, OperatorCommand, OperatorRequest, Profile, Refusal, TorqueCommand, Version,
+    Acceleration, Capabilities, Cycle, Emergency, EmergencyCode, ForceCommand, Form, Heartbeat, Hello, ImpedanceHead,
+    Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SensorPair, SensorValues,
+    Sensors, TorqueCommand, Version,
 };
-pub use network::{DEFAULT_BASE, Network, NetworkError, Node};
+pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile};
 pub use receiver::Receiver;
 pub use state::{NodeState, StateEvent, next};
 pub use transmitter::Transmitter;
 
 /// The version of the protocol that this crate speaks: major in the high nibble, minor in the low one.
-pub const PROTOCOL_VERSION: u8 = 0x11;
+pub const PROTOCOL_VERSION: u8 = 0x12;

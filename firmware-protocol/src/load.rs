@@ -5,6 +5,7 @@
 //! after every four, ⌊(34 + 8n − 1)/4⌋ in all.
 
 use crate::message::{Cycle, MessageKind};
+use crate::network::Profile;
 
 /// How many stuff bits to count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +25,7 @@ pub const fn frame_bits(len: usize, stuffing: Stuffing) -> u64 {
     }
 }
 
-/// The bit times per second that a running network takes: at each sample a command of one kind and the three sensor
+/// The bit times per second that a running network of the classic profile takes: at each sample a command of one kind and the three sensor
 /// messages, and the heartbeats and hellos of both nodes.
 ///
 /// Divided by the bit rate of the bus this is its load; above 0.7 single frames wait noticeably.
@@ -39,7 +40,9 @@ pub const fn bits_per_second(rate_hz: u16, stuffing: Stuffing) -> u64 {
             (_, Cycle::Sample) => rate_hz as u64,
             (_, Cycle::Period { period_ns }) => SECOND_NS / period_ns,
         };
-        bits += per_second * frame_bits(kind.len(), stuffing);
+        if let Some(form) = kind.form(Profile::Classic) {
+            bits += per_second * frame_bits(form.length, stuffing);
+        }
         i += 1;
     }
     bits

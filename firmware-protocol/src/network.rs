@@ -11,16 +11,53 @@ pub const BASE_MIN: u16 = 0x180;
 /// The largest base identifier.
 pub const BASE_MAX: u16 = 0x570;
 
-/// A block of identifiers: the process messages are `base + 0` to `base + 7`.
+/// The largest node id (CiA 301).
+pub const NODE_ID_MAX: u8 = 127;
+
+/// The frames that a network's commands and samples take. Everything else is the same in both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Profile {
+    /// Classical CAN: 8 bytes, a frame for each instrument, 16-bit counts, E2E Profile 11.
+    #[default]
+    Classic = 0,
+    /// CAN FD: up to 64 bytes, a frame for a whole sample, IEEE 754 single precision, E2E Profile 5.
+    Fd = 1,
+}
+
+impl Profile {
+    /// Both profiles.
+    pub const ALL: [Profile; 2] = [Profile::Classic, Profile::Fd];
+
+    /// The name in a scenario and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Profile::Classic => "classic",
+            Profile::Fd => "fd",
+        }
+    }
+}
+
+impl fmt::Display for Profile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// One plant and one exciter on a bus: the identifiers of their messages, their node ids, and their profile.
 ///
 /// The base is a multiple of `0x10` in [`BASE_MIN`]`..=`[`BASE_MAX`]: the range in which CANopen (CiA 301, predefined
 /// connection set) has its process data objects. NMT, SYNC, TIME, SDO, LSS and the heartbeats of other nodes stay free.
+/// Several networks share a bus if their bases differ and no node id is given twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Network {
     base: u16,
+    plant_id: u8,
+    exciter_id: u8,
+    profile: Profile,
 }
 
-/// Why a base identifier can't be used.
+/// Why a network can't be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkError {
     /// The base is outside [`BASE_MIN`]`..=`[`BASE_MAX`].
@@ -33,6 +70,18 @@ pub enum NetworkError {
         /// The base given.
         got: u16,
     },
+    /// A node id is outside `1..=`[`NODE_ID_MAX`].
+    NodeId {
+        /// The node.
+        node: Node,
+        /// The node id given.
+        got: u8,
+    },
+    /// Both nodes have the same node id.
+    SameNodeId {
+        /// The node id given.
+        got: u8,
+    },
 }
 
 impl fmt::Display for NetworkError {
@@ -44,6 +93,10 @@ impl fmt::Display for NetworkError {
             NetworkError::Unaligned { got } => {
                 write!(f, "base identifier {got:#05X} is not a multiple of 0x10: take {:#05X}", got & !0xF)
             }
+            NetworkError::NodeId { node, got } => {
+                write!(f, "node id {got} of the {node} is outside 1 to {NODE_ID_MAX}")
+            }
+            NetworkError::SameNodeId { got } => write!(f, "plant and exciter can't both have the node id {got}"),
         }
     }
 }
@@ -51,7 +104,7 @@ impl fmt::Display for NetworkError {
 impl core::error::Error for NetworkError {}
 
 impl Network {
-    /// The network whose process messages start at `base`.
+    /// The network of the nodes 1 and 2 in the classic profile, whose process messages start at `base`.
     ///
     /// # Errors
     /// [`NetworkError`] if `base` is out of range or not a multiple of `0x10`.
@@ -62,23 +115,58 @@ impl Network {
         if base & 0xF != 0 {
             return Err(NetworkError::Unaligned { got: base });
         }
-        Ok(Network { base })
+        Ok(Network { base, plant_id: 1, exciter_id: 2, profile: Profile::Classic })
+    }
+
+    /// The network with these node ids, 1 to [`NODE_ID_MAX`].
+    ///
+    /// # Errors
+    /// [`NetworkError`] if one is out of range or both are the same.
+    pub const fn with_node_ids(self, plant_id: u8, exciter_id: u8) -> Result<Network, NetworkError> {
+        if plant_id == 0 || plant_id > NODE_ID_MAX {
+            return Err(NetworkError::NodeId { node: Node::Plant, got: plant_id });
+        }
+        if exciter_id == 0 || exciter_id > NODE_ID_MAX {
+            return Err(NetworkError::NodeId { node: Node::Exciter, got: exciter_id });
+        }
+        if plant_id == exciter_id {
+            return Err(NetworkError::SameNodeId { got: plant_id });
+        }
+        Ok(Network { plant_id, exciter_id, ..self })
+    }
+
+    /// The network with this profile.
+    pub const fn with_profile(self, profile: Profile) -> Network {
+        Network { profile, ..self }
     }
 
     /// The first identifier of the block.
     pub const fn base(self) -> u16 {
         self.base
     }
-}
 
-impl Default for Network {
-    /// The network at [`DEFAULT_BASE`].
-    fn default() -> Network {
-        Network { base: DEFAULT_BASE }
+    /// The CANopen node id of a node.
+    pub const fn node_id(self, node: Node) -> u8 {
+        match node {
+            Node::Plant => self.plant_id,
+            Node::Exciter => self.exciter_id,
+        }
+    }
+
+    /// The frames of its commands and samples.
+    pub const fn profile(self) -> Profile {
+        self.profile
     }
 }
 
-/// A node of the network. The discriminant is its CANopen node id.
+impl Default for Network {
+    /// The network at [`DEFAULT_BASE`], of the nodes 1 and 2, in the classic profile.
+    fn default() -> Network {
+        Network { base: DEFAULT_BASE, plant_id: 1, exciter_id: 2, profile: Profile::Classic }
+    }
+}
+
+/// A node of a network, by its role. The discriminant is the number that stands for it in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Node {
@@ -92,14 +180,14 @@ impl Node {
     /// Both nodes.
     pub const ALL: [Node; 2] = [Node::Plant, Node::Exciter];
 
-    /// The CANopen node id.
-    pub const fn id(self) -> u8 {
+    /// The number that stands for the node in messages, whatever its node id.
+    pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// The node of a CANopen node id, if it is one of this protocol.
-    pub const fn from_id(id: u8) -> Option<Node> {
-        match id {
+    /// The node of a number, if it is one.
+    pub const fn from_number(number: u8) -> Option<Node> {
+        match number {
             1 => Some(Node::Plant),
             2 => Some(Node::Exciter),
             _ => None,
@@ -146,13 +234,31 @@ mod tests {
     }
 
     #[test]
-    fn node_ids_go_there_and_back() {
+    fn node_ids_are_two_of_1_to_127() {
+        for plant_id in 0..=u8::MAX {
+            for exciter_id in 0..=u8::MAX {
+                let fits = plant_id != exciter_id && (1..=127).contains(&plant_id) && (1..=127).contains(&exciter_id);
+                let network = Network::default().with_node_ids(plant_id, exciter_id);
+                let ids = network.map(|network| Node::ALL.map(|node| network.node_id(node)));
+                assert_eq!(ids.ok(), fits.then_some([plant_id, exciter_id]));
+            }
+        }
+        let said = |plant_id, exciter_id| {
+            Network::default().with_node_ids(plant_id, exciter_id).map_err(|error| error.to_string())
+        };
+        assert_eq!(said(0, 2), Err("node id 0 of the plant is outside 1 to 127".to_string()));
+        assert_eq!(said(3, 128), Err("node id 128 of the exciter is outside 1 to 127".to_string()));
+        assert_eq!(said(3, 3), Err("plant and exciter can't both have the node id 3".to_string()));
+    }
+
+    #[test]
+    fn numbers_of_nodes_go_there_and_back() {
         for node in Node::ALL {
-            assert_eq!(Node::from_id(node.id()), Some(node));
+            assert_eq!(Node::from_number(node.number()), Some(node));
             assert_ne!(node.partner(), node);
             assert_eq!(node.partner().partner(), node);
         }
-        assert_eq!(Node::from_id(0), None);
-        assert_eq!(Node::from_id(3), None);
+        assert_eq!(Node::from_number(0), None);
+        assert_eq!(Node::from_number(3), None);
     }
 }

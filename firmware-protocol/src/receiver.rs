@@ -1,8 +1,8 @@
 //! Frames to messages.
 
-use crate::e2e::{self, Supervision};
+use crate::e2e::{Protection, Supervision, profile5, profile11};
 use crate::error::DecodeError;
-use crate::frame::{Frame, FrameFormat};
+use crate::frame::Frame;
 use crate::message::{Heartbeat, Message, MessageKind, Payload};
 use crate::network::{Network, Node};
 use crate::state::NodeState;
@@ -40,14 +40,23 @@ impl Receiver {
     /// [`DecodeError`] if the frame has an identifier of the protocol and is not valid. Its content must not be used.
     pub fn accept(&mut self, frame: &Frame) -> Result<Option<Message>, DecodeError> {
         let Some(kind) = MessageKind::from_id(self.network, frame.id()) else { return Ok(None) };
-        if frame.format() != FrameFormat::Classic {
+        let form = kind.form(self.network.profile()).ok_or(DecodeError::OtherProfile { kind })?;
+        if !form.takes(frame.format()) {
             return Err(DecodeError::Format { kind, got: frame.format() });
         }
-        let payload = match kind.data_id() {
-            None => unprotected(kind, frame.data())?,
-            Some(data_id) => self.protected(kind, data_id, frame.data())?,
+        if frame.len() != form.length {
+            return Err(DecodeError::Length { kind, got: frame.len(), expected: form.length });
+        }
+        let message = match form.protection.zip(kind.data_id(self.network)) {
+            None => Message::decode(kind, &unprotected(frame.data()))?,
+            Some((Protection::Profile11, data_id)) => {
+                Message::decode(kind, &self.profile11(kind, data_id, frame.data())?)?
+            }
+            Some((Protection::Profile5, data_id)) => {
+                self.profile5(kind, data_id, frame.data())?;
+                Message::decode_fd(kind, frame.data())?
+            }
         };
-        let message = Message::decode(kind, &payload)?;
         if let Message::Heartbeat(Heartbeat { node, state: NodeState::BootUp }) = message {
             self.restart(node);
         }
@@ -64,26 +73,39 @@ impl Receiver {
         }
     }
 
-    fn protected(&mut self, kind: MessageKind, data_id: u16, data: &[u8]) -> Result<Payload, DecodeError> {
-        let Ok(data) = <&[u8; 8]>::try_from(data) else {
-            return Err(DecodeError::Length { kind, got: data.len(), expected: kind.len() });
-        };
-        let (got, expected) = (data[0], e2e::crc(data_id, data));
+    /// The payload of a classical frame, checked.
+    fn profile11(&mut self, kind: MessageKind, data_id: u16, data: &[u8]) -> Result<Payload, DecodeError> {
+        let protection = Protection::Profile11;
+        let mut bytes = [0; 8];
+        bytes.copy_from_slice(data);
+        let (got, expected) = (bytes[0].into(), profile11::crc(data_id, &bytes).into());
         if got != expected {
-            return Err(DecodeError::Crc { kind, got, expected });
+            return Err(DecodeError::Crc { kind, got, expected, protection });
         }
-        let counter = data[1] & 0xF;
-        let checked = self.supervisions[kind as usize].check(counter);
+        self.supervise(kind, protection, bytes[1] & 0xF)?;
+        let [_, flags, bytes @ ..] = bytes;
+        Ok(Payload { flags: flags >> 4, bytes })
+    }
+
+    /// Checks a CAN FD frame.
+    fn profile5(&mut self, kind: MessageKind, data_id: u16, data: &[u8]) -> Result<(), DecodeError> {
+        let protection = Protection::Profile5;
+        let (got, expected) = (u16::from_le_bytes([data[0], data[1]]), profile5::crc(data_id, data));
+        if got != expected {
+            return Err(DecodeError::Crc { kind, got, expected, protection });
+        }
+        self.supervise(kind, protection, data[2])
+    }
+
+    fn supervise(&mut self, kind: MessageKind, protection: Protection, counter: u8) -> Result<(), DecodeError> {
+        let checked = self.supervisions[kind as usize].check(protection, counter);
         let lost = checked.map_err(|fault| DecodeError::Counter { kind, fault, got: counter })?;
         self.lost += u64::from(lost);
-        let [_, flags, bytes @ ..] = *data;
-        Ok(Payload { flags: flags >> 4, bytes })
+        Ok(())
     }
 }
 
-fn unprotected(kind: MessageKind, data: &[u8]) -> Result<Payload, DecodeError> {
-    match data {
-        [byte] => Ok(Payload { flags: 0, bytes: [*byte, 0, 0, 0, 0, 0] }),
-        _ => Err(DecodeError::Length { kind, got: data.len(), expected: kind.len() }),
-    }
+/// The payload of a heartbeat.
+fn unprotected(data: &[u8]) -> Payload {
+    Payload { flags: 0, bytes: [data[0], 0, 0, 0, 0, 0] }
 }

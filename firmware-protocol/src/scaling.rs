@@ -1,6 +1,8 @@
-//! Physical values as signed 16-bit counts: raw = round(value · counts per unit), value = raw / counts per unit.
+//! Physical values of the classic profile as signed 16-bit counts: raw = round(value · counts per unit), value = raw / counts per unit.
 //!
 //! Rounding is to nearest, ties to even. Counts go from −32767 to 32767; −32768 is reserved for "not available".
+
+use crate::network::Profile;
 
 /// The largest count; the smallest is its negative.
 pub const RAW_MAX: i16 = i16::MAX;
@@ -40,9 +42,17 @@ impl Scale {
         self.counts_per_unit
     }
 
-    /// The largest value that can be sent, in units of the quantity; the smallest is its negative.
+    /// The value of the largest count, in units of the quantity; the smallest is its negative.
     pub const fn max(self) -> f64 {
         self.value(RAW_MAX)
+    }
+
+    /// The largest value that the signals of a profile can say, in units of the quantity; the smallest is its negative.
+    pub const fn limit(self, profile: Profile) -> f64 {
+        match profile {
+            Profile::Classic => self.max(),
+            Profile::Fd => f32::MAX as f64,
+        }
     }
 
     /// The count for `value`.

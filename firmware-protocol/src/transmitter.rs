@@ -1,6 +1,6 @@
 //! Messages to frames.
 
-use crate::e2e;
+use crate::e2e::{Protection, profile5, profile11};
 use crate::error::EncodeError;
 use crate::frame::Frame;
 use crate::message::{Message, MessageKind};
@@ -28,19 +28,32 @@ impl Transmitter {
     /// order; to send a message again, make another frame.
     ///
     /// # Errors
-    /// [`EncodeError`] if a value can't be sent; the counter stays as it was.
+    /// [`EncodeError`] if a value can't be sent or the profile has no such message; the counter stays as it was.
     pub fn frame(&mut self, message: &Message) -> Result<Frame, EncodeError> {
-        let payload = message.encode()?;
         let kind = message.kind();
         let id = kind.id(self.network);
-        let [a, b, c, d, e, f] = payload.bytes;
-        let Some(data_id) = kind.data_id() else {
-            return Ok(Frame::standard(id, [a]));
+        let form = kind.form(self.network.profile()).ok_or(EncodeError::OtherProfile { kind })?;
+        let (Some(protection), Some(data_id)) = (form.protection, kind.data_id(self.network)) else {
+            return Ok(Frame::of_form(id, &form, &message.encode()?.bytes));
         };
         let counter = self.counters[kind as usize];
-        self.counters[kind as usize] = e2e::counter_after(counter);
-        let mut data = [0, payload.flags << 4 | counter, a, b, c, d, e, f];
-        data[0] = e2e::crc(data_id, &data);
-        Ok(Frame::standard(id, data))
+        let frame = match protection {
+            Protection::Profile11 => {
+                let payload = message.encode()?;
+                let [a, b, c, d, e, f] = payload.bytes;
+                let mut data = [0, payload.flags << 4 | counter, a, b, c, d, e, f];
+                data[0] = profile11::crc(data_id, &data);
+                Frame::of_form(id, &form, &data)
+            }
+            Protection::Profile5 => {
+                let mut data = message.encode_fd()?;
+                data[2] = counter;
+                let crc = profile5::crc(data_id, &data[..form.length]);
+                data[..2].copy_from_slice(&crc.to_le_bytes());
+                Frame::of_form(id, &form, &data)
+            }
+        };
+        self.counters[kind as usize] = protection.counter_after(counter);
+        Ok(frame)
     }
 }

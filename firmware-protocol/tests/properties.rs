@@ -4,11 +4,12 @@
 mod common;
 
 use proptest::prelude::*;
-use resonarm_protocol::e2e::{COUNTER_MAX, CounterFault};
+use resonarm_protocol::e2e::CounterFault;
 use resonarm_protocol::scaling::{ACCELERATION, Count, FORCE, Scale, TORQUE};
 use resonarm_protocol::{
-    Acceleration, DecodeError, EncodeError, ForceCommand, Frame, FrameFormat, Heartbeat, Id, ImpedanceHead, Message,
-    MessageKind, Network, Node, NodeState, Receiver, TorqueCommand, Transmitter,
+    Acceleration, DecodeError, EncodeError, ForceCommand, Frame, FrameFormat, Heartbeat, Id, ImpedanceHead, Measured,
+    Message, MessageKind, Network, Node, NodeState, Profile, Receiver, SensorValues, Sensors, TorqueCommand,
+    Transmitter,
 };
 
 /// Values dense at the places where something changes: counts, ties between them, zero, the ends of the range.
@@ -25,26 +26,36 @@ fn near_boundaries(scale: Scale) -> impl Strategy<Value = f64> {
     prop_oneof![4 => nudged, 1 => -2.0 * scale.max()..2.0 * scale.max()]
 }
 
-/// Any frame, most of them on the identifiers of the protocol.
+/// Any frame, most of them on the identifiers of the protocol and of the form that one of them has.
 fn any_frame() -> impl Strategy<Value = Frame> {
     let ids = prop_oneof![
         4 => prop::sample::select(MessageKind::ALL.map(|kind| Id::Standard(kind.id(Network::default()))).to_vec()),
         1 => (0u16..0x800).prop_map(Id::Standard),
         1 => (0u32..0x2000_0000).prop_map(Id::Extended),
     ];
-    let fd = FrameFormat::Fd { bit_rate_switch: false, error_state_indicator: true };
-    let formats = prop::sample::select(vec![FrameFormat::Classic, FrameFormat::Classic, FrameFormat::Remote, fd]);
-    (ids, formats, prop::collection::vec(any::<u8>(), 0..=8))
-        .prop_map(|(id, format, data)| Frame::new(id, format, &data).unwrap())
+    let fd = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+    let bytes = |lengths: &'static [usize]| {
+        prop::sample::select(lengths).prop_flat_map(|length| prop::collection::vec(any::<u8>(), length))
+    };
+    let classic = (Just(FrameFormat::Classic), bytes(&[0, 1, 2, 7, 8, 8, 8, 8]));
+    let fd = (Just(fd), bytes(&[1, 8, 12, 16, 16, 16, 32, 32, 64, 64]));
+    let remote = (Just(FrameFormat::Remote), bytes(&[0, 8]));
+    (ids, prop_oneof![4 => classic, 4 => fd, 1 => remote])
+        .prop_map(|(id, (format, data))| Frame::new(id, format, &data).unwrap())
 }
 
-/// The frame with a CRC that fits its content, if it is a protected one.
-fn with_right_crc(frame: Frame) -> Frame {
-    let kind = MessageKind::from_id(Network::default(), frame.id());
-    match (kind.and_then(MessageKind::data_id), frame.format(), frame.len()) {
-        (Some(_), FrameFormat::Classic, 8) => common::with_content(&frame, |_| {}),
-        _ => frame,
-    }
+/// The frame with its reserved bytes of zero, where it is one of the FD profile's, and with a CRC that fits its content: so that many
+/// are taken.
+fn mended(profile: Profile, frame: Frame) -> Frame {
+    common::with_content(profile, &frame, |data| match data.len() {
+        16 => data[6..8].fill(0),
+        32 => (data[3], data[6], data[7]) = (data[3] & 0x3F, 0, 0),
+        64 => {
+            (data[3], data[6], data[7]) = (data[3] & 0x3F, data[6] & 0x3F, 0);
+            data[56..].fill(0);
+        }
+        _ => {}
+    })
 }
 
 /// A commanded value comes back within half a count, or is refused because its count lies beyond the range.
@@ -73,7 +84,7 @@ fn check_measured(sent: f64, scale: Scale, value: f64, saturated: bool) -> Resul
 
 fn over_the_wire(message: Message) -> Result<Message, EncodeError> {
     let frame = Transmitter::new(Network::default()).frame(&message)?;
-    Ok(common::accept(&frame).unwrap().unwrap())
+    Ok(common::accept(Profile::Classic, &frame).unwrap().unwrap())
 }
 
 proptest! {
@@ -118,13 +129,45 @@ proptest! {
     }
 
     #[test]
-    fn whatever_is_accepted_is_what_a_sender_would_send(frames in prop::collection::vec(any_frame(), 1..60)) {
-        let mut receiver = Receiver::new(Network::default());
-        for frame in frames.into_iter().map(with_right_crc) {
+    fn whatever_is_accepted_is_what_a_sender_would_send(
+        frames in prop::collection::vec(any_frame(), 1..60), profile in prop::sample::select(Profile::ALL.to_vec()),
+    ) {
+        let network = common::network(profile);
+        let mut receiver = Receiver::new(network);
+        for frame in frames.into_iter().map(|frame| mended(profile, frame)) {
             let Ok(Some(message)) = receiver.accept(&frame) else { continue };
-            let mut transmitter = Transmitter::new(Network::default());
-            let again = (0..=COUNTER_MAX).map(|_| transmitter.frame(&message)).any(|again| again == Ok(frame));
+            let mut transmitter = Transmitter::new(network);
+            let again = (0..=u8::MAX).map(|_| transmitter.frame(&message)).any(|again| again == Ok(frame));
             prop_assert!(again, "{frame} was taken as {message:?}");
+        }
+    }
+
+    /// A value of the FD profile comes back as the single nearest to it; one beyond its range is refused or flagged.
+    #[test]
+    fn values_of_the_fd_profile_come_back_as_singles(value in prop_oneof![any::<f64>(), -1e5..1e5f64], sample: u16) {
+        let network = common::network(Profile::Fd);
+        let single = f64::from(value as f32);
+        let force = Message::Force(ForceCommand { force_x_n: value, force_y_n: 1.0, sample });
+        match Transmitter::new(network).frame(&force) {
+            Ok(frame) => {
+                let expected = Message::Force(ForceCommand { force_x_n: single, force_y_n: 1.0, sample });
+                prop_assert_eq!(common::accept(Profile::Fd, &frame), Ok(Some(expected)));
+            }
+            Err(EncodeError::NotFinite { .. }) => prop_assert!(!value.is_finite()),
+            Err(EncodeError::OutOfRange { limit, .. }) => prop_assert!(value.is_finite() && value.abs() > limit),
+            Err(other) => prop_assert!(false, "{other}"),
+        }
+        let mut sensors = Sensors { values: SensorValues::default(), sample };
+        sensors.values.acceleration_c_m_s2[1].value = value;
+        match Transmitter::new(network).frame(&Message::Sensors(sensors)) {
+            Ok(frame) => {
+                let end = f64::from(f32::MAX).copysign(value);
+                let saturated = single.is_infinite();
+                let value = if saturated { end } else { single };
+                sensors.values.acceleration_c_m_s2[1] = Measured { value, saturated };
+                prop_assert_eq!(common::accept(Profile::Fd, &frame), Ok(Some(Message::Sensors(sensors))));
+            }
+            Err(other) => prop_assert!(!value.is_finite(), "{}", other),
         }
     }
 
@@ -139,7 +182,7 @@ proptest! {
         let (mut gap, mut lost): (Option<u64>, u64) = (None, 0);
         for fate in fates {
             if fate == "boot" {
-                prop_assert_eq!(receiver.accept(&common::first_frame(&boot_up)), Ok(Some(boot_up)));
+                prop_assert_eq!(receiver.accept(&common::first_frame(Profile::Classic, &boot_up)), Ok(Some(boot_up)));
                 gap = None;
                 continue;
             }
@@ -172,12 +215,12 @@ proptest! {
 
 #[test]
 fn no_error_of_one_or_two_bits_gets_through() {
-    for message in common::samples() {
-        let frame = common::first_frame(&message);
+    for message in common::samples_of(Profile::Classic) {
+        let frame = common::first_frame(Profile::Classic, &message);
         let Ok(sent) = <[u8; 8]>::try_from(frame.data()) else { continue };
         for (one, two) in (0..64).flat_map(|one| (one..64).map(move |two| (one, two))) {
             let data = (u64::from_le_bytes(sent) ^ (1 << one | 1 << two)).to_le_bytes();
-            let refused = common::accept(&Frame::classic(frame.id(), &data).unwrap());
+            let refused = common::accept(Profile::Classic, &Frame::classic(frame.id(), &data).unwrap());
             assert!(matches!(refused, Err(DecodeError::Crc { .. })), "bits {one} and {two} of {message:?}");
         }
     }
@@ -185,14 +228,34 @@ fn no_error_of_one_or_two_bits_gets_through() {
 
 #[test]
 fn no_burst_of_up_to_7_bits_gets_through() {
-    for message in common::samples() {
-        let frame = common::first_frame(&message);
+    for message in common::samples_of(Profile::Classic) {
+        let frame = common::first_frame(Profile::Classic, &message);
         let Ok(sent) = <[u8; 8]>::try_from(frame.data()) else { continue };
         // On the wire the most significant bit of a byte comes first.
         for (start, pattern) in (0..=64 - 7).flat_map(|start| (1u64..1 << 7).map(move |pattern| (start, pattern))) {
             let data = (u64::from_be_bytes(sent) ^ pattern << start).to_be_bytes();
-            let refused = common::accept(&Frame::classic(frame.id(), &data).unwrap());
+            let refused = common::accept(Profile::Classic, &Frame::classic(frame.id(), &data).unwrap());
             assert!(matches!(refused, Err(DecodeError::Crc { .. })), "{pattern:07b} at {start} of {message:?}");
+        }
+    }
+}
+
+/// CRC-16 finds every burst of up to 16 bits within the bytes it covers.
+#[test]
+fn no_burst_of_up_to_16_bits_gets_through_in_the_fd_profile() {
+    for message in common::samples_of(Profile::Fd) {
+        let frame = common::first_frame(Profile::Fd, &message);
+        if frame.format() == FrameFormat::Classic {
+            continue;
+        }
+        for start in 16..8 * frame.len() {
+            for pattern in [1_u16, 3, 0x8001, 0xFFFF, 0xA5A5, 0x1021] {
+                let (mut data, end) = (frame.data().to_vec(), 8 * frame.len());
+                let places = (0..16).filter(|k| pattern >> k & 1 == 1).map(|k| start + k);
+                places.filter(|at| *at < end).for_each(|at| data[at / 8] ^= 0x80 >> (at % 8));
+                let refused = common::accept(Profile::Fd, &Frame::new(frame.id(), frame.format(), &data).unwrap());
+                assert!(matches!(refused, Err(DecodeError::Crc { .. })), "{pattern:#x} at {start} of {message:?}");
+            }
         }
     }
 }

@@ -1,12 +1,13 @@
-//! Holds `SPEC.md` to the code and to `resonarm.dbc`: every table and every example.
+//! Holds `SPEC.md` to the code and to the DBC files: every table and every example.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
 
-use can_dbc::{Dbc, NumericValue, ValueType};
+use can_dbc::{Dbc, Message as DbcMessage, NumericValue, SignalExtendedValueType, ValueType};
 use resonarm_protocol::{
-    Cycle, DBC_TEXT, DEFAULT_BASE, EmergencyCode, MessageKind, Mismatch, Network, NodeState, PROTOCOL_VERSION, Refusal,
-    StateEvent, Version, e2e,
+    Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, MessageKind, Mismatch, Network, Node, NodeState, PROTOCOL_VERSION,
+    Profile, Refusal, StateEvent, Version, dbc, e2e,
+    e2e::Protection,
     load::{Stuffing, bits_per_second, frame_bits},
     timing,
 };
@@ -44,59 +45,90 @@ fn nanoseconds(text: &str) -> u64 {
 
 #[test]
 fn the_messages_are_those_of_the_code() {
-    let rows: Vec<_> = rows(section("## 1. Network")).into_iter().filter(|row| row.len() == 7).collect();
+    let rows: Vec<_> = rows(section("## 1. Network")).into_iter().filter(|row| row.len() == 8).collect();
     assert_eq!(rows.len(), MessageKind::COUNT);
     for row in rows {
-        let kind = common::kind(&row[2]);
+        let (kind, network) = (common::kind(&row[2]), Network::default());
         let (base, offset) = row[0].split_once(" + ").unwrap();
         let base = if base == "base" { DEFAULT_BASE } else { hex(base) };
-        assert_eq!(base + offset.parse::<u16>().unwrap(), kind.id(Network::default()), "{kind}");
-        assert_eq!(hex(&row[1]), kind.id(Network::default()), "{kind}");
+        let offset =
+            if offset == "id" { network.node_id(kind.sender()).into() } else { offset.parse::<u16>().unwrap() };
+        assert_eq!(base + offset, kind.id(network), "{kind}");
+        assert_eq!(hex(&row[1]), kind.id(network), "{kind}");
         assert_eq!(row[3], kind.sender().to_string(), "{kind}");
-        assert_eq!(row[4], kind.len().to_string(), "{kind}");
+        let bytes = Profile::ALL.map(|profile| match kind.form(profile) {
+            None => "–".to_string(),
+            Some(form) if form.format == FrameFormat::Classic => form.length.to_string(),
+            Some(form) => format!("**{}**", form.length),
+        });
+        assert_eq!(row[4..6], bytes, "{kind}");
         let cycle = match kind.cycle() {
             Cycle::Sample => "sample".to_string(),
             Cycle::Event => "event".to_string(),
             Cycle::Period { period_ns } => format!("{} ms", period_ns / 1_000_000),
         };
-        assert_eq!(row[5], cycle, "{kind}");
-        assert_eq!(row[6], kind.data_id().map_or("none".to_string(), |id| format!("{id:#06X}").replace("0X", "0x")));
+        assert_eq!(row[6], cycle, "{kind}");
+        let data_id = kind.data_id(network).map(|id| format!("{id:#06X}").replace("0X", "0x"));
+        assert_eq!(row[7], data_id.unwrap_or("none".to_string()));
     }
+    let nodes: Vec<_> = rows_of_nodes();
+    assert_eq!(nodes, Node::ALL.map(|node| (node.number(), Network::default().node_id(node))));
+}
+
+/// Number and default node id of every node.
+fn rows_of_nodes() -> Vec<(u8, u8)> {
+    let nodes = rows(section("## 1. Network")).into_iter().filter(|row| row.len() == 4);
+    nodes.map(|row| (row[1].parse().unwrap(), row[2].parse().unwrap())).collect()
 }
 
 #[test]
 fn the_layouts_are_those_of_the_dbc() {
-    let dbc = Dbc::try_from(DBC_TEXT).unwrap();
+    for profile in Profile::ALL {
+        let dbc = Dbc::try_from(dbc::text(profile)).unwrap();
+        for message in &dbc.messages {
+            let kind = common::kind(&message.name);
+            let is_fd = kind.form(profile).is_some_and(|form| form.format != FrameFormat::Classic);
+            let heading = if is_fd { format!("### {kind}, FD") } else { format!("### {kind}") };
+            assert_eq!(rows(section(&heading)), layout(&dbc, message), "{heading}");
+        }
+    }
+}
+
+/// The rows that a message's table must have.
+fn layout(dbc: &Dbc, message: &DbcMessage) -> Vec<Vec<String>> {
     let number = |value: NumericValue| match value {
         NumericValue::Uint(value) => value.to_string(),
         NumericValue::Int(value) => value.to_string(),
+        NumericValue::Double(value) if value.abs() == f64::from(f32::MAX) => format!("{value:.1e}"),
         NumericValue::Double(value) => value.to_string(),
     };
-    for message in &dbc.messages {
-        let mut expected: Vec<Vec<String>> = Vec::new();
-        let mut signals: Vec<_> =
-            message.signals.iter().filter(|signal| !matches!(signal.name.as_str(), "crc" | "counter")).collect();
-        signals.sort_by_key(|signal| signal.start_bit);
-        for signal in signals {
-            let sign = if signal.value_type == ValueType::Signed { 'i' } else { 'u' };
-            let values = dbc.value_descriptions_for_signal(message.id, &signal.name).unwrap_or_default();
-            let names: Vec<String> =
-                values.iter().filter(|v| v.id >= 0).map(|v| format!("{} {}", v.id, v.description)).collect();
-            let names = if names.is_empty() { String::new() } else { format!(" {}.", names.join(", ")) };
-            let comment = dbc.signal_comment(message.id, &signal.name).unwrap();
-            expected.push(vec![
-                signal.start_bit.to_string(),
-                signal.size.to_string(),
-                signal.name.clone(),
-                format!("{sign}{}", signal.size),
-                signal.factor.to_string(),
-                format!("{} to {}", number(signal.min), number(signal.max)),
-                if signal.unit.is_empty() { "–".to_string() } else { signal.unit.clone() },
-                format!("{comment}{names}"),
-            ]);
-        }
-        assert_eq!(rows(section(&format!("### {}", message.name))), expected, "{}", message.name);
-    }
+    let mut signals: Vec<_> =
+        message.signals.iter().filter(|signal| !matches!(signal.name.as_str(), "crc" | "counter")).collect();
+    signals.sort_by_key(|signal| signal.start_bit);
+    let row = |signal: &can_dbc::Signal| {
+        let extended = dbc.extended_value_type_for_signal(message.id, &signal.name);
+        let sign = match (extended, signal.value_type) {
+            (Some(SignalExtendedValueType::IEEEfloat32Bit), _) => 'f',
+            (_, ValueType::Signed) => 'i',
+            (_, ValueType::Unsigned) => 'u',
+        };
+        let values = dbc.value_descriptions_for_signal(message.id, &signal.name).unwrap_or_default();
+        let names: Vec<String> =
+            values.iter().filter(|v| v.id >= 0).map(|v| format!("{} {}", v.id, v.description)).collect();
+        let names = if names.is_empty() { String::new() } else { format!(" {}.", names.join(", ")) };
+        let comment = dbc.signal_comment(message.id, &signal.name).unwrap();
+        vec![
+            signal.start_bit.to_string(),
+            signal.size.to_string(),
+            signal.name.clone(),
+            format!("{sign}{}", signal.size),
+            signal.factor.to_string(),
+            format!("{} to {}", number(signal.min), number(signal.max)),
+            if signal.unit.is_empty() { "–".to_string() } else { signal.unit.clone() },
+            format!("{comment}{names}"),
+        ]
+    };
+    signals.into_iter().map(row).collect()
 }
 
 #[test]
@@ -201,32 +233,45 @@ fn the_protection_is_that_of_the_code() {
     assert!(
         text.contains("data id `0x0123` and a frame of eight zero bytes") && text.contains("give `0xCC` for byte 0")
     );
-    assert_eq!(e2e::crc(0x0123, &[0; 8]), 0xCC);
+    assert_eq!(e2e::profile11::crc(0x0123, &[0; 8]), 0xCC);
+    assert!(text.contains("data id `0x1234` and eight zero bytes give `0xCA1C`, bytes `1C CA`"));
+    assert_eq!(e2e::profile5::crc(0x1234, &[0; 8]).to_le_bytes(), [0x1C, 0xCA]);
+    let counters = [Protection::Profile11, Protection::Profile5].map(|p| u16::from(p.counter_max()) + 1);
+    let [eleven, five] = counters;
+    assert!(text.contains(&format!("n = {eleven} values in Profile 11 and n = {five} in Profile 5")));
     let lost = format!("| 2 to {} | δ − 1 frames were lost |", e2e::MAX_DELTA_COUNTER);
-    let wrong = format!("| {} to {} | wrong sequence |", e2e::MAX_DELTA_COUNTER + 1, e2e::COUNTER_MAX);
+    let wrong = format!("| {} to n − 1 | wrong sequence |", e2e::MAX_DELTA_COUNTER + 1);
     assert!(text.contains(&lost) && text.contains(&wrong));
-    let title = format!("# The Resonarm protocol, classic profile, version {}\n", Version::from_byte(PROTOCOL_VERSION));
+    let title = format!("# The Resonarm protocol, version {}\n", Version::from_byte(PROTOCOL_VERSION));
     assert!(SPEC.starts_with(&title));
 }
 
 #[test]
 fn the_examples_are_frames_of_the_code() {
-    let mut seen = Vec::new();
-    let block = section("## 11. Examples").split("```").nth(1).unwrap();
-    for line in block.trim().lines() {
-        let mut words = line.split_whitespace();
-        let (frame, kind) = (common::frame(words.next().unwrap()), common::kind(words.next().unwrap()));
-        let value = |text: &str| text.parse::<f64>().ok().or(text.strip_prefix("0x").map(|_| hex24(text))).unwrap();
-        let stated: common::Signals =
-            words.filter_map(|word| word.split_once('=')).map(|(name, text)| (name.to_string(), value(text))).collect();
-        let received = common::accept(&frame).unwrap().unwrap();
-        assert_eq!((received.kind(), common::signals(&received)), (kind, stated.clone()), "{line}");
-        assert_eq!(common::first_frame(&common::message(kind, &stated)), frame, "{line}");
-        seen.push(kind);
+    for (profile, block) in Profile::ALL.into_iter().zip([1, 3]) {
+        let mut seen = Vec::new();
+        let block = section("## 11. Examples").split("```").nth(block).unwrap();
+        for line in block.trim().lines() {
+            let mut words = line.split_whitespace();
+            let (frame, kind) = (common::frame(words.next().unwrap()), common::kind(words.next().unwrap()));
+            let value = |text: &str| text.parse::<f64>().ok().or(text.strip_prefix("0x").map(|_| hex24(text))).unwrap();
+            let stated: common::Signals = words
+                .filter_map(|word| word.split_once('='))
+                .map(|(name, text)| (name.to_string(), value(text)))
+                .collect();
+            let received = common::accept(profile, &frame).unwrap().unwrap();
+            let signals: common::Signals =
+                common::signals(&received).into_iter().filter(|(name, _)| stated.contains_key(name)).collect();
+            assert_eq!((received.kind(), &signals), (kind, &stated), "{line}");
+            assert_eq!(common::first_frame(profile, &received), frame, "{line}");
+            seen.push(kind);
+        }
+        seen.sort();
+        seen.dedup();
+        let own =
+            |kind: &MessageKind| kind.form(profile).is_some_and(|form| profile == Profile::Classic || form.length > 8);
+        assert_eq!(seen, MessageKind::ALL.into_iter().filter(own).collect::<Vec<_>>(), "an example of every message");
     }
-    seen.sort();
-    seen.dedup();
-    assert_eq!(seen, MessageKind::ALL, "an example of every message");
 }
 
 fn hex24(text: &str) -> f64 {

@@ -1,43 +1,70 @@
 //! A receiver under any stream of frames: it must not panic, and whatever it takes must be what a sender would send.
 //!
-//! The input is a row of frames: a head byte, then up to 8 bytes of data. Of the head, bits 0 to 3 choose the identifier, bit 4 makes
-//! the CRC right, bits 5 and 6 choose the format, and bit 7 makes the data as short as its first byte says.
+//! The first byte of the input chooses the profile. Then comes a row of frames: a head byte, then up to 64 bytes of data, as many as the
+//! message has. Of the head, bits 0 to 3 choose the identifier, bit 4 makes the CRC right, bits 5 and 6 choose the format, and bit 7
+//! makes the data as long as its first byte says.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use resonarm_protocol::{Frame, FrameFormat, Id, MessageKind, Network, Receiver, Transmitter, e2e};
+use resonarm_protocol::e2e::{self, Protection};
+use resonarm_protocol::{Frame, FrameFormat, Id, MessageKind, Network, Profile, Receiver, Transmitter};
 
-fn frame(head: u8, bytes: &[u8]) -> Option<Frame> {
-    let network = Network::default();
-    let place = usize::from(head & 0xF);
-    let kind = MessageKind::ALL.get(place).copied();
-    let id = kind.map_or(Id::Extended(place as u32), |kind| Id::Standard(kind.id(network)));
-    let format = match head >> 5 & 3 {
-        0 | 1 => FrameFormat::Classic,
-        2 => FrameFormat::Remote,
-        _ => FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false },
+/// The next frame of the input, and the rest.
+fn frame(network: Network, input: &[u8]) -> Option<(Option<Frame>, &[u8])> {
+    let (&head, bytes) = input.split_first()?;
+    let kind = MessageKind::ALL[usize::from(head & 0xF)];
+    let form = kind.form(network.profile());
+    let length = match form {
+        _ if head & 0x80 != 0 => usize::from(bytes.first()? & 63),
+        Some(form) => form.length,
+        None => 8,
     };
-    let length = if head & 0x80 != 0 { usize::from(bytes.first()? & 7) } else { kind.map_or(8, MessageKind::len) };
-    let mut data = [0; 8];
-    let used = bytes.len().min(8);
+    let used = bytes.len().min(length);
+    let mut data = [0; 64];
     data[..used].copy_from_slice(&bytes[..used]);
-    if let (true, Some(data_id)) = (head & 0x10 != 0, kind.and_then(MessageKind::data_id)) {
-        data[0] = e2e::crc(data_id, &data);
+    let protection = form.and_then(|form| form.protection).filter(|_| head & 0x10 != 0);
+    if let Some((protection, data_id)) = protection.zip(kind.data_id(network)) {
+        match protection {
+            Protection::Profile11 => {
+                let mut content = [0; 8];
+                content.copy_from_slice(&data[..8]);
+                data[0] = e2e::profile11::crc(data_id, &content);
+            }
+            Protection::Profile5 => {
+                let crc = e2e::profile5::crc(data_id, &data[..length.max(2)]);
+                data[..2].copy_from_slice(&crc.to_le_bytes());
+            }
+        }
     }
-    Frame::new(id, format, &data[..length]).ok()
+    let fd = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+    let format = match head >> 5 & 3 {
+        0 | 1 => form.map_or(FrameFormat::Classic, |form| form.format),
+        2 => FrameFormat::Remote,
+        _ => fd,
+    };
+    Some((Frame::new(Id::Standard(kind.id(network)), format, &data[..length]).ok(), &bytes[used..]))
 }
 
 fuzz_target!(|input: &[u8]| {
-    let mut receiver = Receiver::new(Network::default());
-    for chunk in input.chunks(9) {
-        let Some(frame) = frame(chunk[0], &chunk[1..]) else { continue };
+    let Some((&first, mut input)) = input.split_first() else { return };
+    let network = Network::default().with_profile(Profile::ALL[usize::from(first & 1)]);
+    let mut receiver = Receiver::new(network);
+    while let Some((frame, rest)) = frame(network, input) {
+        input = rest;
+        let Some(frame) = frame else { continue };
         let lost = receiver.lost();
         let outcome = receiver.accept(&frame);
         assert!(receiver.lost() - lost < u64::from(e2e::MAX_DELTA_COUNTER));
         if let Ok(Some(message)) = outcome {
-            let mut transmitter = Transmitter::new(Network::default());
-            let again = (0..=e2e::COUNTER_MAX).any(|_| transmitter.frame(&message) == Ok(frame));
+            let mut transmitter = Transmitter::new(network);
+            let again = (0..=u8::MAX).any(|_| transmitter.frame(&message).is_ok_and(|again| is_same(&again, &frame)));
             assert!(again, "{frame} was taken as {message:?}");
         }
     }
 });
+
+/// The same identifier, kind of format and data; the flags of CAN FD don't matter.
+fn is_same(one: &Frame, other: &Frame) -> bool {
+    let is_fd = |frame: &Frame| matches!(frame.format(), FrameFormat::Fd { .. });
+    (one.id(), one.data(), is_fd(one)) == (other.id(), other.data(), is_fd(other))
+}

@@ -3,17 +3,18 @@
 use alloc::boxed::Box;
 
 use resonarm_protocol::{
-    Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
-    Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent, TorqueCommand,
+    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead,
+    Message, Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent, TorqueCommand,
 };
 
 use super::link::Link;
 use super::queue::Queue;
+use super::sample;
 use super::sequence::{Place, Sequence};
 use super::{NodeEvent, Timing};
 use crate::arm::Load;
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
-use crate::rig::{Measurement, Reading};
+use crate::rig::Measurement;
 
 /// Time between two tries to arm or disarm the plant, ns.
 const RETRY_NS: u64 = 100_000_000;
@@ -85,7 +86,7 @@ impl ExciterNode {
     /// A node that lets `controller` answer a plant with `rate_hz` samples a second.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
         ExciterNode {
-            link: Link::new(Node::Exciter, network, rate_hz, timing),
+            link: Link::new(network, rate_hz, timing, capabilities(controller.load_kind())),
             timing,
             controller,
             phase: Phase::Arming,
@@ -214,7 +215,11 @@ impl ExciterNode {
 
     /// Takes in a frame from the bus; one of another protocol means nothing.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        let Some(message) = self.link.accept(now_ns, frame) else { return };
+        let message = self.link.accept(now_ns, frame);
+        if let Some(identifier) = self.link.take_second_sender() {
+            self.meet_second_sender(now_ns, identifier);
+        }
+        let Some(message) = message else { return };
         match message {
             Message::PlantHello(hello) => self.greet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Plant, state }) => self.watch(now_ns, state),
@@ -222,16 +227,31 @@ impl ExciterNode {
             Message::Head(head) => self.head = Some(head),
             Message::AccelerometerB(b) => self.b = Some(b),
             Message::AccelerometerC(c) => self.sample(now_ns, c),
+            Message::Sensors(sensors) => {
+                self.whole(now_ns, sensors.sample, |n| sample::from_values(n, &sensors.values));
+            }
             _ => {}
         }
         self.tell_leave();
     }
 
+    /// Another node sends this one's messages: which of the two the plant obeys is chance.
+    fn meet_second_sender(&mut self, now_ns: u64, identifier: u16) {
+        if !matches!(self.phase, Phase::Done(_)) {
+            self.fault(now_ns, EmergencyCode::SecondSender, identifier);
+        }
+    }
+
+    /// A plant says what it speaks. An exciter that has ended only keeps it in mind.
     fn greet(&mut self, now_ns: u64, hello: Hello) {
-        if let Some(mismatch) = self.link.hello().mismatch(&hello) {
-            self.fault(now_ns, EmergencyCode::Incompatible, mismatch as u16);
-        } else if self.plant_hello.replace(hello).is_none() {
-            self.ask_for_arming(now_ns);
+        let mismatch = self.link.hello().mismatch(&hello);
+        let is_new = self.plant_hello.is_none();
+        self.plant_hello = mismatch.is_none().then_some(hello);
+        match (self.phase, mismatch) {
+            (Phase::Done(_), _) => {}
+            (_, Some(mismatch)) => self.fault(now_ns, EmergencyCode::Incompatible, mismatch as u16),
+            (Phase::Arming, None) if is_new => self.ask_for_arming(now_ns),
+            (Phase::Arming | Phase::Playing | Phase::Disarming(_), None) => {}
         }
     }
 
@@ -247,7 +267,7 @@ impl ExciterNode {
                 self.link.transition(now_ns, StateEvent::Arm);
             }
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
-                self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Plant.id()));
+                self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Plant.number()));
             }
             (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, Outcome::Stopped),
             (Phase::Disarming(outcome), NodeState::PreOperational | NodeState::Fault) => {
@@ -296,21 +316,25 @@ impl ExciterNode {
         }
     }
 
-    /// A sample is whole when its last frame, accelerometer C, is in; it is answered at once.
+    /// In the classic profile a sample is whole when its last frame, accelerometer C, is in.
     fn sample(&mut self, now_ns: u64, c: Acceleration) {
         let whole = self.head.take().zip(self.b.take());
-        let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) else {
-            return;
-        };
+        if let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) {
+            self.whole(now_ns, c.sample, |n| sample::from_classic(n, &head, &b, &c));
+        }
+    }
+
+    /// A whole sample of this index is answered at once; `measurement` makes it for its number since arming.
+    fn whole(&mut self, now_ns: u64, index: u16, measurement: impl Fn(u64) -> Measurement) {
         match self.phase {
             Phase::Playing => {}
             // The plant still waits for a command: the request was lost.
             Phase::Disarming(_) => return self.request(OperatorRequest::Disarm),
             Phase::Arming | Phase::Done(_) => return,
         }
-        let n = match (self.sequence.judge(c.sample), self.answered) {
+        let n = match (self.sequence.judge(index), self.answered) {
             (Place::Stale, _) => return,
-            (Place::Broken, _) => return self.fault(now_ns, EmergencyCode::SampleSequence, c.sample),
+            (Place::Broken, _) => return self.fault(now_ns, EmergencyCode::SampleSequence, index),
             (Place::Ahead(ahead), Some(last)) => {
                 self.missed_samples += u64::from(ahead) - 1;
                 last + u64::from(ahead)
@@ -319,12 +343,12 @@ impl ExciterNode {
         };
         self.sample_heard_ns = self.link.listening.listened_ns();
         self.answered = Some(n);
-        let answer = self.controller.answer(&measurement(n, &head, &b, &c));
+        let answer = self.controller.answer(&measurement(n));
         while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);
         }
         match answer {
-            Answer::Hold(load) => self.command(now_ns, &load, c.sample),
+            Answer::Hold(load) => self.command(now_ns, &load, index),
             Answer::Finished => self.disarm(now_ns, Outcome::Finished),
             Answer::Aborted(abort) => self.disarm(now_ns, Outcome::Aborted(abort)),
         }
@@ -392,7 +416,7 @@ impl ExciterNode {
         match self.phase {
             Phase::Arming if now_ns >= self.retry_at_ns => self.ask_for_arming(now_ns),
             Phase::Disarming(_) if self.link.is_partner_lost() => {
-                self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Plant.id()));
+                self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Plant.number()));
             }
             Phase::Disarming(outcome) if now_ns >= self.retry_at_ns => self.disarm(now_ns, outcome),
             Phase::Playing if self.link.is_jammed() => {
@@ -452,12 +476,11 @@ impl ExciterNode {
     }
 }
 
-/// The three frames of sample `n` as one measurement.
-fn measurement(n: u64, head: &ImpedanceHead, b: &Acceleration, c: &Acceleration) -> Measurement {
-    let reading = |value, clipped| Reading { value, clipped };
-    let axes = |a: &Acceleration| {
-        [reading(a.acceleration_x_m_s2, a.x_saturated), reading(a.acceleration_y_m_s2, a.y_saturated)]
+/// What the exciter commands: as much as the wire carries, of one kind.
+fn capabilities(kind: LoadKind) -> Capabilities {
+    let (force_limit_n, torque_limit_nm) = match kind {
+        LoadKind::Force => (f32::MAX.into(), 0.0),
+        LoadKind::Torque => (0.0, f32::MAX.into()),
     };
-    let head_force_n = [reading(head.force_x_n, head.x_saturated), reading(head.force_y_n, head.y_saturated)];
-    Measurement { sample: n, head_force_n, acceleration_b_m_s2: axes(b), acceleration_c_m_s2: axes(c) }
+    Capabilities { node: Node::Exciter, samples_per_frame: 1, force_limit_n, torque_limit_nm }
 }

@@ -1,8 +1,8 @@
 //! What both nodes share: the protocol's ends, the state, heartbeats and hellos, the time listened.
 
 use resonarm_protocol::{
-    Emergency, EncodeError, Frame, Heartbeat, Hello, Message, Network, Node, NodeState, Receiver, StateEvent,
-    Transmitter,
+    Capabilities, Emergency, EncodeError, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node, NodeState,
+    Profile, Receiver, StateEvent, Transmitter,
 };
 
 use super::listening::Listening;
@@ -22,6 +22,7 @@ pub(super) struct Link {
     events: Queue<NodeEvent>,
     state: NodeState,
     hello: Hello,
+    capabilities: Capabilities,
     timing: Timing,
     pub listening: Listening,
     heartbeat_at_ns: u64,
@@ -30,18 +31,21 @@ pub(super) struct Link {
     /// Since when frames wait and none was sent, of the time listened.
     jammed_since_ns: Option<u64>,
     refused_frames: u64,
+    /// The identifier of a message that only this node sends and that came from another, not yet told.
+    second_sender: Option<u16>,
 }
 
 impl Link {
-    pub fn new(node: Node, network: Network, rate_hz: u16, timing: Timing) -> Link {
+    pub fn new(network: Network, rate_hz: u16, timing: Timing, capabilities: Capabilities) -> Link {
         Link {
-            node,
+            node: capabilities.node,
             transmitter: Transmitter::new(network),
             receiver: Receiver::new(network),
             outbox: Outbox::new(),
             events: Queue::new(EVENTS),
             state: NodeState::BootUp,
-            hello: Hello::classic(rate_hz),
+            hello: Hello::new(network.profile(), rate_hz),
+            capabilities,
             timing,
             listening: Listening::new(timing.look_period_ns),
             heartbeat_at_ns: 0,
@@ -49,6 +53,7 @@ impl Link {
             partner_heard_ns: 0,
             jammed_since_ns: None,
             refused_frames: 0,
+            second_sender: None,
         }
     }
 
@@ -100,7 +105,15 @@ impl Link {
         self.listening.look(now_ns);
         match self.receiver.accept(frame) {
             Ok(message) => {
-                let message = message.filter(|message| message.kind().sender() != self.node)?;
+                let message = message?;
+                let kind = message.kind();
+                if kind.sender() == self.node {
+                    // A station of the operator's may send requests in place of the exciter.
+                    if kind != MessageKind::Operator {
+                        self.second_sender = Some(kind.id(self.network()));
+                    }
+                    return None;
+                }
                 self.partner_heard_ns = self.listening.listened_ns();
                 Some(message)
             }
@@ -112,12 +125,21 @@ impl Link {
         }
     }
 
+    /// The identifier of a message that another node sends in this one's place, once.
+    pub fn take_second_sender(&mut self) -> Option<u16> {
+        self.second_sender.take()
+    }
+
+    pub fn network(&self) -> Network {
+        self.receiver.network()
+    }
+
     /// Queues a message.
     ///
     /// # Errors
     /// [`EncodeError`] if the protocol can't say it.
     pub fn send(&mut self, message: &Message) -> Result<(), EncodeError> {
-        message.check()?;
+        message.check(self.network().profile())?;
         self.outbox.push(*message);
         self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
         Ok(())
@@ -140,6 +162,9 @@ impl Link {
             Node::Plant => Message::PlantHello(self.hello),
             Node::Exciter => Message::ExciterHello(self.hello),
         });
+        if self.network().profile() == Profile::Fd {
+            self.send_own(&Message::Capabilities(self.capabilities));
+        }
     }
 
     fn send_heartbeat(&mut self, now_ns: u64) {

@@ -26,6 +26,7 @@ mod outbox;
 mod plant;
 mod queue;
 mod refusals;
+mod sample;
 mod sequence;
 mod timing;
 

@@ -12,12 +12,14 @@ use super::queue::Queue;
 const CONTROL: usize = 32;
 
 /// The messages of which only the latest waits, in the order in which they go.
-const LATEST: [MessageKind; 5] = [
+const LATEST: [MessageKind; 7] = [
     MessageKind::Force,
     MessageKind::Torque,
     MessageKind::Head,
     MessageKind::AccelerometerB,
     MessageKind::AccelerometerC,
+    MessageKind::Sensors,
+    MessageKind::SensorPair,
 ];
 
 #[derive(Clone, Debug)]

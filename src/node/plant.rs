@@ -1,12 +1,13 @@
 //! The plant's node: the gate through which every command to the arm passes.
 
 use resonarm_protocol::{
-    Acceleration, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
-    Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent,
+    Capabilities, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch, Network, Node,
+    NodeState, OperatorCommand, OperatorRequest, Profile, StateEvent,
 };
 
 use super::hold::Hold;
 use super::link::Link;
+use super::sample;
 use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::arm::Load;
 use crate::rig::{Exciter, Measurement};
@@ -37,8 +38,10 @@ pub struct PlantNode {
 impl PlantNode {
     /// A node that publishes `rate_hz` samples a second for an exciter of these limits.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, exciter: Exciter) -> PlantNode {
+        let (force_limit_n, torque_limit_nm) = exciter.limits();
+        let capabilities = Capabilities { node: Node::Plant, samples_per_frame: 1, force_limit_n, torque_limit_nm };
         PlantNode {
-            link: Link::new(Node::Plant, network, rate_hz, timing),
+            link: Link::new(network, rate_hz, timing, capabilities),
             timing,
             rate_hz,
             exciter,
@@ -118,7 +121,11 @@ impl PlantNode {
 
     /// Takes in a frame from the bus; one of another protocol means nothing.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        let Some(message) = self.link.accept(now_ns, frame) else { return };
+        let message = self.link.accept(now_ns, frame);
+        if let Some(identifier) = self.link.take_second_sender() {
+            self.fault(now_ns, EmergencyCode::SecondSender, identifier);
+        }
+        let Some(message) = message else { return };
         match message {
             Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(now_ns, request),
             Message::Force(c) => self.take(c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
@@ -172,7 +179,7 @@ impl PlantNode {
             self.partner = None;
         }
         if matches!(state, NodeState::BootUp | NodeState::Fault) && self.is_armed() {
-            self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.id()));
+            self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number()));
         }
     }
 
@@ -234,7 +241,7 @@ impl PlantNode {
             let last = self.refusals.last().filter(|_| self.refused_since_taken > 0);
             self.fault(now_ns, EmergencyCode::CommandTimeout, Refusal::detail(self.refused_since_taken, last));
         } else if self.link.is_partner_lost() {
-            self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.id()));
+            self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.number()));
         }
     }
 
@@ -248,30 +255,16 @@ impl PlantNode {
         link.min(command).min(self.link.partner_deadline_ns())
     }
 
-    /// Publishes a sample: impedance head, accelerometer B, accelerometer C.
+    /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame.
     ///
     /// # Errors
     /// [`EncodeError`] if a value is not a number; the frames before it are sent.
     pub fn publish(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
         self.sample = measurement.sample;
-        let sample = measurement.sample as u16;
-        let [x, y] = measurement.head_force_n;
-        self.link.send(&Message::Head(ImpedanceHead {
-            force_x_n: x.value,
-            force_y_n: y.value,
-            x_saturated: x.clipped,
-            y_saturated: y.clipped,
-            sample,
-        }))?;
-        let acceleration = |[x, y]: [crate::rig::Reading; 2]| Acceleration {
-            acceleration_x_m_s2: x.value,
-            acceleration_y_m_s2: y.value,
-            x_saturated: x.clipped,
-            y_saturated: y.clipped,
-            sample,
-        };
-        self.link.send(&Message::AccelerometerB(acceleration(measurement.acceleration_b_m_s2)))?;
-        self.link.send(&Message::AccelerometerC(acceleration(measurement.acceleration_c_m_s2)))
+        match self.link.network().profile() {
+            Profile::Classic => sample::classic(measurement).iter().try_for_each(|message| self.link.send(message)),
+            Profile::Fd => self.link.send(&Message::Sensors(sample::sensors(measurement))),
+        }
     }
 
     /// The load to hold from the sample published last to the next. Call it once a sample: after a fault or a disarm each
@@ -283,11 +276,11 @@ impl PlantNode {
         self.hold.next()
     }
 
-    /// Faults from outside: the simulation failed, or ticks were missed. The load ramps to zero; if the simulation failed
-    /// there is nothing to ramp, and it is let go at once.
+    /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if the
+    /// simulation can't go on there is nothing to ramp, and it is let go at once.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
-        if code == EmergencyCode::SimulationFailed {
+        if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {
             self.hold.drop_load();
         }
         if self.state() == NodeState::Fault {

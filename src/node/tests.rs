@@ -1,6 +1,7 @@
 //! Two nodes in virtual time, with a wire between them that can lose, repeat, corrupt and delay.
 
 mod indices;
+mod networks;
 mod ramp;
 mod sending;
 mod stalls;
@@ -16,7 +17,7 @@ use proptest::prelude::*;
 use resonarm_protocol::Node as NodeName;
 use resonarm_protocol::{
     Emergency, EmergencyCode, ForceCommand, Frame, Hello, Message, Network, NodeState, OperatorCommand,
-    OperatorRequest, Transmitter,
+    OperatorRequest, Profile as WireProfile, Transmitter,
 };
 
 const RATE_HZ: u16 = 1000;
@@ -67,8 +68,13 @@ impl Bench {
     }
 
     fn with(timing: Timing, duration_s: f64) -> Bench {
-        let mut plant = plant_with(timing);
-        let mut exciter = ExciterNode::new(Network::default(), RATE_HZ, timing, dwell(duration_s));
+        Bench::on([Network::default(); 2], timing, duration_s)
+    }
+
+    /// Plant and exciter, each on a network of its own.
+    fn on([of_plant, of_exciter]: [Network; 2], timing: Timing, duration_s: f64) -> Bench {
+        let mut plant = PlantNode::new(of_plant, RATE_HZ, timing, Exciter::default());
+        let mut exciter = ExciterNode::new(of_exciter, RATE_HZ, timing, dwell(duration_s));
         plant.start(0);
         exciter.start(0);
         let (loads, plant_events) = (Vec::new(), Vec::new());
@@ -207,7 +213,7 @@ fn armed() -> (PlantNode, Transmitter) {
 fn armed_with(timing: Timing) -> (PlantNode, Transmitter) {
     let (mut plant, mut transmitter) = (plant_with(timing), Transmitter::new(Network::default()));
     plant.start(0);
-    let hello = Message::ExciterHello(Hello::classic(RATE_HZ));
+    let hello = Message::ExciterHello(Hello::new(WireProfile::Classic, RATE_HZ));
     let arm = Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: NodeName::Plant });
     for message in [hello, arm] {
         plant.handle_frame(0, &transmitter.frame(&message).unwrap());
@@ -251,7 +257,7 @@ fn nodes_that_do_not_fit_never_arm() {
     assert_eq!((emergency.code, emergency.detail), (EmergencyCode::Incompatible, 4));
 
     let mut transmitter = Transmitter::new(Network::default());
-    let hello = Message::ExciterHello(Hello::classic(2000));
+    let hello = Message::ExciterHello(Hello::new(WireProfile::Classic, 2000));
     let arm = Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: NodeName::Plant });
     for message in [arm, hello, arm] {
         plant.handle_frame(0, &transmitter.frame(&message).unwrap());

@@ -5,7 +5,7 @@ use super::{BusCounts, Fault, RunError, RunEvent};
 use crate::arm::Load;
 use crate::bus::{Bus, BusError, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
-use crate::plant::Plant;
+use crate::plant::{Plant, PlantError};
 use crate::protocol::{EmergencyCode, Frame, NodeState};
 use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord};
 use crate::rig::Reading;
@@ -217,7 +217,11 @@ impl<'a> Bench<'a> {
         let load = self.node.load();
         self.record_state(&load, false)?;
         if let Err(error) = self.plant.advance(&load) {
-            self.node.fault(now_ns, EmergencyCode::SimulationFailed, 0);
+            let code = match error {
+                PlantError::Tripped { .. } => EmergencyCode::ExciterTripped,
+                PlantError::Integrate { .. } => EmergencyCode::SimulationFailed,
+            };
+            self.node.fault(now_ns, code, 0);
             return Err(RunError::Plant(error));
         }
         Ok(())

@@ -180,6 +180,8 @@ const fn name(code: EmergencyCode) -> &'static str {
         EmergencyCode::SampleSequence => "sample sequence",
         EmergencyCode::ScheduleSlipped => "schedule slipped",
         EmergencyCode::Leaving => "leaving",
+        EmergencyCode::SecondSender => "second sender",
+        EmergencyCode::ExciterTripped => "exciter tripped",
     }
 }
 
@@ -200,11 +202,18 @@ pub fn fault_text(emergency: &Emergency) -> String {
         EmergencyCode::Incompatible => "start both ends with the same scenario and the same version",
         EmergencyCode::CommandOutOfRange => "lower the excitation's amplitude",
         EmergencyCode::SimulationFailed => {
-            "lower the excitation: the load is beyond what the arm can be integrated for, or what its shaker can give"
+            "lower the excitation: the load is beyond what the arm can be integrated for"
         }
         EmergencyCode::Overrun => "lower the rate, give the loop a core of its own, or take --overrun slip",
         EmergencyCode::BusLoss => "see whether the interface is up: `ip -details link show` has its state",
         EmergencyCode::SampleSequence => "see whether two plants are on this bus",
+        EmergencyCode::SecondSender => {
+            "end the other node, or give this network another base and other node ids (network.base_id, network.plant_id, \
+             network.exciter_id)"
+        }
+        EmergencyCode::ExciterTripped => {
+            "lower the excitation, or take a larger shaker: the plant's own message names the limit"
+        }
         EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving => "this is no fault",
     };
     format!("fault of the {emergency}; to mend it: {mend}")

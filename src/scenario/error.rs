@@ -64,8 +64,8 @@ pub enum ScenarioError {
     /// The simulation has impossible steps.
     #[error("simulation: {0}")]
     Plant(#[from] PlantSpecError),
-    /// The base identifier is impossible.
-    #[error("network.base_id: {0}")]
+    /// The base identifier or the node ids are impossible.
+    #[error("network: {0}")]
     Network(#[from] NetworkError),
     /// The sample rate can't be put on the wire.
     #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535", got_hz = short(.got_hz))]

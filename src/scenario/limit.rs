@@ -2,35 +2,52 @@
 
 use super::ScenarioError;
 use crate::excitation::Amplitude;
+use crate::protocol::Profile;
 use crate::protocol::scaling::{FORCE, Scale, TORQUE};
 use crate::rig::{Exciter, ExciterSpec, ShakerSpec};
 
 /// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit would be refused sample
 /// by sample.
-pub(super) fn check(section: &str, amplitude: &Amplitude, exciter: &Exciter) -> Result<(), ScenarioError> {
+pub(super) fn check(
+    section: &str,
+    amplitude: &Amplitude,
+    exciter: &Exciter,
+    profile: Profile,
+) -> Result<(), ScenarioError> {
     match exciter {
-        Exciter::Ideal(spec) => check_ideal(section, amplitude, spec),
-        Exciter::Shaker(spec) => check_shaker(section, amplitude, spec),
+        Exciter::Ideal(spec) => check_ideal(section, amplitude, spec, profile),
+        Exciter::Shaker(spec) => check_shaker(section, amplitude, spec, profile),
     }
 }
 
-fn check_ideal(section: &str, amplitude: &Amplitude, exciter: &ExciterSpec) -> Result<(), ScenarioError> {
+fn check_ideal(
+    section: &str,
+    amplitude: &Amplitude,
+    exciter: &ExciterSpec,
+    profile: Profile,
+) -> Result<(), ScenarioError> {
+    let check_axis = |key: &str, got, limit| check_axis((section, key), got, limit, profile);
     let force = (FORCE, "rig.exciter.force_limit_n", exciter.force_limit_n);
     let torque = (TORQUE, "rig.exciter.torque_limit_nm", exciter.torque_limit_nm);
-    check_axis((section, "force_x_n"), amplitude.force_x_n, force)?;
-    check_axis((section, "force_y_n"), amplitude.force_y_n, force)?;
-    check_axis((section, "torque1_nm"), amplitude.torque1_nm, torque)?;
-    check_axis((section, "torque2_nm"), amplitude.torque2_nm, torque)
+    check_axis("force_x_n", amplitude.force_x_n, force)?;
+    check_axis("force_y_n", amplitude.force_y_n, force)?;
+    check_axis("torque1_nm", amplitude.torque1_nm, torque)?;
+    check_axis("torque2_nm", amplitude.torque2_nm, torque)
 }
 
 /// A shaker takes forces along itself; its limit is that of the force's size, the wire's that of each axis.
-fn check_shaker(section: &str, amplitude: &Amplitude, shaker: &ShakerSpec) -> Result<(), ScenarioError> {
+fn check_shaker(
+    section: &str,
+    amplitude: &Amplitude,
+    shaker: &ShakerSpec,
+    profile: Profile,
+) -> Result<(), ScenarioError> {
     if !shaker.is_along(&amplitude.load()) {
         return Err(ScenarioError::AcrossShaker { section: section.to_string(), direction_deg: shaker.direction_deg });
     }
     let limit = (FORCE, "the shaker's blocked force", shaker.force_limit_n());
-    check_axis((section, "force_x_n"), amplitude.force_x_n, limit)?;
-    check_axis((section, "force_y_n"), amplitude.force_y_n, limit)?;
+    check_axis((section, "force_x_n"), amplitude.force_x_n, limit, profile)?;
+    check_axis((section, "force_y_n"), amplitude.force_y_n, limit, profile)?;
     let (got, limit) = (shaker.along_n(&amplitude.load()).abs(), shaker.force_limit_n());
     if got > limit {
         let (name, limit_name) = (format!("{section}.amplitude"), "the shaker's blocked force");
@@ -44,21 +61,28 @@ fn check_axis(
     (section, key): (&str, &str),
     got: f64,
     (scale, limit_name, limit): (Scale, &'static str, f64),
+    profile: Profile,
 ) -> Result<(), ScenarioError> {
     let name = || format!("{section}.amplitude.{key}");
-    let counts = f64::from(scale.counts_per_unit());
-    let sent = libm::rint(got.abs() * counts) / counts;
+    let sent = match profile {
+        Profile::Classic => {
+            let counts = f64::from(scale.counts_per_unit());
+            libm::rint(got.abs() * counts) / counts
+        }
+        Profile::Fd => f64::from(got.abs() as f32),
+    };
     if got.abs() > limit || sent > limit {
         let mend = "lower it, or raise the limit if the exciter has more";
         return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, mend });
     }
-    if sent > scale.max() {
-        let mend = "lower it: a command can't say more";
+    let range = scale.limit(profile);
+    if sent > range {
+        let mend = "lower it, or take `network.profile = \"fd\"`: a command can't say more";
         return Err(ScenarioError::BeyondLimit {
             name: name(),
             got,
             limit_name: "the range of the wire",
-            limit: scale.max(),
+            limit: range,
             mend,
         });
     }
@@ -66,15 +90,15 @@ fn check_axis(
 }
 
 /// The largest load along `amplitude` that the exciter can produce and the wire can carry, N or N·m.
-pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter) -> f64 {
+pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter, profile: Profile) -> f64 {
     let (force_limit_n, torque_limit_nm) = exciter.limits();
     let (limit, scale) = if amplitude.is_torque() { (torque_limit_nm, TORQUE) } else { (force_limit_n, FORCE) };
-    let load = amplitude.load();
+    let (load, range) = (amplitude.load(), scale.limit(profile));
     let (size, crest) =
         (libm::hypot(load.force_n.norm(), load.torque_nm.norm()), load.force_n.amax().max(load.torque_nm.amax()));
     match exciter {
         // Each axis has its own limit.
-        Exciter::Ideal(_) => limit.min(scale.max()) * size / crest,
-        Exciter::Shaker(_) => limit.min(scale.max() * size / crest),
+        Exciter::Ideal(_) => limit.min(range) * size / crest,
+        Exciter::Shaker(_) => limit.min(range * size / crest),
     }
 }

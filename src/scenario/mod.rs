@@ -7,9 +7,11 @@ mod abort_limits;
 mod error;
 mod label;
 mod limit;
+mod network;
 mod provenance;
 
 pub use error::ScenarioError;
+pub use network::NetworkSection;
 
 use std::path::Path;
 
@@ -19,15 +21,10 @@ use crate::arm::{Arm, Parameters, Pose, Preset, State};
 use crate::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop};
 use crate::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use crate::integrate::Scheme;
-use crate::node::Timing;
 use crate::plant::{self, PlantSpec};
-use crate::protocol::{Network, timing};
 use crate::rig::RigSpec;
 use crate::text_file;
 use crate::toml_error::TomlError;
-
-/// The longest timeout, s.
-const TIMEOUT_MAX_S: f64 = 3600.0;
 
 /// The most samples of a run that has an end: 31 years at 1 kHz.
 pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
@@ -113,32 +110,6 @@ impl Default for SimulationSection {
     }
 }
 
-/// The CAN network and its deadlines.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct NetworkSection {
-    /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
-    pub base_id: u16,
-    /// Longest time without a valid command while armed, s; at least two samples, at most an hour.
-    pub command_timeout_s: f64,
-    /// Longest time without a sign of life of the partner while armed, s; at most an hour.
-    pub partner_timeout_s: f64,
-    /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
-    pub lockstep_timeout_s: f64,
-}
-
-impl Default for NetworkSection {
-    /// The protocol's specification.
-    fn default() -> NetworkSection {
-        NetworkSection {
-            base_id: Network::default().base(),
-            command_timeout_s: timing::COMMAND_TIMEOUT_NS as f64 * 1e-9,
-            partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
-            lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
-        }
-    }
-}
-
 /// What a recording holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -206,14 +177,12 @@ impl Scenario {
     /// for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
         plant::check_steps_per_sample(self.simulation.steps_per_sample)?;
-        timeout("network.command_timeout_s", self.network.command_timeout_s)?;
-        timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
-        timeout("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
+        self.network.check()?;
         abort_limits::check(self)?;
         match (&self.excitation, &self.control) {
             (Some(_), Some(_)) => Err(ScenarioError::TwoControllers),
-            (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive()),
-            (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive()),
+            (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile),
+            (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive(), self.network.profile),
             (None, None) => Ok(()),
         }
     }
@@ -297,48 +266,6 @@ impl Scenario {
         self.simulation.duration_s.map(samples).transpose()
     }
 
-    /// The CAN network.
-    ///
-    /// # Errors
-    /// [`ScenarioError::Network`] for an impossible base identifier.
-    pub fn network(&self) -> Result<Network, ScenarioError> {
-        Ok(Network::new(self.network.base_id)?)
-    }
-
-    /// The deadlines of a run in real time.
-    ///
-    /// # Errors
-    /// [`ScenarioError::Rate`] and [`ScenarioError::RealTimeRate`] if the rate is none for real time,
-    /// [`ScenarioError::Value`] if a timeout is not positive, longer than an hour, or the command timeout is less than two
-    /// samples.
-    pub fn real_time_timing(&self) -> Result<Timing, ScenarioError> {
-        let rate_hz = self.wire_rate_hz()?;
-        if rate_hz < timing::REAL_TIME_RATE_MIN_HZ {
-            return Err(ScenarioError::RealTimeRate { got_hz: rate_hz });
-        }
-        let command_timeout_s = timeout("network.command_timeout_s", self.network.command_timeout_s)?;
-        if command_timeout_s * self.simulation.rate_hz < 2.0 {
-            let expected = "at least two samples long (2 / simulation.rate_hz)";
-            return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
-        }
-        let partner_timeout_s = timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
-        Ok(Timing {
-            command_timeout_ns: nanoseconds(command_timeout_s),
-            command_age_ns: nanoseconds(command_timeout_s),
-            partner_timeout_ns: nanoseconds(partner_timeout_s),
-            ..Timing::real_time(rate_hz)
-        })
-    }
-
-    /// The deadlines of a run in lockstep.
-    ///
-    /// # Errors
-    /// [`ScenarioError::Value`] if the timeout is not positive, or longer than an hour.
-    pub fn lockstep_timing(&self) -> Result<Timing, ScenarioError> {
-        let timeout_s = timeout("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
-        Ok(Timing::lockstep(nanoseconds(timeout_s)))
-    }
-
     /// The exciter's controller, with the limits, at sample 0.
     ///
     /// # Errors
@@ -361,7 +288,7 @@ impl Scenario {
         match &self.control {
             None => Ok(Box::new(OpenLoop::new(self.profile()?))),
             Some(spec) => {
-                let limit = limit::largest(spec.amplitude(), &self.rig.drive());
+                let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
                 let arm = match &self.rig.shaker {
                     Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
                     None => self.build_arm()?,
@@ -378,7 +305,7 @@ impl Scenario {
     /// [`ScenarioError::BeyondLimit`] if it is more than the exciter can produce or the wire can carry.
     pub fn profile(&self) -> Result<Profile, ScenarioError> {
         let spec = self.excitation.as_ref().ok_or(ScenarioError::NoExcitation)?;
-        limit::check("excitation", &spec.amplitude, &self.rig.drive())?;
+        limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile)?;
         Ok(Profile::new(spec, self.simulation.rate_hz)?)
     }
 }
@@ -389,19 +316,6 @@ fn positive(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
     } else {
         Err(ScenarioError::Value { name, got, expected: "a positive number" })
     }
-}
-
-/// A positive time up to an hour, s.
-fn timeout(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
-    if got > 0.0 && got <= TIMEOUT_MAX_S {
-        Ok(got)
-    } else {
-        Err(ScenarioError::Value { name, got, expected: "a positive number of seconds, at most 3600" })
-    }
-}
-
-fn nanoseconds(seconds: f64) -> u64 {
-    libm::round(seconds * 1e9) as u64
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A scenario's way into a recording and back.
 
 use super::{Scenario, ScenarioError};
-use crate::protocol::{DBC_HASH, PROTOCOL_VERSION};
+use crate::protocol::{PROTOCOL_VERSION, dbc};
 use crate::recording::Configuration;
 
 /// The key of the scenario in a recording's configuration.
@@ -17,7 +17,7 @@ impl Scenario {
             .with(SCENARIO, self.to_toml()?)
             .with("run_loop", run_loop)
             .with("protocol_version", format!("{}.{}", PROTOCOL_VERSION >> 4, PROTOCOL_VERSION & 0xF))
-            .with("protocol_dbc_crc32", format!("{DBC_HASH:08x}")))
+            .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(self.network.profile))))
     }
 
     /// The scenario that a recording was made with.

@@ -1,4 +1,6 @@
 use super::*;
+use crate::node::Timing;
+use crate::protocol::timing;
 
 fn parse(text: &str) -> Result<Scenario, ScenarioError> {
     Scenario::parse(text, "test.toml")
@@ -54,7 +56,7 @@ fn says_what_is_wrong_with_the_numbers() {
     insta::assert_snapshot!(says("simulation.rate_hz = 0"), @"simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");
     insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: the wire states it as a whole number of hertz from 1 to 65535");
     insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
-    insta::assert_snapshot!(says("network.base_id = 0x205"), @"network.base_id: base identifier 0x205 is not a multiple of 0x10: take 0x200");
+    insta::assert_snapshot!(says("network.base_id = 0x205"), @"network: base identifier 0x205 is not a multiple of 0x10: take 0x200");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz)");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.019\nsimulation.rate_hz = 100"), @"network.command_timeout_s is 0.019: it must be at least two samples long (2 / simulation.rate_hz)");
     insta::assert_snapshot!(says("simulation.rate_hz = 99\nnetwork.command_timeout_s = 0.1"), @"simulation.rate_hz is 99: a run in real time needs at least 100 Hz; lockstep and free runs take any rate");
@@ -77,7 +79,7 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
     let says = |rig: &str, amplitude: &str| plays(rig, amplitude).unwrap_err().to_string();
     insta::assert_snapshot!(says("rig.exciter.force_limit_n = 10", "force_x_n = 20"), @"excitation.amplitude.force_x_n is 20, beyond rig.exciter.force_limit_n, 10: lower it, or raise the limit if the exciter has more");
     insta::assert_snapshot!(says("", "torque2_nm = -1600.1"), @"excitation.amplitude.torque2_nm is -1600.1, beyond rig.exciter.torque_limit_nm, 1600: lower it, or raise the limit if the exciter has more");
-    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "force_y_n = 700"), @"excitation.amplitude.force_y_n is 700, beyond the range of the wire, 655.34: lower it: a command can't say more");
+    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "force_y_n = 700"), @r#"excitation.amplitude.force_y_n is 700, beyond the range of the wire, 655.34: lower it, or take `network.profile = "fd"`: a command can't say more"#);
     // 9.991 N is sent as 10 N, which the exciter can't produce.
     assert!(plays("rig.exciter.force_limit_n = 9.995", "force_x_n = 9.991").is_err());
     assert!(plays("rig.exciter.force_limit_n = 10", "force_x_n = 10").is_ok());

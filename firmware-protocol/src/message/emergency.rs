@@ -14,15 +14,15 @@ pub enum EmergencyCode {
     CommandTimeout = 1,
     /// Exciter: no whole sample in time. Detail: the last sample answered.
     SensorTimeout = 2,
-    /// The partner gave no sign of life in time. Detail: the partner's node id.
+    /// The partner gave no sign of life in time. Detail: the partner's number ([`Node::number`]).
     HeartbeatLost = 3,
-    /// The partner's heartbeat says that it has faulted or booted. Detail: the partner's node id.
+    /// The partner's heartbeat says that it has faulted or booted. Detail: the partner's number.
     PartnerFault = 4,
     /// The partner's hello is missing or doesn't fit. Detail: the [`Mismatch`].
     Incompatible = 5,
     /// Exciter: its control loop asked for a command that can't be sent. Detail: 0.
     CommandOutOfRange = 6,
-    /// Plant: the simulation can't go on: the integrator failed, or the simulated shaker has tripped. Detail: 0.
+    /// Plant: the simulation can't go on: the integrator failed. Detail: 0.
     SimulationFailed = 7,
     /// The node's loop missed ticks, and is set to fault on it. Detail: how many, at most 65535.
     Overrun = 8,
@@ -34,11 +34,15 @@ pub enum EmergencyCode {
     ScheduleSlipped = 11,
     /// No fault: the node leaves the bus. Detail: sample periods until the load is zero (plant), 0 (exciter).
     Leaving = 12,
+    /// A message came that only this node sends: there is another with its node id or its base. Detail: the identifier.
+    SecondSender = 13,
+    /// Plant: the simulated shaker has tripped, at its stroke, current or voltage limit. Detail: 0.
+    ExciterTripped = 14,
 }
 
 impl EmergencyCode {
     /// Every code.
-    pub const ALL: [EmergencyCode; 12] = [
+    pub const ALL: [EmergencyCode; 14] = [
         EmergencyCode::CommandTimeout,
         EmergencyCode::SensorTimeout,
         EmergencyCode::HeartbeatLost,
@@ -51,6 +55,8 @@ impl EmergencyCode {
         EmergencyCode::SampleSequence,
         EmergencyCode::ScheduleSlipped,
         EmergencyCode::Leaving,
+        EmergencyCode::SecondSender,
+        EmergencyCode::ExciterTripped,
     ];
 
     /// The code of a number on the wire, if it is one.
@@ -79,6 +85,8 @@ impl fmt::Display for EmergencyCode {
             EmergencyCode::SampleSequence => "a sample index out of sequence",
             EmergencyCode::ScheduleSlipped => "the schedule slipped by missed sample periods",
             EmergencyCode::Leaving => "the node leaves the bus",
+            EmergencyCode::SecondSender => "another node sends this one's messages",
+            EmergencyCode::ExciterTripped => "the shaker has tripped",
         })
     }
 }
@@ -116,11 +124,13 @@ impl fmt::Display for Emergency {
             EmergencyCode::Overrun | EmergencyCode::ScheduleSlipped => write!(f, " ({detail})")?,
             EmergencyCode::BusLoss => write!(f, " ({detail} frames)")?,
             EmergencyCode::SampleSequence => write!(f, " (index {detail})")?,
+            EmergencyCode::SecondSender => write!(f, " (identifier {detail:#05X})")?,
             EmergencyCode::SensorTimeout
             | EmergencyCode::HeartbeatLost
             | EmergencyCode::PartnerFault
             | EmergencyCode::CommandOutOfRange
             | EmergencyCode::SimulationFailed
+            | EmergencyCode::ExciterTripped
             | EmergencyCode::Leaving => {}
         }
         write!(f, ", at sample {sample}")

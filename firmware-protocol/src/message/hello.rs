@@ -4,7 +4,8 @@ use core::fmt;
 
 use super::{MessageKind, Payload};
 use crate::error::{DecodeError, EncodeError};
-use crate::{DBC_HASH, PROTOCOL_VERSION};
+use crate::network::Profile;
+use crate::{PROTOCOL_VERSION, dbc};
 
 /// The version of the protocol. Nodes of one major version understand each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -28,22 +29,12 @@ impl fmt::Display for Version {
     }
 }
 
-/// The frames that a node speaks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Profile {
-    /// Classical CAN, 8 bytes, E2E Profile 11.
-    Classic = 0,
-    /// CAN FD, 64 bytes.
-    Fd = 1,
-}
-
 /// What a node speaks, and at which rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Hello {
     /// The version of the protocol.
     pub version: Version,
-    /// The low 24 bits of the hash of the DBC ([`DBC_HASH`]).
+    /// The low 24 bits of the hash of the profile's DBC ([`dbc::hash`]).
     pub dbc_hash: u32,
     /// The frames that the node speaks.
     pub profile: Profile,
@@ -97,12 +88,12 @@ impl Hello {
     /// The flag bit that stands for the FD profile.
     const FD: u8 = 1;
 
-    /// The hello of this crate in the classic profile, at a sample rate in hertz.
-    pub const fn classic(rate_hz: u16) -> Hello {
+    /// The hello of this crate in a profile, at a sample rate in hertz.
+    pub const fn new(profile: Profile, rate_hz: u16) -> Hello {
         Hello {
             version: Version::from_byte(PROTOCOL_VERSION),
-            dbc_hash: DBC_HASH & Hello::DBC_HASH_MASK,
-            profile: Profile::Classic,
+            dbc_hash: dbc::hash(profile) & Hello::DBC_HASH_MASK,
+            profile,
             rate_hz,
         }
     }
@@ -111,10 +102,10 @@ impl Hello {
     pub fn mismatch(&self, partner: &Hello) -> Option<Mismatch> {
         if self.version.major != partner.version.major {
             Some(Mismatch::Version)
-        } else if self.dbc_hash != partner.dbc_hash {
-            Some(Mismatch::DbcHash)
         } else if self.profile != partner.profile {
             Some(Mismatch::Profile)
+        } else if self.dbc_hash != partner.dbc_hash {
+            Some(Mismatch::DbcHash)
         } else if self.rate_hz != partner.rate_hz {
             Some(Mismatch::Rate)
         } else {
@@ -158,7 +149,7 @@ mod tests {
 
     #[test]
     fn finds_what_does_not_fit() {
-        let ours = Hello::classic(1000);
+        let ours = Hello::new(Profile::Classic, 1000);
         let other_major = Version { major: ours.version.major + 1, ..ours.version };
         let other_minor = Version { minor: ours.version.minor + 1, ..ours.version };
         let cases = [

@@ -2,8 +2,9 @@
 
 use core::fmt;
 
-use crate::frame::Id;
-use crate::network::{Network, Node};
+use crate::e2e::Protection;
+use crate::frame::{FrameFormat, Id};
+use crate::network::{Network, Node, Profile};
 use crate::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 
 /// The kind of a message. Every kind has its own identifier, sender, data id and counter.
@@ -34,6 +35,43 @@ pub enum MessageKind {
     PlantEmergency,
     /// [`Emergency`](super::Emergency) of the exciter.
     ExciterEmergency,
+    /// [`Sensors`](super::Sensors).
+    Sensors,
+    /// [`SensorPair`](super::SensorPair).
+    SensorPair,
+    /// [`Capabilities`](super::Capabilities) of the plant.
+    PlantCapabilities,
+    /// [`Capabilities`](super::Capabilities) of the exciter.
+    ExciterCapabilities,
+}
+
+/// The form of the frames of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Form {
+    /// The format in which they are sent. A receiver takes a CAN FD frame with and without bit rate switch.
+    pub format: FrameFormat,
+    /// Their length in bytes.
+    pub length: usize,
+    /// Their protection; none for a heartbeat.
+    pub protection: Option<Protection>,
+}
+
+impl Form {
+    const HEARTBEAT: Form = Form { format: FrameFormat::Classic, length: 1, protection: None };
+    const CLASSIC: Form = Form { format: FrameFormat::Classic, length: 8, protection: Some(Protection::Profile11) };
+
+    const fn fd(length: usize) -> Form {
+        let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+        Form { format, length, protection: Some(Protection::Profile5) }
+    }
+
+    /// Whether a frame of this format may hold the message.
+    pub const fn takes(&self, format: FrameFormat) -> bool {
+        matches!(
+            (self.format, format),
+            (FrameFormat::Classic, FrameFormat::Classic) | (FrameFormat::Fd { .. }, FrameFormat::Fd { .. })
+        )
+    }
 }
 
 /// When a message is sent.
@@ -52,7 +90,7 @@ pub enum Cycle {
 
 impl MessageKind {
     /// How many kinds there are.
-    pub const COUNT: usize = 12;
+    pub const COUNT: usize = 16;
 
     /// Every kind, in the order of the discriminants.
     pub const ALL: [MessageKind; MessageKind::COUNT] = [
@@ -68,13 +106,22 @@ impl MessageKind {
         MessageKind::ExciterHeartbeat,
         MessageKind::PlantEmergency,
         MessageKind::ExciterEmergency,
+        MessageKind::Sensors,
+        MessageKind::SensorPair,
+        MessageKind::PlantCapabilities,
+        MessageKind::ExciterCapabilities,
     ];
 
     /// The 11-bit identifier of its frames.
     pub const fn id(self, network: Network) -> u16 {
+        let of_node = network.node_id(self.sender()) as u16;
         match self {
-            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => 0x700 + self.sender().id() as u16,
-            MessageKind::PlantEmergency | MessageKind::ExciterEmergency => 0x080 + self.sender().id() as u16,
+            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => 0x700 + of_node,
+            MessageKind::PlantEmergency | MessageKind::ExciterEmergency => 0x080 + of_node,
+            MessageKind::Sensors => network.base() + 8,
+            MessageKind::SensorPair => network.base() + 9,
+            MessageKind::PlantCapabilities => network.base() + 10,
+            MessageKind::ExciterCapabilities => network.base() + 11,
             _ => network.base() + self as u16,
         }
     }
@@ -87,21 +134,48 @@ impl MessageKind {
 
     /// The E2E data id, or `None` for a heartbeat, which CANopen leaves unprotected.
     ///
-    /// The data ids share their high byte: two of them differ in one byte, so a message sent under the identifier of another
-    /// always has a wrong CRC. They don't depend on the base identifier.
-    pub const fn data_id(self) -> Option<u16> {
-        Some(match self {
-            MessageKind::Operator => 0x5201,
-            MessageKind::Force => 0x5202,
-            MessageKind::Torque => 0x5203,
-            MessageKind::Head => 0x5204,
-            MessageKind::AccelerometerB => 0x5205,
-            MessageKind::AccelerometerC => 0x5206,
-            MessageKind::PlantHello => 0x5207,
-            MessageKind::ExciterHello => 0x5208,
-            MessageKind::PlantEmergency => 0x5209,
-            MessageKind::ExciterEmergency => 0x520A,
+    /// The low byte is the message's and the high byte the network's: `0x51` and the plant's node id. So a message under the
+    /// identifier of another, and the same message of another network, differ in one byte, and the CRC is always wrong. The
+    /// data ids don't depend on the base identifier.
+    pub const fn data_id(self, network: Network) -> Option<u16> {
+        let number = match self {
+            MessageKind::Operator => 0x01,
+            MessageKind::Force => 0x02,
+            MessageKind::Torque => 0x03,
+            MessageKind::Head => 0x04,
+            MessageKind::AccelerometerB => 0x05,
+            MessageKind::AccelerometerC => 0x06,
+            MessageKind::PlantHello => 0x07,
+            MessageKind::ExciterHello => 0x08,
+            MessageKind::PlantEmergency => 0x09,
+            MessageKind::ExciterEmergency => 0x0A,
+            MessageKind::Sensors => 0x0B,
+            MessageKind::SensorPair => 0x0C,
+            MessageKind::PlantCapabilities => 0x0D,
+            MessageKind::ExciterCapabilities => 0x0E,
             MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => return None,
+        };
+        Some((0x51 + network.node_id(Node::Plant) as u16) << 8 | number)
+    }
+
+    /// The form of its frames in a profile, or `None` if the profile has no such message.
+    pub const fn form(self, profile: Profile) -> Option<Form> {
+        Some(match (self, profile) {
+            (MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat, _) => Form::HEARTBEAT,
+            (MessageKind::Operator, _)
+            | (MessageKind::PlantHello | MessageKind::ExciterHello, _)
+            | (MessageKind::PlantEmergency | MessageKind::ExciterEmergency, _)
+            | (MessageKind::Force | MessageKind::Torque, Profile::Classic)
+            | (MessageKind::Head | MessageKind::AccelerometerB | MessageKind::AccelerometerC, Profile::Classic) => {
+                Form::CLASSIC
+            }
+            (MessageKind::Force | MessageKind::Torque, Profile::Fd)
+            | (MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities, Profile::Fd) => Form::fd(16),
+            (MessageKind::Sensors, Profile::Fd) => Form::fd(32),
+            (MessageKind::SensorPair, Profile::Fd) => Form::fd(64),
+            (MessageKind::Head | MessageKind::AccelerometerB | MessageKind::AccelerometerC, Profile::Fd)
+            | (MessageKind::Sensors | MessageKind::SensorPair, Profile::Classic)
+            | (MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities, Profile::Classic) => return None,
         })
     }
 
@@ -113,13 +187,17 @@ impl MessageKind {
             | MessageKind::AccelerometerC
             | MessageKind::PlantHello
             | MessageKind::PlantHeartbeat
-            | MessageKind::PlantEmergency => Node::Plant,
+            | MessageKind::PlantEmergency
+            | MessageKind::Sensors
+            | MessageKind::SensorPair
+            | MessageKind::PlantCapabilities => Node::Plant,
             MessageKind::Operator
             | MessageKind::Force
             | MessageKind::Torque
             | MessageKind::ExciterHello
             | MessageKind::ExciterHeartbeat
-            | MessageKind::ExciterEmergency => Node::Exciter,
+            | MessageKind::ExciterEmergency
+            | MessageKind::ExciterCapabilities => Node::Exciter,
         }
     }
 
@@ -130,8 +208,13 @@ impl MessageKind {
             | MessageKind::Torque
             | MessageKind::Head
             | MessageKind::AccelerometerB
-            | MessageKind::AccelerometerC => Cycle::Sample,
-            MessageKind::PlantHello | MessageKind::ExciterHello => Cycle::Period { period_ns: HELLO_PERIOD_NS },
+            | MessageKind::AccelerometerC
+            | MessageKind::Sensors
+            | MessageKind::SensorPair => Cycle::Sample,
+            MessageKind::PlantHello
+            | MessageKind::ExciterHello
+            | MessageKind::PlantCapabilities
+            | MessageKind::ExciterCapabilities => Cycle::Period { period_ns: HELLO_PERIOD_NS },
             MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => {
                 Cycle::Period { period_ns: HEARTBEAT_PERIOD_NS }
             }
@@ -139,13 +222,7 @@ impl MessageKind {
         }
     }
 
-    /// The length of its frames in bytes: 1 for a heartbeat, 8 for everything else.
-    #[expect(clippy::len_without_is_empty, reason = "no message is empty")]
-    pub const fn len(self) -> usize {
-        if self.data_id().is_some() { 8 } else { 1 }
-    }
-
-    /// The name of its message in `resonarm.dbc`.
+    /// The name of its message in the DBC.
     pub const fn name(self) -> &'static str {
         match self {
             MessageKind::Operator => "OperatorCommand",
@@ -160,6 +237,10 @@ impl MessageKind {
             MessageKind::ExciterHeartbeat => "ExciterHeartbeat",
             MessageKind::PlantEmergency => "PlantEmergency",
             MessageKind::ExciterEmergency => "ExciterEmergency",
+            MessageKind::Sensors => "Sensors",
+            MessageKind::SensorPair => "SensorPair",
+            MessageKind::PlantCapabilities => "PlantCapabilities",
+            MessageKind::ExciterCapabilities => "ExciterCapabilities",
         }
     }
 }
@@ -196,11 +277,37 @@ mod tests {
         }
     }
 
+    /// Data ids that differ in one byte give CRCs that differ, so it is enough that no two are the same and each pair of a
+    /// network differs in its low byte only.
+    #[test]
+    fn no_two_data_ids_are_the_same() {
+        let mut seen = std::collections::BTreeSet::new();
+        for plant_id in 1..=127 {
+            let network = Network::default().with_node_ids(plant_id, if plant_id == 127 { 1 } else { 127 }).unwrap();
+            let ids: std::vec::Vec<u16> =
+                MessageKind::ALL.into_iter().filter_map(|kind| kind.data_id(network)).collect();
+            assert_eq!(ids.len(), MessageKind::COUNT - 2);
+            assert!(ids.iter().all(|id| id >> 8 == ids[0] >> 8));
+            assert!(ids.into_iter().all(|id| seen.insert(id)));
+        }
+    }
+
     #[test]
     fn a_message_under_the_identifier_of_another_has_a_wrong_crc() {
-        let content = [0, 3, 1, 4, 1, 5, 9, 2];
-        let crcs: std::collections::BTreeSet<u8> =
-            MessageKind::ALL.iter().filter_map(|kind| kind.data_id()).map(|id| e2e::crc(id, &content)).collect();
-        assert_eq!(crcs.len(), 10);
+        let (content, network) = ([0, 3, 1, 4, 1, 5, 9, 2], Network::default());
+        let ids = || MessageKind::ALL.into_iter().filter_map(|kind| kind.data_id(network));
+        let crcs: std::collections::BTreeSet<u8> = ids().map(|id| e2e::profile11::crc(id, &content)).collect();
+        assert_eq!(crcs.len(), ids().count());
+        let crcs: std::collections::BTreeSet<u16> = ids().map(|id| e2e::profile5::crc(id, &content)).collect();
+        assert_eq!(crcs.len(), ids().count());
+    }
+
+    #[test]
+    fn every_message_has_a_form_in_a_profile() {
+        for kind in MessageKind::ALL {
+            let forms = Profile::ALL.map(|profile| kind.form(profile));
+            assert!(forms.iter().any(Option::is_some), "{kind}");
+            assert!(forms.iter().flatten().all(|form| form.protection.is_some() == (form.length > 1)), "{kind}");
+        }
     }
 }

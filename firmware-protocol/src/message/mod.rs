@@ -1,8 +1,10 @@
 //! The messages: valid values on one side, bytes on the other.
 
 mod acceleration;
+mod capabilities;
 mod command;
 mod emergency;
+mod fd;
 mod heartbeat;
 mod hello;
 mod impedance_head;
@@ -10,21 +12,25 @@ mod kind;
 mod operator;
 mod payload;
 mod refusal;
+mod sensors;
 
 pub use acceleration::Acceleration;
+pub use capabilities::Capabilities;
 pub use command::{ForceCommand, TorqueCommand};
 pub use emergency::{Emergency, EmergencyCode};
 pub use heartbeat::Heartbeat;
-pub use hello::{Hello, Mismatch, Profile, Version};
+pub use hello::{Hello, Mismatch, Version};
 pub use impedance_head::ImpedanceHead;
-pub use kind::{Cycle, MessageKind};
+pub use kind::{Cycle, Form, MessageKind};
 pub use operator::{OperatorCommand, OperatorRequest};
 pub use refusal::Refusal;
+pub use sensors::{Measured, SensorPair, SensorValues, Sensors};
 
 pub(crate) use payload::Payload;
 
 use crate::error::{DecodeError, EncodeError};
-use crate::network::Node;
+use crate::frame::FrameFormat;
+use crate::network::{Node, Profile};
 
 /// One message.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +55,12 @@ pub enum Message {
     Heartbeat(Heartbeat),
     /// A node tells why it has faulted or refused to arm, or a notice.
     Emergency(Emergency),
+    /// All of the plant's instruments at one sample (FD profile).
+    Sensors(Sensors),
+    /// All of the plant's instruments at two samples (FD profile).
+    SensorPair(SensorPair),
+    /// A node says what it can do (FD profile).
+    Capabilities(Capabilities),
 }
 
 impl Message {
@@ -67,18 +79,26 @@ impl Message {
             Message::Heartbeat(Heartbeat { node: Node::Exciter, .. }) => MessageKind::ExciterHeartbeat,
             Message::Emergency(Emergency { node: Node::Plant, .. }) => MessageKind::PlantEmergency,
             Message::Emergency(Emergency { node: Node::Exciter, .. }) => MessageKind::ExciterEmergency,
+            Message::Sensors(_) => MessageKind::Sensors,
+            Message::SensorPair(_) => MessageKind::SensorPair,
+            Message::Capabilities(Capabilities { node: Node::Plant, .. }) => MessageKind::PlantCapabilities,
+            Message::Capabilities(Capabilities { node: Node::Exciter, .. }) => MessageKind::ExciterCapabilities,
         }
     }
 
-    /// Whether the message can be sent.
+    /// Whether the message can be sent in a profile.
     ///
     /// # Errors
-    /// [`EncodeError`] names the value that can't.
-    pub fn check(&self) -> Result<(), EncodeError> {
-        self.encode().map(|_| ())
+    /// [`EncodeError`] names the value that can't, or says that the profile has no such message.
+    pub fn check(&self, profile: Profile) -> Result<(), EncodeError> {
+        match self.kind().form(profile) {
+            None => Err(EncodeError::OtherProfile { kind: self.kind() }),
+            Some(Form { format: FrameFormat::Fd { .. }, .. }) => self.encode_fd().map(|_| ()),
+            Some(_) => self.encode().map(|_| ()),
+        }
     }
 
-    /// The bytes of the message; CRC and counter are still zero.
+    /// The content of a message that is a classical frame.
     pub(crate) fn encode(&self) -> Result<Payload, EncodeError> {
         let kind = self.kind();
         match self {
@@ -90,10 +110,13 @@ impl Message {
             Message::PlantHello(hello) | Message::ExciterHello(hello) => hello.encode(kind),
             Message::Heartbeat(heartbeat) => Ok(heartbeat.encode()),
             Message::Emergency(emergency) => Ok(emergency.encode()),
+            Message::Sensors(_) | Message::SensorPair(_) | Message::Capabilities(_) => {
+                Err(EncodeError::OtherProfile { kind })
+            }
         }
     }
 
-    /// The message of this kind in a payload whose length and protection are right.
+    /// The message of this kind in the payload of a classical frame whose length and protection are right.
     pub(crate) fn decode(kind: MessageKind, payload: &Payload) -> Result<Message, DecodeError> {
         match kind {
             MessageKind::Operator => OperatorCommand::decode(payload).map(Message::Operator),
@@ -110,6 +133,10 @@ impl Message {
             MessageKind::PlantEmergency | MessageKind::ExciterEmergency => {
                 Emergency::decode(kind, payload).map(Message::Emergency)
             }
+            MessageKind::Sensors
+            | MessageKind::SensorPair
+            | MessageKind::PlantCapabilities
+            | MessageKind::ExciterCapabilities => Err(DecodeError::OtherProfile { kind }),
         }
     }
 }

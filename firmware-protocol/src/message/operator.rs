@@ -42,7 +42,7 @@ pub struct OperatorCommand {
 
 impl OperatorCommand {
     pub(crate) const fn encode(&self) -> Payload {
-        Payload { flags: 0, bytes: [self.request as u8, self.target.id(), 0, 0, 0, 0] }
+        Payload { flags: 0, bytes: [self.request as u8, self.target.number(), 0, 0, 0, 0] }
     }
 
     pub(crate) fn decode(payload: &Payload) -> Result<OperatorCommand, DecodeError> {
@@ -56,7 +56,7 @@ impl OperatorCommand {
                 .into_iter()
                 .find(|known| *known as u8 == request)
                 .ok_or(unknown("request", request))?,
-            target: Node::from_id(target).ok_or(unknown("target", target))?,
+            target: Node::from_number(target).ok_or(unknown("target", target))?,
         })
     }
 }

@@ -3,10 +3,11 @@
 
 use std::collections::BTreeMap;
 
+use resonarm_protocol::e2e::{Protection, profile5, profile11};
 use resonarm_protocol::{
-    Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead,
-    Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, TorqueCommand,
-    Transmitter, Version,
+    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id,
+    ImpedanceHead, Measured, Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile,
+    Receiver, SensorPair, SensorValues, Sensors, TorqueCommand, Transmitter, Version,
 };
 
 /// The signals of a message by their names in the DBC, in physical units.
@@ -16,7 +17,7 @@ pub type Signals = BTreeMap<String, f64>;
 pub fn signals(message: &Message) -> Signals {
     let pairs: Vec<(&str, f64)> = match *message {
         Message::Operator(OperatorCommand { request, target }) => {
-            vec![("request", request as u8 as f64), ("target", target.id().into())]
+            vec![("request", request as u8 as f64), ("target", target.number().into())]
         }
         Message::Force(ForceCommand { force_x_n, force_y_n, sample }) => {
             vec![("force_x_n", force_x_n), ("force_y_n", force_y_n), ("sample", sample.into())]
@@ -49,8 +50,50 @@ pub fn signals(message: &Message) -> Signals {
         Message::Emergency(Emergency { code, detail, sample, .. }) => {
             vec![("code", code as u16 as f64), ("detail", detail.into()), ("sample", sample.into())]
         }
+        Message::Sensors(Sensors { values, sample }) => return with_sample(value_signals("", &values), sample),
+        Message::SensorPair(SensorPair { values: [first, second], sample }) => {
+            let both = value_signals("first_", &first).into_iter().chain(value_signals("second_", &second));
+            return with_sample(both.collect(), sample);
+        }
+        Message::Capabilities(capabilities) => vec![
+            ("samples_per_frame", capabilities.samples_per_frame.into()),
+            ("force_limit_n", capabilities.force_limit_n),
+            ("torque_limit_nm", capabilities.torque_limit_nm),
+        ],
     };
     pairs.into_iter().map(|(name, value)| (name.to_string(), value)).collect()
+}
+
+/// The readings of a sample, each by its name, its unit, and the name of its mark.
+const READINGS: [(&str, &str); 6] = [
+    ("force_x", "n"),
+    ("force_y", "n"),
+    ("acceleration_b_x", "m_s2"),
+    ("acceleration_b_y", "m_s2"),
+    ("acceleration_c_x", "m_s2"),
+    ("acceleration_c_y", "m_s2"),
+];
+
+fn value_signals(prefix: &str, values: &SensorValues) -> Signals {
+    let ([a, b], [c, d], [e, f]) = (values.force_n, values.acceleration_b_m_s2, values.acceleration_c_m_s2);
+    let signals = READINGS.into_iter().zip([a, b, c, d, e, f]).flat_map(|((name, unit), measured)| {
+        let saturated = f64::from(u8::from(measured.saturated));
+        [(format!("{prefix}{name}_{unit}"), measured.value), (format!("{prefix}{name}_saturated"), saturated)]
+    });
+    signals.collect()
+}
+
+fn with_sample(mut signals: Signals, sample: u16) -> Signals {
+    signals.insert("sample".to_string(), sample.into());
+    signals
+}
+
+fn sensor_values(prefix: &str, signals: &Signals) -> SensorValues {
+    let [a, b, c, d, e, f] = READINGS.map(|(name, unit)| Measured {
+        value: signals[&format!("{prefix}{name}_{unit}")],
+        saturated: signals[&format!("{prefix}{name}_saturated")] == 1.0,
+    });
+    SensorValues { force_n: [a, b], acceleration_b_m_s2: [c, d], acceleration_c_m_s2: [e, f] }
 }
 
 /// The message with these signals. Panics where there is none: the tests state valid ones.
@@ -75,7 +118,7 @@ pub fn message(kind: MessageKind, signals: &Signals) -> Message {
     match kind {
         MessageKind::Operator => Message::Operator(OperatorCommand {
             request: OperatorRequest::ALL.into_iter().find(|known| *known as u16 == word("request")).unwrap(),
-            target: Node::from_id(word("target") as u8).unwrap(),
+            target: Node::from_number(word("target") as u8).unwrap(),
         }),
         MessageKind::Force => Message::Force(ForceCommand {
             force_x_n: real("force_x_n"),
@@ -108,6 +151,17 @@ pub fn message(kind: MessageKind, signals: &Signals) -> Message {
             detail: word("detail"),
             sample: sample(),
         }),
+        MessageKind::Sensors => Message::Sensors(Sensors { values: sensor_values("", signals), sample: sample() }),
+        MessageKind::SensorPair => {
+            let values = [sensor_values("first_", signals), sensor_values("second_", signals)];
+            Message::SensorPair(SensorPair { values, sample: sample() })
+        }
+        MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities => Message::Capabilities(Capabilities {
+            node: kind.sender(),
+            samples_per_frame: word("samples_per_frame") as u8,
+            force_limit_n: real("force_limit_n"),
+            torque_limit_nm: real("torque_limit_nm"),
+        }),
     }
 }
 
@@ -137,23 +191,52 @@ pub fn frame(text: &str) -> Frame {
     Frame::new(id, format, &data).unwrap()
 }
 
+/// The network at the default base and node ids.
+pub fn network(profile: Profile) -> Network {
+    Network::default().with_profile(profile)
+}
+
 /// The frame of a message with counter 0.
-pub fn first_frame(message: &Message) -> Frame {
-    Transmitter::new(Network::default()).frame(message).unwrap()
+pub fn first_frame(profile: Profile, message: &Message) -> Frame {
+    Transmitter::new(network(profile)).frame(message).unwrap()
 }
 
 /// The frame with other content and the CRC that belongs to it.
-pub fn with_content(frame: &Frame, change: impl FnOnce(&mut [u8; 8])) -> Frame {
-    let kind = MessageKind::from_id(Network::default(), frame.id()).unwrap();
-    let mut data: [u8; 8] = frame.data().try_into().unwrap();
+pub fn with_content(profile: Profile, frame: &Frame, change: impl FnOnce(&mut [u8])) -> Frame {
+    let mut data = frame.data().to_vec();
     change(&mut data);
-    data[0] = resonarm_protocol::e2e::crc(kind.data_id().unwrap(), &data);
-    Frame::classic(frame.id(), &data).unwrap()
+    protect(profile, frame.id(), &mut data);
+    Frame::new(frame.id(), frame.format(), &data).unwrap()
+}
+
+/// Makes the CRC right; a message without protection stays as it is.
+pub fn protect(profile: Profile, id: Id, data: &mut [u8]) {
+    let network = network(profile);
+    let Some(kind) = MessageKind::from_id(network, id) else { return };
+    let protection = kind.form(profile).and_then(|form| form.protection);
+    match protection.zip(kind.data_id(network)) {
+        None => {}
+        Some((Protection::Profile11, data_id)) => {
+            if let Ok(bytes) = <&[u8; 8]>::try_from(&*data) {
+                data[0] = profile11::crc(data_id, bytes);
+            }
+        }
+        Some((Protection::Profile5, data_id)) if data.len() > 2 => {
+            let crc = profile5::crc(data_id, data);
+            data[..2].copy_from_slice(&crc.to_le_bytes());
+        }
+        Some((Protection::Profile5, _)) => {}
+    }
 }
 
 /// What a fresh receiver at the default base makes of a frame.
-pub fn accept(frame: &Frame) -> Result<Option<Message>, resonarm_protocol::DecodeError> {
-    Receiver::new(Network::default()).accept(frame)
+pub fn accept(profile: Profile, frame: &Frame) -> Result<Option<Message>, resonarm_protocol::DecodeError> {
+    Receiver::new(network(profile)).accept(frame)
+}
+
+/// The messages of [`samples`] that a profile has.
+pub fn samples_of(profile: Profile) -> Vec<Message> {
+    samples().into_iter().filter(|message| message.kind().form(profile).is_some()).collect()
 }
 
 /// Messages of every kind, with ends of ranges, ties, both signs and every value of every enum.
@@ -192,9 +275,33 @@ pub fn samples() -> Vec<Message> {
     }
     for node in Node::ALL {
         messages.extend(NodeState::ALL.map(|state| Message::Heartbeat(Heartbeat { node, state })));
-        for (code, detail) in EmergencyCode::ALL.into_iter().zip([0x0503, 1, 2, 0x1234, 4, 5, 0, 65_535, 9, 10, 11, 50])
+        for (code, detail) in
+            EmergencyCode::ALL.into_iter().zip([0x0503, 1, 2, 0x1234, 4, 5, 0, 65_535, 9, 10, 11, 50, 0x201, 0])
         {
             messages.push(Message::Emergency(Emergency { node, code, detail, sample: 0xABCD }));
+        }
+    }
+    messages.extend(fd_samples());
+    messages
+}
+
+/// The same of the messages that only the FD profile has.
+fn fd_samples() -> Vec<Message> {
+    let measured = |value, saturated| Measured { value, saturated };
+    let values = |scale: f64| SensorValues {
+        force_n: [measured(12.5 * scale, false), measured(-0.25 * scale, true)],
+        acceleration_b_m_s2: [measured(2500.0 * scale, false), measured(-1e-3 * scale, false)],
+        acceleration_c_m_s2: [measured(0.1 * scale, true), measured(0.0, false)],
+    };
+    let mut messages = Vec::new();
+    for (scale, sample) in [(1.0, 0), (-3.0, 65_535), (1e30, 300), (1e40, 9)] {
+        messages.push(Message::Sensors(Sensors { values: values(scale), sample }));
+        messages.push(Message::SensorPair(SensorPair { values: [values(scale), values(-scale / 7.0)], sample }));
+    }
+    for node in Node::ALL {
+        for (samples_per_frame, force_limit_n, torque_limit_nm) in [(1, 600.0, 0.0), (2, 0.0, f64::from(f32::MAX))] {
+            let capabilities = Capabilities { node, samples_per_frame, force_limit_n, torque_limit_nm };
+            messages.push(Message::Capabilities(capabilities));
         }
     }
     messages

@@ -8,7 +8,7 @@ fn playing() -> (ExciterNode, Transmitter) {
     let (mut exciter, mut plant) = (exciter_node(20.0), Transmitter::new(Network::default()));
     exciter.start(0);
     let heartbeat = |state| Message::Heartbeat(Heartbeat { node: NodeName::Plant, state });
-    for message in [Message::PlantHello(Hello::classic(RATE_HZ)), heartbeat(NodeState::Operational)] {
+    for message in [Message::PlantHello(Hello::new(WireProfile::Classic, RATE_HZ)), heartbeat(NodeState::Operational)] {
         exciter.handle_frame(0, &plant.frame(&message).unwrap());
     }
     assert_eq!(exciter.state(), NodeState::Operational);

@@ -1,78 +1,17 @@
-//! The cases that `vectors/classic.json` is made of: what is put on the bus, and what a receiver must make of it.
+//! The cases that `vectors/classic.json` is made of.
 
+use crate::case::Case;
+use crate::common;
 use resonarm_protocol::{
     Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead,
-    Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, TorqueCommand,
+    Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, TorqueCommand,
     Transmitter, Version,
 };
-use serde_json::{Value, json};
 
-use crate::{common, message_to_json, reason};
+const PROFILE: Profile = Profile::Classic;
 
-/// One sender, one receiver, and what goes between them.
-pub struct Case {
-    name: String,
-    transmitter: Transmitter,
-    receiver: Receiver,
-    steps: Vec<Value>,
-}
-
-impl Case {
-    fn new(name: &str) -> Case {
-        Case::at(name, Network::default())
-    }
-
-    fn at(name: &str, network: Network) -> Case {
-        let (transmitter, receiver) = (Transmitter::new(network), Receiver::new(network));
-        Case { name: name.to_string(), transmitter, receiver, steps: Vec::new() }
-    }
-
-    /// A valid message goes over the bus.
-    fn send(mut self, message: Message) -> Case {
-        let frame = self.transmitter.frame(&message).unwrap();
-        let accepted = self.receiver.accept(&frame).unwrap().unwrap();
-        self.steps.push(json!({
-            "send": message_to_json(&message), "frame": frame.to_string(),
-            "result": "accepted", "accepted": message_to_json(&accepted),
-        }));
-        self
-    }
-
-    /// A valid message is sent and never arrives.
-    fn lose(mut self, message: Message) -> Case {
-        let frame = self.transmitter.frame(&message).unwrap();
-        let sent = message_to_json(&message);
-        self.steps.push(json!({ "send": sent, "frame": frame.to_string(), "result": "lost" }));
-        self
-    }
-
-    /// A valid message is sent, and refused for its place in the sequence.
-    fn send_refused(mut self, message: Message, why: &str) -> Case {
-        let frame = self.transmitter.frame(&message).unwrap();
-        self = self.refuse(frame, why);
-        self.steps.last_mut().unwrap()["send"] = message_to_json(&message);
-        self
-    }
-
-    /// A frame that must be refused.
-    fn refuse(mut self, frame: Frame, why: &str) -> Case {
-        let refused = self.receiver.accept(&frame).map_err(|error| reason(&error));
-        assert_eq!(refused, Err(why), "{}: {frame}", self.name);
-        self.steps.push(json!({ "frame": frame.to_string(), "result": "refused", "reason": why }));
-        self
-    }
-
-    /// A frame that is none of the protocol's.
-    fn ignore(mut self, frame: Frame) -> Case {
-        assert_eq!(self.receiver.accept(&frame), Ok(None), "{}: {frame}", self.name);
-        self.steps.push(json!({ "frame": frame.to_string(), "result": "ignored" }));
-        self
-    }
-
-    pub fn to_json(&self) -> Value {
-        let base = self.receiver.network().base();
-        json!({ "name": self.name, "base": base, "lost": self.receiver.lost(), "steps": self.steps })
-    }
+fn new(name: &str) -> Case {
+    Case::new(PROFILE, name)
 }
 
 fn force(force_x_n: f64, force_y_n: f64, sample: u16) -> Message {
@@ -103,17 +42,18 @@ pub fn all() -> Vec<Case> {
 fn good() -> Vec<Case> {
     let mut cases: Vec<Case> = MessageKind::ALL
         .into_iter()
+        .filter(|kind| kind.form(PROFILE).is_some())
         .map(|kind| {
             let samples = common::samples().into_iter().filter(|message| message.kind() == kind);
-            samples.fold(Case::new(&format!("good: {kind}")), Case::send)
+            samples.fold(new(&format!("good: {kind}")), Case::send)
         })
         .collect();
     let ties = [0.01, 0.03, 0.05, -0.01, -0.03, -0.05, 0.009_999, 0.010_001, 655.349_999, -655.349_999];
-    cases.push(ties.into_iter().fold(Case::new("rounding: to nearest, ties to even"), |case, value| {
+    cases.push(ties.into_iter().fold(new("rounding: to nearest, ties to even"), |case, value| {
         case.send(force(value, 0.0, 1)).send(head(0.0, value))
     }));
     let beyond = [655.35, 1e6, 1e300, -655.35, -1e6, -1e300];
-    cases.push(beyond.into_iter().fold(Case::new("saturation: sensors are cut and flagged"), |case, value| {
+    cases.push(beyond.into_iter().fold(new("saturation: sensors are cut and flagged"), |case, value| {
         case.send(head(value, 0.0)).send(head(0.0, value))
     }));
     for base in [0x180, 0x2A0, 0x570] {
@@ -123,24 +63,40 @@ fn good() -> Vec<Case> {
                 .send(force(1.0, 2.0, 3))
                 .send(boot_up(Node::Plant))
                 .send(Message::ExciterHello(hello(1000)))
-                .ignore(Frame::classic(Id::Standard(base + 8), &[0; 8]).unwrap())
+                .ignore(Frame::classic(Id::Standard(base + 12), &[0; 8]).unwrap())
                 .ignore(common::frame("201#8A00F40183FF3412")),
         );
     }
+    let network = Network::new(0x300).unwrap().with_node_ids(3, 127).unwrap();
+    cases.push(
+        Case::at("node ids 3 and 127", network)
+            .send(force(1.0, 2.0, 3))
+            .send(boot_up(Node::Plant))
+            .send(boot_up(Node::Exciter))
+            .send(Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Exciter }))
+            .send(Message::Emergency(Emergency {
+                node: Node::Exciter,
+                code: EmergencyCode::SecondSender,
+                detail: 0x301,
+                sample: 7,
+            }))
+            .refuse(common::frame("301#8A00F40183FF3412"), "crc")
+            .ignore(common::frame("701#05")),
+    );
     cases
 }
 
 fn sequences() -> Vec<Case> {
     let torque = |sample| Message::Torque(TorqueCommand { torque1_nm: 1.0, torque2_nm: 0.0, sample });
-    let wrap = (0..32).fold(Case::new("counter: 0 to 14 and again"), |case, sample| case.send(torque(sample)));
+    let wrap = (0..32).fold(new("counter: 0 to 14 and again"), |case, sample| case.send(torque(sample)));
     let lost = |lost: u16| {
-        let case = Case::new(&format!("counter: {lost} lost")).send(torque(0));
+        let case = new(&format!("counter: {lost} lost")).send(torque(0));
         (1..=lost).fold(case, |case, sample| case.lose(torque(sample)))
     };
     let mut repeated = Transmitter::new(Network::default());
     let first = repeated.frame(&force(1.0, 0.0, 0)).unwrap();
     let second = repeated.frame(&force(2.0, 0.0, 1)).unwrap();
-    let invalid = common::with_content(&second, |data| data[1] |= 0xF);
+    let invalid = common::with_content(PROFILE, &second, |data| data[1] |= 0xF);
     let booted = |case: Case, node| case.send(boot_up(node));
     vec![
         wrap,
@@ -149,20 +105,20 @@ fn sequences() -> Vec<Case> {
         lost(4).send_refused(torque(100), "wrong sequence").send(torque(101)),
         lost(13).send_refused(torque(100), "wrong sequence").send(torque(101)),
         lost(14).send_refused(torque(100), "repeated").send(torque(101)),
-        Case::new("counter: a frame repeated")
+        new("counter: a frame repeated")
             .send(force(1.0, 0.0, 0))
             .refuse(first, "repeated")
             .send(force(2.0, 0.0, 1))
             .refuse(second, "repeated")
             .refuse(first, "wrong sequence"),
-        Case::new("counter: 15 is invalid and forgotten")
+        new("counter: 15 is invalid and forgotten")
             .refuse(invalid, "invalid counter")
             .send(force(1.0, 0.0, 0))
             .refuse(invalid, "invalid counter")
             .send(force(2.0, 0.0, 1)),
         booted(lost(7), Node::Exciter).send(torque(100)),
         booted(lost(6), Node::Plant).send_refused(torque(100), "wrong sequence"),
-        Case::new("counter: each message has its own")
+        new("counter: each message has its own")
             .send(force(1.0, 0.0, 0))
             .send(torque(0))
             .send(force(1.0, 0.0, 1))
@@ -172,12 +128,12 @@ fn sequences() -> Vec<Case> {
 }
 
 fn bad_form() -> Vec<Case> {
-    let good = common::first_frame(&force(10.0, -2.5, 4660));
+    let good = common::first_frame(PROFILE, &force(10.0, -2.5, 4660));
     let data = good.data();
     let crc = |name: &str, byte: usize, bits: u8| {
         let mut bytes: [u8; 8] = data.try_into().unwrap();
         bytes[byte] ^= bits;
-        let case = Case::new(&format!("crc: {name}"));
+        let case = new(&format!("crc: {name}"));
         case.refuse(Frame::classic(good.id(), &bytes).unwrap(), "crc").send(force(10.0, -2.5, 4660))
     };
     let fd = |len: usize| {
@@ -194,31 +150,36 @@ fn bad_form() -> Vec<Case> {
         crc("one bit of the flags", 1, 0x80),
         crc("one bit of the force", 3, 0x10),
         crc("a burst of eight bits", 5, 0xFF),
-        Case::new("crc: a message under the identifier of another").refuse(classic(0x203, data), "crc"),
-        Case::new("crc: nothing but zeros").refuse(classic(0x201, &[0; 8]), "crc"),
-        Case::new("crc: nothing but ones").refuse(classic(0x201, &[0xFF; 8]), "crc"),
-        Case::new("length: short").refuse(classic(0x201, &data[..7]), "length"),
-        Case::new("length: empty").refuse(classic(0x201, &[]), "length"),
-        Case::new("length: a heartbeat of two bytes").refuse(classic(0x701, &[5, 5]), "length"),
-        Case::new("length: an empty heartbeat").refuse(classic(0x702, &[]), "length"),
-        Case::new("format: CAN FD of 8 bytes").refuse(fd(8), "format"),
-        Case::new("format: CAN FD of 12 bytes").refuse(fd(12), "format"),
-        Case::new("format: CAN FD of 64 bytes").refuse(fd(64), "format"),
-        Case::new("format: remote frames").refuse(remote(0x201), "format").refuse(remote(0x701), "format"),
-        Case::new("not of the protocol")
+        new("crc: a message under the identifier of another").refuse(classic(0x203, data), "crc"),
+        new("crc: nothing but zeros").refuse(classic(0x201, &[0; 8]), "crc"),
+        new("crc: nothing but ones").refuse(classic(0x201, &[0xFF; 8]), "crc"),
+        new("length: short").refuse(classic(0x201, &data[..7]), "length"),
+        new("length: empty").refuse(classic(0x201, &[]), "length"),
+        new("length: a heartbeat of two bytes").refuse(classic(0x701, &[5, 5]), "length"),
+        new("length: an empty heartbeat").refuse(classic(0x702, &[]), "length"),
+        new("format: CAN FD of 8 bytes").refuse(fd(8), "format"),
+        new("format: CAN FD of 12 bytes").refuse(fd(12), "format"),
+        new("format: CAN FD of 64 bytes").refuse(fd(64), "format"),
+        new("format: remote frames").refuse(remote(0x201), "format").refuse(remote(0x701), "format"),
+        new("profile: messages of the other")
+            .refuse(classic(0x208, data), "other profile")
+            .refuse(classic(0x209, &[]), "other profile")
+            .refuse(remote(0x20A), "other profile")
+            .refuse(classic(0x20B, data), "other profile"),
+        new("not of the protocol")
             .ignore(Frame::classic(Id::Extended(0x201), data).unwrap())
             .ignore(classic(0x000, &[1, 0]))
             .ignore(classic(0x080, &[]))
             .ignore(classic(0x083, data))
-            .ignore(classic(0x208, data))
+            .ignore(classic(0x20C, data))
             .ignore(classic(0x703, &[5]))
             .ignore(classic(0x7FF, data)),
     ]
 }
 
 fn bad_content() -> Vec<Case> {
-    let refused = |name: &str, message: Message, why: &str, change: fn(&mut [u8; 8])| {
-        Case::new(name).refuse(common::with_content(&common::first_frame(&message), change), why)
+    let refused = |name: &str, message: Message, why: &str, change: fn(&mut [u8])| {
+        new(name).refuse(common::with_content(PROFILE, &common::first_frame(PROFILE, &message), change), why)
     };
     let operator = Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant });
     let emergency =
@@ -250,9 +211,9 @@ fn bad_content() -> Vec<Case> {
         refused("unknown: target 3", operator, "unknown value", |data| data[3] = 3),
         refused("unknown: rate 0", exciter_hello, "unknown value", |data| data[6..8].copy_from_slice(&[0, 0])),
         refused("unknown: emergency code 0", emergency, "unknown value", |data| data[2] = 0),
-        refused("unknown: emergency code 13", emergency, "unknown value", |data| data[2] = 13),
+        refused("unknown: emergency code 15", emergency, "unknown value", |data| data[2] = 15),
         refused("unknown: emergency code 257", emergency, "unknown value", |data| data[3] = 1),
-        Case::new("unknown: heartbeat states")
+        new("unknown: heartbeat states")
             .refuse(common::frame("701#01"), "unknown value")
             .refuse(common::frame("701#85"), "unknown value")
             .refuse(common::frame("702#FF"), "unknown value"),

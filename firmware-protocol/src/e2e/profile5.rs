@@ -1,0 +1,74 @@
+//! AUTOSAR E2E Profile 5, of CAN FD frames: CRC-16 in the bytes 0 and 1 (little-endian), counter in byte 2, the 16-bit data
+//! id in the CRC and not on the wire (AUTOSAR FO PRS E2EProtocol, "Profile 5", offset 0).
+//!
+//! The CRC is CRC-16/IBM-3740 (CCITT with start value 0xFFFF): polynomial x¹⁶ + x¹² + x⁵ + 1 (0x1021), most significant bit
+//! first, no final XOR, over: bytes 2 to n−1 of the message, data id low byte, data id high byte. The polynomial has the factor
+//! x + 1, so it finds every odd number of wrong bits; its period of 32767 bits exceeds the longest message, so it finds every two.
+
+/// The remainder of one byte, for each byte.
+const TABLE: [u16; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut crc = (byte as u16) << 8;
+        let mut bit = 0;
+        while bit < 8 {
+            crc = if crc & 0x8000 != 0 { crc << 1 ^ 0x1021 } else { crc << 1 };
+            bit += 1;
+        }
+        table[byte] = crc;
+        byte += 1;
+    }
+    table
+};
+
+/// The CRC of a message with this data id: over all of `data` but the bytes 0 and 1, where the CRC itself stands, and the data
+/// id.
+pub const fn crc(data_id: u16, data: &[u8]) -> u16 {
+    let mut crc = 0xFFFF;
+    let mut i = 2;
+    while i < data.len() {
+        crc = step(crc, data[i]);
+        i += 1;
+    }
+    let [low, high] = data_id.to_le_bytes();
+    step(step(crc, low), high)
+}
+
+const fn step(crc: u16, byte: u8) -> u16 {
+    crc << 8 ^ TABLE[((crc >> 8) as u8 ^ byte) as usize]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The check value of CRC-16/IBM-3740 over "123456789", of which the last two bytes stand for the data id.
+    #[test]
+    fn gives_the_check_value_of_the_crc() {
+        assert_eq!(crc(u16::from_le_bytes(*b"89"), b"\0\x001234567"), 0x29B1);
+    }
+
+    /// The example of the AUTOSAR document: eight zero bytes, data id 0x1234.
+    #[test]
+    fn gives_the_crc_of_the_standard_s_example() {
+        assert_eq!(crc(0x1234, &[0; 8]), 0xCA1C);
+    }
+
+    #[test]
+    fn every_error_of_one_or_two_bits_changes_the_crc() {
+        const LENGTH: usize = 64;
+        let residue = |data: &[u8; LENGTH]| crc(0x520B, data) ^ u16::from_le_bytes([data[0], data[1]]);
+        let sent = core::array::from_fn(|k| k as u8);
+        for one in 0..8 * LENGTH {
+            for two in 0..=one {
+                let mut data = sent;
+                data[one / 8] ^= 1 << (one % 8);
+                if two != one {
+                    data[two / 8] ^= 1 << (two % 8);
+                }
+                assert_ne!(residue(&data), residue(&sent), "bits {one} and {two}");
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! All instruments at once, as the FD profile sends them.
+
+use super::MessageKind;
+use super::fd::{self, FdBytes, FdReader};
+use crate::error::{DecodeError, EncodeError};
+
+/// A measured value.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// The value, in the unit of its signal.
+    pub value: f64,
+    /// The instrument clipped it. Set in the frame as well when `value` lies beyond the range of a single.
+    pub saturated: bool,
+}
+
+/// What the instruments read at one sample, each along x and y of the base frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SensorValues {
+    /// The force at the tip, point C, in newtons.
+    pub force_n: [Measured; 2],
+    /// The acceleration of point B, the second joint, in m/s².
+    pub acceleration_b_m_s2: [Measured; 2],
+    /// The acceleration of point C, which is also that of the impedance head, in m/s².
+    pub acceleration_c_m_s2: [Measured; 2],
+}
+
+/// A whole sample in one frame: what ImpedanceHead, AccelerometerB and AccelerometerC are in the classic profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensors {
+    /// What the instruments read.
+    pub values: SensorValues,
+    /// The index of the sample, modulo 2¹⁶.
+    pub sample: u16,
+}
+
+/// Two whole samples in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorPair {
+    /// What the instruments read at two samples in a row.
+    pub values: [SensorValues; 2],
+    /// The index, modulo 2¹⁶, of the first of them.
+    pub sample: u16,
+}
+
+impl SensorValues {
+    const SIGNALS: [&'static str; 6] = [
+        "force_x_n",
+        "force_y_n",
+        "acceleration_b_x_m_s2",
+        "acceleration_b_y_m_s2",
+        "acceleration_c_x_m_s2",
+        "acceleration_c_y_m_s2",
+    ];
+    /// The bits of the flags: one for each signal, in their order.
+    const FLAGS: u8 = 0x3F;
+
+    fn all(&self) -> [Measured; 6] {
+        let ([a, b], [c, d], [e, f]) = (self.force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
+        [a, b, c, d, e, f]
+    }
+
+    /// Writes the values from byte `at` on, and their flags.
+    fn encode(&self, kind: MessageKind, bytes: &mut FdBytes, at: usize, flags_at: usize) -> Result<(), EncodeError> {
+        for (k, (signal, measured)) in Self::SIGNALS.into_iter().zip(self.all()).enumerate() {
+            let (single, beyond) = fd::measured(kind, signal, measured.value)?;
+            bytes[at + 4 * k..][..4].copy_from_slice(&single.to_le_bytes());
+            bytes[flags_at] |= u8::from(measured.saturated || beyond) << k;
+        }
+        Ok(())
+    }
+
+    fn decode(reader: &FdReader, at: usize, flags_at: usize) -> Result<SensorValues, DecodeError> {
+        let flags = reader.flags(flags_at, Self::FLAGS)?;
+        let mut all = [Measured::default(); 6];
+        for (k, (signal, measured)) in Self::SIGNALS.into_iter().zip(&mut all).enumerate() {
+            *measured = Measured { value: reader.single(signal, at + 4 * k)?, saturated: flags >> k & 1 != 0 };
+        }
+        let [a, b, c, d, e, f] = all;
+        Ok(SensorValues { force_n: [a, b], acceleration_b_m_s2: [c, d], acceleration_c_m_s2: [e, f] })
+    }
+}
+
+impl Sensors {
+    pub(super) fn encode(&self) -> Result<FdBytes, EncodeError> {
+        let mut bytes = fd::with_sample(self.sample);
+        self.values.encode(MessageKind::Sensors, &mut bytes, fd::VALUES, fd::FLAGS)?;
+        Ok(bytes)
+    }
+
+    pub(super) fn decode(reader: &FdReader) -> Result<Sensors, DecodeError> {
+        reader.zero(6..8)?;
+        let values = SensorValues::decode(reader, fd::VALUES, fd::FLAGS)?;
+        Ok(Sensors { values, sample: reader.sample() })
+    }
+}
+
+impl SensorPair {
+    /// The flags of the second sample.
+    const SECOND_FLAGS: usize = 6;
+    /// The values of the second sample.
+    const SECOND_VALUES: usize = 32;
+
+    pub(super) fn encode(&self) -> Result<FdBytes, EncodeError> {
+        let kind = MessageKind::SensorPair;
+        let mut bytes = fd::with_sample(self.sample);
+        self.values[0].encode(kind, &mut bytes, fd::VALUES, fd::FLAGS)?;
+        self.values[1].encode(kind, &mut bytes, Self::SECOND_VALUES, Self::SECOND_FLAGS)?;
+        Ok(bytes)
+    }
+
+    pub(super) fn decode(reader: &FdReader) -> Result<SensorPair, DecodeError> {
+        reader.zero(7..8)?;
+        reader.zero(56..64)?;
+        let first = SensorValues::decode(reader, fd::VALUES, fd::FLAGS)?;
+        let second = SensorValues::decode(reader, Self::SECOND_VALUES, Self::SECOND_FLAGS)?;
+        Ok(SensorPair { values: [first, second], sample: reader.sample() })
+    }
+}

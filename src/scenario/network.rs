@@ -1,0 +1,132 @@
+//! The CAN network of a scenario, and its deadlines.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Scenario, ScenarioError};
+use crate::node::Timing;
+use crate::protocol::{Network, Node, Profile, timing};
+
+/// The longest timeout, s.
+const TIMEOUT_MAX_S: f64 = 3600.0;
+
+/// The CAN network and its deadlines.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkSection {
+    /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
+    pub base_id: u16,
+    /// Node id of the plant, 1 to 127.
+    pub plant_id: u8,
+    /// Node id of the exciter, 1 to 127, another than the plant's.
+    pub exciter_id: u8,
+    /// The frames of commands and samples.
+    #[serde(with = "profile_name")]
+    pub profile: Profile,
+    /// Longest time without a valid command while armed, s; at least two samples, at most an hour.
+    pub command_timeout_s: f64,
+    /// Longest time without a sign of life of the partner while armed, s; at most an hour.
+    pub partner_timeout_s: f64,
+    /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
+    pub lockstep_timeout_s: f64,
+}
+
+impl Default for NetworkSection {
+    /// The protocol's specification.
+    fn default() -> NetworkSection {
+        let network = Network::default();
+        NetworkSection {
+            base_id: network.base(),
+            plant_id: network.node_id(Node::Plant),
+            exciter_id: network.node_id(Node::Exciter),
+            profile: network.profile(),
+            command_timeout_s: timing::COMMAND_TIMEOUT_NS as f64 * 1e-9,
+            partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
+            lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
+        }
+    }
+}
+
+impl NetworkSection {
+    /// Refuses timeouts that no run can use.
+    pub(super) fn check(&self) -> Result<(), ScenarioError> {
+        timeout("network.command_timeout_s", self.command_timeout_s)?;
+        timeout("network.partner_timeout_s", self.partner_timeout_s)?;
+        timeout("network.lockstep_timeout_s", self.lockstep_timeout_s)?;
+        Ok(())
+    }
+}
+
+impl Scenario {
+    /// The CAN network.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Network`] for an impossible base identifier or impossible node ids.
+    pub fn network(&self) -> Result<Network, ScenarioError> {
+        let NetworkSection { base_id, plant_id, exciter_id, profile, .. } = self.network;
+        Ok(Network::new(base_id)?.with_node_ids(plant_id, exciter_id)?.with_profile(profile))
+    }
+
+    /// The deadlines of a run in real time.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Rate`] and [`ScenarioError::RealTimeRate`] if the rate is none for real time,
+    /// [`ScenarioError::Value`] if a timeout is not positive, longer than an hour, or the command timeout is less than two
+    /// samples.
+    pub fn real_time_timing(&self) -> Result<Timing, ScenarioError> {
+        let rate_hz = self.wire_rate_hz()?;
+        if rate_hz < timing::REAL_TIME_RATE_MIN_HZ {
+            return Err(ScenarioError::RealTimeRate { got_hz: rate_hz });
+        }
+        let command_timeout_s = timeout("network.command_timeout_s", self.network.command_timeout_s)?;
+        if command_timeout_s * self.simulation.rate_hz < 2.0 {
+            let expected = "at least two samples long (2 / simulation.rate_hz)";
+            return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
+        }
+        let partner_timeout_s = timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
+        Ok(Timing {
+            command_timeout_ns: nanoseconds(command_timeout_s),
+            command_age_ns: nanoseconds(command_timeout_s),
+            partner_timeout_ns: nanoseconds(partner_timeout_s),
+            ..Timing::real_time(rate_hz)
+        })
+    }
+
+    /// The deadlines of a run in lockstep.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] if the timeout is not positive, or longer than an hour.
+    pub fn lockstep_timing(&self) -> Result<Timing, ScenarioError> {
+        let timeout_s = timeout("network.lockstep_timeout_s", self.network.lockstep_timeout_s)?;
+        Ok(Timing::lockstep(nanoseconds(timeout_s)))
+    }
+}
+
+/// A profile by its name.
+mod profile_name {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    use crate::protocol::Profile;
+
+    pub fn serialize<S: Serializer>(profile: &Profile, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(profile.name())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Profile, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let known = || Profile::ALL.into_iter().find(|profile| profile.name() == name);
+        known().ok_or_else(|| D::Error::unknown_variant(&name, &["classic", "fd"]))
+    }
+}
+
+/// A positive time up to an hour, s.
+fn timeout(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
+    if got > 0.0 && got <= TIMEOUT_MAX_S {
+        Ok(got)
+    } else {
+        Err(ScenarioError::Value { name, got, expected: "a positive number of seconds, at most 3600" })
+    }
+}
+
+fn nanoseconds(seconds: f64) -> u64 {
+    libm::round(seconds * 1e9) as u64
+}
