@@ -12,6 +12,7 @@ pub mod dbc;
 pub mod e2e;
 mod error;
 pub mod frame;
+mod frame_text;
 pub mod load;
 pub mod message;
 pub mod network;
@@ -23,15 +24,19 @@ mod transmitter;
 
 pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
+pub use frame_text::FrameTextError;
 pub use message::{
     Acceleration, Capabilities, Cycle, Emergency, EmergencyCode, ForceCommand, Form, Heartbeat, Hello, ImpedanceHead,
     Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SensorPair, SensorValues,
-    Sensors, TorqueCommand, Version,
+    Sensors, SignalError, TorqueCommand, Version,
 };
-pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile};
+pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile, UnknownProfile};
 pub use receiver::Receiver;
 pub use state::{NodeState, StateEvent, next};
 pub use transmitter::Transmitter;
+
+/// The text of the specification, `SPEC.md`.
+pub const SPEC: &str = include_str!("../SPEC.md");
 
 /// The version of the protocol that this crate speaks: major in the high nibble, minor in the low one.
 pub const PROTOCOL_VERSION: u8 = 0x12;

@@ -38,6 +38,28 @@ impl Profile {
     }
 }
 
+/// The name is none of a profile's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnknownProfile;
+
+impl fmt::Display for UnknownProfile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [classic, fd] = Profile::ALL.map(Profile::name);
+        write!(f, "the profiles are {classic} and {fd}")
+    }
+}
+
+impl core::error::Error for UnknownProfile {}
+
+impl core::str::FromStr for Profile {
+    type Err = UnknownProfile;
+
+    /// The profile of a name ([`Profile::name`]).
+    fn from_str(name: &str) -> Result<Profile, UnknownProfile> {
+        Profile::ALL.into_iter().find(|profile| profile.name() == name).ok_or(UnknownProfile)
+    }
+}
+
 impl fmt::Display for Profile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())

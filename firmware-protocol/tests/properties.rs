@@ -8,8 +8,8 @@ use resonarm_protocol::e2e::CounterFault;
 use resonarm_protocol::scaling::{ACCELERATION, Count, FORCE, Scale, TORQUE};
 use resonarm_protocol::{
     Acceleration, DecodeError, EncodeError, ForceCommand, Frame, FrameFormat, Heartbeat, Id, ImpedanceHead, Measured,
-    Message, MessageKind, Network, Node, NodeState, Profile, Receiver, SensorValues, Sensors, TorqueCommand,
-    Transmitter,
+    Message, MessageKind, Network, Node, NodeState, Profile, Receiver, SensorValues, Sensors, SignalError,
+    TorqueCommand, Transmitter,
 };
 
 /// Values dense at the places where something changes: counts, ties between them, zero, the ends of the range.
@@ -258,4 +258,22 @@ fn no_burst_of_up_to_16_bits_gets_through_in_the_fd_profile() {
             }
         }
     }
+}
+
+/// The crate's own names and values of signals are those of the tests, and lead back to the message.
+#[test]
+fn messages_are_their_signals() {
+    for message in common::samples() {
+        let (kind, mut signals) = (message.kind(), common::Signals::new());
+        message.signals(|name, value| assert_eq!(signals.insert(name.to_string(), value), None, "{kind} {name}"));
+        assert_eq!(signals, common::signals(&message), "{kind}");
+        assert_eq!(Message::from_signals(kind, |name| signals.get(name).copied()), Ok(message));
+        for name in signals.keys().filter(|name| !name.ends_with("saturated")) {
+            let missing = Message::from_signals(kind, |other| signals.get(other).copied().filter(|_| other != name));
+            assert!(matches!(missing, Err(SignalError::Missing { signal, .. }) if signal == name), "{kind} {name}");
+        }
+    }
+    let get = |name| if name == "sample" { Some(0.5) } else { Some(1.0) };
+    let refused = Message::from_signals(MessageKind::Force, get).map_err(|error| error.to_string());
+    assert_eq!(refused, Err("ForceCommand: sample has no value 0.5".to_string()));
 }

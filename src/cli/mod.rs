@@ -33,6 +33,7 @@ mod numbers;
 mod output;
 mod paper;
 mod poincare;
+mod protocol;
 mod quantity;
 mod readings;
 mod recover;
@@ -94,6 +95,7 @@ enum Command {
     Identify(identify::Identify),
     Inspect(inspect::Inspect),
     Recover(recover::Recover),
+    Protocol(protocol::Protocol),
     Doctor(doctor::Doctor),
 }
 
@@ -128,6 +130,7 @@ pub fn main() -> ExitCode {
         Command::Identify(command) => command.execute(),
         Command::Inspect(command) => command.execute(),
         Command::Recover(command) => command.execute(),
+        Command::Protocol(command) => command.execute(),
         Command::Doctor(command) => command.execute(),
     };
     match result {

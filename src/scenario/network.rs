@@ -113,8 +113,7 @@ mod profile_name {
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Profile, D::Error> {
         let name = String::deserialize(deserializer)?;
-        let known = || Profile::ALL.into_iter().find(|profile| profile.name() == name);
-        known().ok_or_else(|| D::Error::unknown_variant(&name, &["classic", "fd"]))
+        name.parse().map_err(|_unknown| D::Error::unknown_variant(&name, &["classic", "fd"]))
     }
 }
 

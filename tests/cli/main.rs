@@ -11,6 +11,7 @@ mod identify;
 mod integrators;
 mod numbers;
 mod paper;
+mod protocol;
 mod readings;
 mod readme;
 mod recordings;

@@ -13,6 +13,7 @@ mod operator;
 mod payload;
 mod refusal;
 mod sensors;
+mod signals;
 
 pub use acceleration::Acceleration;
 pub use capabilities::Capabilities;
@@ -25,6 +26,7 @@ pub use kind::{Cycle, Form, MessageKind};
 pub use operator::{OperatorCommand, OperatorRequest};
 pub use refusal::Refusal;
 pub use sensors::{Measured, SensorPair, SensorValues, Sensors};
+pub use signals::SignalError;
 
 pub(crate) use payload::Payload;
 

@@ -54,9 +54,13 @@ impl SensorValues {
     /// The bits of the flags: one for each signal, in their order.
     const FLAGS: u8 = 0x3F;
 
-    fn all(&self) -> [Measured; 6] {
+    pub(super) fn all(&self) -> [Measured; 6] {
         let ([a, b], [c, d], [e, f]) = (self.force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
         [a, b, c, d, e, f]
+    }
+
+    pub(super) fn from_all([a, b, c, d, e, f]: [Measured; 6]) -> SensorValues {
+        SensorValues { force_n: [a, b], acceleration_b_m_s2: [c, d], acceleration_c_m_s2: [e, f] }
     }
 
     /// Writes the values from byte `at` on, and their flags.
@@ -75,8 +79,7 @@ impl SensorValues {
         for (k, (signal, measured)) in Self::SIGNALS.into_iter().zip(&mut all).enumerate() {
             *measured = Measured { value: reader.single(signal, at + 4 * k)?, saturated: flags >> k & 1 != 0 };
         }
-        let [a, b, c, d, e, f] = all;
-        Ok(SensorValues { force_n: [a, b], acceleration_b_m_s2: [c, d], acceleration_c_m_s2: [e, f] })
+        Ok(SensorValues::from_all(all))
     }
 }
 

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use resonarm_protocol::e2e::{Protection, profile5, profile11};
 use resonarm_protocol::{
-    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id,
-    ImpedanceHead, Measured, Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile,
-    Receiver, SensorPair, SensorValues, Sensors, TorqueCommand, Transmitter, Version,
+    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Id, ImpedanceHead,
+    Measured, Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver,
+    SensorPair, SensorValues, Sensors, TorqueCommand, Transmitter, Version,
 };
 
 /// The signals of a message by their names in the DBC, in physical units.
@@ -172,23 +172,7 @@ pub fn kind(name: &str) -> MessageKind {
 
 /// A frame as `cansend` takes it.
 pub fn frame(text: &str) -> Frame {
-    let (id, rest) = text.split_once('#').unwrap();
-    let number = u32::from_str_radix(id, 16).unwrap();
-    let id = if id.len() == 3 { Id::Standard(number as u16) } else { Id::Extended(number) };
-    let bytes = |hex: &str| -> Vec<u8> {
-        assert!(hex.is_ascii() && hex.len().is_multiple_of(2), "{text}");
-        (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
-    };
-    let (format, data) = if let Some(fd) = rest.strip_prefix('#') {
-        let flags = u8::from_str_radix(&fd[..1], 16).unwrap();
-        let format = FrameFormat::Fd { bit_rate_switch: flags & 1 != 0, error_state_indicator: flags & 2 != 0 };
-        (format, bytes(&fd[1..]))
-    } else if let Some(length) = rest.strip_prefix('R') {
-        (FrameFormat::Remote, vec![0; length.parse().unwrap()])
-    } else {
-        (FrameFormat::Classic, bytes(rest))
-    };
-    Frame::new(id, format, &data).unwrap()
+    text.parse().unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
 /// The network at the default base and node ids.

@@ -1,0 +1,121 @@
+//! Frames as text, in the form of can-utils: `123#1122`, `123#R2`, `123##1AABB`.
+
+use core::fmt;
+use core::str::FromStr;
+
+use crate::frame::{Frame, FrameError, FrameFormat, Id};
+
+/// Why a text is no frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameTextError {
+    /// There is no `#`.
+    NoHash,
+    /// The identifier is not of 3 or 8 hexadecimal digits.
+    Id,
+    /// After `#R` stands something else than a length from 0 to 8.
+    RemoteLength,
+    /// After `##` stands no hexadecimal digit for the flags.
+    Flags,
+    /// The data are not pairs of hexadecimal digits.
+    Data,
+    /// There can be no such frame.
+    Frame(FrameError),
+}
+
+impl fmt::Display for FrameTextError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            FrameTextError::NoHash => f.write_str("there is no `#` between identifier and data, as in 123#1122"),
+            FrameTextError::Id => f.write_str("the identifier must have 3 hexadecimal digits (11 bits) or 8 (29 bits)"),
+            FrameTextError::RemoteLength => f.write_str("after `#R` of a remote frame stands its length, 0 to 8"),
+            FrameTextError::Flags => {
+                f.write_str("after `##` of a CAN FD frame stands a hexadecimal digit for its flags, as in 123##1AABB")
+            }
+            FrameTextError::Data => f.write_str("the data must be pairs of hexadecimal digits"),
+            FrameTextError::Frame(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for FrameTextError {}
+
+/// As `cansend` takes a frame; the inverse of [`Frame`]'s `Display`.
+impl FromStr for Frame {
+    type Err = FrameTextError;
+
+    fn from_str(text: &str) -> Result<Frame, FrameTextError> {
+        let (id, rest) = text.split_once('#').ok_or(FrameTextError::NoHash)?;
+        let id = identifier(id).ok_or(FrameTextError::Id)?;
+        let (format, digits) = if let Some(rest) = rest.strip_prefix('#') {
+            let flags = rest.chars().next().and_then(|c| c.to_digit(16)).ok_or(FrameTextError::Flags)?;
+            let (bit_rate_switch, error_state_indicator) = (flags & 1 != 0, flags & 2 != 0);
+            (FrameFormat::Fd { bit_rate_switch, error_state_indicator }, &rest[1..])
+        } else if let Some(length) = rest.strip_prefix(['R', 'r']) {
+            let length = if length.is_empty() { Ok(0) } else { length.parse() };
+            let length = length.ok().filter(|length| *length <= 8).ok_or(FrameTextError::RemoteLength)?;
+            return Frame::new(id, FrameFormat::Remote, &[0; 8][..length]).map_err(FrameTextError::Frame);
+        } else {
+            (FrameFormat::Classic, rest)
+        };
+        let mut bytes = [0; 64];
+        let length = data(digits, &mut bytes).ok_or(FrameTextError::Data)?;
+        Frame::new(id, format, bytes.get(..length).unwrap_or(&bytes)).map_err(FrameTextError::Frame)
+    }
+}
+
+fn identifier(text: &str) -> Option<Id> {
+    let number = text.bytes().all(|c| c.is_ascii_hexdigit()).then(|| u32::from_str_radix(text, 16).ok())??;
+    match text.len() {
+        3 => u16::try_from(number).ok().map(Id::Standard),
+        8 => Some(Id::Extended(number)),
+        _ => None,
+    }
+}
+
+/// Fills `bytes` from pairs of digits, which may be parted by dots, and returns how many there are.
+fn data(text: &str, bytes: &mut [u8; 64]) -> Option<usize> {
+    let mut length = 0;
+    let mut digits = text.chars().filter(|c| *c != '.');
+    while let Some(high) = digits.next() {
+        let (high, low) = (high.to_digit(16)?, digits.next()?.to_digit(16)?);
+        *bytes.get_mut(length)? = (high << 4 | low) as u8;
+        length += 1;
+    }
+    Some(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn reads_what_it_writes() {
+        for text in ["123#", "123#1122", "00000123#R8", "123##1AABB", "7FF##3", "1FFFFFFF#0102030405060708"] {
+            assert_eq!(text.parse::<Frame>().map(|frame| frame.to_string()), Ok(text.to_string()));
+        }
+        assert_eq!("123#11.22".parse::<Frame>(), "123#1122".parse());
+        assert_eq!("123#r".parse::<Frame>(), "123#R0".parse());
+    }
+
+    #[test]
+    fn says_what_is_wrong_with_a_text() {
+        let long = std::format!("123##0{}", "00".repeat(65));
+        let cases = [
+            ("123", FrameTextError::NoHash),
+            ("12#00", FrameTextError::Id),
+            ("+12#00", FrameTextError::Id),
+            ("123#R9", FrameTextError::RemoteLength),
+            ("123##", FrameTextError::Flags),
+            ("123#0", FrameTextError::Data),
+            ("123#0é", FrameTextError::Data),
+            (&long, FrameTextError::Data),
+            ("800#00", FrameTextError::Frame(FrameError::Id(Id::Standard(0x800)))),
+        ];
+        for (text, error) in cases {
+            assert_eq!(text.parse::<Frame>(), Err(error), "{text}");
+        }
+        let length = FrameError::Length { got: 9, format: FrameFormat::Classic };
+        assert_eq!("123#000102030405060708".parse::<Frame>(), Err(FrameTextError::Frame(length)));
+    }
+}

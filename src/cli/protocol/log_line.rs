@@ -1,0 +1,58 @@
+//! A line of a log: a frame alone, or as `candump -L` writes it.
+
+use crate::protocol::Frame;
+
+/// A frame and what stood before it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LogLine {
+    /// When it was seen, s, where the log says.
+    pub time_s: Option<f64>,
+    /// On which interface, where the log says.
+    pub interface: Option<String>,
+    /// The frame.
+    pub frame: Frame,
+}
+
+impl LogLine {
+    /// Reads `FRAME` or `(TIME) INTERFACE FRAME [DIRECTION]`.
+    ///
+    /// # Errors
+    /// What the line has that it can't have.
+    pub fn parse(line: &str) -> Result<LogLine, String> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let frame = |text: &str| text.parse::<Frame>().map_err(|error| error.to_string());
+        match words[..] {
+            [text] => Ok(LogLine { time_s: None, interface: None, frame: frame(text)? }),
+            [time, interface, text] | [time, interface, text, "R" | "T"] if time.starts_with('(') => {
+                let seconds = time.strip_prefix('(').and_then(|time| time.strip_suffix(')'));
+                let seconds = seconds.and_then(|seconds| seconds.parse::<f64>().ok());
+                let time_s = seconds.ok_or_else(|| format!("{time:?} is no time in brackets, as (12.345678)"))?;
+                Ok(LogLine { time_s: Some(time_s), interface: Some(interface.to_owned()), frame: frame(text)? })
+            }
+            _ => Err(String::from("it is neither a frame, as 201#1122, nor a line of `candump -L`")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_frames_and_lines_of_logs() {
+        let frame = "201#1122".parse().unwrap();
+        let alone = LogLine { time_s: None, interface: None, frame };
+        assert_eq!(LogLine::parse(" 201#1122 "), Ok(alone));
+        let logged = LogLine { time_s: Some(1436509052.249713), interface: Some(String::from("vcan0")), frame };
+        assert_eq!(LogLine::parse("(1436509052.249713) vcan0 201#1122"), Ok(logged.clone()));
+        assert_eq!(LogLine::parse("(1436509052.249713) vcan0 201#1122 R"), Ok(logged));
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        let said = |line| LogLine::parse(line).unwrap_err();
+        insta::assert_snapshot!(said("  vcan0  201   [2]  11 22"), @"it is neither a frame, as 201#1122, nor a line of `candump -L`");
+        insta::assert_snapshot!(said("(now) vcan0 201#1122"), @r#""(now)" is no time in brackets, as (12.345678)"#);
+        insta::assert_snapshot!(said("201#112"), @"the data must be pairs of hexadecimal digits");
+    }
+}

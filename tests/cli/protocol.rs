@@ -1,0 +1,108 @@
+//! `protocol`: the wire's documents, and frames explained and made.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use insta::assert_snapshot;
+
+use crate::{complaint, document, names, resonarm};
+
+fn here() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Exit code and standard output of a command that reads `input`.
+fn piped(arguments: &[&str], input: &str) -> (i32, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    command.args(arguments).env_remove("RESONARM_LOG");
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+const LOG: &str = "\
+(1.000000) vcan0 702#00
+(1.100000) vcan0 201#8A00F40183FF3412
+(1.200000) vcan0 201#8A00F40183FF3412
+
+(1.300000) vcan0 123#00
+(1.400000) vcan0 081#2100010003054812 R
+203#R8
+";
+
+#[test]
+fn a_log_is_explained_with_a_receiver_s_verdicts() {
+    let (code, stdout, stderr) = piped(&["protocol", "decode"], LOG);
+    assert_eq!((code, stderr.as_str()), (1, ""));
+    assert_snapshot!(stdout, @r"
+    (1.000000) vcan0 702#00  ExciterHeartbeat state=0
+    (1.100000) vcan0 201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
+    (1.200000) vcan0 201#8A00F40183FF3412  ForceCommand refused: counter 0 again
+    (1.300000) vcan0 123#00  not of this network
+    (1.400000) vcan0 081#2100010003054812  PlantEmergency code=1 detail=1283 sample=4680 (plant, code 1: no valid command in time (3 refused, the last because the exciter can't produce it), at sample 4680)
+    203#R8  ImpedanceHead refused: a remote frame carries no data
+    6 frames: 3 taken, 2 refused, 1 of other protocols; 0 lost before them
+    ");
+    let (code, stdout, _) = piped(&["protocol", "decode", "--json"], LOG);
+    let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!((code, found["counts"]["taken"].as_u64(), found["counts"]["refused"].as_u64()), (1, Some(3), Some(2)));
+    let frames = found["frames"].as_array().unwrap();
+    assert_eq!(names(&frames[1]), ["frame", "interface", "message", "sender", "signals", "time_s", "verdict"]);
+    assert_eq!(frames[1]["signals"]["force_y_n"], -2.5);
+    assert_eq!(frames[2]["reason"], "ForceCommand refused: counter 0 again");
+}
+
+#[test]
+fn what_is_encoded_decodes_in_every_network() {
+    for network in [&["--profile", "classic"][..], &["--profile", "fd", "--base", "0x300", "--plant-id", "7"]] {
+        let signals = ["ForceCommand", "force_x_n=10", "force_y_n=-2.5", "sample=0x1234", "--counter", "3"];
+        let made = resonarm(here(), &[&["protocol", "encode"], &signals[..], network].concat());
+        assert_eq!((made.code, made.stderr.as_str()), (0, ""));
+        let found = document(here(), 0, &[&["protocol", "decode", made.stdout.trim(), "--json"], network].concat());
+        let frame = &found["frames"][0];
+        assert_eq!((&frame["message"], &frame["verdict"]), (&"ForceCommand".into(), &"taken".into()));
+        assert_eq!(frame["signals"], serde_json::json!({ "force_x_n": 10.0, "force_y_n": -2.5, "sample": 4660.0 }));
+    }
+    let fd = resonarm(
+        here(),
+        &["protocol", "encode", "ForceCommand", "force_x_n=1e6", "force_y_n=0", "sample=1", "--profile", "fd"],
+    );
+    let as_classic = resonarm(here(), &["protocol", "decode", fd.stdout.trim()]);
+    assert_eq!(as_classic.code, 1);
+    assert!(as_classic.stdout.ends_with("ForceCommand refused: a CAN FD frame where a classical one belongs\n"));
+}
+
+#[test]
+fn the_documents_are_those_of_the_crate() {
+    let file = |name: &str| std::fs::read_to_string(here().join("firmware-protocol").join(name)).unwrap();
+    let printed = |arguments: &[&str]| resonarm(here(), arguments).stdout;
+    assert_eq!(printed(&["protocol", "spec"]), file("SPEC.md"));
+    assert_eq!(printed(&["protocol", "dbc"]), file("resonarm.dbc"));
+    assert_eq!(printed(&["protocol", "dbc", "--profile", "fd"]), file("resonarm-fd.dbc"));
+    let moved = printed(&["protocol", "dbc", "--base", "0x300", "--plant-id", "3"]);
+    assert!(moved.contains("\nBO_ 769 ForceCommand: 8 Exciter\n") && moved.contains("\nBA_ \"NodeId\" BU_ Plant 3;\n"));
+    assert!(moved.contains("\nBO_ 1795 PlantHeartbeat: 1 Plant\n"));
+}
+
+#[test]
+fn says_what_is_wrong() {
+    let said = |arguments: &[&str]| complaint(here(), 2, &[&["protocol"], arguments].concat());
+    assert_snapshot!(said(&["decode", "201#0"]), @r#"resonarm: "201#0": the data must be pairs of hexadecimal digits"#);
+    assert_snapshot!(said(&["decode", "201#00", "--base", "0x205"]), @"resonarm: base identifier 0x205 is not a multiple of 0x10: take 0x200");
+    assert_snapshot!(said(&["dbc", "--plant-id", "2"]), @"resonarm: plant and exciter can't both have the node id 2");
+    assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: there is no message "Force", only OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
+    assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand needs force_y_n");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: state has no value 3");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=5", "mass=3"]), @"resonarm: PlantHeartbeat has no signal mass, only state");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state"]), @r#"resonarm: "state" is not of the form signal=number"#);
+    let force = ["encode", "ForceCommand", "force_x_n=700", "force_y_n=0", "sample=0"];
+    assert_snapshot!(said(&force), @"resonarm: ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
+    assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: of ForceCommand it goes from 0 to 14");
+    assert_snapshot!(said(&["encode", "Sensors", "sample=0"]), @"resonarm: Sensors needs force_x_n");
+    let (code, stdout, stderr) = piped(&["protocol", "decode"], "201#8A00F40183FF3412\nnonsense here\n");
+    assert_eq!((code, stdout.lines().count()), (2, 1));
+    assert_snapshot!(stderr, @r#"resonarm: line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump -L`"#);
+}

@@ -1,0 +1,128 @@
+"""The FD profile, several networks on one interface, and nodes that are there twice."""
+
+import json
+import subprocess
+from collections import Counter
+
+import cantools
+import numpy as np
+import pytest
+from conftest import free
+from e2e.p05 import e2e_p05_check
+from processes import RESONARM, Programs, run, wait_until
+from recordings import Recording, bits
+
+SCENARIO = """
+[network]
+base_id = %d
+plant_id = %d
+exciter_id = %d
+profile = "%s"
+[arm]
+beta1_deg = 30.0
+[excitation]
+amplitude = { force_x_n = %g }
+ramp_s = 0.1
+profile = { waveform = "dwell", frequency_hz = 11.3, duration_s = %g, settle_s = 0.1 }
+"""
+# Base, node ids, profile and force of each bench.
+BENCHES = [(0x200, 1, 2, "classic", 100.0), (0x300, 3, 4, "fd", 200.0)]
+
+
+def flags(bench):
+    base, plant_id, exciter_id, profile, _ = bench
+    return ["--base", hex(base), "--plant-id", str(plant_id), "--exciter-id", str(exciter_id), "--profile", profile]
+
+
+@pytest.fixture(scope="module")
+def side_by_side(tmp_path_factory):
+    """Two benches in lockstep on vcan0 at once: what each came to, its recording and that of a free run, and the log."""
+    folder = tmp_path_factory.mktemp("side_by_side")
+    benches = []
+    with Programs() as programs:
+        dump = programs.candump()
+        for number, bench in enumerate(BENCHES):
+            scenario, path = folder / f"{number}.toml", folder / f"{number}.mcap"
+            scenario.write_text(SCENARIO % (*bench, 2.0))
+            common = ["--bus", "vcan0", "--mode", "lockstep", "--scenario", scenario, "--json"]
+            plant = programs.resonarm("run", *common, "--stop-on-disarm", "--record", path)
+            benches.append((scenario, path, plant, programs.resonarm("exciter", *common)))
+        results = [(plant.result(), exciter.result()) for *_, plant, exciter in benches]
+        dump.settle()
+        dump.stop()
+        log = dump.stdout
+    recordings = []
+    for number, (scenario, path, *_) in enumerate(benches):
+        (folder / f"free{number}").mkdir()
+        recordings.append((Recording.whole(path), free(folder / f"free{number}", scenario).recording))
+    return results, recordings, log
+
+
+def test_benches_side_by_side_are_each_as_if_alone(side_by_side):
+    results, recordings, _ = side_by_side
+    for plant, exciter in results:
+        assert exciter["outcome"] == "finished" and exciter["missed_samples"] == 0
+        assert (plant["bus"]["e2e_errors"], exciter["bus"]["e2e_errors"]) == (0, 0)
+    for together, alone in recordings:
+        assert np.abs(together.states).max(axis=0)[:2].min() > 1e-5
+        assert np.array_equal(bits(together.states), bits(alone.states))
+
+
+@pytest.mark.parametrize("number", range(2))
+def test_the_program_decodes_each_network_from_the_log_of_both(side_by_side, number):
+    results, _, log = side_by_side
+    command = [RESONARM, "protocol", "decode", "--json", *flags(BENCHES[number])]
+    found = json.loads(subprocess.run(command, input=log, capture_output=True, text=True, check=True).stdout)
+    counts = found["counts"]
+    plant, exciter = results[number]
+    assert (counts["refused"], counts["lost"]) == (0, 0)
+    assert counts["taken"] == plant["bus"]["sent"] + exciter["bus"]["sent"]
+    names = Counter(row.get("message") for row in found["frames"])
+    assert ("Sensors" in names) == (BENCHES[number][3] == "fd") and names["ForceCommand"] > 1900
+
+
+def test_cantools_and_autosar_e2e_read_the_fd_profile(side_by_side):
+    _, recordings, log = side_by_side
+    dbc = cantools.database.load_string(run(RESONARM, "protocol", "dbc", *flags(BENCHES[1])), "dbc", strict=True)
+    sensors = dbc.get_message_by_name("Sensors")
+    read = []
+    for line in log.splitlines():
+        identifier, _, data = line.split()[2].partition("##")
+        if data and int(identifier, 16) == sensors.frame_id:
+            # One digit of flags, of which the lowest is the bit rate switch.
+            assert int(data[0], 16) & 1
+            data = bytearray.fromhex(data[1:])
+            assert e2e_p05_check(data, sensors.dbc.attributes["E2EDataId"].value)
+            read.append(sensors.decode(bytes(data)))
+    assert [sample["sample"] for sample in read] == list(range(len(read))) and len(read) > 2000
+    forces = np.array([sample["force_x_n"] for sample in read])
+    recorded = np.array(recordings[1][0].samples)[: len(forces), 4]
+    # The wire rounds to singles, and nothing else is between the two.
+    assert np.array_equal(recorded.astype(np.float32), forces.astype(np.float32)) and forces.max() > 190
+
+
+def test_a_second_exciter_and_the_first_both_stop(tmp_path, programs):
+    scenario = tmp_path / "long.toml"
+    scenario.write_text(SCENARIO % (*BENCHES[1], 600.0))
+    common = ["--bus", "vcan0", "--mode", "lockstep", "--scenario", scenario, "--json"]
+    dump = programs.candump()
+    plant = programs.resonarm("run", *common, "--record", tmp_path / "twice.mcap")
+    first = programs.resonarm("exciter", *common)
+    wait_until(lambda: len(dump.stdout.split(" vcan0 301##")) > 60, "60 commands")
+    second = programs.resonarm("exciter", *common)
+    found = [exciter.result(code=1) for exciter in (first, second)]
+    plant.stop()
+    assert [(end["outcome"], end["fault"]["code"]) for end in found] == [("faulted", 13)] * 2
+    assert "another node sends this one's messages (identifier 0x" in found[0]["reason"]
+    states = Recording.whole(tmp_path / "twice.mcap").states
+    assert np.abs(states[:, 4:]).max() > 190 and not states[-1, 4:].any()
+
+
+def test_an_interface_without_can_fd_is_refused_with_the_way_to_mend_it(tmp_path, programs, interface):
+    run("ip", "link", "set", interface, "down")
+    run("ip", "link", "set", interface, "mtu", "16", "up")
+    scenario = tmp_path / "fd.toml"
+    scenario.write_text(SCENARIO % (*BENCHES[1], 1.0))
+    plant = programs.resonarm("run", "--bus", interface, "--mode", "lockstep", "--scenario", scenario)
+    assert plant.wait() == 3
+    assert f"{interface} does not carry CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
