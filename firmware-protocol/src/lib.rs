@@ -8,6 +8,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod bits;
 pub mod dbc;
 pub mod e2e;
 mod error;

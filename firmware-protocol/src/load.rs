@@ -1,51 +1,49 @@
-//! How much of a bus the protocol takes.
-//!
-//! A classical data frame with an 11-bit identifier and n bytes has 44 + 8n bits and is followed by 3 bits of interframe
-//! space (ISO 11898-1). The first 34 + 8n bits are stuffed: at most one bit is put in after the first five, and then one
-//! after every four, ⌊(34 + 8n − 1)/4⌋ in all.
+//! How much of a bus a network takes: the sum over a table of what is sent how often.
 
+use crate::bits::{self, BitRates, Bits, IdFormat, Stuffing};
+use crate::frame::FrameFormat;
 use crate::message::{Cycle, MessageKind};
 use crate::network::Profile;
 
-/// How many stuff bits to count.
+/// A kind of frame, and how often it is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stuffing {
-    /// None: the least that a frame can take.
-    None,
-    /// As many as a frame can have.
-    Worst,
+pub struct Stream {
+    /// The format of its identifier.
+    pub id: IdFormat,
+    /// The format of the frame.
+    pub format: FrameFormat,
+    /// Its length, bytes.
+    pub len: usize,
+    /// Frames a second.
+    pub per_second: u64,
 }
 
-/// The bit times that a classical data frame with an 11-bit identifier and `len` bytes (0 to 8) takes.
-pub const fn frame_bits(len: usize, stuffing: Stuffing) -> u64 {
-    let data = 8 * len as u64;
-    match stuffing {
-        Stuffing::None => 47 + data,
-        Stuffing::Worst => 47 + data + (33 + data) / 4,
-    }
-}
-
-/// The bit times per second that a running network of the classic profile takes: at each sample a command of one kind and the three sensor
-/// messages, and the heartbeats and hellos of both nodes.
-///
-/// Divided by the bit rate of the bus this is its load; above 0.7 single frames wait noticeably.
-pub const fn bits_per_second(rate_hz: u16, stuffing: Stuffing) -> u64 {
+/// What a running network sends: at each sample a command of one kind and the sensor messages, each sample by itself; and
+/// heartbeats, hellos and what else has a period, of both nodes.
+pub fn streams(profile: Profile, rate_hz: u16) -> impl Iterator<Item = Stream> {
     const SECOND_NS: u64 = 1_000_000_000;
-    let mut bits = 0;
-    let mut i = 0;
-    while i < MessageKind::COUNT {
-        let kind = MessageKind::ALL[i];
+    MessageKind::ALL.into_iter().filter_map(move |kind| {
+        let form = kind.form(profile)?;
         let per_second = match (kind, kind.cycle()) {
-            (MessageKind::Torque, _) | (_, Cycle::Event) => 0,
-            (_, Cycle::Sample) => rate_hz as u64,
+            (MessageKind::Torque | MessageKind::SensorPair, _) | (_, Cycle::Event) => return None,
+            (_, Cycle::Sample) => u64::from(rate_hz),
             (_, Cycle::Period { period_ns }) => SECOND_NS / period_ns,
         };
-        if let Some(form) = kind.form(Profile::Classic) {
-            bits += per_second * frame_bits(form.length, stuffing);
-        }
-        i += 1;
-    }
-    bits
+        Some(Stream { id: IdFormat::Standard, format: form.format, len: form.length, per_second })
+    })
+}
+
+/// The bits a second that these take together.
+pub fn bits_per_second(streams: impl Iterator<Item = Stream>, stuffing: Stuffing) -> Bits {
+    streams.fold(Bits::default(), |sum, Stream { id, format, len, per_second }| {
+        sum.plus(bits::bounds(id, format, len, stuffing).times(per_second))
+    })
+}
+
+/// The share of the time for which bits a second take the bus. Above 0.7 single frames wait noticeably, above 1 they can't
+/// all be sent.
+pub fn share(per_second: Bits, rates: BitRates) -> f64 {
+    per_second.nominal as f64 / f64::from(rates.nominal_hz) + per_second.data as f64 / f64::from(rates.data_hz)
 }
 
 #[cfg(test)]
@@ -53,15 +51,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_of_8_bytes_takes_111_to_135_bits_and_a_heartbeat_55_to_65() {
-        let bits = |len| (frame_bits(len, Stuffing::None), frame_bits(len, Stuffing::Worst));
-        assert_eq!((bits(8), bits(1), bits(0)), ((111, 135), (55, 65), (47, 55)));
+    fn a_sample_takes_four_frames() {
+        let bits = |rate_hz| bits_per_second(streams(Profile::Classic, rate_hz), Stuffing::None);
+        assert_eq!(bits(2000).nominal - bits(1000).nominal, 1000 * 4 * 111);
+        assert_eq!(bits(1000), Bits { nominal: 1000 * 4 * 111 + 2 * 111 + 20 * 55, data: 0 });
+    }
+
+    /// A command of 16 bytes and one frame of 32, and two of 16 bytes a second.
+    #[test]
+    fn a_sample_of_the_fd_profile_takes_two_frames() {
+        let bits = |rate_hz| bits_per_second(streams(Profile::Fd, rate_hz), Stuffing::None);
+        let (command, sensors) = (5 + 128 + 21 + 6 + 1, 5 + 256 + 25 + 7 + 1);
+        let once = Bits { nominal: 2 * 29 + 2 * 111 + 20 * 55, data: 2 * command };
+        assert_eq!(bits(1000), Bits { nominal: 1000 * 2 * 29, data: 1000 * (command + sensors) }.plus(once));
     }
 
     #[test]
-    fn a_sample_takes_four_frames() {
-        let bits = |rate_hz| bits_per_second(rate_hz, Stuffing::None);
-        assert_eq!(bits(2000) - bits(1000), 1000 * 4 * 111);
-        assert_eq!(bits(1000), 1000 * 4 * 111 + 2 * 111 + 20 * 55);
+    fn the_share_counts_each_phase_at_its_rate() {
+        let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+        let stream = Stream { id: IdFormat::Standard, format, len: 64, per_second: 1000 };
+        let bits = bits_per_second([stream, stream].into_iter(), Stuffing::Worst);
+        assert_eq!(bits, Bits { nominal: 64_000, data: 1_358_000 });
+        let share = share(bits, BitRates { nominal_hz: 1_000_000, data_hz: 4_000_000 });
+        assert!((share - (0.064 + 0.3395)).abs() < 1e-12, "{share}");
     }
 }

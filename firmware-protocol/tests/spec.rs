@@ -6,9 +6,11 @@ mod common;
 use can_dbc::{Dbc, Message as DbcMessage, NumericValue, SignalExtendedValueType, ValueType};
 use resonarm_protocol::{
     Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, MessageKind, Mismatch, Network, Node, NodeState, PROTOCOL_VERSION,
-    Profile, Refusal, StateEvent, Version, dbc, e2e,
+    Profile, Refusal, StateEvent, Version,
+    bits::{IdFormat, Stuffing, bounds},
+    dbc, e2e,
     e2e::Protection,
-    load::{Stuffing, bits_per_second, frame_bits},
+    load::{bits_per_second, streams},
     timing,
 };
 
@@ -213,16 +215,20 @@ fn the_window_of_a_sample_index_is_that_of_the_code() {
 #[test]
 fn the_bus_load_is_that_of_the_code() {
     let rows = rows(section("## 10. Bus load"));
-    let bits = |len| [Stuffing::None, Stuffing::Worst].map(|stuffing| frame_bits(len, stuffing).to_string());
+    let per_second = |rate_hz, stuffing| bits_per_second(streams(Profile::Classic, rate_hz), stuffing).total();
+    let bits = |len| {
+        [Stuffing::None, Stuffing::Worst]
+            .map(|stuffing| bounds(IdFormat::Standard, FrameFormat::Classic, len, stuffing).nominal.to_string())
+    };
     assert_eq!((&rows[0][1..], &rows[1][1..]), (&bits(8)[..], &bits(1)[..]));
     for row in &rows[2..] {
         let rate_hz = row[0].strip_suffix(" Hz").unwrap().parse().unwrap();
-        let loads = [Stuffing::None, Stuffing::Worst].map(|stuffing| bits_per_second(rate_hz, stuffing));
+        let loads = [Stuffing::None, Stuffing::Worst].map(|stuffing| per_second(rate_hz, stuffing));
         assert_eq!(row[1..3], loads.map(|load| load.to_string()));
         assert_eq!(row[3..5], loads.map(|load| format!("{:.1} %", load as f64 / 1e4)));
     }
     for (rate_hz, stuffing) in [(1573, Stuffing::None), (1293, Stuffing::Worst)] {
-        assert!(bits_per_second(rate_hz, stuffing) <= 700_000 && bits_per_second(rate_hz + 1, stuffing) > 700_000);
+        assert!(per_second(rate_hz, stuffing) <= 700_000 && per_second(rate_hz + 1, stuffing) > 700_000);
         assert!(words("## 10. Bus load").contains(&format!("{rate_hz} Hz")));
     }
 }

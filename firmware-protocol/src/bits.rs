@@ -1,0 +1,240 @@
+//! How many bits a frame takes on a wire: exactly, with the stuff bits of its content, and at most.
+//!
+//! ISO 11898-1:2015. After five equal bits in a row a sender puts in one of the other level, which counts for the next five.
+//!
+//! ```text
+//! classical   SOF 1, identifier 11, RTR, IDE, r0, DLC 4, data 8n, CRC 15 | delimiter, ACK 2, EOF 7, intermission 3
+//!             └───────────────────────── stuffed ──────────────────────┘
+//! extended    the identifier is 11 bits, SRR, IDE and 18 bits; then RTR, r1, r0
+//!
+//! FD          SOF 1, identifier 11, RRS, IDE, FDF, res, BRS | ESI, DLC 4, data 8n | count 4, CRC, delimiter | ACK 2, EOF 7 …
+//!             └─────────────────────────── stuffed ────────────────────────────┘
+//!                                                           └─── at the data bit rate, if BRS is set ─────┘
+//! ```
+//!
+//! In an FD frame the count of the stuff bits and the CRC, of 17 bits up to 16 bytes of data and of 21 beyond, have a fixed
+//! stuff bit before their first bit and after every fourth, one at least that no other joins. So the length of an FD frame
+//! does not depend on its CRC, and none is computed.
+//!
+//! The bit rate changes at the sample points of BRS and of the CRC delimiter. With sample points at the same share of both
+//! bit times the frame takes exactly as long as if BRS had the nominal bit time and the delimiter the data bit time, which
+//! is how they are counted.
+
+use crate::frame::{Frame, FrameFormat, Id};
+
+/// Bits by the rate at which they are sent: of a frame, or of a second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bits {
+    /// At the nominal bit rate: the arbitration phases.
+    pub nominal: u64,
+    /// At the data bit rate: the data phase of an FD frame with BRS.
+    pub data: u64,
+}
+
+impl Bits {
+    /// The bits of both rates.
+    pub const fn total(self) -> u64 {
+        self.nominal + self.data
+    }
+
+    /// The bits of this and of the other.
+    pub const fn plus(self, other: Bits) -> Bits {
+        Bits { nominal: self.nominal + other.nominal, data: self.data + other.data }
+    }
+
+    /// So many times as many.
+    pub const fn times(self, factor: u64) -> Bits {
+        Bits { nominal: self.nominal * factor, data: self.data * factor }
+    }
+
+    /// How long they take, ns, the bits of each rate rounded up.
+    pub const fn time_ns(self, rates: BitRates) -> u64 {
+        const SECOND_NS: u64 = 1_000_000_000;
+        (self.nominal * SECOND_NS).div_ceil(rates.nominal_hz as u64)
+            + (self.data * SECOND_NS).div_ceil(rates.data_hz as u64)
+    }
+}
+
+/// The bit rates of a bus, both positive. A classical bus has one for both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BitRates {
+    /// Bits a second of arbitration, and of all of a frame without BRS.
+    pub nominal_hz: u32,
+    /// Bits a second of the data phase of an FD frame with BRS.
+    pub data_hz: u32,
+}
+
+impl BitRates {
+    /// One rate for everything.
+    pub const fn classical(bit_rate_hz: u32) -> BitRates {
+        BitRates { nominal_hz: bit_rate_hz, data_hz: bit_rate_hz }
+    }
+}
+
+/// The format of an identifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IdFormat {
+    /// 11 bits.
+    Standard,
+    /// 29 bits.
+    Extended,
+}
+
+/// How many stuff bits to count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stuffing {
+    /// None: the least that a frame can take.
+    None,
+    /// As many as no frame of the format and length exceeds.
+    Worst,
+}
+
+/// Delimiter of the CRC, ACK slot and delimiter, end of frame.
+const CLASSICAL_TAIL: u64 = 3 + 7;
+/// ACK slot and delimiter, end of frame.
+const FD_TAIL: u64 = 2 + 7;
+/// The bits between the end of a frame and the start of the next.
+pub const INTERMISSION: u64 = 3;
+
+/// Bits of the CRC of an FD frame.
+const fn fd_crc(len: usize) -> u64 {
+    if len <= 16 { 17 } else { 21 }
+}
+
+/// Stuff count, CRC, their fixed stuff bits, and the delimiter.
+const fn fd_check(len: usize) -> u64 {
+    let checked = 4 + fd_crc(len);
+    checked + checked.div_ceil(4) + 1
+}
+
+/// The bits of a frame of `len` bytes, intermission included, without stuff bits or with the most.
+///
+/// Among s stuffed bits at most one is put in after the first five, and then one after every four: ⌊(s − 1)/4⌋. In an FD
+/// frame FDF, res and BRS differ, so that no five equal bits end among them, and none is put in behind the last bit. Of the
+/// frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis et al. (2007), doi:10.1007/s11241-007-9012-7.
+pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stuffing) -> Bits {
+    let bits = 8 * len as u64;
+    let most = match stuffing {
+        Stuffing::None => 0,
+        Stuffing::Worst => 1,
+    };
+    match format {
+        FrameFormat::Classic | FrameFormat::Remote => {
+            let data = if matches!(format, FrameFormat::Remote) { 0 } else { bits };
+            let stuffed = data
+                + match id {
+                    IdFormat::Standard => 34,
+                    IdFormat::Extended => 54,
+                };
+            Bits { nominal: stuffed + most * ((stuffed - 1) / 4) + CLASSICAL_TAIL + INTERMISSION, data: 0 }
+        }
+        FrameFormat::Fd { bit_rate_switch, .. } => {
+            // To BRS, and of these the bits before FDF.
+            let (head, before) = match id {
+                IdFormat::Standard => (17, 14),
+                IdFormat::Extended => (36, 33),
+            };
+            // Res or BRS, ESI, DLC and data, less the last bit: the first is the one that a run can begin with.
+            let stuff = (5 + bits) / 4;
+            let nominal = head + most * ((before - 1) / 4) + FD_TAIL + INTERMISSION;
+            split(bit_rate_switch, nominal, 5 + bits + most * stuff + fd_check(len))
+        }
+    }
+}
+
+/// The bits that `frame` takes, with its own stuff bits and the intermission.
+pub fn of(frame: &Frame) -> Bits {
+    let mut line = Line::default();
+    line.put(0, 1);
+    match frame.format() {
+        FrameFormat::Classic => line.classical(frame, 0),
+        FrameFormat::Remote => line.classical(frame, 1),
+        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+            line.identifier(frame.id(), 0);
+            // IDE of an 11-bit identifier, FDF, res, BRS; a 29-bit one has had its IDE.
+            match frame.id() {
+                Id::Standard(_) => line.put(0b0100 | u32::from(bit_rate_switch), 4),
+                Id::Extended(_) => line.put(0b100 | u32::from(bit_rate_switch), 3),
+            }
+            let head = line.bits;
+            line.put(u32::from(error_state_indicator), 1);
+            line.put(fd_length_code(frame.len()), 4);
+            frame.data().iter().for_each(|byte| line.put(u32::from(*byte), 8));
+            // Behind the last bit there is a fixed stuff bit, and no other.
+            let data = line.bits - head - u64::from(line.is_behind_stuff) + fd_check(frame.len());
+            split(bit_rate_switch, head + FD_TAIL + INTERMISSION, data)
+        }
+    }
+}
+
+/// Without BRS all of the frame has the nominal bit rate.
+const fn split(bit_rate_switch: bool, nominal: u64, data: u64) -> Bits {
+    if bit_rate_switch { Bits { nominal, data } } else { Bits { nominal: nominal + data, data: 0 } }
+}
+
+/// The DLC of an FD frame of `len` bytes.
+const fn fd_length_code(len: usize) -> u32 {
+    match len {
+        0..=8 => len as u32,
+        9..=24 => 9 + (len as u32 - 12) / 4,
+        _ => 12 + len as u32 / 16 - 1,
+    }
+}
+
+/// What has been put on the line so far.
+#[derive(Default)]
+struct Line {
+    /// Bits, stuff bits included.
+    bits: u64,
+    level: bool,
+    /// How many bits of this level there are in a row, 0 before the first.
+    run: u8,
+    /// Whether the last bit is a stuff bit.
+    is_behind_stuff: bool,
+    /// CRC-15 of the bits without stuff bits: x¹⁵ + x¹⁴ + x¹⁰ + x⁸ + x⁷ + x⁴ + x³ + 1, start 0.
+    crc: u16,
+}
+
+impl Line {
+    /// Puts the lowest `count` bits of `value`, the most significant first.
+    fn put(&mut self, value: u32, count: u32) {
+        for k in (0..count).rev() {
+            let level = value >> k & 1 == 1;
+            let feedback = level != (self.crc & 0x4000 != 0);
+            self.crc = (self.crc << 1 & 0x7FFF) ^ if feedback { 0x4599 } else { 0 };
+            self.run = if level == self.level { self.run + 1 } else { 1 };
+            (self.level, self.is_behind_stuff) = (level, self.run == 5);
+            self.bits += 1;
+            if self.is_behind_stuff {
+                (self.level, self.run) = (!level, 1);
+                self.bits += 1;
+            }
+        }
+    }
+
+    /// The identifier, and RTR or RRS.
+    fn identifier(&mut self, id: Id, request: u32) {
+        match id {
+            Id::Standard(id) => self.put(u32::from(id), 11),
+            Id::Extended(id) => {
+                self.put(id >> 18, 11);
+                self.put(0b11, 2);
+                self.put(id, 18);
+            }
+        }
+        self.put(request, 1);
+    }
+
+    fn classical(mut self, frame: &Frame, request: u32) -> Bits {
+        self.identifier(frame.id(), request);
+        // IDE and r0, or r1 and r0.
+        self.put(0, 2);
+        self.put(frame.len() as u32, 4);
+        frame.data().iter().for_each(|byte| self.put(u32::from(*byte), 8));
+        self.put(u32::from(self.crc), 15);
+        Bits { nominal: self.bits + CLASSICAL_TAIL + INTERMISSION, data: 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests;
