@@ -1,11 +1,14 @@
-//! Seeded Gaussian noise, the same on every machine.
+//! Seeded noise and chance, the same on every machine.
 
 use core::f64::consts::TAU;
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 
-/// A stream of independent standard normal numbers.
+/// The upper 53 bits of a number, as a fraction in steps of 2⁻⁵³.
+const STEP: f64 = 1.0 / (1_u64 << 53) as f64;
+
+/// A stream of independent random numbers.
 #[derive(Debug)]
 pub(crate) struct Noise {
     generator: ChaCha8Rng,
@@ -26,14 +29,22 @@ impl Noise {
         Noise { generator }
     }
 
-    /// The next number.
+    /// The next 64 bits, each 0 or 1 alike.
+    pub fn bits(&mut self) -> u64 {
+        self.generator.next_u64()
+    }
+
+    /// The next number of a uniform distribution over [0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 * STEP
+    }
+
+    /// The next standard normal number.
     ///
     /// G. E. P. Box, M. E. Muller (1958): with u, v uniform, u in (0, 1], √(−2 ln u) cos 2πv is standard normal.
     pub fn next(&mut self) -> f64 {
-        // The upper 53 bits, as a fraction in steps of 2⁻⁵³.
-        const STEP: f64 = 1.0 / (1_u64 << 53) as f64;
-        let u = ((self.generator.next_u64() >> 11) + 1) as f64 * STEP;
-        let v = (self.generator.next_u64() >> 11) as f64 * STEP;
+        let u = ((self.bits() >> 11) + 1) as f64 * STEP;
+        let v = self.uniform();
         libm::sqrt(-2.0 * libm::log(u)) * libm::cos(TAU * v)
     }
 }

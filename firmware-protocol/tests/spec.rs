@@ -227,6 +227,14 @@ fn the_bus_load_is_that_of_the_code() {
         assert_eq!(row[1..3], loads.map(|load| load.to_string()));
         assert_eq!(row[3..5], loads.map(|load| format!("{:.1} %", load as f64 / 1e4)));
     }
+    for (kind, name) in [(MessageKind::Force, "a command of 16"), (MessageKind::Sensors, "Sensors of 32")] {
+        let form = kind.form(Profile::Fd).unwrap();
+        let bits = |stuffing| bounds(IdFormat::Standard, form.format, form.length, stuffing);
+        let (least, most) = (bits(Stuffing::None), bits(Stuffing::Worst));
+        let text = words("## 10. Bus load");
+        assert!(text.contains(name) && text.contains(&format!("{} and {}", most.nominal, most.data)));
+        assert!(text.contains(&format!(" {} ", least.nominal)) && text.contains(&format!(" {}", least.data)));
+    }
     for (rate_hz, stuffing) in [(1573, Stuffing::None), (1293, Stuffing::Worst)] {
         assert!(per_second(rate_hz, stuffing) <= 700_000 && per_second(rate_hz + 1, stuffing) > 700_000);
         assert!(words("## 10. Bus load").contains(&format!("{rate_hz} Hz")));

@@ -6,7 +6,8 @@
 //! threads race as nodes on a wire do, and two listeners may then see the two frames in different order; the frames of
 //! one sender never change places.
 //!
-//! There is no bus time: a frame can be received as soon as it was sent, and has no timestamp.
+//! There is no bus time: a frame can be received as soon as it was sent, and has no timestamp. On the bus of
+//! [`timed`](super::timed) frames take their time.
 
 use alloc::string::String;
 use alloc::sync::Arc;
@@ -19,7 +20,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::thread::futex;
 
 use super::deadline::Deadline;
-use super::{Bus, BusError, Filter, Received, Sent, Statistics, accepts};
+use super::{Bus, BusError, Filter, Received, Sent, Statistics, VirtualBus, accepts};
 
 /// A bus with `nodes` ends. Each end keeps up to `capacity` frames not yet received from each other end; what comes in
 /// beyond that is lost to this end and counted in its [`Statistics::dropped`], whether or not its filters want it.
@@ -201,6 +202,13 @@ impl Bus for MemoryBus {
         self.outgoing.clear();
         self.incoming.clear();
         Ok(())
+    }
+}
+
+impl VirtualBus for MemoryBus {
+    /// Never: what is sent is there.
+    fn next_event_ns(&mut self) -> Option<u64> {
+        None
     }
 }
 

@@ -3,10 +3,12 @@
 mod address;
 mod deadline;
 mod error;
+pub mod fault;
 pub mod memory;
 #[cfg(feature = "python-can")]
 pub mod python_can;
 pub mod socketcan;
+pub mod timed;
 
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -77,6 +79,43 @@ pub trait Bus: Send {
     /// # Errors
     /// [`BusError`] if the backend could not leave in order.
     fn close(&mut self) -> Result<(), BusError>;
+}
+
+/// One end of a bus in simulated time.
+pub trait VirtualBus: Bus {
+    /// When something happens on the bus by itself, ns on its clock: what has been sent up to now is sent, and more is to
+    /// come no earlier. `None` is never.
+    fn next_event_ns(&mut self) -> Option<u64>;
+}
+
+impl<B: Bus + ?Sized> Bus for &mut B {
+    fn name(&self) -> String {
+        (**self).name()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        (**self).send(frame)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        (**self).receive()
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        (**self).wait(timeout)
+    }
+
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
+        (**self).set_filters(filters)
+    }
+
+    fn statistics(&self) -> Statistics {
+        (**self).statistics()
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        (**self).close()
+    }
 }
 
 /// What became of a frame given to [`Bus::send`].

@@ -1,4 +1,7 @@
-//! The system's clocks.
+//! The system's clocks, and one of simulated time.
+
+use core::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
 
 use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
@@ -37,6 +40,27 @@ impl Clock for SystemClock {
     }
 }
 
+/// A clock of simulated time: it goes on when it is told to, or slept on. Copies show the same time.
+#[derive(Clone, Debug, Default)]
+pub struct VirtualClock(Arc<AtomicU64>);
+
+impl VirtualClock {
+    /// Goes on to `now_ns`; a time that has passed changes nothing.
+    pub fn advance_to_ns(&self, now_ns: u64) {
+        self.0.fetch_max(now_ns, Ordering::Relaxed);
+    }
+}
+
+impl Clock for VirtualClock {
+    fn now_ns(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    fn sleep_until_ns(&self, deadline_ns: u64) {
+        self.advance_to_ns(deadline_ns);
+    }
+}
+
 /// Nanoseconds since the UNIX epoch (`CLOCK_REALTIME`). For time stamps only: this clock may be set at any moment.
 pub fn unix_time_ns() -> u64 {
     to_ns(clock_gettime(ClockId::Realtime))
@@ -72,6 +96,15 @@ mod tests {
     fn a_deadline_that_has_passed_does_not_block() {
         SystemClock.sleep_until_ns(0);
         SystemClock.sleep_until_ns(SystemClock.now_ns());
+    }
+
+    #[test]
+    fn simulated_time_passes_by_sleeping_and_never_goes_back() {
+        let clock = VirtualClock::default();
+        let copy = clock.clone();
+        clock.sleep_until_ns(500);
+        copy.advance_to_ns(300);
+        assert_eq!((clock.now_ns(), copy.now_ns()), (500, 500));
     }
 
     #[test]

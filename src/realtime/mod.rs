@@ -30,7 +30,7 @@ mod privileges;
 mod rate;
 mod thread;
 
-pub use clock::{Clock, SystemClock, unix_time_ns};
+pub use clock::{Clock, SystemClock, VirtualClock, unix_time_ns};
 pub use idle::CoresAwake;
 pub use latency::{HISTOGRAM_BOUND_NS, HistogramError, LatencyHistogram, Percentiles};
 pub use periodic::{

@@ -246,13 +246,6 @@ impl<'a> Bench<'a> {
         self.record(Record::State(record))
     }
 
-    /// The next frame to send, recorded as sent at `now_ns`.
-    pub fn next_frame(&mut self, now_ns: u64) -> Result<Option<Frame>, RunError> {
-        let Some(frame) = self.node.poll_transmit() else { return Ok(None) };
-        self.record_sent(now_ns, frame)?;
-        Ok(Some(frame))
-    }
-
     fn record_sent(&mut self, now_ns: u64, frame: Frame) -> Result<(), RunError> {
         let (sample, direction) = (self.sample(), Direction::Sent);
         self.record(Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }))

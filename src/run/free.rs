@@ -1,26 +1,35 @@
-//! Free: plant and exciter in one loop, in simulated time, without a bus.
+//! Free: plant and exciter in one loop, in simulated time, with the ends of a virtual bus between them.
 
 use super::bench::Bench;
 use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
-use super::{BusCounts, Ending, Outcome, RunError, Signals};
-use crate::bus::Received;
+use super::{Ending, Outcome, RunError, Signals};
+use crate::bus::{BusError, Sent, Statistics, VirtualBus};
 use crate::control::ResponsePoint;
 use crate::node::ExciterNode;
-use crate::realtime::{Clock, SampleRate};
+use crate::realtime::{Clock, SampleRate, VirtualClock};
 
-/// A run of both nodes in one loop. The times of everything are those of the samples, so that the same scenario gives the
-/// same recording byte for byte.
+/// How long frames may still be on their way at the end, ns of simulated time.
+const SEND_LIMIT_NS: u64 = 500_000_000;
+
+/// A run of both nodes in one loop. All times are those of the samples and of the bus between them, so that the same
+/// scenario gives the same recording byte for byte.
 pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub bench: &'r mut Bench<'b>,
     pub exciter: &'r mut ExciterNode,
+    /// The plant's end of the bus.
+    pub near: &'r mut dyn VirtualBus,
+    /// The exciter's.
+    pub far: &'r mut dyn VirtualBus,
+    /// The time of the bus and of the nodes.
+    pub clock: VirtualClock,
     pub rate: SampleRate,
     pub pace: Pace<'c, C>,
     pub ending: Ending,
+    /// By when the plant must be armed, ns.
+    pub arming_ns: u64,
     pub signals: &'r Signals,
     pub responses: Vec<ResponsePoint>,
-    /// Frames between the nodes, as the plant sees them.
-    pub bus: BusCounts,
 }
 
 impl<C: Clock> Free<'_, '_, '_, C> {
@@ -37,22 +46,22 @@ impl<C: Clock> Free<'_, '_, '_, C> {
     }
 
     fn now_ns(&self) -> u64 {
-        self.rate.offset_ns(self.bench.sample())
+        self.clock.now_ns()
     }
 
     fn samples(&mut self) -> Result<EndedBy, RunError> {
         self.bench.start(0, 0)?;
         self.exciter.start(0);
         self.exchange()?;
-        if !self.bench.node().is_armed() {
-            return Err(RunError::Stalled { plant: self.bench.node().state(), exciter: self.exciter.state() });
-        }
         loop {
+            if !self.bench.was_armed() && self.now_ns() >= self.arming_ns {
+                return Err(RunError::Stalled { plant: self.bench.node().state(), exciter: self.exciter.state() });
+            }
             self.measure()?;
             if let Some(end) = self.ending.reached(self.bench, self.signals, self.now_ns()) {
                 return Ok(end);
             }
-            self.bench.advance(self.now_ns())?;
+            self.pass_sample()?;
         }
     }
 
@@ -68,38 +77,82 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         Ok(())
     }
 
-    /// As [`finish`](super::finish::finish), without a bus.
+    /// Lets the time to the next sample pass on the bus, then advances the plant with the load that is held by then.
+    fn pass_sample(&mut self) -> Result<(), RunError> {
+        let due_ns = self.rate.offset_ns(self.bench.sample() + 1);
+        self.pass_until(due_ns)?;
+        self.bench.advance(self.now_ns())?;
+        self.clock.advance_to_ns(due_ns);
+        Ok(())
+    }
+
+    /// As [`finish`](super::finish::finish), in simulated time.
     fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
         self.bench.leave(self.now_ns());
         while simulates && self.bench.node().is_ramping() {
-            self.bench.advance(self.now_ns())?;
+            self.pass_sample()?;
             self.measure()?;
         }
         self.exchange()?;
+        self.pass_until(self.now_ns() + SEND_LIMIT_NS)?;
         self.bench.record_end()
     }
 
-    /// Carries frames both ways until neither node has one.
+    /// Lets what is on its way on the bus come, up to `until_ns`.
+    fn pass_until(&mut self, until_ns: u64) -> Result<(), RunError> {
+        loop {
+            let next_ns = [self.near.next_event_ns(), self.far.next_event_ns()].into_iter().flatten().min();
+            let Some(next_ns) = next_ns.filter(|next_ns| *next_ns <= until_ns) else { return Ok(()) };
+            self.clock.advance_to_ns(next_ns);
+            self.exchange()?;
+        }
+    }
+
+    /// Carries frames both ways until nothing more moves at this time.
     fn exchange(&mut self) -> Result<(), RunError> {
         let now_ns = self.now_ns();
         self.bench.handle_deadline(now_ns)?;
         self.exciter.handle_deadline(now_ns);
         loop {
-            let mut quiet = true;
-            while let Some(frame) = self.bench.next_frame(now_ns)? {
-                self.bus.sent += 1;
-                self.exciter.handle_frame(now_ns, &frame);
-                quiet = false;
+            let before = self.moved();
+            self.bench.transmit(now_ns, self.near)?;
+            if let Err(error) = self.answer(now_ns) {
+                self.lose_bus(now_ns, error)?;
             }
-            while let Some(frame) = self.exciter.poll_transmit() {
-                self.bus.received += 1;
-                self.bench.take(now_ns, &Received { frame, timestamp_ns: None })?;
-                quiet = false;
-            }
+            self.bench.receive(now_ns, self.near)?;
             self.bench.handle_deadline(now_ns)?;
-            if quiet {
+            if self.moved() == before {
                 return Ok(());
             }
         }
+    }
+
+    /// The exciter takes in what has come, and sends what it has.
+    fn answer(&mut self, now_ns: u64) -> Result<(), BusError> {
+        while let Some(received) = self.far.receive()? {
+            self.exciter.handle_frame(now_ns, &received.frame);
+        }
+        while let Some(frame) = self.exciter.next_frame() {
+            if self.far.send(&frame)? == Sent::QueueFull {
+                break;
+            }
+            self.exciter.frame_sent();
+        }
+        Ok(())
+    }
+
+    /// A controller that is bus-off comes back.
+    fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
+        if !error.is_recoverable() {
+            return Err(error.into());
+        }
+        self.exciter.bus_lost(now_ns);
+        Ok(())
+    }
+
+    /// How many frames each end has sent and received.
+    fn moved(&self) -> [u64; 4] {
+        let [near, far]: [Statistics; 2] = [self.near.statistics(), self.far.statistics()];
+        [near.sent, near.received, far.sent, far.received]
     }
 }

@@ -13,11 +13,13 @@ use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::record_sink::RecordSink;
 use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, Outcome, PlantReport, RunError, RunEvent, Signals};
-use crate::bus::{Bus, memory};
+use crate::bus::fault::Faulty;
+use crate::bus::{Bus, VirtualBus, memory, timed};
 use crate::control::Controller;
 use crate::node::{ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
-use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, unix_time_ns};
+use crate::protocol::Node;
+use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, VirtualClock, unix_time_ns};
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
 
@@ -25,6 +27,8 @@ use crate::scenario::Scenario;
 const RECORDS_CAPACITY: usize = 1 << 15;
 /// Frames that fit a memory bus in each direction.
 const BUS_CAPACITY: usize = 1024;
+/// How long a free run on a bus with faults or bit rates may take to arm the plant, ns of simulated time.
+const ARMING_NS: u64 = 10_000_000_000;
 
 /// Where to record.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -70,6 +74,15 @@ impl Default for Options {
     }
 }
 
+/// What lies between the nodes of a free run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Network {
+    /// A bus on which every frame is there at once: each sample is answered before the next.
+    Ideal,
+    /// A bus with faults, or on which frames take their time: the nodes keep the deadlines of real time.
+    Real(Option<timed::Spec>),
+}
+
 /// Makes the controller of a run.
 #[derive(Clone)]
 struct MakeController(Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>);
@@ -87,7 +100,8 @@ pub struct Session {
     mode: Mode,
     options: Options,
     rate: SampleRate,
-    timing: Timing,
+    pub(super) timing: Timing,
+    pub(super) network: Network,
     plant: Plant,
     ending: Ending,
     /// In place of the scenario's controller.
@@ -100,11 +114,15 @@ impl Session {
     /// # Errors
     /// [`RunError`] says what in scenario or options is impossible.
     pub fn new(scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
-        let timing = match mode {
-            Mode::RealTime => scenario.real_time_timing()?,
-            Mode::Lockstep | Mode::Free => scenario.lockstep_timing()?,
-        };
         scenario.wire_rate_hz()?;
+        let network = match (scenario.timed_bus()?, scenario.network.faults.is_empty()) {
+            (None, true) => Network::Ideal,
+            (timed, _) => Network::Real(timed),
+        };
+        let timing = match (mode, network) {
+            (Mode::RealTime, _) | (Mode::Free, Network::Real(_)) => scenario.real_time_timing()?,
+            (Mode::Lockstep, _) | (Mode::Free, Network::Ideal) => scenario.lockstep_timing()?,
+        };
         scenario.network()?;
         let plant = Plant::new(&scenario.plant_spec()?)?;
         let rate = SampleRate::new(scenario.simulation.rate_hz)?;
@@ -114,7 +132,7 @@ impl Session {
             on_disarm: options.end_on_disarm,
             patience_ns: options.patience.map(|patience| u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX)),
         };
-        Ok(Session { scenario, mode, options, rate, timing, plant, ending, controller: None })
+        Ok(Session { scenario, mode, options, rate, timing, network, plant, ending, controller: None })
     }
 
     /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for one.
@@ -152,6 +170,7 @@ impl Session {
     ) -> Result<PlantReport, RunError> {
         let recorder = self.recorder(&bus.name())?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let bus = &mut self.with_faults(bus, SystemClock, Node::Plant);
         // The recorder's thread is there already, and stays an ordinary one.
         if let Some(setup) = &self.options.thread {
             become_real_time(setup);
@@ -184,6 +203,7 @@ impl Session {
             become_real_time(setup);
         }
         let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
+        let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
     }
 
@@ -199,7 +219,8 @@ impl Session {
             return session.free(session.recorder("none")?, signals, on_event);
         }
         let mut node = session.exciter_node()?;
-        let [mut near, mut far] = memory::pair(BUS_CAPACITY);
+        let [mut near, far] = memory::pair(BUS_CAPACITY);
+        let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
             let patience = Patience { wait: session.options.patience, rearm: session.options.rearm };
@@ -227,28 +248,57 @@ impl Session {
     ) -> Result<BothReport, RunError> {
         let mut exciter = self.exciter_node()?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let clock = VirtualClock::default();
+        let [mut near, mut far] = self.virtual_ends(&clock);
         let mut run = Free {
             bench: &mut bench,
             exciter: &mut exciter,
+            near: near.as_mut(),
+            far: far.as_mut(),
+            clock,
             rate: self.rate,
             pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
             ending: self.ending,
+            arming_ns: if self.network == Network::Ideal { 0 } else { ARMING_NS },
             signals,
             responses: Vec::new(),
-            bus: BusCounts::default(),
         };
         let (outcome, error) = run.run();
-        let Free { pace, responses, bus, .. } = run;
+        let Free { pace, responses, .. } = run;
+        let bus = bench.counts(near.statistics());
         let plant = PlantReport {
             wakeup_us: pace.wakeup_us(),
             pacing: pace.report(),
             ..PlantReport::new(&bench, bus, outcome, error)
         };
-        let (received, sent) = (bus.sent, bus.received);
-        let bus = BusCounts { received, sent, dropped: 0, e2e_errors: exciter.refused_frames() };
+        let bus = BusCounts::new(far.statistics(), exciter.unsent_frames(), exciter.refused_frames());
         let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&exciter, None) };
         drop(bench);
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
+    }
+
+    /// Both ends of the bus of a free run, the plant's first.
+    fn virtual_ends(&self, clock: &VirtualClock) -> [Box<dyn VirtualBus>; 2] {
+        match self.network {
+            Network::Real(Some(spec)) => self.virtual_pair(timed::pair(&spec, clock), clock),
+            Network::Real(None) | Network::Ideal => self.virtual_pair(memory::pair(BUS_CAPACITY), clock),
+        }
+    }
+
+    fn virtual_pair<B: VirtualBus + 'static>(
+        &self,
+        [near, far]: [B; 2],
+        clock: &VirtualClock,
+    ) -> [Box<dyn VirtualBus>; 2] {
+        [
+            Box::new(self.with_faults(near, clock.clone(), Node::Plant)),
+            Box::new(self.with_faults(far, clock.clone(), Node::Exciter)),
+        ]
+    }
+
+    /// An end with the faults that the scenario gives to `node`.
+    fn with_faults<B: Bus, C: Clock>(&self, bus: B, clock: C, node: Node) -> Faulty<B, C> {
+        Faulty::new(bus, clock, &self.scenario.network.faults, node, self.scenario.simulation.seed)
     }
 
     fn exciter_node(&self) -> Result<ExciterNode, RunError> {

@@ -15,6 +15,7 @@ use crate::recording::{Existing, Record, Recording};
 use crate::scenario::Scenario;
 
 mod jammed_bus;
+mod network;
 
 use jammed_bus::JammedBus;
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::arm::ArmError;
+use crate::bus::fault::FaultError;
 use crate::control::ControlError;
 use crate::excitation::{ExcitationError, LoadFileError};
 use crate::number::short;
@@ -64,6 +65,9 @@ pub enum ScenarioError {
     /// The simulation has impossible steps.
     #[error("simulation: {0}")]
     Plant(#[from] PlantSpecError),
+    /// A fault of the network is impossible.
+    #[error(transparent)]
+    Fault(#[from] FaultError),
     /// The base identifier or the node ids are impossible.
     #[error("network: {0}")]
     Network(#[from] NetworkError),
@@ -72,6 +76,25 @@ pub enum ScenarioError {
     Rate {
         /// What was given, Hz.
         got_hz: f64,
+    },
+    /// The bus can't carry the samples.
+    #[error(
+        "simulation.rate_hz is {rate_hz}: with heartbeats that is up to {bits_per_second} bit/s, {percent:.1} % of what \
+         network.bit_rate_hz, {bit_rate_hz}, carries; lower the rate to {most_hz}, or raise the bit rate to {least_hz}"
+    )]
+    Overload {
+        /// Samples a second.
+        rate_hz: u16,
+        /// Bits a second with the most stuff bits that there can be.
+        bits_per_second: u64,
+        /// Bits a second of arbitration.
+        bit_rate_hz: u32,
+        /// The load, %.
+        percent: f64,
+        /// The largest sample rate that fits, Hz.
+        most_hz: f64,
+        /// The least bit rate that does, with the same ratio to that of the data.
+        least_hz: f64,
     },
     /// The sample rate is too low for real time.
     #[error(

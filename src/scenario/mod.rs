@@ -7,6 +7,7 @@ mod abort_limits;
 mod error;
 mod label;
 mod limit;
+mod load;
 mod network;
 mod provenance;
 
@@ -173,7 +174,7 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour
-    /// and for limits that contradict, [`ScenarioError::BeyondLimit`]
+    /// and for limits that contradict, [`ScenarioError::Fault`] for a fault of the network that can't be, [`ScenarioError::BeyondLimit`]
     /// for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
         plant::check_steps_per_sample(self.simulation.steps_per_sample)?;

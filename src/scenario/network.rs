@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Scenario, ScenarioError};
+use crate::bus::fault::{self, FaultSpec};
 use crate::node::Timing;
 use crate::protocol::{Network, Node, Profile, timing};
 
@@ -28,6 +29,19 @@ pub struct NetworkSection {
     pub partner_timeout_s: f64,
     /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
     pub lockstep_timeout_s: f64,
+    /// Bits a second of the bus, from 10000 to 1000000: what it can't carry is refused, and a free run's frames take
+    /// their time. `None` is a bus without limits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bit_rate_hz: Option<u32>,
+    /// Bits a second of the data phase of FD frames, from `bit_rate_hz`, the default, to 8000000.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data_bit_rate_hz: Option<u32>,
+    /// Free runs: probability that a bit on the bus is not what was sent, 0 to 0.01; needs `bit_rate_hz`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bit_error_rate: Option<f64>,
+    /// Faults of the ends of the bus at stated times, at most [`MOST_FAULTS`](crate::bus::fault::MOST_FAULTS).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultSpec>,
 }
 
 impl Default for NetworkSection {
@@ -42,17 +56,21 @@ impl Default for NetworkSection {
             command_timeout_s: timing::COMMAND_TIMEOUT_NS as f64 * 1e-9,
             partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
             lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
+            bit_rate_hz: None,
+            data_bit_rate_hz: None,
+            bit_error_rate: None,
+            faults: Vec::new(),
         }
     }
 }
 
 impl NetworkSection {
-    /// Refuses timeouts that no run can use.
+    /// Refuses timeouts and faults that no run can use.
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
         timeout("network.command_timeout_s", self.command_timeout_s)?;
         timeout("network.partner_timeout_s", self.partner_timeout_s)?;
         timeout("network.lockstep_timeout_s", self.lockstep_timeout_s)?;
-        Ok(())
+        Ok(fault::check(&self.faults)?)
     }
 }
 

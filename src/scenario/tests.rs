@@ -64,6 +64,26 @@ fn says_what_is_wrong_with_the_numbers() {
 }
 
 #[test]
+fn says_what_a_bus_cannot_carry_and_which_rates_are_none() {
+    let spec = |text: &str| parse(&format!("[network]\n{text}")).unwrap().timed_bus();
+    let says = |text: &str| spec(text).unwrap_err().to_string();
+    insta::assert_snapshot!(says("bit_rate_hz = 500_000"), @"simulation.rate_hz is 1000: with heartbeats that is up to 541570 bit/s, 108.3 % of what network.bit_rate_hz, 500000, carries; lower the rate to 923, or raise the bit rate to 541570");
+    insta::assert_snapshot!(says("bit_rate_hz = 2_000_000"), @"network.bit_rate_hz is 2000000: it must be from 10000 to 1000000 Hz; `data_bit_rate_hz` is that of FD frames' data");
+    insta::assert_snapshot!(says("data_bit_rate_hz = 2_000_000"), @"network.data_bit_rate_hz is 2000000: it must be left out, or stated with `network.bit_rate_hz`, the rate of arbitration");
+    insta::assert_snapshot!(says("bit_rate_hz = 1_000_000\ndata_bit_rate_hz = 500_000"), @"network.data_bit_rate_hz is 500000: it must be from `network.bit_rate_hz` to 8000000 Hz");
+    insta::assert_snapshot!(says("bit_error_rate = 1e-6"), @"network.bit_error_rate is 1e-6: it must be left out, or stated with `network.bit_rate_hz`: without it frames have no bits");
+    insta::assert_snapshot!(says("bit_rate_hz = 1_000_000\nbit_error_rate = 0.1"), @"network.bit_error_rate is 0.1: it must be a probability from 0 to 0.01");
+    assert_eq!(spec("").unwrap(), None);
+    // What the message says is right, and no more than that fits.
+    let at = |rate_hz: u32, bit_rate_hz: u32| {
+        let text = format!("simulation.rate_hz = {rate_hz}\nnetwork.bit_rate_hz = {bit_rate_hz}");
+        parse(&text).unwrap().timed_bus().is_ok()
+    };
+    assert!(at(1000, 541_570) && !at(1000, 541_569));
+    assert!(at(923, 500_000) && !at(924, 500_000));
+}
+
+#[test]
 fn rejects_when_it_is_read_what_no_run_can_use() {
     let says = |text: &str| parse(text).unwrap_err().to_string();
     insta::assert_snapshot!(says("network.command_timeout_s = 1.9e10"), @"network.command_timeout_s is 19000000000: it must be a positive number of seconds, at most 3600");
@@ -72,6 +92,7 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
     insta::assert_snapshot!(says("simulation.steps_per_sample = 1002"), @"simulation: `steps_per_sample` is 1002: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     insta::assert_snapshot!(says("simulation.steps_per_sample = 3"), @"simulation: `steps_per_sample` is 3: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     assert!(parse("simulation.steps_per_sample = 1000").is_ok());
+    insta::assert_snapshot!(says("[[network.faults]]\nnode = 'plant'\nkind = 'delay'\nfrom_s = 0"), @"network.faults, number 1: `delay_s` is missing: add it, or change `kind`");
     let plays = |rig: &str, amplitude: &str| {
         let profile = "profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 0.5 }";
         parse(&format!("{rig}\n[excitation]\namplitude = {{ {amplitude} }}\n{profile}"))

@@ -3,14 +3,16 @@
 //! Run by `tests/vcan/with-vcan`, which says where they are. Tests that take an interface down or slow it make one of
 //! their own.
 
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use assert_no_alloc::assert_no_alloc;
+use resonarm::bus::fault::Faulty;
 use resonarm::bus::socketcan::{Options, SocketCan, interfaces};
 use resonarm::bus::{Bus, BusError, Filter, Received, Sent, Statistics};
-use resonarm::protocol::{Frame, FrameFormat, Id};
+use resonarm::protocol::{Frame, FrameFormat, Id, Node, bits};
+use resonarm::realtime::SystemClock;
 use socketcan::Socket;
 
 use crate::{Formats, contract};
@@ -96,6 +98,15 @@ fn socketcan_keeps_the_contract() {
     contract(|| (end(), end()), Formats::All, lost_by_the_backlog);
 }
 
+/// What a scenario without faults makes of every bus.
+#[test]
+#[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
+fn socketcan_without_faults_keeps_the_contract() {
+    let open = || SocketCan::open(&vcan(), Options::default()).unwrap();
+    let end = || Box::new(Faulty::new(open(), SystemClock, &[], Node::Plant, 0)) as Box<dyn Bus>;
+    contract(|| (end(), end()), Formats::All, lost_by_the_backlog);
+}
+
 /// Two ends that python-can opens on the same interface.
 #[cfg(feature = "python-can")]
 #[test]
@@ -160,6 +171,39 @@ fn candump_sees_the_frames_that_were_sent() {
     // candump writes the flags as they are, among them FDF (4), which marks any FD frame and says no more than `##`.
     let seen: Vec<String> = log.lines().map(|line| line.split(' ').nth(2).unwrap().replace("##5", "##1")).collect();
     assert_eq!(seen, frames.map(|frame| frame.to_string()));
+}
+
+/// can-utils computes the stuff bits of classical frames; those of FD frames it does not.
+#[test]
+#[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
+fn canbusload_counts_the_same_bits() {
+    let interface = Interface::new("rtload");
+    let argument = format!("{}@1000000", interface.0);
+    let mut canbusload = Command::new("canbusload").args(["-e", &argument]).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(canbusload.stdout.take().unwrap()).lines();
+    // Its first line comes when it listens.
+    lines.next().unwrap().unwrap();
+    let mut bus = interface.open();
+    let frames: Vec<Frame> = (0..200_u32)
+        .map(|k| {
+            let data = (u64::from(k) * 0x0123_4567_89AB_CDEF).to_le_bytes();
+            let id = if k % 2 == 0 { Id::Standard((k * 11 % 0x800) as u16) } else { Id::Extended(k * 2_654_435) };
+            Frame::classic(id, &data[..(k % 9) as usize]).unwrap()
+        })
+        .collect();
+    frames.iter().for_each(|frame| assert_eq!(bus.send(frame).unwrap(), Sent::Queued));
+    // A line a second: interface, frames, bits, bits of content, load.
+    let (mut seen, mut counted) = (0, 0);
+    while seen < frames.len() as u64 {
+        let line = lines.next().unwrap().unwrap();
+        let numbers: Vec<u64> = line.split_whitespace().skip(1).filter_map(|word| word.parse().ok()).collect();
+        if let [came, total, ..] = numbers[..] {
+            (seen, counted) = (seen + came, counted + total);
+        }
+    }
+    canbusload.kill().unwrap();
+    canbusload.wait().unwrap();
+    assert_eq!((seen, counted), (200, frames.iter().map(|frame| bits::of(frame).total()).sum()));
 }
 
 #[test]

@@ -12,3 +12,4 @@ mod no_alloc;
 #[cfg(debug_assertions)]
 mod real_time_alloc;
 mod scenarios;
+mod soak;

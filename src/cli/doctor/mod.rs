@@ -1,5 +1,7 @@
 //! `resonarm doctor`: what this machine can do.
 
+mod queues;
+
 use core::fmt::Write;
 
 use clap::Args;
@@ -26,6 +28,7 @@ struct Document {
 impl Doctor {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut findings = vec![can(), interfaces(), python_can()];
+        findings.extend(queues::findings());
         findings.extend(Privileges::probe().findings());
         if self.json {
             output::print_json(&Document { findings })?;
