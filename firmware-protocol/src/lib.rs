@@ -28,8 +28,8 @@ pub use frame::{Frame, FrameError, FrameFormat, Id};
 pub use frame_text::FrameTextError;
 pub use message::{
     Acceleration, Capabilities, Cycle, Emergency, EmergencyCode, ForceCommand, Form, Heartbeat, Hello, ImpedanceHead,
-    Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SensorPair, SensorValues,
-    Sensors, SignalError, TorqueCommand, Version,
+    Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SamplesPerFrame, SensorPair,
+    SensorValues, Sensors, SignalError, TorqueCommand, Version,
 };
 pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile, UnknownProfile};
 pub use receiver::Receiver;

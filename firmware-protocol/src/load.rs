@@ -2,7 +2,7 @@
 
 use crate::bits::{self, BitRates, Bits, IdFormat, Stuffing};
 use crate::frame::FrameFormat;
-use crate::message::{Cycle, MessageKind};
+use crate::message::{Cycle, MessageKind, SamplesPerFrame};
 use crate::network::Profile;
 
 /// A kind of frame, and how often it is sent.
@@ -18,15 +18,20 @@ pub struct Stream {
     pub per_second: u64,
 }
 
-/// What a running network sends: at each sample a command of one kind and the sensor messages, each sample by itself; and
+/// What a running network sends: with each frame of samples a command of one kind and the sensor messages; and
 /// heartbeats, hellos and what else has a period, of both nodes.
-pub fn streams(profile: Profile, rate_hz: u16) -> impl Iterator<Item = Stream> {
+pub fn streams(profile: Profile, rate_hz: u16, samples: SamplesPerFrame) -> impl Iterator<Item = Stream> {
     const SECOND_NS: u64 = 1_000_000_000;
+    let unused = match samples {
+        SamplesPerFrame::One => MessageKind::SensorPair,
+        SamplesPerFrame::Two => MessageKind::Sensors,
+    };
     MessageKind::ALL.into_iter().filter_map(move |kind| {
         let form = kind.form(profile)?;
         let per_second = match (kind, kind.cycle()) {
-            (MessageKind::Torque | MessageKind::SensorPair, _) | (_, Cycle::Event) => return None,
-            (_, Cycle::Sample) => u64::from(rate_hz),
+            (MessageKind::Torque, _) | (_, Cycle::Event) => return None,
+            (kind, _) if kind == unused => return None,
+            (_, Cycle::Sample) => u64::from(rate_hz).div_ceil(samples as u64),
             (_, Cycle::Period { period_ns }) => SECOND_NS / period_ns,
         };
         Some(Stream { id: IdFormat::Standard, format: form.format, len: form.length, per_second })
@@ -52,7 +57,7 @@ mod tests {
 
     #[test]
     fn a_sample_takes_four_frames() {
-        let bits = |rate_hz| bits_per_second(streams(Profile::Classic, rate_hz), Stuffing::None);
+        let bits = |rate_hz| bits_per_second(streams(Profile::Classic, rate_hz, SamplesPerFrame::One), Stuffing::None);
         assert_eq!(bits(2000).nominal - bits(1000).nominal, 1000 * 4 * 111);
         assert_eq!(bits(1000), Bits { nominal: 1000 * 4 * 111 + 2 * 111 + 20 * 55, data: 0 });
     }
@@ -60,10 +65,19 @@ mod tests {
     /// A command of 16 bytes and one frame of 32, and two of 16 bytes a second.
     #[test]
     fn a_sample_of_the_fd_profile_takes_two_frames() {
-        let bits = |rate_hz| bits_per_second(streams(Profile::Fd, rate_hz), Stuffing::None);
+        let bits = |rate_hz| bits_per_second(streams(Profile::Fd, rate_hz, SamplesPerFrame::One), Stuffing::None);
         let (command, sensors) = (5 + 128 + 21 + 6 + 1, 5 + 256 + 25 + 7 + 1);
         let once = Bits { nominal: 2 * 29 + 2 * 111 + 20 * 55, data: 2 * command };
         assert_eq!(bits(1000), Bits { nominal: 1000 * 2 * 29, data: 1000 * (command + sensors) }.plus(once));
+    }
+
+    #[test]
+    fn two_samples_a_frame_halve_the_frames() {
+        let bits = |rate_hz, samples| bits_per_second(streams(Profile::Fd, rate_hz, samples), Stuffing::None);
+        let pair = 5 + 512 + 25 + 7 + 1;
+        let (one, two) = (bits(1000, SamplesPerFrame::One), bits(1000, SamplesPerFrame::Two));
+        assert_eq!(one.nominal - two.nominal, 1000 * 29);
+        assert_eq!(bits(3000, SamplesPerFrame::Two).data - two.data, 1000 * (pair + 161));
     }
 
     #[test]

@@ -6,7 +6,7 @@ mod common;
 use can_dbc::{Dbc, Message as DbcMessage, NumericValue, SignalExtendedValueType, ValueType};
 use resonarm_protocol::{
     Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, MessageKind, Mismatch, Network, Node, NodeState, PROTOCOL_VERSION,
-    Profile, Refusal, StateEvent, Version,
+    Profile, Refusal, SamplesPerFrame, StateEvent, Version,
     bits::{IdFormat, Stuffing, bounds},
     dbc, e2e,
     e2e::Protection,
@@ -215,7 +215,8 @@ fn the_window_of_a_sample_index_is_that_of_the_code() {
 #[test]
 fn the_bus_load_is_that_of_the_code() {
     let rows = rows(section("## 10. Bus load"));
-    let per_second = |rate_hz, stuffing| bits_per_second(streams(Profile::Classic, rate_hz), stuffing).total();
+    let per_second =
+        |rate_hz, stuffing| bits_per_second(streams(Profile::Classic, rate_hz, SamplesPerFrame::One), stuffing).total();
     let bits = |len| {
         [Stuffing::None, Stuffing::Worst]
             .map(|stuffing| bounds(IdFormat::Standard, FrameFormat::Classic, len, stuffing).nominal.to_string())

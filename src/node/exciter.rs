@@ -3,8 +3,8 @@
 use alloc::boxed::Box;
 
 use resonarm_protocol::{
-    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead,
-    Message, Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, StateEvent, TorqueCommand,
+    Acceleration, Capabilities, Emergency, EmergencyCode, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
+    Network, Node, NodeState, OperatorCommand, OperatorRequest, SamplesPerFrame, SensorPair, Sensors, StateEvent,
 };
 
 use super::link::Link;
@@ -227,9 +227,11 @@ impl ExciterNode {
             Message::Head(head) => self.head = Some(head),
             Message::AccelerometerB(b) => self.b = Some(b),
             Message::AccelerometerC(c) => self.sample(now_ns, c),
-            Message::Sensors(sensors) => {
-                self.whole(now_ns, sensors.sample, |n| sample::from_values(n, &sensors.values));
+            Message::Sensors(Sensors { values, sample }) => {
+                let load = self.whole(now_ns, sample, |n| sample::from_values(n, &values));
+                self.command(now_ns, load, sample);
             }
+            Message::SensorPair(pair) => self.pair(now_ns, &pair),
             _ => {}
         }
         self.tell_leave();
@@ -320,21 +322,37 @@ impl ExciterNode {
     fn sample(&mut self, now_ns: u64, c: Acceleration) {
         let whole = self.head.take().zip(self.b.take());
         if let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) {
-            self.whole(now_ns, c.sample, |n| sample::from_classic(n, &head, &b, &c));
+            let load = self.whole(now_ns, c.sample, |n| sample::from_classic(n, &head, &b, &c));
+            self.command(now_ns, load, c.sample);
         }
     }
 
-    /// A whole sample of this index is answered at once; `measurement` makes it for its number since arming.
-    fn whole(&mut self, now_ns: u64, index: u16, measurement: impl Fn(u64) -> Measurement) {
+    /// Of two samples in a frame the second is answered: a command for the first would come too late.
+    fn pair(&mut self, now_ns: u64, pair: &SensorPair) {
+        let ([first, second], index) = (&pair.values, pair.sample.wrapping_add(1));
+        self.whole(now_ns, pair.sample, |n| sample::from_values(n, first));
+        let load = self.whole(now_ns, index, |n| sample::from_values(n, second));
+        self.command(now_ns, load, index);
+    }
+
+    /// The load to command in answer to a whole sample of this index, if there is one; `measurement` makes the sample
+    /// for its number since arming.
+    fn whole(&mut self, now_ns: u64, index: u16, measurement: impl Fn(u64) -> Measurement) -> Option<Load> {
         match self.phase {
             Phase::Playing => {}
             // The plant still waits for a command: the request was lost.
-            Phase::Disarming(_) => return self.request(OperatorRequest::Disarm),
-            Phase::Arming | Phase::Done(_) => return,
+            Phase::Disarming(_) => {
+                self.request(OperatorRequest::Disarm);
+                return None;
+            }
+            Phase::Arming | Phase::Done(_) => return None,
         }
         let n = match (self.sequence.judge(index), self.answered) {
-            (Place::Stale, _) => return,
-            (Place::Broken, _) => return self.fault(now_ns, EmergencyCode::SampleSequence, index),
+            (Place::Stale, _) => return None,
+            (Place::Broken, _) => {
+                self.fault(now_ns, EmergencyCode::SampleSequence, index);
+                return None;
+            }
             (Place::Ahead(ahead), Some(last)) => {
                 self.missed_samples += u64::from(ahead) - 1;
                 last + u64::from(ahead)
@@ -347,25 +365,18 @@ impl ExciterNode {
         while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);
         }
-        match answer {
-            Answer::Hold(load) => self.command(now_ns, &load, index),
-            Answer::Finished => self.disarm(now_ns, Outcome::Finished),
-            Answer::Aborted(abort) => self.disarm(now_ns, Outcome::Aborted(abort)),
-        }
+        let outcome = match answer {
+            Answer::Hold(load) => return Some(load),
+            Answer::Finished => Outcome::Finished,
+            Answer::Aborted(abort) => Outcome::Aborted(abort),
+        };
+        self.disarm(now_ns, outcome);
+        None
     }
 
-    fn command(&mut self, now_ns: u64, load: &Load, sample: u16) {
-        let message = match self.controller.load_kind() {
-            LoadKind::Torque => {
-                let (torque1_nm, torque2_nm) = (load.torque_nm.x, load.torque_nm.y);
-                Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample })
-            }
-            LoadKind::Force => {
-                let (force_x_n, force_y_n) = (load.force_n.x, load.force_n.y);
-                Message::Force(ForceCommand { force_x_n, force_y_n, sample })
-            }
-        };
-        if self.link.send(&message).is_err() {
+    fn command(&mut self, now_ns: u64, load: Option<Load>, sample: u16) {
+        let message = load.map(|load| sample::command(self.controller.load_kind(), &load, sample));
+        if message.is_some_and(|message| self.link.send(&message).is_err()) {
             self.fault(now_ns, EmergencyCode::CommandOutOfRange, 0);
         }
     }
@@ -482,5 +493,5 @@ fn capabilities(kind: LoadKind) -> Capabilities {
         LoadKind::Force => (f32::MAX.into(), 0.0),
         LoadKind::Torque => (0.0, f32::MAX.into()),
     };
-    Capabilities { node: Node::Exciter, samples_per_frame: 1, force_limit_n, torque_limit_nm }
+    Capabilities { node: Node::Exciter, samples_per_frame: SamplesPerFrame::Two, force_limit_n, torque_limit_nm }
 }

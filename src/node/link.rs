@@ -2,7 +2,7 @@
 
 use resonarm_protocol::{
     Capabilities, Emergency, EncodeError, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node, NodeState,
-    Profile, Receiver, StateEvent, Transmitter,
+    Profile, Receiver, SamplesPerFrame, StateEvent, Transmitter,
 };
 
 use super::listening::Listening;
@@ -123,6 +123,15 @@ impl Link {
                 None
             }
         }
+    }
+
+    /// The most samples in a frame that this node sends or takes.
+    pub fn samples_per_frame(&self) -> SamplesPerFrame {
+        self.capabilities.samples_per_frame
+    }
+
+    pub fn set_samples_per_frame(&mut self, most: SamplesPerFrame) {
+        self.capabilities.samples_per_frame = most;
     }
 
     /// The identifier of a message that another node sends in this one's place, once.

@@ -2,7 +2,7 @@
 
 use resonarm_protocol::{
     Capabilities, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch, Network, Node,
-    NodeState, OperatorCommand, OperatorRequest, Profile, StateEvent,
+    NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues, StateEvent,
 };
 
 use super::hold::Hold;
@@ -20,7 +20,13 @@ pub struct PlantNode {
     rate_hz: u16,
     exciter: Exciter,
     partner: Option<Hello>,
-    /// The sample published last.
+    /// The most samples in a frame that the exciter takes.
+    partner_samples: SamplesPerFrame,
+    /// How many samples a frame holds since arming.
+    samples_per_frame: SamplesPerFrame,
+    /// The first sample of a frame of two, which goes with the next.
+    first: Option<SensorValues>,
+    /// The sample measured last.
     sample: u64,
     hold: Hold,
     /// The sample that the last command taken answers, since arming.
@@ -39,13 +45,17 @@ impl PlantNode {
     /// A node that publishes `rate_hz` samples a second for an exciter of these limits.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, exciter: Exciter) -> PlantNode {
         let (force_limit_n, torque_limit_nm) = exciter.limits();
-        let capabilities = Capabilities { node: Node::Plant, samples_per_frame: 1, force_limit_n, torque_limit_nm };
+        let capabilities =
+            Capabilities { node: Node::Plant, samples_per_frame: SamplesPerFrame::One, force_limit_n, torque_limit_nm };
         PlantNode {
             link: Link::new(network, rate_hz, timing, capabilities),
             timing,
             rate_hz,
             exciter,
             partner: None,
+            partner_samples: SamplesPerFrame::One,
+            samples_per_frame: SamplesPerFrame::One,
+            first: None,
             sample: 0,
             hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
             answered: None,
@@ -56,6 +66,12 @@ impl PlantNode {
             is_leaving: false,
             emergency: None,
         }
+    }
+
+    /// The node with frames of up to this many samples, for an exciter that takes them (FD profile).
+    pub fn with_samples_per_frame(mut self, most: SamplesPerFrame) -> PlantNode {
+        self.link.set_samples_per_frame(most);
+        self
     }
 
     /// Boots: boot-up heartbeat, pre-operational, hello.
@@ -78,9 +94,9 @@ impl PlantNode {
         self.link.state() == NodeState::Operational
     }
 
-    /// Whether a command that answers the sample published last has been taken.
+    /// Whether no answer is awaited to the sample measured last: it has been taken, or the sample goes with the next.
     pub fn is_answered(&self) -> bool {
-        self.answered == Some(self.sample)
+        self.first.is_some() || self.answered == Some(self.sample)
     }
 
     /// Frames of the protocol refused for their checks (E2E, length, values).
@@ -132,6 +148,7 @@ impl PlantNode {
             Message::Torque(c) => self.take(c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
             Message::ExciterHello(hello) => self.greet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
+            Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
             Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => self.part(now_ns, emergency),
             _ => {}
         }
@@ -168,6 +185,7 @@ impl PlantNode {
             return;
         }
         self.answered = None;
+        self.samples_per_frame = self.link.samples_per_frame().min(self.partner_samples);
         self.command_taken_ns = self.link.listening.listened_ns();
         self.refused_since_taken = 0;
         self.link.transition(now_ns, StateEvent::Arm);
@@ -176,16 +194,20 @@ impl PlantNode {
     /// The exciter's own state: a restart or a fault of an armed exciter ends the arming.
     fn watch(&mut self, now_ns: u64, state: NodeState) {
         if state == NodeState::BootUp {
-            self.partner = None;
+            self.forget_partner();
         }
         if matches!(state, NodeState::BootUp | NodeState::Fault) && self.is_armed() {
             self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number()));
         }
     }
 
+    fn forget_partner(&mut self) {
+        (self.partner, self.partner_samples) = (None, SamplesPerFrame::One);
+    }
+
     /// The exciter leaves the bus: it is forgotten, and an armed plant disarms.
     fn part(&mut self, now_ns: u64, emergency: Emergency) {
-        self.partner = None;
+        self.forget_partner();
         self.link.tell(NodeEvent::Emergency(emergency));
         if self.is_armed() {
             self.exit(now_ns, StateEvent::Disarm);
@@ -255,7 +277,8 @@ impl PlantNode {
         link.min(command).min(self.link.partner_deadline_ns())
     }
 
-    /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame.
+    /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame, alone or with
+    /// the sample before it.
     ///
     /// # Errors
     /// [`EncodeError`] if a value is not a number; the frames before it are sent.
@@ -263,7 +286,23 @@ impl PlantNode {
         self.sample = measurement.sample;
         match self.link.network().profile() {
             Profile::Classic => sample::classic(measurement).iter().try_for_each(|message| self.link.send(message)),
-            Profile::Fd => self.link.send(&Message::Sensors(sample::sensors(measurement))),
+            Profile::Fd => self.publish_fd(measurement),
+        }
+    }
+
+    /// A sample a frame, or two: the one with an even index then goes with the next.
+    fn publish_fd(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
+        let sensors = sample::sensors(measurement);
+        if let Some(first) = self.first.take() {
+            let sample = sensors.sample.wrapping_sub(1);
+            return self.link.send(&Message::SensorPair(SensorPair { values: [first, sensors.values], sample }));
+        }
+        match self.samples_per_frame {
+            SamplesPerFrame::Two if sensors.sample % 2 == 0 && self.is_armed() => {
+                self.first = Some(sensors.values);
+                Message::Sensors(sensors).check(Profile::Fd)
+            }
+            SamplesPerFrame::One | SamplesPerFrame::Two => self.link.send(&Message::Sensors(sensors)),
         }
     }
 

@@ -1,7 +1,11 @@
-//! A measurement as the messages of a sample, and back.
+//! A measurement as the messages of a sample, and back; a load as a command.
 
-use resonarm_protocol::{Acceleration, ImpedanceHead, Measured, Message, SensorValues, Sensors};
+use resonarm_protocol::{
+    Acceleration, ForceCommand, ImpedanceHead, Measured, Message, SensorValues, Sensors, TorqueCommand,
+};
 
+use crate::arm::Load;
+use crate::control::LoadKind;
 use crate::rig::{Measurement, Reading};
 
 /// The three messages of the classic profile, in the order in which they are sent.
@@ -58,5 +62,19 @@ pub(super) fn from_values(n: u64, values: &SensorValues) -> Measurement {
         head_force_n: axes(values.force_n),
         acceleration_b_m_s2: axes(values.acceleration_b_m_s2),
         acceleration_c_m_s2: axes(values.acceleration_c_m_s2),
+    }
+}
+
+/// The command that answers the sample of this index with a load.
+pub(super) fn command(kind: LoadKind, load: &Load, sample: u16) -> Message {
+    match kind {
+        LoadKind::Torque => {
+            let (torque1_nm, torque2_nm) = (load.torque_nm.x, load.torque_nm.y);
+            Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample })
+        }
+        LoadKind::Force => {
+            let (force_x_n, force_y_n) = (load.force_n.x, load.force_n.y);
+            Message::Force(ForceCommand { force_x_n, force_y_n, sample })
+        }
     }
 }

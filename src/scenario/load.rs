@@ -22,7 +22,8 @@ impl Scenario {
         let rates = bit_rates(&self.network)?;
         let bit_error_rate = bit_error_rate(&self.network)?;
         let Some(rates) = rates else { return Ok(None) };
-        let sent = |rate_hz| streams(self.network.profile, rate_hz);
+        let samples = self.network.samples_per_frame()?;
+        let sent = |rate_hz| streams(self.network.profile, rate_hz, samples);
         check(sent, self.wire_rate_hz()?, rates)?;
         Ok(Some(timed::Spec { bit_error_rate, seed: self.simulation.seed, ..timed::Spec::new(rates) }))
     }

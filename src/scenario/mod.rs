@@ -183,6 +183,11 @@ impl Scenario {
         match (&self.excitation, &self.control) {
             (Some(_), Some(_)) => Err(ScenarioError::TwoControllers),
             (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile),
+            (None, Some(_)) if self.network.samples_per_frame != 1 => Err(ScenarioError::Value {
+                name: "network.samples_per_frame",
+                got: self.network.samples_per_frame.into(),
+                expected: "1 with [control]: a loop that is closed answers every sample",
+            }),
             (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive(), self.network.profile),
             (None, None) => Ok(()),
         }

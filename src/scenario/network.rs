@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Scenario, ScenarioError};
 use crate::bus::fault::{self, FaultSpec};
 use crate::node::Timing;
-use crate::protocol::{Network, Node, Profile, timing};
+use crate::protocol::{Network, Node, Profile, SamplesPerFrame, timing};
 
 /// The longest timeout, s.
 const TIMEOUT_MAX_S: f64 = 3600.0;
@@ -23,6 +23,8 @@ pub struct NetworkSection {
     /// The frames of commands and samples.
     #[serde(with = "profile_name")]
     pub profile: Profile,
+    /// The most samples in a sensor frame of the FD profile, 1 or 2. Two are for logging, with an open loop.
+    pub samples_per_frame: u8,
     /// Longest time without a valid command while armed, s; at least two samples, at most an hour.
     pub command_timeout_s: f64,
     /// Longest time without a sign of life of the partner while armed, s; at most an hour.
@@ -53,6 +55,7 @@ impl Default for NetworkSection {
             plant_id: network.node_id(Node::Plant),
             exciter_id: network.node_id(Node::Exciter),
             profile: network.profile(),
+            samples_per_frame: SamplesPerFrame::default() as u8,
             command_timeout_s: timing::COMMAND_TIMEOUT_NS as f64 * 1e-9,
             partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
             lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
@@ -65,8 +68,23 @@ impl Default for NetworkSection {
 }
 
 impl NetworkSection {
-    /// Refuses timeouts and faults that no run can use.
+    /// The most samples in a sensor frame.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] if it is neither 1 nor 2, or 2 in the classic profile.
+    pub fn samples_per_frame(&self) -> Result<SamplesPerFrame, ScenarioError> {
+        let known = SamplesPerFrame::from_number(self.samples_per_frame);
+        let fits = |samples: &SamplesPerFrame| *samples == SamplesPerFrame::One || self.profile == Profile::Fd;
+        known.filter(fits).ok_or(ScenarioError::Value {
+            name: "network.samples_per_frame",
+            got: self.samples_per_frame.into(),
+            expected: "1, or with `network.profile = \"fd\"` 2",
+        })
+    }
+
+    /// Refuses timeouts, faults and frames that no run can use.
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
+        self.samples_per_frame()?;
         timeout("network.command_timeout_s", self.command_timeout_s)?;
         timeout("network.partner_timeout_s", self.partner_timeout_s)?;
         timeout("network.lockstep_timeout_s", self.lockstep_timeout_s)?;
@@ -96,8 +114,9 @@ impl Scenario {
             return Err(ScenarioError::RealTimeRate { got_hz: rate_hz });
         }
         let command_timeout_s = timeout("network.command_timeout_s", self.network.command_timeout_s)?;
-        if command_timeout_s * self.simulation.rate_hz < 2.0 {
-            let expected = "at least two samples long (2 / simulation.rate_hz)";
+        let samples = f64::from(self.network.samples_per_frame);
+        if command_timeout_s * self.simulation.rate_hz < 2.0 * samples {
+            let expected = "at least two samples long (2 / simulation.rate_hz), or four with two samples a frame";
             return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
         }
         let partner_timeout_s = timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;

@@ -57,8 +57,9 @@ fn says_what_is_wrong_with_the_numbers() {
     insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: the wire states it as a whole number of hertz from 1 to 65535");
     insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
     insta::assert_snapshot!(says("network.base_id = 0x205"), @"network: base identifier 0x205 is not a multiple of 0x10: take 0x200");
-    insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz)");
-    insta::assert_snapshot!(says("network.command_timeout_s = 0.019\nsimulation.rate_hz = 100"), @"network.command_timeout_s is 0.019: it must be at least two samples long (2 / simulation.rate_hz)");
+    insta::assert_snapshot!(says("network.exciter_id = 1"), @"network: plant and exciter can't both have the node id 1");
+    insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz), or four with two samples a frame");
+    insta::assert_snapshot!(says("network.command_timeout_s = 0.019\nsimulation.rate_hz = 100"), @"network.command_timeout_s is 0.019: it must be at least two samples long (2 / simulation.rate_hz), or four with two samples a frame");
     insta::assert_snapshot!(says("simulation.rate_hz = 99\nnetwork.command_timeout_s = 0.1"), @"simulation.rate_hz is 99: a run in real time needs at least 100 Hz; lockstep and free runs take any rate");
     insta::assert_snapshot!(says(""), @"the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show");
 }
@@ -86,6 +87,16 @@ fn says_what_a_bus_cannot_carry_and_which_rates_are_none() {
 #[test]
 fn rejects_when_it_is_read_what_no_run_can_use() {
     let says = |text: &str| parse(text).unwrap_err().to_string();
+    insta::assert_snapshot!(says("network.samples_per_frame = 2"), @r#"network.samples_per_frame is 2: it must be 1, or with `network.profile = "fd"` 2"#);
+    insta::assert_snapshot!(says("network.profile = \"fd\"\nnetwork.samples_per_frame = 3"), @r#"network.samples_per_frame is 3: it must be 1, or with `network.profile = "fd"` 2"#);
+    insta::assert_snapshot!(says("network.profile = \"fd\"\nnetwork.samples_per_frame = 2\ncontrol.law = \"phase-walk\"\ncontrol.amplitude = { force_x_n = 10 }"), @"network.samples_per_frame is 2: it must be 1 with [control]: a loop that is closed answers every sample");
+    insta::assert_snapshot!(says("network.profile = \"can\""), @r#"
+    test.toml: TOML parse error at line 1, column 19
+      |
+    1 | network.profile = "can"
+      |                   ^^^^^
+    unknown variant `can`, expected `classic` or `fd`
+    "#);
     insta::assert_snapshot!(says("network.command_timeout_s = 1.9e10"), @"network.command_timeout_s is 19000000000: it must be a positive number of seconds, at most 3600");
     insta::assert_snapshot!(says("network.partner_timeout_s = 0"), @"network.partner_timeout_s is 0: it must be a positive number of seconds, at most 3600");
     insta::assert_snapshot!(says("network.lockstep_timeout_s = nan"), @"network.lockstep_timeout_s is NaN: it must be a positive number of seconds, at most 3600");

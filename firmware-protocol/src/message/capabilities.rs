@@ -5,13 +5,38 @@ use super::fd::{self, FdBytes, FdReader};
 use crate::error::{DecodeError, EncodeError};
 use crate::network::Node;
 
+/// How many samples a frame holds at most.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum SamplesPerFrame {
+    /// [`Sensors`](super::Sensors).
+    #[default]
+    One = 1,
+    /// [`SensorPair`](super::SensorPair).
+    Two = 2,
+}
+
+impl SamplesPerFrame {
+    /// Both.
+    pub const ALL: [SamplesPerFrame; 2] = [SamplesPerFrame::One, SamplesPerFrame::Two];
+
+    /// The one of a number, if it is 1 or 2.
+    pub const fn from_number(number: u8) -> Option<SamplesPerFrame> {
+        match number {
+            1 => Some(SamplesPerFrame::One),
+            2 => Some(SamplesPerFrame::Two),
+            _ => None,
+        }
+    }
+}
+
 /// What a node can do. It follows the node's hello.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
     /// The node.
     pub node: Node,
-    /// The most samples in a frame that it sends (plant) or takes (exciter): 1 or 2.
-    pub samples_per_frame: u8,
+    /// The most samples in a frame that it sends (plant) or takes (exciter).
+    pub samples_per_frame: SamplesPerFrame,
     /// The largest force along one axis that it takes (plant) or commands (exciter), in newtons; 0 if it has none.
     pub force_limit_n: f64,
     /// The largest torque at one joint that it takes or commands, in newton metres; 0 if it has none.
@@ -19,18 +44,11 @@ pub struct Capabilities {
 }
 
 impl Capabilities {
-    /// The most samples that a frame holds.
-    pub const SAMPLES_PER_FRAME_MAX: u8 = 2;
-
     const SAMPLES: usize = 3;
 
     pub(super) fn encode(&self, kind: MessageKind) -> Result<FdBytes, EncodeError> {
-        let (signal, got, max) = ("samples_per_frame", self.samples_per_frame, Self::SAMPLES_PER_FRAME_MAX);
-        if !(1..=max).contains(&got) {
-            return Err(EncodeError::Invalid { kind, signal, got: got.into(), min: 1, max: max.into() });
-        }
         let mut bytes = [0; 64];
-        bytes[Self::SAMPLES] = got;
+        bytes[Self::SAMPLES] = self.samples_per_frame as u8;
         let limits = [("force_limit_n", self.force_limit_n), ("torque_limit_nm", self.torque_limit_nm)];
         for (k, (signal, limit)) in limits.into_iter().enumerate() {
             bytes[fd::VALUES + 4 * k..][..4].copy_from_slice(&fd::limit(kind, signal, limit)?.to_le_bytes());
@@ -41,11 +59,9 @@ impl Capabilities {
     pub(super) fn decode(reader: &FdReader) -> Result<Capabilities, DecodeError> {
         let kind = reader.kind;
         reader.zero(4..8)?;
-        let samples_per_frame = reader.bytes[Self::SAMPLES];
-        if !(1..=Self::SAMPLES_PER_FRAME_MAX).contains(&samples_per_frame) {
-            let got = samples_per_frame.into();
-            return Err(DecodeError::UnknownValue { kind, signal: "samples_per_frame", got });
-        }
+        let got = reader.bytes[Self::SAMPLES];
+        let unknown = DecodeError::UnknownValue { kind, signal: "samples_per_frame", got: got.into() };
+        let samples_per_frame = SamplesPerFrame::from_number(got).ok_or(unknown)?;
         let limit = |signal, at| match reader.single(signal, at)? {
             value if value < 0.0 => Err(DecodeError::Negative { kind, signal }),
             value => Ok(value),

@@ -16,7 +16,7 @@ mod sensors;
 mod signals;
 
 pub use acceleration::Acceleration;
-pub use capabilities::Capabilities;
+pub use capabilities::{Capabilities, SamplesPerFrame};
 pub use command::{ForceCommand, TorqueCommand};
 pub use emergency::{Emergency, EmergencyCode};
 pub use heartbeat::Heartbeat;

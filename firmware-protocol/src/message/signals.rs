@@ -4,7 +4,8 @@ use core::fmt;
 
 use super::{
     Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Measured,
-    Message, MessageKind, OperatorCommand, OperatorRequest, SensorPair, SensorValues, Sensors, TorqueCommand, Version,
+    Message, MessageKind, OperatorCommand, OperatorRequest, SamplesPerFrame, SensorPair, SensorValues, Sensors,
+    TorqueCommand, Version,
 };
 use crate::network::{Node, Profile};
 use crate::state::NodeState;
@@ -124,7 +125,7 @@ impl Message {
                 values.iter().zip(&PAIR).for_each(|(values, names)| values.signals(names, &mut visit));
             }
             Message::Capabilities(capabilities) => {
-                visit("samples_per_frame", capabilities.samples_per_frame.into());
+                visit("samples_per_frame", (capabilities.samples_per_frame as u8).into());
                 visit("force_limit_n", capabilities.force_limit_n);
                 visit("torque_limit_nm", capabilities.torque_limit_nm);
             }
@@ -185,7 +186,7 @@ impl Message {
             }
             MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities => Message::Capabilities(Capabilities {
                 node: kind.sender(),
-                samples_per_frame: get.whole("samples_per_frame", u8::MAX.into())? as u8,
+                samples_per_frame: get.one_of("samples_per_frame", samples_per_frame)?,
                 force_limit_n: get.real("force_limit_n")?,
                 torque_limit_nm: get.real("torque_limit_nm")?,
             }),
@@ -206,6 +207,10 @@ impl SensorValues {
             visit(names.saturated[k], measured.saturated.into());
         }
     }
+}
+
+fn samples_per_frame(number: u16) -> Option<SamplesPerFrame> {
+    SamplesPerFrame::ALL.into_iter().find(|known| *known as u16 == number)
 }
 
 /// Takes signals by name.

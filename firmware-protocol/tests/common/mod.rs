@@ -7,7 +7,7 @@ use resonarm_protocol::e2e::{Protection, profile5, profile11};
 use resonarm_protocol::{
     Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Id, ImpedanceHead,
     Measured, Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver,
-    SensorPair, SensorValues, Sensors, TorqueCommand, Transmitter, Version,
+    SamplesPerFrame, SensorPair, SensorValues, Sensors, TorqueCommand, Transmitter, Version,
 };
 
 /// The signals of a message by their names in the DBC, in physical units.
@@ -56,7 +56,7 @@ pub fn signals(message: &Message) -> Signals {
             return with_sample(both.collect(), sample);
         }
         Message::Capabilities(capabilities) => vec![
-            ("samples_per_frame", capabilities.samples_per_frame.into()),
+            ("samples_per_frame", f64::from(capabilities.samples_per_frame as u8)),
             ("force_limit_n", capabilities.force_limit_n),
             ("torque_limit_nm", capabilities.torque_limit_nm),
         ],
@@ -158,7 +158,7 @@ pub fn message(kind: MessageKind, signals: &Signals) -> Message {
         }
         MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities => Message::Capabilities(Capabilities {
             node: kind.sender(),
-            samples_per_frame: word("samples_per_frame") as u8,
+            samples_per_frame: SamplesPerFrame::from_number(word("samples_per_frame") as u8).unwrap(),
             force_limit_n: real("force_limit_n"),
             torque_limit_nm: real("torque_limit_nm"),
         }),
@@ -283,7 +283,9 @@ fn fd_samples() -> Vec<Message> {
         messages.push(Message::SensorPair(SensorPair { values: [values(scale), values(-scale / 7.0)], sample }));
     }
     for node in Node::ALL {
-        for (samples_per_frame, force_limit_n, torque_limit_nm) in [(1, 600.0, 0.0), (2, 0.0, f64::from(f32::MAX))] {
+        for (samples_per_frame, force_limit_n, torque_limit_nm) in
+            [(SamplesPerFrame::One, 600.0, 0.0), (SamplesPerFrame::Two, 0.0, f64::from(f32::MAX))]
+        {
             let capabilities = Capabilities { node, samples_per_frame, force_limit_n, torque_limit_nm };
             messages.push(Message::Capabilities(capabilities));
         }

@@ -2,7 +2,7 @@
 
 use resonarm_protocol::{
     Capabilities, ForceCommand, Frame, FrameFormat, Heartbeat, Id, Measured, Message, MessageKind, Network, Node,
-    NodeState, Profile, SensorValues, Sensors, TorqueCommand, Transmitter,
+    NodeState, Profile, SamplesPerFrame, SensorValues, Sensors, TorqueCommand, Transmitter,
 };
 
 use crate::case::Case;
@@ -143,7 +143,7 @@ fn bad_content() -> Vec<Case> {
     let byte = |at: usize, value: u8| move |data: &mut [u8]| data[at] = value;
     let capabilities = Message::Capabilities(Capabilities {
         node: Node::Plant,
-        samples_per_frame: 1,
+        samples_per_frame: SamplesPerFrame::One,
         force_limit_n: 600.0,
         torque_limit_nm: 0.0,
     });
@@ -162,17 +162,16 @@ fn bad_content() -> Vec<Case> {
 
 /// What a sender must refuse to send, and why.
 pub fn unsendable() -> Vec<(Message, &'static str)> {
-    let capabilities = |samples_per_frame, force_limit_n| {
-        let (node, torque_limit_nm) = (Node::Exciter, 0.0);
+    let capabilities = |force_limit_n| {
+        let (node, samples_per_frame, torque_limit_nm) = (Node::Exciter, SamplesPerFrame::Two, 0.0);
         Message::Capabilities(Capabilities { node, samples_per_frame, force_limit_n, torque_limit_nm })
     };
     let mut messages = vec![
         (force(3.5e38, 0.0, 0), "out of range"),
         (force(0.0, f64::NAN, 0), "not finite"),
         (sensors(f64::INFINITY), "not finite"),
-        (capabilities(0, 1.0), "invalid"),
-        (capabilities(3, 1.0), "invalid"),
-        (capabilities(1, -1.0), "negative"),
+        (capabilities(-1.0), "negative"),
+        (capabilities(1e39), "out of range"),
     ];
     let other = common::samples().into_iter().find(|message| message.kind() == MessageKind::Head);
     messages.extend(other.map(|message| (message, "other profile")));

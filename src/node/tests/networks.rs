@@ -1,7 +1,7 @@
 //! Networks of the FD profile, of other node ids, and several on one bus.
 
 use super::*;
-use resonarm_protocol::{FrameFormat, Mismatch, Receiver};
+use resonarm_protocol::{FrameFormat, Mismatch, Receiver, SamplesPerFrame};
 
 fn fd() -> Network {
     Network::default().with_profile(WireProfile::Fd)
@@ -52,6 +52,29 @@ fn nodes_of_different_profiles_never_arm_and_say_why() {
         assert_eq!((emergency.code, emergency.detail), (EmergencyCode::Incompatible, Mismatch::Profile as u16));
         assert!(bench.loads.iter().all(|load| *load == Load::default()));
     }
+}
+
+/// Two samples a frame: every second sample is answered, and every one is read.
+#[test]
+fn two_samples_go_in_a_frame_once_armed() {
+    let timing = Timing::real_time(RATE_HZ);
+    let mut bench = Bench::on([fd(); 2], timing, 0.5);
+    bench.plant =
+        PlantNode::new(fd(), RATE_HZ, timing, Exciter::default()).with_samples_per_frame(SamplesPerFrame::Two);
+    bench.plant.start(0);
+    bench.run(600);
+    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    let exciter = bench.exciter.as_ref().unwrap();
+    assert_eq!((exciter.missed_samples(), exciter.unsent_frames(), bench.plant.refusals().total()), (0, 0, 0));
+    assert_eq!(exciter.samples_played(), profile(0.5).samples() + 1);
+    let held: Vec<f64> = bench.loads.iter().map(|load| load.force_n.x).skip_while(|force| *force == 0.0).collect();
+    let expected = profile(0.5);
+    let singles: Vec<f64> = (0..expected.samples()).map(|n| f64::from(expected.load(n).force_n.x as f32)).collect();
+    for pair in held.chunks_exact(2).take(200) {
+        assert_eq!(pair[0], pair[1]);
+        assert!(singles.contains(&pair[0]));
+    }
+    assert!(held.iter().any(|force| *force > 19.0));
 }
 
 /// Every node on one bus: what one sends all others hear.
