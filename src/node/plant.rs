@@ -298,7 +298,7 @@ impl PlantNode {
             return self.link.send(&Message::SensorPair(SensorPair { values: [first, sensors.values], sample }));
         }
         match self.samples_per_frame {
-            SamplesPerFrame::Two if sensors.sample % 2 == 0 && self.is_armed() => {
+            SamplesPerFrame::Two if sensors.sample.is_multiple_of(2) && self.is_armed() => {
                 self.first = Some(sensors.values);
                 Message::Sensors(sensors).check(Profile::Fd)
             }
