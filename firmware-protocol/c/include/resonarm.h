@@ -1,0 +1,333 @@
+/**
+ * @file resonarm.h
+ * @brief The Resonarm protocol, classic profile: messages in SI units to CAN frames and back, with E2E protection.
+ *
+ * C99, no allocation, no state of its own: everything lives in structures of the caller's. "Section" means a section of
+ * SPEC.md, which is the specification.
+ *
+ * A double must be an IEEE 754 binary64, computed without excess precision and without -ffast-math.
+ */
+#ifndef RESONARM_H
+#define RESONARM_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** Version of the protocol: major in the high nibble, minor in the low one (section 4, hello). */
+#define RESONARM_PROTOCOL_VERSION 0x12u
+/** Low 24 bits of the CRC-32 of resonarm.dbc, as a hello carries them (section 4). */
+#define RESONARM_DBC_HASH 0x066600u
+
+/** @name Times of section 6, ns */
+/**@{*/
+#define RESONARM_HEARTBEAT_PERIOD_NS UINT64_C(100000000)
+#define RESONARM_HEARTBEAT_TIMEOUT_NS UINT64_C(350000000)
+#define RESONARM_HELLO_PERIOD_NS UINT64_C(1000000000)
+#define RESONARM_COMMAND_TIMEOUT_NS UINT64_C(20000000)
+#define RESONARM_COMMAND_AGE_NS UINT64_C(20000000)
+#define RESONARM_FORCE_RAMP_NS UINT64_C(50000000)
+#define RESONARM_LOCKSTEP_TIMEOUT_NS UINT64_C(1000000000)
+#define RESONARM_LOCKSTEP_LOOK_NS UINT64_C(20000000)
+/**@}*/
+/** Lowest sample rate in real time, Hz (section 6). */
+#define RESONARM_REAL_TIME_RATE_MIN_HZ 100u
+/** How many samples of a repeated or older index make a fault, counted from arming (section 8). */
+#define RESONARM_STALE_SAMPLES_LIMIT 10u
+/** Smallest window of the sample index, samples (section 8). */
+#define RESONARM_SAMPLE_WINDOW_MIN 16u
+
+/** A sample period, rounded down, ns; of a rate of 0 that of 1 Hz. */
+uint64_t resonarm_sample_period_ns(uint16_t rate_hz);
+
+/** How far the index of a sample may be from the last one answered, samples: the window w of section 8. */
+uint16_t resonarm_sample_window(uint16_t rate_hz);
+
+/** @name Network (section 1) */
+/**@{*/
+#define RESONARM_BASE_DEFAULT 0x200u
+#define RESONARM_BASE_MIN 0x180u
+#define RESONARM_BASE_MAX 0x570u
+#define RESONARM_NODE_ID_MAX 127u
+/**@}*/
+
+/** The identifiers of a network; make one with resonarm_network_init(). */
+typedef struct {
+    uint16_t base;      /**< First identifier of the block. */
+    uint8_t plant_id;   /**< Node id of the plant. */
+    uint8_t exciter_id; /**< Node id of the exciter. */
+} resonarm_network;
+
+/** Whether a network is possible. */
+typedef enum {
+    RESONARM_NETWORK_VALID,
+    RESONARM_BASE_OUT_OF_RANGE,    /**< The base is not in RESONARM_BASE_MIN to RESONARM_BASE_MAX. */
+    RESONARM_BASE_UNALIGNED,       /**< The base is not a multiple of 0x10. */
+    RESONARM_NODE_ID_OUT_OF_RANGE, /**< A node id is not in 1 to RESONARM_NODE_ID_MAX. */
+    RESONARM_SAME_NODE_ID          /**< Both nodes have the same node id. */
+} resonarm_network_check;
+
+/** Checks a base identifier and two node ids, by default 1 and 2, and makes the network of them if it is possible. */
+resonarm_network_check resonarm_network_init(
+    resonarm_network *network, uint16_t base, uint8_t plant_id, uint8_t exciter_id);
+
+/** A node; the value is the number that stands for it in messages, whatever its node id. */
+typedef enum { RESONARM_PLANT = 1, RESONARM_EXCITER = 2 } resonarm_node;
+
+/** The kinds of messages; each has its own identifier, sender, data id and counter (section 1). */
+typedef enum {
+    RESONARM_OPERATOR_COMMAND,
+    RESONARM_FORCE_COMMAND,
+    RESONARM_TORQUE_COMMAND,
+    RESONARM_IMPEDANCE_HEAD,
+    RESONARM_ACCELEROMETER_B,
+    RESONARM_ACCELEROMETER_C,
+    RESONARM_PLANT_HELLO,
+    RESONARM_EXCITER_HELLO,
+    RESONARM_PLANT_HEARTBEAT,
+    RESONARM_EXCITER_HEARTBEAT,
+    RESONARM_PLANT_EMERGENCY,
+    RESONARM_EXCITER_EMERGENCY,
+    RESONARM_SENSORS,             /**< Of the FD profile alone, as all after it. */
+    RESONARM_SENSOR_PAIR,         /**< As RESONARM_SENSORS. */
+    RESONARM_PLANT_CAPABILITIES,  /**< As RESONARM_SENSORS. */
+    RESONARM_EXCITER_CAPABILITIES /**< As RESONARM_SENSORS. */
+} resonarm_kind;
+/** How many kinds there are. */
+#define RESONARM_KINDS 16
+
+/** The node that sends messages of this kind. */
+resonarm_node resonarm_sender(resonarm_kind kind);
+/** The 11-bit identifier of messages of this kind. */
+uint16_t resonarm_identifier(resonarm_network network, resonarm_kind kind);
+/** The E2E data id of this kind; 0 for a heartbeat, which is not protected. */
+uint16_t resonarm_data_id(resonarm_network network, resonarm_kind kind);
+/** Bytes in a message of this kind; 0 if the classic profile has no such message. */
+uint8_t resonarm_length(resonarm_kind kind);
+/** The name of this kind in resonarm.dbc. */
+const char *resonarm_name(resonarm_kind kind);
+
+/** The format of an identifier (ISO 11898-1). */
+typedef enum { RESONARM_ID_STANDARD, RESONARM_ID_EXTENDED } resonarm_id_format;
+/** The format of a frame (ISO 11898-1). */
+typedef enum { RESONARM_FRAME_CLASSIC, RESONARM_FRAME_REMOTE, RESONARM_FRAME_FD } resonarm_frame_format;
+/** Most bytes in a frame. */
+#define RESONARM_FRAME_BYTES 64
+
+/** A CAN frame. */
+typedef struct {
+    uint32_t id; /**< 11 or 29 bits. */
+    resonarm_id_format id_format;
+    resonarm_frame_format format;
+    uint8_t length; /**< Bytes in `data`: 0 to 8, in CAN FD to 64. */
+    uint8_t data[RESONARM_FRAME_BYTES];
+} resonarm_frame;
+
+/** The state of a node, with the value of its heartbeat (section 5). */
+typedef enum {
+    RESONARM_BOOT_UP = 0,
+    RESONARM_FAULT = 4,
+    RESONARM_OPERATIONAL = 5,
+    RESONARM_PRE_OPERATIONAL = 127
+} resonarm_state;
+/** What moves a node from state to state (section 5). */
+typedef enum {
+    RESONARM_EVENT_STARTED,
+    RESONARM_EVENT_ARM,
+    RESONARM_EVENT_DISARM,
+    RESONARM_EVENT_RESET,
+    RESONARM_EVENT_FAULT
+} resonarm_event;
+
+/** The state after an event; the same state if the event changes nothing (the table of section 5). */
+resonarm_state resonarm_next_state(resonarm_state state, resonarm_event event);
+
+/** What an OperatorCommand asks. */
+typedef enum { RESONARM_ARM = 1, RESONARM_DISARM = 2, RESONARM_RESET = 3 } resonarm_request;
+/** The frames that a node speaks. */
+typedef enum { RESONARM_PROFILE_CLASSIC = 0, RESONARM_PROFILE_FD = 1 } resonarm_profile;
+/** Codes of emergencies (section 9). */
+typedef enum {
+    RESONARM_COMMAND_TIMEOUT = 1,
+    RESONARM_SENSOR_TIMEOUT = 2,
+    RESONARM_HEARTBEAT_LOST = 3,
+    RESONARM_PARTNER_FAULT = 4,
+    RESONARM_INCOMPATIBLE = 5,
+    RESONARM_COMMAND_OUT_OF_RANGE = 6,
+    RESONARM_SIMULATION_FAILED = 7,
+    RESONARM_OVERRUN = 8,
+    RESONARM_BUS_LOSS = 9,
+    RESONARM_SAMPLE_SEQUENCE = 10,
+    RESONARM_SCHEDULE_SLIPPED = 11,
+    RESONARM_LEAVING = 12,
+    RESONARM_SECOND_SENDER = 13,
+    RESONARM_EXCITER_TRIPPED = 14
+} resonarm_code;
+/** Details of RESONARM_INCOMPATIBLE (section 9), and one for two nodes that fit. */
+typedef enum {
+    RESONARM_NO_HELLO = 0,
+    RESONARM_OTHER_VERSION = 1,
+    RESONARM_OTHER_DBC = 2,
+    RESONARM_OTHER_PROFILE = 3,
+    RESONARM_OTHER_RATE = 4,
+    RESONARM_FITS = 0xFFFF
+} resonarm_mismatch;
+
+/** OperatorCommand. */
+typedef struct {
+    resonarm_request request;
+    resonarm_node target;
+} resonarm_operator_command;
+/** ForceCommand: the force on point C, ±655.34 N in steps of 0.02 N. */
+typedef struct {
+    double force_x_n;
+    double force_y_n;
+    uint16_t sample; /**< Index of the sample answered, modulo 65536. */
+} resonarm_force_command;
+/** TorqueCommand: the torques at the joints, ±1638.35 N·m in steps of 0.05 N·m. */
+typedef struct {
+    double torque1_nm;
+    double torque2_nm;
+    uint16_t sample; /**< Index of the sample answered, modulo 65536. */
+} resonarm_torque_command;
+/** ImpedanceHead: the force at point C, ±655.34 N in steps of 0.02 N. A sender cuts and flags what lies beyond. */
+typedef struct {
+    double force_x_n;
+    double force_y_n;
+    bool x_saturated;
+    bool y_saturated;
+    uint16_t sample; /**< Index of the sample, modulo 65536. */
+} resonarm_impedance_head;
+/** AccelerometerB, AccelerometerC: ±1638.35 m/s² in steps of 0.05 m/s². A sender cuts and flags what lies beyond. */
+typedef struct {
+    double acceleration_x_m_s2;
+    double acceleration_y_m_s2;
+    bool x_saturated;
+    bool y_saturated;
+    uint16_t sample; /**< Index of the sample, modulo 65536. */
+} resonarm_acceleration;
+/** PlantHello, ExciterHello. */
+typedef struct {
+    uint8_t version_major; /**< 0 to 15. */
+    uint8_t version_minor; /**< 0 to 15. */
+    uint32_t dbc_hash;     /**< 24 bits. */
+    resonarm_profile profile;
+    uint16_t rate_hz; /**< Sample rate, 1 to 65535 Hz. */
+} resonarm_hello;
+/** PlantEmergency, ExciterEmergency (section 9). */
+typedef struct {
+    resonarm_code code;
+    uint16_t detail; /**< What it means depends on the code. */
+    uint16_t sample; /**< Index of the sample at which it was found, modulo 65536. */
+} resonarm_emergency;
+
+/** A message; `kind` says which member of `content` it has. */
+typedef struct {
+    resonarm_kind kind;
+    union {
+        resonarm_operator_command operator_command;
+        resonarm_force_command force;
+        resonarm_torque_command torque;
+        resonarm_impedance_head head;
+        resonarm_acceleration acceleration; /**< Of both accelerometers. */
+        resonarm_hello hello;               /**< Of both nodes. */
+        resonarm_state state;               /**< Of both heartbeats. */
+        resonarm_emergency emergency;       /**< Of both nodes. */
+    } content;
+} resonarm_message;
+
+/** The hello of this code at a sample rate in Hz. */
+resonarm_hello resonarm_own_hello(uint16_t rate_hz);
+/** Why a node with the hello `own` does not fit one with `partner` (section 5). */
+resonarm_mismatch resonarm_compare_hellos(const resonarm_hello *own, const resonarm_hello *partner);
+
+/** Whether a message can be sent. */
+typedef enum {
+    RESONARM_SENDABLE,
+    RESONARM_NOT_FINITE,   /**< A value is not a number, or infinite. */
+    RESONARM_OUT_OF_RANGE, /**< A commanded value rounds beyond the range of its signal; it is never cut (section 3). */
+    RESONARM_INVALID,      /**< A whole number is not one that the signal can have. */
+    RESONARM_NOT_SENT      /**< The classic profile has no such message. */
+} resonarm_encode_reason;
+
+/** Why a message can't be sent. */
+typedef struct {
+    resonarm_encode_reason reason;
+    const char *signal; /**< Name of the signal as in resonarm.dbc; NULL if none is at fault. */
+    double got;         /**< The value, in the unit of the signal. */
+    double min;         /**< The smallest value that can be sent; of a value that is not finite, too. */
+    double max;         /**< The largest value that can be sent. */
+} resonarm_encoding;
+
+/** Makes the frames of one node: protects messages and keeps their counters (section 2). */
+typedef struct {
+    resonarm_network network;
+    uint8_t counters[RESONARM_KINDS];
+} resonarm_transmitter;
+
+/** A transmitter whose counters start at 0. */
+void resonarm_transmitter_init(resonarm_transmitter *transmitter, resonarm_network network);
+/** The frame of a message with its next counter. If it is not sendable, `frame` is not a frame. */
+resonarm_encoding resonarm_encode(
+    const resonarm_transmitter *transmitter, const resonarm_message *message, resonarm_frame *frame);
+/** The bus has taken the frame of a message of this kind: its counter is spent. */
+void resonarm_frame_taken(resonarm_transmitter *transmitter, resonarm_kind kind);
+
+/** What a receiver says of a frame; refusals in the order of its checks (section 2). */
+typedef enum {
+    RESONARM_ACCEPTED,
+    RESONARM_IGNORED, /**< Not a frame of this protocol. */
+    RESONARM_NOT_IN_PROFILE, /**< The classic profile has no such message. */
+    RESONARM_BAD_FORMAT,
+    RESONARM_BAD_LENGTH,
+    RESONARM_BAD_CRC,
+    RESONARM_REPEATED,        /**< The counter of the frame before. */
+    RESONARM_WRONG_SEQUENCE,  /**< The counter steps by more than 4. */
+    RESONARM_INVALID_COUNTER, /**< The counter is 15. */
+    RESONARM_RESERVED,        /**< A bit without a signal is set. */
+    RESONARM_NOT_AVAILABLE,   /**< A physical signal has the count -32768. */
+    RESONARM_UNKNOWN_VALUE    /**< A signal has a value without a meaning. */
+} resonarm_verdict;
+
+/** A verdict with its values. */
+typedef struct {
+    resonarm_verdict verdict;
+    resonarm_kind kind; /**< The message of the identifier; of no meaning if ignored. */
+    /** Name of the signal that is not available or unknown, else NULL. */
+    const char *signal;
+    /** Length, CRC, counter, reserved bits or value received. */
+    uint16_t got;
+    /** Length or CRC expected; the last counter (wrong sequence); the byte of the frame (reserved). */
+    uint16_t expected;
+} resonarm_receipt;
+
+/** The counter supervision of one message (section 2). */
+typedef struct {
+    bool started; /**< Whether a counter has been seen. */
+    uint8_t last; /**< The last one seen. */
+} resonarm_supervision;
+
+/** Takes the frames of a network and supervises their counters. */
+typedef struct {
+    resonarm_network network;
+    resonarm_supervision supervisions[RESONARM_KINDS];
+    uint64_t lost; /**< Frames that the counters say were lost, without those whose loss broke the sequence. */
+} resonarm_receiver;
+
+/** A receiver that takes the first counter of every message. */
+void resonarm_receiver_init(resonarm_receiver *receiver, resonarm_network network);
+/**
+ * Checks a frame: format, length, CRC, counter, content. `message` is written only if it is accepted. A boot-up
+ * heartbeat starts the supervision of all that its node sends anew (section 2).
+ */
+resonarm_receipt resonarm_accept(resonarm_receiver *receiver, const resonarm_frame *frame, resonarm_message *message);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,53 @@
+#include "e2e.h"
+
+/*
+ * The polynomial is x^8 + x^4 + x^3 + x^2 + 1, most significant bit first, start 0, no final XOR. Four bits at a time:
+ * with the remainder r = 16 h + l, h and l of four bits, r x^4 = h x^8 + 16 l, and h x^8 mod P is table[h].
+ */
+static uint8_t crc_of(uint8_t crc, uint8_t byte)
+{
+    static const uint8_t table[16] = {0x00, 0x1D, 0x3A, 0x27, 0x74, 0x69, 0x4E, 0x53,
+                                      0xE8, 0xF5, 0xD2, 0xCF, 0x9C, 0x81, 0xA6, 0xBB};
+    unsigned remainder = (unsigned)crc ^ byte;
+    remainder = ((remainder << 4) & 0xFFu) ^ table[remainder >> 4];
+    remainder = ((remainder << 4) & 0xFFu) ^ table[remainder >> 4];
+    return (uint8_t)remainder;
+}
+
+uint8_t e2e_p11_crc(uint16_t data_id, const uint8_t *data)
+{
+    uint8_t crc = crc_of(crc_of(0, (uint8_t)(data_id & 0xFFu)), (uint8_t)(data_id >> 8));
+    for (size_t i = 1; i < E2E_P11_BYTES; i++) {
+        crc = crc_of(crc, data[i]);
+    }
+    return crc;
+}
+
+uint8_t e2e_p11_counter_after(uint8_t counter)
+{
+    return counter >= E2E_COUNTER_MAX ? 0 : (uint8_t)(counter + 1);
+}
+
+resonarm_verdict e2e_p11_supervise(resonarm_supervision *supervision, uint8_t counter, uint8_t *lost)
+{
+    *lost = 0;
+    if (counter > E2E_COUNTER_MAX) {
+        return RESONARM_INVALID_COUNTER;
+    }
+    const bool first = !supervision->started;
+    const unsigned modulus = E2E_COUNTER_MAX + 1;
+    const unsigned delta = (counter + modulus - supervision->last) % modulus;
+    supervision->started = true;
+    supervision->last = counter;
+    if (first) {
+        return RESONARM_ACCEPTED;
+    }
+    if (delta == 0) {
+        return RESONARM_REPEATED;
+    }
+    if (delta > E2E_MAX_DELTA_COUNTER) {
+        return RESONARM_WRONG_SEQUENCE;
+    }
+    *lost = (uint8_t)(delta - 1);
+    return RESONARM_ACCEPTED;
+}

@@ -1,0 +1,28 @@
+/** @file scaling.h
+ * @brief Physical values as signed 16-bit counts (section 3). */
+#ifndef RESONARM_SCALING_H
+#define RESONARM_SCALING_H
+
+#include <stdint.h>
+
+/** The largest count; the smallest is its negative. */
+#define COUNT_MAX 32767
+/** The count that stands for "not available". */
+#define COUNT_NOT_AVAILABLE (-32768)
+/** Counts per newton. */
+#define COUNTS_PER_N 50
+/** Counts per newton metre. */
+#define COUNTS_PER_NM 20
+/** Counts per m/s^2. */
+#define COUNTS_PER_M_S2 20
+
+/** Whether a value has a count. */
+typedef enum { COUNT_IN_RANGE, COUNT_BEYOND, COUNT_NOT_FINITE } count_range;
+
+/** The count nearest to a value, ties to even; of a value beyond the range the end that it lies beyond. */
+count_range count_of(double value, int counts_per_unit, int16_t *count);
+
+/** The value that a count stands for. */
+double value_of(int16_t count, int counts_per_unit);
+
+#endif

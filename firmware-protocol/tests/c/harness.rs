@@ -1,0 +1,185 @@
+//! The C codec as a process, and what this crate would have answered in its place.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::OnceLock;
+
+use resonarm_protocol::e2e::CounterFault;
+use resonarm_protocol::{
+    DecodeError, EncodeError, Frame, FrameFormat, Id, Message, Network, Node, Receiver, Transmitter,
+};
+
+/// Builds one of the programs in `c/tests`; its path.
+pub fn build(name: &str) -> PathBuf {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let program = out.join(name);
+    let mut make = Command::new("make");
+    make.args(["--silent", "--directory", concat!(env!("CARGO_MANIFEST_DIR"), "/c")]);
+    make.arg(format!("OUT={}", out.display())).arg(&program);
+    let output = make.output().expect("a C compiler and make: apt-get install build-essential");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    program
+}
+
+/// The numbers of a message, in the order of the members of the C structures.
+pub fn values(message: &Message) -> Vec<f64> {
+    let signals = super::common::signals(message);
+    let names: &[&str] = match message {
+        Message::Operator(_) => &["request", "target"],
+        Message::Force(_) => &["force_x_n", "force_y_n", "sample"],
+        Message::Torque(_) => &["torque1_nm", "torque2_nm", "sample"],
+        Message::Head(_) => &["force_x_n", "force_y_n", "x_saturated", "y_saturated", "sample"],
+        Message::AccelerometerB(_) | Message::AccelerometerC(_) => {
+            &["acceleration_x_m_s2", "acceleration_y_m_s2", "x_saturated", "y_saturated", "sample"]
+        }
+        Message::PlantHello(_) | Message::ExciterHello(_) => {
+            &["version_major", "version_minor", "dbc_hash", "profile", "rate_hz"]
+        }
+        Message::Heartbeat(_) => &["state"],
+        Message::Emergency(_) => &["code", "detail", "sample"],
+        // The classic profile does not have them.
+        Message::Sensors(_) | Message::SensorPair(_) | Message::Capabilities(_) => return Vec::new(),
+    };
+    assert_eq!(names.len(), signals.len());
+    names.iter().map(|name| signals[*name]).collect()
+}
+
+/// Numbers as the bits that the harness reads and writes.
+pub fn bits(values: &[f64]) -> String {
+    values.iter().map(|value| format!(" {:016x}", value.to_bits())).collect()
+}
+
+fn encoded(result: Result<Frame, EncodeError>) -> String {
+    match result {
+        Ok(frame) => {
+            let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
+            format!("frame {:X} {data}", frame.id().raw())
+        }
+        Err(EncodeError::NotFinite { signal, got, .. }) => format!("refused not-finite {signal}{}", bits(&[got])),
+        Err(EncodeError::OutOfRange { signal, got, limit, .. }) => {
+            format!("refused out-of-range {signal}{}", bits(&[got, -limit, limit]))
+        }
+        Err(EncodeError::Invalid { signal, got, min, max, .. }) => {
+            format!("refused invalid {signal}{}", bits(&[got, min, max].map(f64::from)))
+        }
+        Err(EncodeError::OtherProfile { .. }) => format!("refused profile -{}", bits(&[0.0; 3])),
+        Err(EncodeError::Negative { .. }) => panic!("the classic profile has no limits"),
+    }
+}
+
+fn accepted(result: Result<Option<Message>, DecodeError>) -> String {
+    let error = match result {
+        Ok(None) => return "ignored".to_string(),
+        Ok(Some(message)) => return format!("accepted {}{}", message.kind() as u8, bits(&values(&message))),
+        Err(error) => error,
+    };
+    let (reason, signal, got, expected) = match error {
+        DecodeError::OtherProfile { .. } => ("profile", "-", 0, 0),
+        DecodeError::Format { .. } => ("format", "-", 0, 0),
+        DecodeError::Length { got, expected, .. } => ("length", "-", got as u16, expected as u16),
+        DecodeError::Crc { got, expected, .. } => ("crc", "-", got, expected),
+        DecodeError::Counter { fault: CounterFault::Repeated, got, .. } => ("repeated", "-", got.into(), 0),
+        DecodeError::Counter { fault: CounterFault::WrongSequence { last }, got, .. } => {
+            ("wrong-sequence", "-", got.into(), last.into())
+        }
+        DecodeError::Counter { fault: CounterFault::Invalid, got, .. } => ("invalid-counter", "-", got.into(), 0),
+        DecodeError::Reserved { byte, got, .. } => ("reserved", "-", got.into(), byte as u16),
+        DecodeError::NotAvailable { signal, .. } => ("not-available", signal, 0, 0),
+        DecodeError::UnknownValue { signal, got, .. } => ("unknown-value", signal, got, 0),
+        DecodeError::NotFinite { .. } | DecodeError::Negative { .. } => panic!("the classic profile has no singles"),
+    };
+    format!("refused {reason} {} {signal} {got} {expected}", error.kind() as u8)
+}
+
+/// A sender and a receiver in C, and the two of this crate beside them.
+pub struct Harness {
+    process: Child,
+    input: Option<ChildStdin>,
+    output: BufReader<ChildStdout>,
+    transmitter: Transmitter,
+    receiver: Receiver,
+}
+
+impl Harness {
+    /// A harness of its own, of a program that is built once.
+    pub fn start() -> Harness {
+        static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+        let program = PROGRAM.get_or_init(|| build("codec_harness"));
+        let mut process = Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let (input, output) = (process.stdin.take(), BufReader::new(process.stdout.take().unwrap()));
+        let network = Network::default();
+        let (transmitter, receiver) = (Transmitter::new(network), Receiver::new(network));
+        let mut harness = Harness { process, input, output, transmitter, receiver };
+        harness.begin(network);
+        harness
+    }
+
+    /// What the C code answers to a command.
+    pub fn ask(&mut self, command: &str) -> String {
+        let input = self.input.as_mut().unwrap();
+        input.write_all(format!("{command}\n").as_bytes()).unwrap();
+        let mut answer = String::new();
+        self.output.read_line(&mut answer).unwrap();
+        answer.trim_end().to_string()
+    }
+
+    /// New senders and receivers.
+    pub fn begin(&mut self, network: Network) {
+        (self.transmitter, self.receiver) = (Transmitter::new(network), Receiver::new(network));
+        let (base, [plant, exciter]) = (network.base(), Node::ALL.map(|node| network.node_id(node)));
+        assert_eq!(self.ask(&format!("network {base} {plant} {exciter}")), "valid");
+    }
+
+    /// Both senders make a frame of a message.
+    pub fn encode(&mut self, message: &Message) -> Result<Frame, EncodeError> {
+        let answer = self.ask(&format!("encode {}{}", message.kind() as u8, bits(&values(message))));
+        let expected = self.transmitter.frame(message);
+        match expected {
+            // The range that C tells beside it is no part of the verdict.
+            Err(EncodeError::NotFinite { .. }) => {
+                assert!(answer.starts_with(&encoded(expected)), "{answer}: {message:?}")
+            }
+            _ => assert_eq!(answer, encoded(expected), "{message:?}"),
+        }
+        expected
+    }
+
+    /// Both receivers take a frame.
+    pub fn accept(&mut self, frame: &Frame) -> Result<Option<Message>, DecodeError> {
+        let (id_format, id) = match frame.id() {
+            Id::Standard(id) => ("s", u32::from(id)),
+            Id::Extended(id) => ("e", id),
+        };
+        let format = match frame.format() {
+            FrameFormat::Classic => "c",
+            FrameFormat::Remote => "r",
+            FrameFormat::Fd { .. } => "f",
+        };
+        let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
+        let answer = self.ask(&format!("accept {id_format} {format} {id:X} {} {data}", frame.len()));
+        let expected = self.receiver.accept(frame);
+        assert_eq!(answer, accepted(expected), "{frame}");
+        expected
+    }
+
+    /// Both have counted as many lost frames.
+    pub fn lost(&mut self) -> u64 {
+        let lost = self.receiver.lost();
+        assert_eq!(self.ask("lost"), lost.to_string());
+        lost
+    }
+
+    /// Nothing was found by the sanitisers.
+    pub fn end(mut self) {
+        drop(self.input.take());
+        assert!(self.process.wait().unwrap().success());
+    }
+}
+
+impl Drop for Harness {
+    fn drop(&mut self) {
+        drop(self.input.take());
+        let _ended = self.process.wait();
+    }
+}
