@@ -244,16 +244,17 @@ impl ExciterNode {
         }
     }
 
-    /// A plant says what it speaks. An exciter that has ended only keeps it in mind.
+    /// A plant says what it speaks; its first hello is answered at once. An exciter that has ended arms none and judges none.
     fn greet(&mut self, now_ns: u64, hello: Hello) {
         let mismatch = self.link.hello().mismatch(&hello);
         let is_new = self.plant_hello.is_none();
         self.plant_hello = mismatch.is_none().then_some(hello);
         match (self.phase, mismatch) {
-            (Phase::Done(_), _) => {}
+            (Phase::Done(_), Some(_)) => {}
             (_, Some(mismatch)) => self.fault(now_ns, EmergencyCode::Incompatible, mismatch as u16),
             (Phase::Arming, None) if is_new => self.ask_for_arming(now_ns),
-            (Phase::Arming | Phase::Playing | Phase::Disarming(_), None) => {}
+            (_, None) if is_new => self.link.send_hello(now_ns),
+            (_, None) => {}
         }
     }
 

@@ -1,6 +1,7 @@
 //! What a session is made of: scenarios, and the real-time loop.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
+mod c_exciter;
 mod closed_loop;
 mod examples;
 mod experiment;

@@ -1,0 +1,427 @@
+#include "resonarm_exciter.h"
+
+#include "link.h"
+#include "listening.h"
+#include "outbox.h"
+#include "sequence.h"
+
+resonarm_timing resonarm_real_time(uint16_t rate_hz)
+{
+    return (resonarm_timing){
+        .command_timeout_ns = RESONARM_COMMAND_TIMEOUT_NS,
+        .partner_timeout_ns = RESONARM_HEARTBEAT_TIMEOUT_NS,
+        .look_period_ns = resonarm_sample_period_ns(rate_hz),
+    };
+}
+
+resonarm_timing resonarm_lockstep(void)
+{
+    return (resonarm_timing){
+        .command_timeout_ns = RESONARM_LOCKSTEP_TIMEOUT_NS,
+        .partner_timeout_ns = RESONARM_LOCKSTEP_TIMEOUT_NS,
+        .look_period_ns = RESONARM_LOCKSTEP_LOOK_NS,
+    };
+}
+
+static void send_emergency(resonarm_exciter *exciter, resonarm_code code, uint16_t detail)
+{
+    resonarm_message message = {.kind = RESONARM_EXCITER_EMERGENCY};
+    message.content.emergency = (resonarm_emergency){code, detail, exciter->sequence.last};
+    (void)link_send(&exciter->link, &message);
+}
+
+static void request(resonarm_exciter *exciter, resonarm_request what)
+{
+    resonarm_message message = {.kind = RESONARM_OPERATOR_COMMAND};
+    message.content.operator_command = (resonarm_operator_command){what, RESONARM_PLANT};
+    (void)link_send(&exciter->link, &message);
+}
+
+static void end(resonarm_exciter *exciter, resonarm_outcome outcome)
+{
+    exciter->phase = RESONARM_DONE_;
+    exciter->outcome = outcome;
+}
+
+static void end_by(resonarm_exciter *exciter, resonarm_node node, const resonarm_emergency *emergency)
+{
+    exciter->fault_node = node;
+    exciter->fault = *emergency;
+    end(exciter, RESONARM_FAULTED);
+}
+
+/* A fault that this node has found. A node whose work has ended judges nothing. */
+static void fault(resonarm_exciter *exciter, uint64_t now_ns, resonarm_code code, uint16_t detail)
+{
+    if (exciter->phase == RESONARM_DONE_) {
+        return;
+    }
+    const resonarm_emergency emergency = {code, detail, exciter->sequence.last};
+    send_emergency(exciter, code, detail);
+    link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
+    end_by(exciter, RESONARM_EXCITER, &emergency);
+}
+
+static void disarm(resonarm_exciter *exciter, uint64_t now_ns, resonarm_outcome outcome)
+{
+    exciter->phase = RESONARM_DISARMING_;
+    exciter->outcome = outcome;
+    exciter->retry_at_ns = saturating_sum(now_ns, RESONARM_RETRY_NS);
+    request(exciter, RESONARM_DISARM);
+    link_transition(&exciter->link, now_ns, RESONARM_EVENT_DISARM);
+}
+
+/* The plant arms only after a hello that fits (section 5), and leaves a fault only by a reset. */
+static void ask_for_arming(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    exciter->retry_at_ns = saturating_sum(now_ns, RESONARM_RETRY_NS);
+    if (!exciter->has_plant_hello) {
+        return;
+    }
+    link_send_hello(&exciter->link, now_ns);
+    if (exciter->has_plant_state && exciter->plant_state == RESONARM_FAULT) {
+        request(exciter, RESONARM_RESET);
+    }
+    request(exciter, RESONARM_ARM);
+}
+
+static void greet(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_hello *hello)
+{
+    const resonarm_mismatch mismatch = resonarm_compare_hellos(&exciter->link.hello, hello);
+    const bool is_new = !exciter->has_plant_hello;
+    exciter->has_plant_hello = mismatch == RESONARM_FITS;
+    if (mismatch != RESONARM_FITS) {
+        fault(exciter, now_ns, RESONARM_INCOMPATIBLE, (uint16_t)mismatch);
+        return;
+    }
+    if (is_new && exciter->phase == RESONARM_ARMING_) {
+        ask_for_arming(exciter, now_ns);
+    } else if (is_new) {
+        link_send_hello(&exciter->link, now_ns);
+    }
+}
+
+static void watch_playing(resonarm_exciter *exciter, uint64_t now_ns, resonarm_state state)
+{
+    if (state == RESONARM_BOOT_UP || state == RESONARM_FAULT) {
+        fault(exciter, now_ns, RESONARM_PARTNER_FAULT, RESONARM_PLANT);
+    } else if (state == RESONARM_PRE_OPERATIONAL) {
+        disarm(exciter, now_ns, RESONARM_STOPPED);
+    }
+}
+
+/* The plant's heartbeat. */
+static void watch(resonarm_exciter *exciter, uint64_t now_ns, resonarm_state state)
+{
+    exciter->has_plant_state = true;
+    exciter->plant_state = state;
+    if (state == RESONARM_BOOT_UP) {
+        exciter->has_plant_hello = false;
+    }
+    switch (exciter->phase) {
+    case RESONARM_ARMING_:
+        if (state == RESONARM_OPERATIONAL && exciter->has_plant_hello) {
+            exciter->phase = RESONARM_PLAYING_;
+            exciter->sample_heard_ns = exciter->link.listening.listened_ns;
+            link_transition(&exciter->link, now_ns, RESONARM_EVENT_ARM);
+        }
+        break;
+    case RESONARM_PLAYING_:
+        watch_playing(exciter, now_ns, state);
+        break;
+    case RESONARM_DISARMING_:
+        if (state == RESONARM_PRE_OPERATIONAL || state == RESONARM_FAULT) {
+            end(exciter, exciter->outcome);
+        }
+        break;
+    case RESONARM_DONE_:
+        break;
+    }
+}
+
+/* The plant leaves the bus; a node that is not armed yet waits for another. */
+static void part(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    exciter->has_plant_hello = false;
+    exciter->has_plant_state = false;
+    if (exciter->phase == RESONARM_PLAYING_) {
+        end(exciter, RESONARM_PLANT_LEFT);
+        link_transition(&exciter->link, now_ns, RESONARM_EVENT_DISARM);
+    } else if (exciter->phase == RESONARM_DISARMING_) {
+        end(exciter, exciter->outcome);
+    }
+}
+
+/* The plant's fault ends the work. That it has no hello of this node yet is mended by the next try. */
+static void heed_fault(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_emergency *emergency)
+{
+    const bool is_incompatible = emergency->code == RESONARM_INCOMPATIBLE;
+    if (is_incompatible && emergency->detail == RESONARM_NO_HELLO) {
+        return;
+    }
+    const bool is_arming = exciter->phase == RESONARM_ARMING_;
+    if (exciter->phase == RESONARM_PLAYING_ || (is_arming && is_incompatible)) {
+        link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
+        end_by(exciter, RESONARM_PLANT, emergency);
+    }
+}
+
+static void heed(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_emergency *emergency)
+{
+    if (emergency->code == RESONARM_SCHEDULE_SLIPPED) {
+        exciter->slipped_periods += emergency->detail;
+    } else if (emergency->code == RESONARM_LEAVING) {
+        part(exciter, now_ns);
+    } else {
+        heed_fault(exciter, now_ns, emergency);
+    }
+}
+
+static bool command(resonarm_exciter *exciter, const resonarm_answer *answer, uint16_t sample)
+{
+    resonarm_message message;
+    if (answer->action == RESONARM_HOLD_TORQUE) {
+        message.kind = RESONARM_TORQUE_COMMAND;
+        message.content.torque = (resonarm_torque_command){answer->torque1_nm, answer->torque2_nm, sample};
+    } else {
+        message.kind = RESONARM_FORCE_COMMAND;
+        message.content.force = (resonarm_force_command){answer->force_x_n, answer->force_y_n, sample};
+    }
+    return link_send(&exciter->link, &message);
+}
+
+static void answer(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
+{
+    resonarm_sample sample = {.head = exciter->head, .b = exciter->b, .c = *c};
+    sample.sample = exciter->samples_answered - 1;
+    exciter->sample_heard_ns = exciter->link.listening.listened_ns;
+    const resonarm_answer given = exciter->answer(exciter->context, &sample);
+    switch (given.action) {
+    case RESONARM_FINISH:
+        disarm(exciter, now_ns, RESONARM_FINISHED);
+        break;
+    case RESONARM_GIVE_UP:
+        disarm(exciter, now_ns, RESONARM_GAVE_UP);
+        break;
+    case RESONARM_HOLD_FORCE:
+    case RESONARM_HOLD_TORQUE:
+        if (!command(exciter, &given, c->sample)) {
+            fault(exciter, now_ns, RESONARM_COMMAND_OUT_OF_RANGE, 0);
+        }
+        break;
+    }
+}
+
+static void place_and_answer(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
+{
+    uint16_t ahead;
+    switch (sequence_judge(&exciter->sequence, c->sample, &ahead)) {
+    case SEQUENCE_STALE:
+        break;
+    case SEQUENCE_BROKEN:
+        fault(exciter, now_ns, RESONARM_SAMPLE_SEQUENCE, c->sample);
+        break;
+    case SEQUENCE_FIRST:
+        exciter->samples_answered = 1;
+        answer(exciter, now_ns, c);
+        break;
+    case SEQUENCE_AHEAD:
+        exciter->samples_answered += ahead;
+        exciter->missed_samples += ahead - 1u;
+        answer(exciter, now_ns, c);
+        break;
+    }
+}
+
+/* A sample is whole with its last frame, accelerometer C. */
+static void complete_sample(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
+{
+    const bool is_whole = exciter->has_head && exciter->head.sample == c->sample && exciter->has_b &&
+                          exciter->b.sample == c->sample;
+    exciter->has_head = false;
+    exciter->has_b = false;
+    if (is_whole && exciter->phase == RESONARM_PLAYING_) {
+        place_and_answer(exciter, now_ns, c);
+    } else if (is_whole && exciter->phase == RESONARM_DISARMING_) {
+        /* The plant still sends samples, in lockstep for want of an answer: the request may have been lost. */
+        request(exciter, RESONARM_DISARM);
+    }
+}
+
+static void tell_leave(resonarm_exciter *exciter)
+{
+    if (exciter->leave == RESONARM_LEAVE_ASKED_ && exciter->phase == RESONARM_DONE_) {
+        exciter->leave = RESONARM_LEAVE_TOLD_;
+        send_emergency(exciter, RESONARM_LEAVING, 0);
+    }
+}
+
+void resonarm_exciter_init(resonarm_exciter *exciter, const resonarm_exciter_config *config)
+{
+    *exciter = (resonarm_exciter){.answer = config->answer, .context = config->context};
+    exciter->sequence = sequence_new(config->rate_hz);
+    link_init(&exciter->link, config);
+}
+
+void resonarm_exciter_start(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    link_start(&exciter->link, now_ns);
+    exciter->retry_at_ns = now_ns;
+}
+
+void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_frame *frame)
+{
+    resonarm_message message;
+    if (!link_accept(&exciter->link, now_ns, frame, &message)) {
+        if (exciter->link.second_sender != 0) {
+            fault(exciter, now_ns, RESONARM_SECOND_SENDER, exciter->link.second_sender);
+            exciter->link.second_sender = 0;
+        }
+        return;
+    }
+    switch (message.kind) {
+    case RESONARM_PLANT_HELLO:
+        greet(exciter, now_ns, &message.content.hello);
+        break;
+    case RESONARM_PLANT_HEARTBEAT:
+        watch(exciter, now_ns, message.content.state);
+        break;
+    case RESONARM_PLANT_EMERGENCY:
+        heed(exciter, now_ns, &message.content.emergency);
+        break;
+    case RESONARM_IMPEDANCE_HEAD:
+        exciter->has_head = true;
+        exciter->head = message.content.head;
+        break;
+    case RESONARM_ACCELEROMETER_B:
+        exciter->has_b = true;
+        exciter->b = message.content.acceleration;
+        break;
+    case RESONARM_ACCELEROMETER_C:
+        complete_sample(exciter, now_ns, &message.content.acceleration);
+        break;
+    default:
+        break;
+    }
+    tell_leave(exciter);
+}
+
+static bool is_sensor_lost(const resonarm_exciter *exciter)
+{
+    const resonarm_link_ *link = &exciter->link;
+    return listening_has_passed(&link->listening, exciter->sample_heard_ns, link->timing.partner_timeout_ns);
+}
+
+void resonarm_exciter_handle_deadline(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    resonarm_link_ *link = &exciter->link;
+    link_handle_deadline(link, now_ns);
+    const bool is_retry_due = now_ns >= exciter->retry_at_ns;
+    if (exciter->phase == RESONARM_ARMING_ && is_retry_due) {
+        ask_for_arming(exciter, now_ns);
+    } else if (exciter->phase == RESONARM_DISARMING_ && link_is_partner_lost(link)) {
+        fault(exciter, now_ns, RESONARM_HEARTBEAT_LOST, RESONARM_PLANT);
+    } else if (exciter->phase == RESONARM_DISARMING_ && is_retry_due) {
+        disarm(exciter, now_ns, exciter->outcome);
+    } else if (exciter->phase == RESONARM_PLAYING_ && link_is_jammed(link)) {
+        fault(exciter, now_ns, RESONARM_BUS_LOSS, link_not_sent(link));
+    } else if (exciter->phase == RESONARM_PLAYING_ && is_sensor_lost(exciter)) {
+        fault(exciter, now_ns, RESONARM_SENSOR_TIMEOUT, exciter->sequence.last);
+    }
+    tell_leave(exciter);
+}
+
+uint64_t resonarm_exciter_next_deadline_ns(const resonarm_exciter *exciter)
+{
+    const resonarm_link_ *link = &exciter->link;
+    const uint64_t due_ns = earlier(link->heartbeat_at_ns, link->hello_at_ns);
+    const uint64_t timeout_ns = link->timing.partner_timeout_ns;
+    uint64_t look_ns;
+    switch (exciter->phase) {
+    case RESONARM_ARMING_:
+        return earlier(due_ns, exciter->retry_at_ns);
+    case RESONARM_PLAYING_:
+        look_ns = listening_next_look_ns(&link->listening, exciter->sample_heard_ns, timeout_ns);
+        return earlier(due_ns, look_ns);
+    case RESONARM_DISARMING_:
+        look_ns = listening_next_look_ns(&link->listening, link->partner_heard_ns, timeout_ns);
+        return earlier(earlier(due_ns, look_ns), exciter->retry_at_ns);
+    case RESONARM_DONE_:
+        break;
+    }
+    return due_ns;
+}
+
+bool resonarm_exciter_next_frame(const resonarm_exciter *exciter, resonarm_frame *frame)
+{
+    return link_next_frame(&exciter->link, frame);
+}
+
+void resonarm_exciter_frame_sent(resonarm_exciter *exciter)
+{
+    link_frame_sent(&exciter->link);
+}
+
+void resonarm_exciter_bus_lost(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    if (exciter->phase == RESONARM_PLAYING_) {
+        fault(exciter, now_ns, RESONARM_BUS_LOSS, link_not_sent(&exciter->link));
+    }
+}
+
+void resonarm_exciter_stop(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    if (exciter->phase == RESONARM_PLAYING_) {
+        disarm(exciter, now_ns, RESONARM_STOPPED);
+    } else if (exciter->phase == RESONARM_ARMING_) {
+        end(exciter, RESONARM_STOPPED);
+    }
+}
+
+void resonarm_exciter_leave(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    if (exciter->leave == RESONARM_STAY_) {
+        exciter->leave = RESONARM_LEAVE_ASKED_;
+        resonarm_exciter_stop(exciter, now_ns);
+        tell_leave(exciter);
+    }
+}
+
+bool resonarm_exciter_rearm(resonarm_exciter *exciter, uint64_t now_ns)
+{
+    const bool has_faulted = exciter->phase == RESONARM_DONE_ && exciter->outcome == RESONARM_FAULTED;
+    if (!has_faulted || exciter->leave != RESONARM_STAY_) {
+        return false;
+    }
+    link_transition(&exciter->link, now_ns, RESONARM_EVENT_RESET);
+    exciter->phase = RESONARM_ARMING_;
+    /* By then it has heard the plant's state after what went wrong. */
+    exciter->retry_at_ns = saturating_sum(now_ns, RESONARM_RETRY_NS);
+    exciter->has_head = false;
+    exciter->has_b = false;
+    exciter->samples_answered = 0;
+    exciter->sequence = sequence_new(exciter->link.hello.rate_hz);
+    return true;
+}
+
+bool resonarm_exciter_is_quiet(const resonarm_exciter *exciter)
+{
+    return exciter->phase == RESONARM_DONE_ && outbox_waiting(&exciter->link.outbox) == 0;
+}
+
+resonarm_report resonarm_exciter_report(const resonarm_exciter *exciter)
+{
+    return (resonarm_report){
+        .state = exciter->link.state,
+        .outcome = exciter->phase == RESONARM_DONE_ ? exciter->outcome : RESONARM_NOT_ENDED,
+        .fault_node = exciter->fault_node,
+        .fault = exciter->fault,
+        .has_heard_plant = exciter->has_plant_state || exciter->has_plant_hello,
+        .samples_answered = exciter->samples_answered,
+        .missed_samples = exciter->missed_samples,
+        .stale_samples = exciter->sequence.stale,
+        .slipped_periods = exciter->slipped_periods,
+        .refused_frames = exciter->link.refused_frames,
+        .unsent_frames = exciter->link.outbox.unsent,
+    };
+}

@@ -1,0 +1,142 @@
+#include "link.h"
+
+#include "listening.h"
+#include "outbox.h"
+
+/*
+ * Two look periods before it is due, so that a node that acts only at its ticks keeps the period (section 6); at most
+ * half a period.
+ */
+static uint64_t early_ns(const resonarm_link_ *link, uint64_t period_ns)
+{
+    const uint64_t look_ns = link->timing.look_period_ns;
+    return look_ns > period_ns / 4 ? period_ns / 2 : period_ns - 2 * look_ns;
+}
+
+static void send_heartbeat(resonarm_link_ *link, uint64_t now_ns)
+{
+    resonarm_message message = {.kind = RESONARM_EXCITER_HEARTBEAT};
+    message.content.state = link->state;
+    link->heartbeat_at_ns = saturating_sum(now_ns, early_ns(link, RESONARM_HEARTBEAT_PERIOD_NS));
+    (void)link_send(link, &message);
+}
+
+void link_init(resonarm_link_ *link, const resonarm_exciter_config *config)
+{
+    *link = (resonarm_link_){.timing = config->timing, .state = RESONARM_BOOT_UP};
+    link->listening.look_period_ns = config->timing.look_period_ns;
+    link->hello = resonarm_own_hello(config->rate_hz);
+    resonarm_transmitter_init(&link->transmitter, config->network);
+    resonarm_receiver_init(&link->receiver, config->network);
+}
+
+void link_start(resonarm_link_ *link, uint64_t now_ns)
+{
+    link->listening.looked_at_ns = now_ns;
+    send_heartbeat(link, now_ns);
+    link_transition(link, now_ns, RESONARM_EVENT_STARTED);
+    link_send_hello(link, now_ns);
+}
+
+void link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event)
+{
+    const resonarm_state from = link->state;
+    link->state = resonarm_next_state(from, event);
+    if (link->state == from) {
+        return;
+    }
+    if (from == RESONARM_OPERATIONAL) {
+        outbox_clear_command(&link->outbox);
+    }
+    send_heartbeat(link, now_ns);
+}
+
+bool link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *frame, resonarm_message *message)
+{
+    listening_look(&link->listening, now_ns);
+    const resonarm_receipt receipt = resonarm_accept(&link->receiver, frame, message);
+    if (receipt.verdict == RESONARM_IGNORED) {
+        return false;
+    }
+    if (receipt.verdict != RESONARM_ACCEPTED) {
+        link->refused_frames++;
+        return false;
+    }
+    if (resonarm_sender(receipt.kind) != RESONARM_PLANT) {
+        /* A station of the operator's may send requests in this node's place. */
+        if (receipt.kind != RESONARM_OPERATOR_COMMAND) {
+            link->second_sender = resonarm_identifier(link->receiver.network, receipt.kind);
+        }
+        return false;
+    }
+    link->partner_heard_ns = link->listening.listened_ns;
+    return true;
+}
+
+bool link_send(resonarm_link_ *link, const resonarm_message *message)
+{
+    resonarm_frame frame;
+    if (resonarm_encode(&link->transmitter, message, &frame).reason != RESONARM_SENDABLE) {
+        return false;
+    }
+    outbox_push(&link->outbox, message);
+    if (!link->is_waiting) {
+        link->is_waiting = true;
+        link->waiting_since_ns = link->listening.listened_ns;
+    }
+    return true;
+}
+
+void link_send_hello(resonarm_link_ *link, uint64_t now_ns)
+{
+    resonarm_message message = {.kind = RESONARM_EXCITER_HELLO};
+    message.content.hello = link->hello;
+    link->hello_at_ns = saturating_sum(now_ns, early_ns(link, RESONARM_HELLO_PERIOD_NS));
+    (void)link_send(link, &message);
+}
+
+void link_handle_deadline(resonarm_link_ *link, uint64_t now_ns)
+{
+    listening_look(&link->listening, now_ns);
+    if (now_ns >= link->heartbeat_at_ns) {
+        send_heartbeat(link, now_ns);
+    }
+    if (now_ns >= link->hello_at_ns) {
+        link_send_hello(link, now_ns);
+    }
+}
+
+bool link_is_partner_lost(const resonarm_link_ *link)
+{
+    return listening_has_passed(&link->listening, link->partner_heard_ns, link->timing.partner_timeout_ns);
+}
+
+bool link_is_jammed(const resonarm_link_ *link)
+{
+    return link->is_waiting &&
+           listening_has_passed(&link->listening, link->waiting_since_ns, link->timing.command_timeout_ns);
+}
+
+uint16_t link_not_sent(const resonarm_link_ *link)
+{
+    const uint64_t frames = (uint64_t)link->outbox.unsent + outbox_waiting(&link->outbox);
+    return frames > UINT16_MAX ? UINT16_MAX : (uint16_t)frames;
+}
+
+bool link_next_frame(const resonarm_link_ *link, resonarm_frame *frame)
+{
+    const resonarm_message *message = outbox_front(&link->outbox);
+    return message != NULL && resonarm_encode(&link->transmitter, message, frame).reason == RESONARM_SENDABLE;
+}
+
+void link_frame_sent(resonarm_link_ *link)
+{
+    const resonarm_message *message = outbox_front(&link->outbox);
+    if (message == NULL) {
+        return;
+    }
+    resonarm_frame_taken(&link->transmitter, message->kind);
+    outbox_pop(&link->outbox);
+    link->is_waiting = outbox_front(&link->outbox) != NULL;
+    link->waiting_since_ns = link->listening.listened_ns;
+}

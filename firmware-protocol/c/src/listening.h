@@ -1,0 +1,25 @@
+/** @file listening.h
+ * @brief The time in which a node listened, which its timeouts count (section 6).
+ *
+ * Between two looks at the clock at most a look period counts: listened += min(now - last look, look period). */
+#ifndef RESONARM_LISTENING_H
+#define RESONARM_LISTENING_H
+
+#include "resonarm_exciter.h"
+
+/** The node looks: what has come is taken in, what is due is judged. */
+void listening_look(resonarm_listening_ *listening, uint64_t now_ns);
+
+/** Whether `timeout_ns` of listening have passed since `since_ns`, of the time listened. */
+bool listening_has_passed(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
+
+/** When to look next, on the clock, for a timeout that runs. */
+uint64_t listening_next_look_ns(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
+
+/** a + b, or the largest number if that is more. */
+uint64_t saturating_sum(uint64_t a, uint64_t b);
+
+/** The lesser of two times. */
+uint64_t earlier(uint64_t a, uint64_t b);
+
+#endif
