@@ -1,6 +1,7 @@
 //! The CAN protocol between the Resonarm plant and an exciter controller.
 //!
-//! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware.
+//! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware. With the feature
+//! `embedded-can` a [`Frame`] is one that drivers of microcontrollers take.
 //! `SPEC.md` beside this crate is the specification; `resonarm.dbc` and `resonarm-fd.dbc` are the source of truth for layouts.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -11,6 +12,8 @@ extern crate std;
 pub mod bits;
 pub mod dbc;
 pub mod e2e;
+#[cfg(feature = "embedded-can")]
+mod embedded;
 mod error;
 pub mod frame;
 mod frame_text;
