@@ -23,8 +23,8 @@ pub struct LimitsSpec {
     /// Largest acceleration along an axis that an accelerometer reads, m/s², positive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration_m_s2: Option<f64>,
-    /// Largest share of harmonics 2 and 3 in the force of a response, against the fundamental, positive; watched where a
-    /// control law reads harmonics.
+    /// Largest share of harmonics 2 and 3 in the force of a response, against the fundamental, positive; watched with a
+    /// control law.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distortion: Option<f64>,
     /// How many samples in a row an axis may not be clipped, at least 1.

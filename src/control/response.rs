@@ -95,11 +95,22 @@ pub(super) enum Orders {
     Three,
 }
 
+impl Orders {
+    /// Samples a period, at least, of three harmonics.
+    pub const SAMPLES_A_PERIOD: f64 = 12.0;
+
+    /// As many as `rate_hz` samples a second tell of a motion at `frequency_hz`.
+    fn at(frequency_hz: f64, rate_hz: f64) -> Orders {
+        if rate_hz >= Orders::SAMPLES_A_PERIOD * frequency_hz { Orders::Three } else { Orders::One }
+    }
+}
+
 /// Reads the responses of a profile as its samples come in.
 #[derive(Clone, Debug)]
 pub(super) struct ResponseReader {
     /// The windows, each with the amplitude of the load in it.
     windows: alloc::vec::IntoIter<(Window, f64)>,
+    rate_hz: f64,
     current: Option<Reading>,
 }
 
@@ -178,9 +189,15 @@ impl ResponseReader {
     pub fn new(profile: &Profile) -> ResponseReader {
         let held = |window: Window| (window, profile.held_load(window.frequency_hz));
         let windows: alloc::vec::Vec<_> = profile.windows().map(held).collect();
-        let mut windows = windows.into_iter();
-        let current = windows.next().map(|window| Reading::new(window, Orders::One));
-        ResponseReader { windows, current }
+        let mut reader = ResponseReader { windows: windows.into_iter(), rate_hz: profile.rate_hz(), current: None };
+        reader.begin_next();
+        reader
+    }
+
+    fn begin_next(&mut self) {
+        let of =
+            |(window, load): (Window, f64)| Reading::new((window, load), Orders::at(window.frequency_hz, self.rate_hz));
+        self.current = self.windows.next().map(of);
     }
 
     /// Takes in a sample with the phase of the drive then, cycles; the response of a window that ended before it, if one did.
@@ -189,7 +206,7 @@ impl ResponseReader {
         let mut done = None;
         if self.current.as_ref().is_some_and(|reading| n >= reading.window.end) {
             done = self.current.take().and_then(|reading| reading.finish());
-            self.current = self.windows.next().map(|window| Reading::new(window, Orders::One));
+            self.begin_next();
         }
         if let Some(reading) = self.current.as_mut().filter(|reading| n >= reading.window.first) {
             reading.add(sample, phase_cycles);

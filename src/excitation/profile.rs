@@ -81,6 +81,11 @@ impl Profile {
         &self.spec
     }
 
+    /// Samples a second, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
     /// Length, s.
     pub fn duration_s(&self) -> f64 {
         self.duration_s

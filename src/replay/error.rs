@@ -6,6 +6,7 @@ use super::player::SPEEDS;
 use crate::bus::BusError;
 use crate::number::short;
 use crate::plant::{PlantError, PlantSpecError};
+use crate::protocol::Mismatch;
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
 
@@ -71,5 +72,27 @@ pub enum ReplayError {
         limit_n: f64,
         /// Largest torque, N·m.
         limit_nm: f64,
+    },
+    /// The recorded plant is none for a controller of this version.
+    #[error(
+        "a controller of this version refuses the recorded plant{}: read it with the version that recorded it",
+        Mismatch::from_detail(*.detail).map_or(String::new(), |mismatch| format!(" ({mismatch})"))
+    )]
+    Incompatible {
+        /// The [`Mismatch`] by its number.
+        detail: u16,
+    },
+    /// Another controller was recorded than that of the scenario in the recording.
+    #[error(
+        "the recorded command at sample {sample} is {got:?} (force along x, y in N, torques in N\u{b7}m), by the scenario in the recording it \
+         is {expected:?}: another controller was recorded; run plant and exciter with the same scenario"
+    )]
+    Command {
+        /// The sample at which it came in.
+        sample: u64,
+        /// Force along x and y, N, and torques at the joints, N·m, as recorded.
+        got: [f64; 4],
+        /// As the scenario's controller commands them.
+        expected: [f64; 4],
     },
 }

@@ -1,12 +1,14 @@
-//! Recordings at work again: their frames back on a bus, and their runs simulated again.
+//! Recordings at work again: their frames back on a bus, their runs simulated again, their responses read again.
 
 mod error;
 mod player;
 mod resimulation;
+mod responses;
 
 pub use error::ReplayError;
 pub use player::{Playback, Played, play};
 pub use resimulation::{Verdict, resimulate};
+pub use responses::responses;
 
 #[cfg(test)]
 mod tests;

@@ -27,6 +27,22 @@ fn record(path: &Path, simulated: &str, stated: &str) -> Recording {
     Recording::open(path).unwrap()
 }
 
+/// Told the recorded frames the controller reads what it read in the run, to the last bit.
+#[test]
+fn responses_are_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("same.mcap");
+    let again = responses(&record(&path, SCENARIO, SCENARIO)).unwrap();
+    let session = Session::new(Scenario::parse(SCENARIO, "test").unwrap(), Mode::Free, Default::default()).unwrap();
+    let read = session.both(&Signals::default(), |_| {}).unwrap().exciter.responses;
+    assert_eq!((&again, again.len()), (&read, 1));
+    let stated = SCENARIO.replace("22.1", "22.2");
+    let error = responses(&record(&folder.path().join("other.mcap"), SCENARIO, &stated)).unwrap_err();
+    insta::assert_snapshot!(error, @"the recorded command at sample 1 is [0.0, 0.0, 8.3, 0.0] (force along x, y in N, torques in N·m), by the scenario in the recording it is [0.0, 0.0, 8.35, 0.0]: another controller was recorded; run plant and exciter with the same scenario");
+    let error = responses(&record(&folder.path().join("none.mcap"), SCENARIO, "")).unwrap_err();
+    assert!(matches!(error, ReplayError::Scenario(_)), "{error}");
+}
+
 #[test]
 fn a_run_simulated_again_is_identical() {
     let folder = tempfile::tempdir().unwrap();

@@ -71,7 +71,7 @@ fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -
     refuse_unless(limit_name, limit, expected, |got| got > crest)?;
     let expected = "below the amplitude of the load, or no axis is ever watched";
     refuse_unless(above_name, above, expected, |got| got < crest)?;
-    let expected = "left out: only a [control] with forces reads the harmonics of the force";
+    let expected = "left out: the harmonics of the force are watched of a [control] with forces only";
     refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.is_torque())
 }
 
@@ -112,7 +112,7 @@ mod tests {
         insta::assert_snapshot!(says("stuck_samples = 9\nstuck_above_nm = 10", torques), @"limits.stuck_above_nm is 10: it must be below the amplitude of the load, or no axis is ever watched");
         for rest in [forces, torques] {
             insta::allow_duplicates! {
-                insta::assert_snapshot!(says("distortion = 0.1", rest), @"limits.distortion is 0.1: it must be left out: only a [control] with forces reads the harmonics of the force");
+                insta::assert_snapshot!(says("distortion = 0.1", rest), @"limits.distortion is 0.1: it must be left out: the harmonics of the force are watched of a [control] with forces only");
             }
         }
         let every = "force_n = 40\nacceleration_m_s2 = 900\nclipped_samples = 1\nstuck_samples = 2\nstuck_above_n = 19";

@@ -71,3 +71,68 @@ fn says_what_can_t_be_compared() {
     fs::write(folder.join("zero.json"), empty.to_string()).unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "zero.json"]), @"resonarm: zero.json: point 0 has no positive frequency and amplitudes other than zero");
 }
+
+/// A recording tells the same as the document of the run: the controller reads the same from its frames.
+#[test]
+fn a_recording_is_compared_by_what_its_controller_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let walk = ["experiment", "walk", "--torque1-nm", "20", "--points", "5", "--plot", "walk", "--record", "walk.mcap"];
+    assert_eq!(resonarm(folder, &walk).code, 0);
+    let of_document = document(folder, 0, &["compare", "walk.json", "--json"]);
+    let of_recording = document(folder, 0, &["compare", "walk.mcap", "--json"]);
+    assert_eq!(of_recording["points"].as_array().unwrap().len(), 5);
+    assert_eq!(of_recording, of_document);
+    let said = resonarm(folder, &["compare", "walk.mcap", "--plot", "compared"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert!(said.stdout.contains("largest of settled points: "), "{}", said.stdout);
+    assert_eq!(fs::read_to_string(folder.join("compared.csv")).unwrap().lines().count(), 6);
+}
+
+/// Runs a scenario free and records it as NAME.mcap.
+fn record(folder: &std::path::Path, name: &str, scenario: &str) {
+    let (scenario_file, recording) = (format!("{name}.toml"), format!("{name}.mcap"));
+    fs::write(folder.join(&scenario_file), scenario).unwrap();
+    let run = ["run", "--mode", "free", "--scenario", &scenario_file, "--record", &recording];
+    assert_eq!(resonarm(folder, &run).code, 0);
+}
+
+/// Dwells in open loop, the arm damped so that they settle.
+fn dwells(rest: &str) -> String {
+    format!(
+        "[arm.parameters]\ndamping1_nm_s_rad = 100.0\ndamping2_nm_s_rad = 50.0\n[excitation]\namplitude = {{ force_x_n = 300.0 }}\nprofile = {{ waveform = 'stepped-sine', \
+         from_hz = 19.0, to_hz = 24.0, steps = 3, dwell_s = 5.0, settle_s = 4.0 }}\n{rest}"
+    )
+}
+
+#[test]
+fn dwells_in_open_loop_lie_on_the_branch_of_the_force_that_acted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    record(folder, "ideal", &dwells(""));
+    let found = document(folder, 0, &["compare", "ideal.mcap", "--json"]);
+    for point in found["points"].as_array().unwrap() {
+        assert_eq!(point["settled"], true);
+        let [of_1, of_2] = [0, 1].map(|joint| number(&point["amplitude_deviation"][joint]).abs());
+        assert!(of_1 < 1e-3 && of_2 < 5e-3, "{point}");
+    }
+    let shaker = "[rig.shaker]\nmoving_mass_kg = 0.1\nstiffness_n_m = 2e3\ndamping_n_s_m = 110.0\nforce_factor_n_a = 30.0\n\
+        resistance_ohm = 6.0\ninductance_h = 3e-4\nstroke_m = 0.03\ncurrent_limit_a = 22.0\nvoltage_limit_v = 250.0\n";
+    record(folder, "shaker", &dwells(shaker));
+    let refused = complaint(folder, 2, &["compare", "shaker.mcap"]);
+    assert!(refused.starts_with("resonarm: shaker.mcap: its points are of loads from "), "{refused}");
+}
+
+#[test]
+fn says_why_a_recording_can_t_be_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/lockstep-dwell.mcap");
+    fs::copy(old, folder.join("old.mcap")).unwrap();
+    assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version refuses the recorded plant (another DBC): read it with the version that recorded it");
+    let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
+    record(folder, "swept", &format!("[excitation]\namplitude = {{ force_x_n = 5 }}\nprofile = {{ {swept} }}\n"));
+    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: none was read before its end; responses are read of [control] and of an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes a recording with some");
+    fs::write(folder.join("text.mcap"), "frequency").unwrap();
+    assert_snapshot!(complaint(folder, 2, &["compare", "text.mcap"]), @"resonarm: `text.mcap` is not an MCAP file: it begins with `frequenc`");
+}

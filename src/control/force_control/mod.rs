@@ -37,8 +37,6 @@ use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Prof
 use crate::number::short;
 use crate::rig::Measurement;
 
-/// Samples a period, at least: three harmonics are read.
-const SAMPLES_A_PERIOD: f64 = 12.0;
 /// How near the force comes to the wanted one, relative.
 const TOLERANCE: f64 = 3e-3;
 /// Most tries of a point before it is reported as it is, not settled.
@@ -107,7 +105,7 @@ pub enum ForceControlError {
     )]
     NotADwell,
     /// Too few samples a period.
-    #[error("control: {rate_hz} samples a second are too few for force control at {frequency_hz:.2} Hz: at least {:.0} are needed", SAMPLES_A_PERIOD * frequency_hz)]
+    #[error("control: {rate_hz} samples a second are too few for force control at {frequency_hz:.2} Hz: at least {:.0} are needed", Orders::SAMPLES_A_PERIOD * frequency_hz)]
     Rate {
         /// What there is, Hz.
         rate_hz: f64,
@@ -189,7 +187,7 @@ impl ForceControl {
         };
         let frequencies_hz: Vec<f64> = profile.windows().map(|window| window.frequency_hz).collect();
         let frequency_hz = frequencies_hz.iter().fold(0.0_f64, |most, frequency| most.max(*frequency));
-        if rate_hz < SAMPLES_A_PERIOD * frequency_hz {
+        if rate_hz < Orders::SAMPLES_A_PERIOD * frequency_hz {
             return Err(ForceControlError::Rate { rate_hz, frequency_hz });
         }
         let force_n = spec.amplitude.load().force_n;

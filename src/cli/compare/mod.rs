@@ -1,5 +1,7 @@
 //! `resonarm compare`: measured points against the computed branch.
 
+mod recording;
+
 use core::fmt::Write;
 use std::path::PathBuf;
 
@@ -7,27 +9,30 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::configuration;
-use super::failure::{Failure, Verdict};
-use super::output::{self, OverwriteFlag};
-use super::walk_point;
 use crate::analysis::{Distances, MeasuredMotion, Nearest, nearest};
 use crate::arm::{Load, Parameters};
+use crate::cli::configuration;
+use crate::cli::failure::{Failure, Verdict};
+use crate::cli::output::{self, OverwriteFlag};
+use crate::cli::walk_point;
 use crate::scenario::{ArmSection, Scenario};
 use crate::text_file;
 
-/// Compare measured points with the computed branch: the document of `experiment walk`, or any other with the same keys
+/// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys, or a
+/// recording
 #[derive(Debug, Args)]
 #[command(
-    after_help = "FILE is JSON with `configuration` (preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n) and `points` \
+    after_help = "FILE is a recording, *.mcap, whose responses are read again from its frames, or JSON with `configuration` (preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n) and `points` \
                         (frequency_hz, harmonic1_rad, amplitude_rad, settled). The place of the branch that is nearest is that by frequency and the \
                         fundamental of one joint, a deviation of 2e-5 in the first counting as 1e-3 in the second.\n\n\
                         Examples:\n  \
                         resonarm experiment walk --torque1-nm 20 --plot walk\n  \
-                        resonarm compare walk.json --plot compared"
+                        resonarm compare walk.json --plot compared\n  \
+                        resonarm experiment walk --torque1-nm 20 --record walk.mcap\n  \
+                        resonarm compare walk.mcap"
 )]
 pub(super) struct Compare {
-    /// The document with the points, - for standard input.
+    /// The document with the points, - for standard input; or a recording, an MCAP file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// The joint whose amplitude says which place of the branch is nearest, 1 or 2.
@@ -140,6 +145,9 @@ impl Compare {
     }
 
     fn read(&self) -> Result<Bench, Failure> {
+        if self.file.extension().is_some_and(|extension| extension == "mcap") {
+            return recording::read(&self.file);
+        }
         let name = self.file.display();
         let read = if self.file.as_os_str() == "-" {
             text_file::read_numbers("/dev/stdin".as_ref())
