@@ -19,7 +19,8 @@ pub(super) struct ResponseDocument {
     acceleration_b_m_s2: [[f64; 2]; 2],
     acceleration_c_m_s2: [[f64; 2]; 2],
     drift: f64,
-    /// Harmonics 2 and 3 of the head's force over its fundamental, where they are read.
+    /// Harmonics 2 and 3 of the head's force over its fundamental, where they are read, and both together.
+    force_harmonics: Option<[f64; 2]>,
     distortion: Option<f64>,
     settled: bool,
     clipped: bool,
@@ -37,6 +38,7 @@ impl From<&ResponsePoint> for ResponseDocument {
             acceleration_b_m_s2: pair(point.acceleration_b_m_s2),
             acceleration_c_m_s2: pair(point.acceleration_c_m_s2),
             drift: point.drift,
+            force_harmonics: point.force_harmonics(),
             distortion: point.distortion(),
             settled: point.settled,
             clipped: point.is_clipped(),

@@ -27,7 +27,9 @@ pub(super) struct WalkPoint {
     pub excitation: f64,
     /// Its standard deviation by the noise of the readings, at this frequency and amplitude.
     pub excitation_deviation: Option<f64>,
-    /// Harmonics 2 and 3 of the head's force over its fundamental: the computed response is that of a pure sine.
+    /// Harmonics 2 and 3 of the head's force over its fundamental, and both together: the computed response is that of a
+    /// pure sine.
+    pub force_harmonics: Option<[f64; 2]>,
     pub distortion: Option<f64>,
     pub settled: bool,
     pub tries: u32,
@@ -45,6 +47,7 @@ impl WalkPoint {
             phase_deg: point.lag_rad.map_or(f64::NAN, f64::to_degrees),
             excitation: point.load,
             excitation_deviation: point.load_deviation,
+            force_harmonics: point.force_harmonics(),
             distortion: point.distortion(),
             settled: point.settled,
             tries: point.tries,

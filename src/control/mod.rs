@@ -5,6 +5,7 @@
 //! carries it over the wire, in real time, in lockstep and free alike ([`Session::with_controller`](crate::run::Session)).
 
 mod abort;
+mod cancellation;
 mod force_control;
 mod fourier_filter;
 mod joint_angles;
@@ -19,6 +20,7 @@ mod spec;
 use core::fmt::Debug;
 
 pub use abort::Abort;
+pub use cancellation::{CancelHarmonics, CancelHarmonicsError};
 pub use force_control::{ForceControl, ForceControlError, ForceControlSpec};
 pub use fourier_filter::FourierFilter;
 pub use joint_angles::JointAngles;

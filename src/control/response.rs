@@ -57,14 +57,19 @@ impl ResponsePoint {
         }
     }
 
+    /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or no force is.
+    pub fn force_harmonics(&self) -> Option<[f64; 2]> {
+        let overtones = self.overtones.as_ref()?;
+        let size = |pair: [Phasor; 2]| libm::sqrt(pair.iter().map(Phasor::norm_sqr).sum());
+        let fundamental = size(self.head_force_n);
+        let over = |index: usize| size([overtones[0][index], overtones[1][index]]) / fundamental;
+        (fundamental > 0.0).then(|| [over(0), over(1)])
+    }
+
     /// Harmonic distortion of the head's force: what its harmonics 2 and 3 are together over its fundamental; `None` where
     /// they are not read, or no force is.
     pub fn distortion(&self) -> Option<f64> {
-        let size = |phasor: &Phasor| libm::hypot(phasor.re, phasor.im);
-        let overtones = self.overtones.as_ref()?;
-        let together = overtones[..2].iter().flatten().fold(0.0, |sum, phasor| libm::hypot(sum, size(phasor)));
-        let fundamental = self.head_force_n.iter().fold(0.0, |sum, phasor| libm::hypot(sum, size(phasor)));
-        (fundamental > 0.0).then_some(together / fundamental)
+        self.force_harmonics().map(|[second, third]| libm::hypot(second, third))
     }
 
     /// Whether a reading in the window was clipped.

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use super::{Measured, measure, session};
 use crate::analysis::{Mode, modes};
 use crate::arm::{Arm, ArmError};
-use crate::control::{ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
+use crate::control::{CancelHarmonics, ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationSpec, Waveform};
 use crate::rig::{Amplifier, ShakerSpec};
 use crate::run::{RunError, Signals};
@@ -42,6 +42,8 @@ pub struct Zone {
     pub walk_points: usize,
     /// Points of the backbone.
     pub backbone_points: usize,
+    /// Harmonics of the force that are brought to zero in every run.
+    pub cancel_harmonics: CancelHarmonics,
 }
 
 /// What was measured in a zone.
@@ -69,13 +71,15 @@ impl Zone {
     }
 
     fn walk(&self) -> ControlSpec {
-        let Zone { mode_number, walk_points: points, .. } = *self;
-        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::new(self.amplitude) })
+        let Zone { mode_number, walk_points: points, cancel_harmonics, .. } = *self;
+        let spec = PhaseWalkSpec::new(self.amplitude);
+        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
     }
 
     fn backbone(&self) -> ControlSpec {
-        let Zone { mode_number, backbone_points: points, .. } = *self;
-        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::backbone(self.amplitude) })
+        let Zone { mode_number, backbone_points: points, cancel_harmonics, .. } = *self;
+        let spec = PhaseWalkSpec::backbone(self.amplitude);
+        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
     }
 
     /// Evenly over the zone, and where the walk has read the response: there its points crowd where the response turns.
@@ -97,7 +101,8 @@ impl Zone {
         let dwell_s = settle_s + (READ * coupled_s).max(LEAST_PERIODS / self.range_hz[0]);
         let profile = Waveform::SineList { frequencies_hz, dwell_s, settle_s };
         let excitation = ExcitationSpec { amplitude: self.amplitude, ramp_s: RAMP_S, profile };
-        ControlSpec::ForceControl(ForceControlSpec::new(&excitation))
+        let spec = ForceControlSpec::new(&excitation);
+        ControlSpec::ForceControl(ForceControlSpec { cancel_harmonics: self.cancel_harmonics, ..spec })
     }
 }
 

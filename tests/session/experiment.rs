@@ -1,6 +1,6 @@
 //! A resonance zone with folds, measured through a shaker: walk, backbone, and sines up and down that jump where they should.
 
-use resonarm::control::ModeNumber;
+use resonarm::control::{CancelHarmonics, ModeNumber};
 use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Zone, ZoneMeasured, measure_zones, score};
 use resonarm::node::Outcome;
@@ -24,6 +24,7 @@ fn a_folded_zone_is_measured_as_it_is_computed() {
         step_hz: 0.1,
         walk_points: 21,
         backbone_points: 5,
+        cancel_harmonics: CancelHarmonics::ALL,
     };
     let watch: Vec<Signals> = (0..ZoneMeasured::RUNS).map(|_| Signals::default()).collect();
     let measured = measure_zones(&scenario, &[zone], &watch).unwrap().pop().unwrap();

@@ -77,7 +77,9 @@ fn response_controlled() -> Scenario {
 
 /// The same with the force in the head kept.
 fn force_controlled(waveform: &str) -> Scenario {
-    let profile = format!("ramp_s = 1.0, notch_b_m_s2 = 1.0, notch_c_m_s2 = 1.0, profile = {{ {waveform} }}");
+    let profile = format!(
+        "ramp_s = 1.0, cancel_harmonics = [2], notch_b_m_s2 = 1.0, notch_c_m_s2 = 1.0, profile = {{ {waveform} }}"
+    );
     with_every_other_key(&format!("control = {{ law = 'force-control', amplitude = {{ {AMPLITUDE} }}, {profile} }}"))
 }
 

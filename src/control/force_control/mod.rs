@@ -18,6 +18,8 @@
 //!
 //! With a notch, F is what takes an acceleration to it, where that is less.
 //!
+//! Harmonics of the force are cancelled, if that is asked for, by harmonics of the command ([`CancelHarmonics`]).
+//!
 //! A sine held from sample to sample has beyond its fundamental, smaller by sin y/y with y = ½ωT, what in the middle of a hold adds
 //! up to the sample itself, and the head reads both: of the latter the share that goes past the armature into the arm.
 
@@ -30,9 +32,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::arm::{Arm, Load};
+use crate::control::cancellation::Cancellation;
 use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
-use crate::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
+use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
 use crate::number::short;
 use crate::rig::Measurement;
@@ -64,13 +67,17 @@ pub struct ForceControlSpec {
     /// The same of C. With more force than it takes, the acceleration is controlled in place of the force.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notch_c_m_s2: Option<f64>,
+    /// Harmonics of the force that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
+    pub cancel_harmonics: CancelHarmonics,
 }
 
 impl ForceControlSpec {
-    /// Force control of an excitation, without notches.
+    /// Force control of an excitation, without notches, harmonics as they come.
     pub fn new(excitation: &ExcitationSpec) -> ForceControlSpec {
         let ExcitationSpec { amplitude, ramp_s, profile } = excitation.clone();
-        ForceControlSpec { amplitude, ramp_s, profile, notch_b_m_s2: None, notch_c_m_s2: None }
+        let cancel_harmonics = CancelHarmonics::NONE;
+        ForceControlSpec { amplitude, ramp_s, profile, notch_b_m_s2: None, notch_c_m_s2: None, cancel_harmonics }
     }
 
     fn excitation(&self) -> ExcitationSpec {
@@ -151,6 +158,8 @@ pub struct ForceControl {
     tries: u32,
     /// The command's amplitude against the phase: Im(c e^{iφ}), N.
     command_n: Phasor,
+    /// Harmonics of the command.
+    cancellation: Option<Cancellation>,
     /// (ln c, ln H) of the last try at this frequency, and s.
     tried: Option<[f64; 2]>,
     power: f64,
@@ -192,6 +201,7 @@ impl ForceControl {
         }
         let force_n = spec.amplitude.load().force_n;
         let amplitude_n = force_n.norm();
+        let direction = force_n / amplitude_n;
         Ok(ForceControl {
             frequencies_hz,
             rate_hz,
@@ -199,7 +209,7 @@ impl ForceControl {
             share: arm.share_of_sudden_force(),
             amplitude_n,
             notches_m_s2: [spec.notch_b_m_s2, spec.notch_c_m_s2],
-            direction: force_n / amplitude_n,
+            direction,
             ramp_s: spec.ramp_s,
             settle_s,
             read_s: dwell_s - settle_s,
@@ -208,6 +218,7 @@ impl ForceControl {
             point: 0,
             tries: 0,
             command_n: Phasor::new(amplitude_n, 0.0),
+            cancellation: Cancellation::new(spec.cancel_harmonics, arm, direction, rate_hz),
             tried: None,
             power: 1.0,
             last_sample: None,
@@ -232,6 +243,15 @@ impl ForceControl {
         x * x * (3.0 - 2.0 * x)
     }
 
+    /// What to command beside the fundamental from sample `n` on, N.
+    fn harmonics_n(&self, n: u64) -> f64 {
+        let share = match self.stage {
+            Stage::Ramp { since, .. } | Stage::Leave { since, .. } => self.ramped(n, since),
+            Stage::Settle { .. } | Stage::Read { .. } => 1.0,
+        };
+        self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
+    }
+
     /// The amplitude to hold from sample `n` on.
     fn amplitude(&self, n: u64) -> Phasor {
         match self.stage {
@@ -252,6 +272,7 @@ impl ForceControl {
                 let until = n + 1 + self.samples(periods / frequency_hz);
                 let window = Window { frequency_hz, first: n + 1, end: until };
                 self.reading = Some(Reading::new((window, self.amplitude_n), Orders::Three));
+                self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, until - n - 1));
                 self.stage = Stage::Read { until };
             }
             Stage::Read { until } if n + 1 >= until => {
@@ -275,16 +296,26 @@ impl ForceControl {
         point.load = libm::hypot(head_n.re, head_n.im);
         point.tries = self.tries;
         let wanted_n = self.wanted_n(&point);
-        let reached = (point.load / wanted_n - 1.0).abs() < TOLERANCE;
+        let off = (point.load / wanted_n - 1.0).abs();
         let from = self.command_n;
         self.learn(libm::log(libm::hypot(from.re, from.im)), libm::log(point.load));
-        self.command_n = corrected(from, head_n, wanted_n, self.power);
+        let factor = missing(head_n, wanted_n);
+        self.command_n = corrected(from, factor, self.power);
+        let reached = self.cancel(&point, factor, off) && off < TOLERANCE;
         if (reached && point.settled) || self.tries == MOST_TRIES {
             self.response = Some(ResponsePoint { settled: reached && point.settled, ..point });
             self.next(n);
         } else {
             self.stage = Stage::Ramp { from, since: n };
         }
+    }
+
+    /// Corrects the harmonics of the command; whether those of the force are cancelled, as far as that is asked for.
+    fn cancel(&mut self, point: &ResponsePoint, factor: Phasor, off: f64) -> bool {
+        let Some(cancellation) = &mut self.cancellation else { return true };
+        let is_cancelled = cancellation.correct(point.frequency_hz, point.load, off);
+        cancellation.follow(factor);
+        is_cancelled
     }
 
     /// What a try says of the power s.
@@ -313,6 +344,12 @@ impl ForceControl {
         (self.point, self.tries, self.tried) = (self.point + 1, 0, None);
         let from = self.command_n;
         let more = self.point < self.frequencies_hz.len();
+        if let Some(cancellation) = &mut self.cancellation {
+            cancellation.leave_frequency();
+            if !more {
+                cancellation.end();
+            }
+        }
         self.stage = if more { Stage::Ramp { from, since: n } } else { Stage::Leave { from, since: n } };
     }
 
@@ -326,10 +363,15 @@ impl ForceControl {
     }
 }
 
-/// c (F/H)^(1/s), turned so that the head's force is in phase, and changed by no more than a factor.
-fn corrected(command_n: Phasor, head_n: Phasor, wanted_n: f64, power: f64) -> Phasor {
+/// F/H, with the turn that brings the head's force into phase; in size no more than a factor.
+fn missing(head_n: Phasor, wanted_n: f64) -> Phasor {
     let size = libm::hypot(head_n.re, head_n.im).max(wanted_n / LARGEST_FACTOR).min(wanted_n * LARGEST_FACTOR);
-    command_n * unit(-libm::atan2(head_n.im, head_n.re)) * libm::pow(wanted_n / size, 1.0 / power)
+    unit(-libm::atan2(head_n.im, head_n.re)) * (wanted_n / size)
+}
+
+/// c |F/H|^(1/s), turned as F/H is.
+fn corrected(command_n: Phasor, missing: Phasor, power: f64) -> Phasor {
+    command_n * missing * libm::pow(libm::hypot(missing.re, missing.im), 1.0 / power - 1.0)
 }
 
 impl Controller for ForceControl {
@@ -339,7 +381,9 @@ impl Controller for ForceControl {
 
     fn restart(&mut self) {
         let start = Stage::Ramp { from: Phasor::new(0.0, 0.0), since: 0 };
+        self.cancellation.iter_mut().for_each(Cancellation::forget);
         *self = ForceControl {
+            cancellation: self.cancellation.take(),
             frequencies_hz: mem::take(&mut self.frequencies_hz),
             stage: start,
             reading: None,
@@ -365,15 +409,16 @@ impl Controller for ForceControl {
         let cycles = self.phase_rad / TAU;
         if let Some(reading) = &mut self.reading {
             reading.add(sample, cycles - libm::floor(cycles));
+            self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, cycles));
         }
         if self.proceed(n) {
             return Answer::Finished;
         }
         self.phase_rad = wrapped(self.phase_rad + TAU * self.frequency_hz() / self.rate_hz);
-        let command_n = self.amplitude(n) * unit(self.phase_rad);
-        match self.abort(sample, command_n.im) {
+        let command_n = (self.amplitude(n) * unit(self.phase_rad)).im + self.harmonics_n(n);
+        match self.abort(sample, command_n) {
             Some(abort) => Answer::Aborted(abort),
-            None => Answer::Hold(Load { force_n: self.direction * command_n.im, ..Load::default() }),
+            None => Answer::Hold(Load { force_n: self.direction * command_n, ..Load::default() }),
         }
     }
 

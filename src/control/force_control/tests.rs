@@ -92,6 +92,51 @@ fn the_force_is_kept_where_it_would_drop_out() {
     }
 }
 
+/// A dwell at `frequency_hz` with these harmonics cancelled.
+fn dwell(force_x_n: f64, frequency_hz: f64, cancel_harmonics: CancelHarmonics) -> ForceControlSpec {
+    let excitation = ExcitationSpec {
+        amplitude: Amplitude { force_x_n, ..Amplitude::default() },
+        ramp_s: 0.2,
+        profile: Waveform::Dwell { frequency_hz, duration_s: 2.5, settle_s: 1.5 },
+    };
+    ForceControlSpec { cancel_harmonics, ..ForceControlSpec::new(&excitation) }
+}
+
+/// In voltage mode the coil brakes: that the controller does not know, and learns.
+#[test]
+fn harmonics_of_the_force_are_cancelled() {
+    let play = |cancel_harmonics| {
+        let spec = dwell(20.0, 22.1, cancel_harmonics);
+        let mut controller = ForceControl::new(&spec, &arm(), 1000.0, 600.0).unwrap();
+        let (points, end) = play(&mut controller, &mut plant(Amplifier::Voltage));
+        assert_eq!((points.len(), end), (1, Answer::Finished));
+        controller.restart();
+        assert_eq!(self::play(&mut controller, &mut plant(Amplifier::Voltage)).0, points);
+        points[0]
+    };
+    let (as_it_is, cancelled) = (play(CancelHarmonics::NONE), play(CancelHarmonics::ALL));
+    for point in [&as_it_is, &cancelled] {
+        assert!(point.settled && (point.load / 20.0 - 1.0).abs() < 4e-3, "{point:?}");
+    }
+    let [before, after] = [as_it_is, cancelled].map(|point| point.distortion().unwrap());
+    assert!(before > 0.1 && after < 5e-3, "{before} {after}");
+}
+
+/// Twice the frequency is that of the second mode, where no command brings a force to the head.
+#[test]
+fn a_harmonic_at_a_mode_is_never_called_cancelled_wrongly() {
+    let [_, second] = crate::analysis::modes(&arm().without_attachment());
+    for part in [0.49, 0.5, 0.51] {
+        let spec = dwell(30.0, part * second.frequency_hz, CancelHarmonics::ALL);
+        let mut controller = ForceControl::new(&spec, &arm(), 1000.0, 600.0).unwrap();
+        let (points, end) = play(&mut controller, &mut plant(Amplifier::Current));
+        match end {
+            Answer::Finished => assert!(!points[0].settled || points[0].distortion().unwrap() < 5e-3, "{points:?}"),
+            end => assert!(matches!(end, Answer::Aborted(Abort::Load { .. })), "{end:?}"),
+        }
+    }
+}
+
 #[test]
 fn stops_where_the_shaker_has_no_more() {
     let mut controller = ForceControl::new(&stepped(2.0, 2.0), &arm(), 1000.0, 3.0).unwrap();

@@ -10,6 +10,8 @@
 //! With a the complex amplitude of the angle, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
 //! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness U/a
 //! expected at the target, lets a follow A(t), which is real, with the rate g.
+//!
+//! Harmonics of the force in the head are cancelled, if that is asked for ([`CancelHarmonics`](super::CancelHarmonics)).
 
 mod backbone_model;
 mod plan;
@@ -27,6 +29,7 @@ use self::backbone_model::BackboneModel;
 use self::plan::{Plan, Wanted};
 use self::reading::{Found, Reader};
 use self::spec::BAND;
+use super::cancellation::Cancellation;
 use super::fourier_filter::{real_product, unit, wrapped};
 use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
 use crate::arm::{Arm, Load};
@@ -99,6 +102,8 @@ pub struct PhaseWalk {
     /// What of the load between the command and the arm a reading has found, over the angle: the armature of a shaker.
     taken: Phasor,
     reader: Reader,
+    /// Harmonics of the command.
+    cancellation: Option<Cancellation>,
     /// How much longer than usual a point is read.
     read_factor: f64,
     stage: Stage,
@@ -148,8 +153,9 @@ impl PhaseWalk {
         let model = ModeModel::new(&arm.clone().without_attachment(), &unit_load, plan.mode_number());
         let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), rate_hz)?;
         plan.check_mode(&model)?;
-        let (backbone, responses) = (BackboneModel::new(&model), Vec::with_capacity(RESPONSES));
-        Ok(PhaseWalk::at_start(plan, (limit, share), model, (rate_hz, gain_1_s), (backbone, responses)))
+        let cancellation = Cancellation::new(plan.cancel_harmonics(), arm, unit_load.force_n, rate_hz);
+        let room = (BackboneModel::new(&model), cancellation, Vec::with_capacity(RESPONSES));
+        Ok(PhaseWalk::at_start(plan, (limit, share), model, (rate_hz, gain_1_s), room))
     }
 
     /// Before the first sample, with the room that is there already: emptied, not made anew.
@@ -158,9 +164,10 @@ impl PhaseWalk {
         (limit, share): (f64, f64),
         model: ModeModel,
         (rate_hz, gain_1_s): (f64, f64),
-        (mut backbone, mut responses): (BackboneModel, Vec<ResponsePoint>),
+        (mut backbone, mut cancellation, mut responses): (BackboneModel, Option<Cancellation>, Vec<ResponsePoint>),
     ) -> PhaseWalk {
         backbone.forget();
+        cancellation.iter_mut().for_each(Cancellation::forget);
         responses.clear();
         let omega_rad_s = model.angular_frequency_rad_s;
         let damping = 2.0 * model.damping_ratio * omega_rad_s * model.modal_mass;
@@ -177,6 +184,7 @@ impl PhaseWalk {
             backbone,
             taken: Phasor::new(0.0, 0.0),
             reader: Reader::new(0, 1),
+            cancellation,
             read_factor: 1.0,
             stage: Stage::Start,
             target: Target { amplitude_rad: 0.0, omega_rad_s, stiffness: Phasor::new(0.0, damping * omega_rad_s) },
@@ -234,6 +242,9 @@ impl PhaseWalk {
     /// has beyond the walk's own load is taken for it.
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
+        if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude_rad > 0.0) {
+            cancellation.follow(Phasor::new(to.amplitude_rad / from.amplitude_rad, 0.0));
+        }
         let change = (to.amplitude_rad - from.amplitude_rad).abs();
         let spare = 0.5 * (self.limit - self.plan.load());
         let seconds = (3.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(RAMP / self.gain_1_s);
@@ -244,8 +255,8 @@ impl PhaseWalk {
     fn wanted(&self, n: u64) -> (f64, f64, f64, Phasor) {
         let Target { amplitude_rad: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
         let Stage::Ramp { from, since, length } = self.stage else { return (a1, 0.0, w1, d1) };
-        let x = ((n - since) as f64 / length as f64).min(1.0);
-        let (s, slope) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) * self.rate_hz / length as f64);
+        let (s, slope) = ramped((n - since) as f64 / length as f64);
+        let slope = slope * self.rate_hz / length as f64;
         let between = |a: f64, b: f64| a + (b - a) * s;
         let stiffness = from.stiffness + (d1 - from.stiffness) * s;
         let change = a1 - from.amplitude_rad;
@@ -264,7 +275,9 @@ impl PhaseWalk {
                 let period_s = TAU / self.target.omega_rad_s;
                 let patience = self.read_factor * (1.0 + RETRY * f64::from(self.tries));
                 let periods = libm::ceil(patience * READ / self.gain_1_s / period_s);
-                self.reader = Reader::new(n + 1, self.samples_in(periods * period_s));
+                let samples = self.samples_in(periods * period_s);
+                self.reader = Reader::new(n + 1, samples);
+                self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, samples));
                 self.stage = Stage::Read;
             }
             Stage::Read => {
@@ -305,7 +318,11 @@ impl PhaseWalk {
             }
             Wanted::Amplitude(wanted_rad, _) => (found.amplitude_rad / wanted_rad - 1.0).abs() < AMPLITUDE_TOLERANCE,
         };
-        let settled = met && found.drift < DRIFT_TOLERANCE;
+        let off = (found.amplitude_rad / self.target.amplitude_rad - 1.0).abs();
+        let frequency_hz = self.target.omega_rad_s / TAU;
+        let correct = |cancellation: &mut Cancellation| cancellation.correct(frequency_hz, found.load, off);
+        let is_cancelled = self.cancellation.as_mut().is_none_or(correct);
+        let settled = met && found.drift < DRIFT_TOLERANCE && is_cancelled;
         if settled || self.tries == MOST_TRIES {
             self.report(found, lag_rad, settled);
         }
@@ -340,9 +357,19 @@ impl PhaseWalk {
         let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
-        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm does, it counts.
+        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm does, it
+        // counts.
         let half = 0.5 * omega / self.rate_hz;
-        real_product(&(u * (half / libm::sin(half))), &unit(self.phase_rad))
+        real_product(&(u * (half / libm::sin(half))), &unit(self.phase_rad)) + self.harmonics(n)
+    }
+
+    /// What to command beside the fundamental from sample `n` on, N.
+    fn harmonics(&self, n: u64) -> f64 {
+        let share = match self.stage {
+            Stage::Ramp { since, length, .. } => ramped((n - since) as f64 / length as f64).0,
+            _ => 1.0,
+        };
+        self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
     }
 
     /// What forbids to go on with a sample.
@@ -362,13 +389,19 @@ impl PhaseWalk {
     }
 }
 
+/// A ramp's way, smoothly from 0 to 1, and its slope, at the part `x` of its length.
+fn ramped(x: f64) -> (f64, f64) {
+    let x = x.min(1.0);
+    (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x))
+}
+
 impl Controller for PhaseWalk {
     fn load_kind(&self) -> LoadKind {
         if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
     fn restart(&mut self) {
-        let room = (mem::take(&mut self.backbone), mem::take(&mut self.responses));
+        let room = (mem::take(&mut self.backbone), self.cancellation.take(), mem::take(&mut self.responses));
         *self =
             PhaseWalk::at_start(self.plan, (self.limit, self.share), self.model, (self.rate_hz, self.gain_1_s), room);
     }
@@ -383,6 +416,7 @@ impl Controller for PhaseWalk {
         if matches!(self.stage, Stage::Read) {
             let (angle, error) = (self.angle(), self.filter.error());
             self.reader.add(sample, self.phase_rad / TAU, self.held, angle, error);
+            self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, self.phase_rad / TAU));
         }
         self.proceed(n);
         self.held = self.feedback(n);

@@ -7,18 +7,19 @@ use serde::{Deserialize, Serialize};
 use super::PhaseWalkError;
 use super::spec::{BAND, MOST_POINTS, PhaseWalkSpec, size};
 use crate::arm::Load;
-use crate::control::{ModeModel, ModeNumber};
+use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::Amplitude;
 
-/// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the followed angle, stable or
-/// not (T. Karaağaçlı, H. N. Özgüven 2020, Vibration 3, doi:10.3390/vibration3030019).
+/// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the followed
+/// angle, stable or not (T. Karaağaçlı, H. N. Özgüven 2020, Vibration 3, doi:10.3390/vibration3030019).
 ///
-/// The followed angle is that of the link whose end an accelerometer is on: α1 for mode 1, and what the phase walk follows for mode 2.
+/// The followed angle is α1, or α1 + α2 where in the mode's shape link 1 turns less than a fifth as far as link 2
+/// ([`Link`](crate::control::Link)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {
-    /// Direction of the load, and the amplitude that is expected to do at every frequency: what the exciter has beyond it changes the
-    /// response from one frequency to the next.
+    /// Direction of the load, and the amplitude that is expected to do at every frequency: what the exciter has beyond it
+    /// changes the response from one frequency to the next.
     pub amplitude: Amplitude,
     /// The mode near whose frequency the sines are.
     #[serde(default)]
@@ -31,6 +32,9 @@ pub struct ResponseControlSpec {
     pub to_hz: f64,
     /// Number of frequencies, evenly spaced, from 3 to 10000.
     pub points: usize,
+    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
+    pub cancel_harmonics: CancelHarmonics,
 }
 
 /// Which motions are held.
@@ -73,6 +77,13 @@ impl Plan {
         }
     }
 
+    pub fn cancel_harmonics(&self) -> CancelHarmonics {
+        match self {
+            Plan::Walk(spec) => spec.cancel_harmonics,
+            Plan::Response(spec) => spec.cancel_harmonics,
+        }
+    }
+
     /// The largest amplitude of the load at a point, N or N·m.
     pub fn load(&self) -> f64 {
         size(self.amplitude())
@@ -93,6 +104,9 @@ impl Plan {
 
     /// Checks every number.
     pub fn check(&self) -> Result<(), PhaseWalkError> {
+        if self.amplitude().is_torque() && !self.cancel_harmonics().is_none() {
+            return Err(PhaseWalkError::NoForce);
+        }
         match self {
             Plan::Walk(spec) => spec.check(),
             Plan::Response(spec) => spec.check(),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::control::loop_poles::{self, Loop};
-use crate::control::{ModeModel, ModeNumber};
+use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::{Amplitude, ExcitationError};
 use crate::number::short;
 
@@ -41,6 +41,9 @@ pub struct PhaseWalkSpec {
     /// The same at the last point, degrees, below 180.
     #[serde(default = "default_to_lag_deg")]
     pub to_lag_deg: f64,
+    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
+    pub cancel_harmonics: CancelHarmonics,
 }
 
 fn default_points() -> usize {
@@ -82,6 +85,11 @@ pub enum PhaseWalkError {
         /// What would do.
         expected: &'static str,
     },
+    /// There is no force whose harmonics could be cancelled.
+    #[error(
+        "control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces"
+    )]
+    NoForce,
     /// The load does not move the mode.
     #[error("control: this load does not drive mode {mode}: choose another direction")]
     NotDriven {
@@ -140,6 +148,7 @@ impl PhaseWalkSpec {
             from_part: default_from_part(),
             from_lag_deg: default_from_lag_deg(),
             to_lag_deg: default_to_lag_deg(),
+            cancel_harmonics: CancelHarmonics::NONE,
         }
     }
 

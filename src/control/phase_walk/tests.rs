@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::arm::{Pose, Preset, State};
-use crate::control::ModeNumber;
+use crate::control::{CancelHarmonics, ModeNumber};
 use crate::excitation::Amplitude;
 use crate::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};
@@ -111,6 +111,36 @@ fn another_arm_than_the_scenario_s_is_found_out() {
     assert!(points.iter().all(|point| !point.settled), "{points:?}");
 }
 
+/// The walk through a shaker reads the response to a pure sine where the force's harmonics are cancelled.
+#[test]
+fn harmonics_of_the_force_are_cancelled() {
+    let shaker = crate::rig::ShakerSpec {
+        direction_deg: 0.0,
+        amplifier: crate::rig::Amplifier::Current,
+        moving_mass_kg: 0.1,
+        stiffness_n_m: 2e3,
+        damping_n_s_m: 40.0,
+        force_factor_n_a: 20.0,
+        resistance_ohm: 2.0,
+        inductance_h: 3e-4,
+        stroke_m: 0.05,
+        current_limit_a: 30.0,
+        voltage_limit_v: 200.0,
+    };
+    let known = arm(60.0).with_attachment(shaker.armature()).unwrap();
+    let largest = |cancel_harmonics| {
+        let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+        let spec = PhaseWalkSpec { points: 5, cancel_harmonics, ..PhaseWalkSpec::new(amplitude) };
+        let mut controller = PhaseWalk::new(spec, &known, 1000.0, 600.0).unwrap();
+        let mut plant = plant(60.0, RigSpec { shaker: Some(shaker), ..RigSpec::default() });
+        let (points, end) = walk(&mut controller, &mut plant);
+        assert!(end == Answer::Finished && points.iter().all(|point| point.settled), "{end:?} {points:?}");
+        points.iter().filter_map(ResponsePoint::distortion).fold(0.0, f64::max)
+    };
+    let (as_it_is, cancelled) = (largest(CancelHarmonics::NONE), largest(CancelHarmonics::ALL));
+    assert!(as_it_is > 0.1 && cancelled < 5e-3, "{as_it_is} {cancelled}");
+}
+
 #[test]
 fn says_what_no_walk_can_be() {
     let says = |spec: PhaseWalkSpec, rate_hz, limit| -> String {
@@ -129,9 +159,16 @@ fn says_what_no_walk_can_be() {
 #[test]
 fn says_what_response_can_not_be_controlled() {
     let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
-    let (from_hz, to_hz, points) = (22.0, 22.3, 5);
-    let spec =
-        ResponseControlSpec { amplitude, mode_number: ModeNumber::First, angle_rad: 0.05, from_hz, to_hz, points };
+    let (from_hz, to_hz, points, cancel_harmonics) = (22.0, 22.3, 5, CancelHarmonics::NONE);
+    let spec = ResponseControlSpec {
+        amplitude,
+        mode_number: ModeNumber::First,
+        angle_rad: 0.05,
+        from_hz,
+        to_hz,
+        points,
+        cancel_harmonics,
+    };
     let says = |spec: ResponseControlSpec| -> String {
         PhaseWalk::at_one_amplitude(spec, &arm(60.0), 1000.0, 1600.0).unwrap_err().to_string()
     };
