@@ -123,9 +123,10 @@ impl Arm {
         self.attached.as_ref().map(|attached| &attached.attachment)
     }
 
-    /// Share of a sudden force on the attachment that goes through it into the arm at rest: 1/(1 + m/M), with m the attachment's mass and M
-    /// what the tip weighs along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ d; 1 without an attachment.
-    pub fn share_of_sudden_force(&self) -> f64 {
+    /// Share of a force on the attachment, far above the natural frequencies, that goes through it into the arm: 1/(1 + m/M), with
+    /// m the attachment's mass and M the effective mass of the tip along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ d; 1 without an
+    /// attachment.
+    pub fn high_frequency_force_share(&self) -> f64 {
         let Some(Attached { attachment, direction }) = &self.attached else { return 1.0 };
         let rest = Vector2::zeros();
         let alone = self.clone().without_attachment();

@@ -152,7 +152,7 @@ struct Harmonic {
 pub(super) struct Cancellation {
     harmonics: [Option<Harmonic>; ORDERS.len()],
     transfer: HeadTransfer,
-    /// What of a sudden force at the shaker goes into the arm.
+    /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
     direction: Vector2<f64>,
     rate_hz: f64,
@@ -174,7 +174,7 @@ impl Cancellation {
         Some(Cancellation {
             harmonics: core::array::from_fn(|index| orders.0[index].then(|| harmonic(i32::from(ORDERS[index])))),
             transfer: HeadTransfer::new(arm, &direction),
-            share: arm.share_of_sudden_force(),
+            share: arm.high_frequency_force_share(),
             direction,
             rate_hz,
             first: 0,

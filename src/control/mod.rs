@@ -5,10 +5,10 @@
 //! carries it over the wire, in real time, in lockstep and free alike ([`Session::with_controller`](crate::run::Session)).
 
 mod abort;
+mod angles_from_harmonics;
 mod cancellation;
 mod force_control;
 mod fourier_filter;
-mod joint_angles;
 mod limits;
 pub mod loop_poles;
 mod mode_model;
@@ -20,10 +20,10 @@ mod spec;
 use core::fmt::Debug;
 
 pub use abort::Abort;
+pub use angles_from_harmonics::JointAngles;
 pub use cancellation::{CancelHarmonics, CancelHarmonicsError};
 pub use force_control::{ForceControl, ForceControlError, ForceControlSpec};
 pub use fourier_filter::FourierFilter;
-pub use joint_angles::JointAngles;
 pub use limits::{Limited, LimitsSpec};
 pub use mode_model::{Link, ModeModel, ModeNumber, NoSuchMode};
 pub use open_loop::OpenLoop;

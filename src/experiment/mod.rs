@@ -1,6 +1,6 @@
 //! Whole experiments: several free runs of plant and controller that together say one thing.
 //!
-//! [`measure_zones`] goes through a resonance as a bench does: a walk over the whole response and one along the backbone, then
+//! A [`ZoneExperiment`] goes through a resonance as a bench does: a walk over the whole response and one along the backbone, then
 //! stepped sines up and down at controlled force, dense where the walk has found the resonance. [`Score`] sets what was measured
 //! against what is computed.
 
@@ -8,7 +8,7 @@ mod score;
 mod zone;
 
 pub use score::{Jump, Score, score};
-pub use zone::{Zone, ZoneMeasured, check_zones, measure_zones};
+pub use zone::{Zone, ZoneExperiment, ZoneMeasured};
 
 use crate::control::{ControlSpec, ResponsePoint};
 use crate::node::Outcome;

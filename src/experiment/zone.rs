@@ -107,7 +107,7 @@ impl Zone {
 }
 
 /// The longest time constant 1/(ζω) of the arm, s.
-fn slowest_s(arm: &Arm) -> f64 {
+fn longest_time_constant_s(arm: &Arm) -> f64 {
     let time_constant_s = |mode: &Mode| 1.0 / (mode.damping_ratio * TAU * mode.frequency_hz);
     modes(arm).iter().map(time_constant_s).fold(0.0, f64::max)
 }
@@ -121,54 +121,78 @@ fn coupled(arm: &Arm, shaker: &ShakerSpec) -> Result<Arm, ArmError> {
     arm.clone().with_attachment(armature)
 }
 
-/// Checks that the walks of zones can begin: what is wrong with a scenario or a zone is found before anything runs.
-///
-/// # Errors
-/// [`RunError`] says what is impossible.
-pub fn check_zones(scenario: &Scenario, zones: &[Zone]) -> Result<(), RunError> {
-    let controls = zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]);
-    controls.into_iter().try_for_each(|control| session(scenario, control).map(drop))
+/// Zones to be measured, with what tells how far that is.
+#[derive(Debug)]
+pub struct ZoneExperiment {
+    zones: Vec<Zone>,
+    /// Of each zone's walk and backbone, then of each zone's sines up and down.
+    signals: [Vec<Signals>; 2],
 }
 
-/// Measures zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then the stepped sines,
-/// over all cores. `watch` has a [`Signals`] for each run, [`ZoneMeasured::RUNS`] a zone.
-///
-/// # Errors
-/// [`RunError`] if a run can't begin, or an error ends it.
-///
-/// # Panics
-/// If `watch` has fewer signals than there are runs.
-pub fn measure_zones(scenario: &Scenario, zones: &[Zone], watch: &[Signals]) -> Result<Vec<ZoneMeasured>, RunError> {
-    let arm = scenario.build_arm()?;
-    let with_shaker = scenario.rig.shaker.as_ref().map(|shaker| coupled(&arm, shaker)).transpose();
-    let with_shaker = with_shaker.map_err(ScenarioError::from)?;
-    let constants_s = (slowest_s(&arm), slowest_s(with_shaker.as_ref().unwrap_or(&arm)));
-    let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
-    check_zones(scenario, zones)?;
-    let (for_walks, for_sines) = watch.split_at(2 * zones.len());
-    let walks = zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()]).zip(for_walks).collect::<Vec<_>>();
-    let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
-    let sines = zones.iter().zip(walks.chunks_exact(2)).flat_map(|(zone, walks)| {
-        let up_hz = zone.frequencies_hz(&walks[0].points);
-        let down_hz = up_hz.iter().rev().copied().collect();
-        [zone.stepped(up_hz, constants_s), zone.stepped(down_hz, constants_s)]
-    });
-    let sines = sines.zip(for_sines).collect::<Vec<_>>();
-    let sines = on_all_cores(&sines, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
-    let (mut walks, mut sines) = (walks.into_iter(), sines.into_iter());
-    let mut measured = Vec::with_capacity(zones.len());
-    while let (Some(walk), Some(backbone), Some(up), Some(down)) =
-        (walks.next(), walks.next(), sines.next(), sines.next())
-    {
-        measured.push(ZoneMeasured { walk, backbone, up, down });
+impl ZoneExperiment {
+    /// Of these zones.
+    pub fn new(zones: &[Zone]) -> ZoneExperiment {
+        let signals = || (0..RUNS / 2 * zones.len()).map(|_| Signals::default()).collect();
+        ZoneExperiment { zones: zones.to_vec(), signals: [signals(), signals()] }
     }
-    Ok(measured)
+
+    /// How many responses have been read so far.
+    pub fn responses(&self) -> u64 {
+        self.signals.iter().flatten().map(Signals::responses).sum()
+    }
+
+    /// Asks all runs to end in order.
+    pub fn stop(&self) {
+        self.signals.iter().flatten().for_each(Signals::stop);
+    }
+
+    fn walks(&self) -> impl Iterator<Item = ControlSpec> + '_ {
+        self.zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()])
+    }
+
+    /// Checks that the walks can begin: what is wrong with a scenario or a zone is found before anything runs.
+    ///
+    /// # Errors
+    /// [`RunError`] says what is impossible.
+    pub fn check(&self, scenario: &Scenario) -> Result<(), RunError> {
+        self.walks().try_for_each(|control| session(scenario, control).map(drop))
+    }
+
+    /// Measures the zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then the stepped
+    /// sines, over all cores.
+    ///
+    /// # Errors
+    /// [`RunError`] if a run can't begin, or an error ends it.
+    pub fn measure(&self, scenario: &Scenario) -> Result<Vec<ZoneMeasured>, RunError> {
+        let arm = scenario.build_arm()?;
+        let with_shaker = scenario.rig.shaker.as_ref().map(|shaker| coupled(&arm, shaker)).transpose();
+        let with_shaker = with_shaker.map_err(ScenarioError::from)?;
+        let alone_s = longest_time_constant_s(&arm);
+        let constants_s = (alone_s, with_shaker.as_ref().map_or(alone_s, longest_time_constant_s));
+        let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
+        self.check(scenario)?;
+        let [for_walks, for_sines] = &self.signals;
+        let walks = self.walks().zip(for_walks).collect::<Vec<_>>();
+        let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
+        let sines = self.zones.iter().zip(walks.chunks_exact(2)).flat_map(|(zone, walks)| {
+            let up_hz = zone.frequencies_hz(&walks[0].points);
+            let down_hz = up_hz.iter().rev().copied().collect();
+            [zone.stepped(up_hz, constants_s), zone.stepped(down_hz, constants_s)]
+        });
+        let sines = sines.zip(for_sines).collect::<Vec<_>>();
+        let sines = on_all_cores(&sines, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
+        let (mut walks, mut sines) = (walks.into_iter(), sines.into_iter());
+        let mut measured = Vec::with_capacity(self.zones.len());
+        while let (Some(walk), Some(backbone), Some(up), Some(down)) =
+            (walks.next(), walks.next(), sines.next(), sines.next())
+        {
+            measured.push(ZoneMeasured { walk, backbone, up, down });
+        }
+        Ok(measured)
+    }
 }
 
 impl ZoneMeasured {
-    /// Runs of a zone.
-    pub const RUNS: usize = RUNS;
-
     /// Length of all runs together, s of simulated time.
     pub fn simulated_s(&self) -> f64 {
         self.runs().iter().map(|run| run.simulated_s).sum()

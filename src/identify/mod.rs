@@ -1,23 +1,23 @@
 //! Identification: frequency responses and modes from what instruments recorded.
 //!
-//! A [`Record`] holds the force in the impedance head and the accelerations of B and C. [`frequency_response`] averages
+//! A [`Record`] holds the force in the impedance head and the accelerations of B and C. [`frequency_response()`] averages
 //! it as a bench analyser does; [`modes`](fn@modes) fits natural frequencies and damping ratios to it. Both see
 //! readings only, none of the arm. [`joint_angles`] takes the arm's lengths and pose for known, and finds its angles
 //! over time from the accelerations.
 
+mod angle_history;
 mod double_integration;
 mod error;
 mod frequency_response;
-mod joint_angles;
 mod least_squares;
 mod mode_fit;
 mod modes;
 mod record;
 
+pub use angle_history::{AngleHistory, AngleSettings, Residual, joint_angles};
 pub use double_integration::Integration;
 pub use error::IdentifyError;
 pub use frequency_response::{Averaging, FrequencyResponseEstimate, frequency_response};
-pub use joint_angles::{AngleHistory, AngleSettings, Residual, joint_angles};
 pub use modes::{IdentifiedMode, Part, modes};
 pub use record::{Band, CHANNELS, Direction, Record};
 

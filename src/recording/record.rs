@@ -5,7 +5,7 @@ use resonarm_protocol::Frame;
 /// One thing worth recording.
 ///
 /// `Name` is the type of an event's name: `&'static str` on the way in, so that a record needs no allocation, and
-/// [`String`](alloc::string::String) when read back.
+/// [`String`] when read back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Record<Name = &'static str> {
     /// The state of the arm at a sample and the load held over it.

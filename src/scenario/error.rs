@@ -106,7 +106,7 @@ pub enum ScenarioError {
         got_hz: u16,
     },
     /// The excitation is more than the exciter can produce or the wire can carry.
-    #[error("{name} is {got}, beyond {limit_name}, {limit}: {mend}", got = short(.got), limit = short(.limit))]
+    #[error("{name} is {got}, beyond {limit_name}, {limit} {unit}: {mend}", got = short(.got), limit = short(.limit))]
     BeyondLimit {
         /// The key.
         name: String,
@@ -116,6 +116,8 @@ pub enum ScenarioError {
         limit_name: &'static str,
         /// The limit, in the same unit.
         limit: f64,
+        /// The unit of both.
+        unit: &'static str,
         /// How to mend it.
         mend: &'static str,
     },

@@ -26,7 +26,8 @@ fn check_ideal(
     exciter: &ExciterSpec,
     profile: Profile,
 ) -> Result<(), ScenarioError> {
-    let check_axis = |key: &str, got, limit| check_axis((section, key), got, limit, profile);
+    let unit = amplitude.unit();
+    let check_axis = |key: &str, got, limit| check_axis((section, key, unit), got, limit, profile);
     let force = (FORCE, "rig.exciter.force_limit_n", exciter.force_limit_n);
     let torque = (TORQUE, "rig.exciter.torque_limit_nm", exciter.torque_limit_nm);
     check_axis("force_x_n", amplitude.force_x_n, force)?;
@@ -46,19 +47,19 @@ fn check_shaker(
         return Err(ScenarioError::AcrossShaker { section: section.to_string(), direction_deg: shaker.direction_deg });
     }
     let limit = (FORCE, "the shaker's blocked force", shaker.force_limit_n());
-    check_axis((section, "force_x_n"), amplitude.force_x_n, limit, profile)?;
-    check_axis((section, "force_y_n"), amplitude.force_y_n, limit, profile)?;
+    check_axis((section, "force_x_n", "N"), amplitude.force_x_n, limit, profile)?;
+    check_axis((section, "force_y_n", "N"), amplitude.force_y_n, limit, profile)?;
     let (got, limit) = (shaker.along_n(&amplitude.load()).abs(), shaker.force_limit_n());
     if got > limit {
-        let (name, limit_name) = (format!("{section}.amplitude"), "the shaker's blocked force");
+        let (name, limit_name, unit) = (format!("{section}.amplitude"), "the shaker's blocked force", "N");
         let mend = "lower it, or raise `current_limit_a` or `voltage_limit_v` of `rig.shaker` if it has more";
-        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, mend });
+        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, unit, mend });
     }
     Ok(())
 }
 
 fn check_axis(
-    (section, key): (&str, &str),
+    (section, key, unit): (&str, &str, &'static str),
     got: f64,
     (scale, limit_name, limit): (Scale, &'static str, f64),
     profile: Profile,
@@ -73,7 +74,7 @@ fn check_axis(
     };
     if got.abs() > limit || sent > limit {
         let mend = "lower it, or raise the limit if the exciter has more";
-        return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, mend });
+        return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, unit, mend });
     }
     let range = scale.limit(profile);
     if sent > range {
@@ -83,6 +84,7 @@ fn check_axis(
             got,
             limit_name: "the range of the wire",
             limit: range,
+            unit,
             mend,
         });
     }

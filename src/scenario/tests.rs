@@ -109,9 +109,9 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
         parse(&format!("{rig}\n[excitation]\namplitude = {{ {amplitude} }}\n{profile}"))
     };
     let says = |rig: &str, amplitude: &str| plays(rig, amplitude).unwrap_err().to_string();
-    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 10", "force_x_n = 20"), @"excitation.amplitude.force_x_n is 20, beyond rig.exciter.force_limit_n, 10: lower it, or raise the limit if the exciter has more");
-    insta::assert_snapshot!(says("", "torque2_nm = -1600.1"), @"excitation.amplitude.torque2_nm is -1600.1, beyond rig.exciter.torque_limit_nm, 1600: lower it, or raise the limit if the exciter has more");
-    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "force_y_n = 700"), @r#"excitation.amplitude.force_y_n is 700, beyond the range of the wire, 655.34: lower it, or take `network.profile = "fd"`: a command can't say more"#);
+    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 10", "force_x_n = 20"), @"excitation.amplitude.force_x_n is 20, beyond rig.exciter.force_limit_n, 10 N: lower it, or raise the limit if the exciter has more");
+    insta::assert_snapshot!(says("", "torque2_nm = -1600.1"), @"excitation.amplitude.torque2_nm is -1600.1, beyond rig.exciter.torque_limit_nm, 1600 N·m: lower it, or raise the limit if the exciter has more");
+    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "force_y_n = 700"), @r#"excitation.amplitude.force_y_n is 700, beyond the range of the wire, 655.34 N: lower it, or take `network.profile = "fd"`: a command can't say more"#);
     // 9.991 N is sent as 10 N, which the exciter can't produce.
     assert!(plays("rig.exciter.force_limit_n = 9.995", "force_x_n = 9.991").is_err());
     assert!(plays("rig.exciter.force_limit_n = 10", "force_x_n = 10").is_ok());

@@ -107,7 +107,7 @@ fn what_can_not_be_measured_is_said_before_it_is_tried() {
     assert_snapshot!(refusal(&["--from-hz", "30"]), @"resonarm: --from-hz is 30: it must be above 0 and below the first natural frequency, 26.84 Hz at β1 = -76.5413°, β2 = 120°");
     assert_snapshot!(refusal(&["--to-hz", "40"]), @"resonarm: --to-hz is 40: it must be above the second natural frequency, 40.36 Hz at β1 = -76.5413°, β2 = 120°");
     assert_snapshot!(refusal(&["--step-hz", "0"]), @"resonarm: --step-hz is 0: it must be positive, and 26 to 46 Hz at most 10000 of it");
-    assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.force_x_n is 1000, beyond the shaker's blocked force, 660: lower it, or raise the limit if the exciter has more");
+    assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.force_x_n is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
     assert_snapshot!(refusal(&["--second-force-n", "0"]), @"resonarm: --second-force-n is 0: it must be a positive number");
     assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: 300 samples a second are too few for a mode at 40.36 Hz: at least 445 are needed");
 }

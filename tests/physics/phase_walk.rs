@@ -7,7 +7,8 @@ use resonarm::analysis::{
 };
 use resonarm::arm::{Arm, Pose, Preset, State};
 use resonarm::control::{
-    Answer, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponseControlSpec, ResponsePoint,
+    Answer, CancelHarmonics, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponseControlSpec,
+    ResponsePoint,
 };
 use resonarm::excitation::Amplitude;
 use resonarm::integrate::Scheme;
@@ -295,6 +296,7 @@ fn one_amplitude_is_held_by_the_computed_loads() {
         from_hz: 22.13,
         to_hz: 22.17,
         points: 9,
+        cancel_harmonics: CancelHarmonics::NONE,
     };
     let points = drive(&mut PhaseWalk::at_one_amplitude(spec, plant.arm(), RATE_HZ, 1600.0).unwrap(), &mut plant);
     assert_eq!(points.len(), 9);

@@ -2,9 +2,8 @@
 
 use resonarm::control::{CancelHarmonics, ModeNumber};
 use resonarm::excitation::Amplitude;
-use resonarm::experiment::{Zone, ZoneMeasured, measure_zones, score};
+use resonarm::experiment::{Zone, ZoneExperiment, score};
 use resonarm::node::Outcome;
-use resonarm::run::Signals;
 use resonarm::scenario::Scenario;
 
 /// A light armature on a suspension that brakes: the arm settles with a time constant of 1.6 s in place of 45 s. In this pose the
@@ -26,8 +25,7 @@ fn a_folded_zone_is_measured_as_it_is_computed() {
         backbone_points: 5,
         cancel_harmonics: CancelHarmonics::ALL,
     };
-    let watch: Vec<Signals> = (0..ZoneMeasured::RUNS).map(|_| Signals::default()).collect();
-    let measured = measure_zones(&scenario, &[zone], &watch).unwrap().pop().unwrap();
+    let measured = ZoneExperiment::new(&[zone]).measure(&scenario).unwrap().pop().unwrap();
     for run in measured.runs() {
         assert_eq!(run.outcome, Some(Outcome::Finished));
     }

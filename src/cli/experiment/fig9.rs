@@ -19,7 +19,7 @@ use crate::cli::walk_point::WalkPoint;
 use crate::cli::zone_figure;
 use crate::control::{CancelHarmonics, Length, ModeNumber};
 use crate::excitation::Amplitude;
-use crate::experiment::{Measured, Score, Zone, ZoneMeasured, check_zones, measure_zones, score};
+use crate::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
 use crate::number::short;
 use crate::realtime::{Clock, SystemClock};
 use crate::run::Signals;
@@ -116,11 +116,12 @@ impl Fig9 {
         let scenario = self.session.scenario(scenario)?;
         let arm = scenario.build_arm()?;
         let zones = self.zones(&arm)?;
-        check_zones(&scenario, &zones)?;
+        let experiment = ZoneExperiment::new(&zones);
+        experiment.check(&scenario)?;
         self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let start_ns = SystemClock.now_ns();
-        let measured = self.measure(&scenario, zones)?;
+        let measured = measure(&scenario, &zones, experiment)?;
         let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&arm, zone, measured));
         let scores = scores.collect::<Result<Vec<_>, _>>()?;
@@ -190,23 +191,20 @@ impl Fig9 {
             zone(ModeNumber::Second, self.second_force_n, [halfway_hz, self.to_hz]),
         ])
     }
+}
 
-    /// All runs, with one progress bar over them.
-    fn measure(&self, scenario: &Scenario, zones: [Zone; 2]) -> Result<Vec<ZoneMeasured>, Failure> {
-        let watch: Arc<Vec<Signals>> =
-            Arc::new((0..ZoneMeasured::RUNS * zones.len()).map(|_| Signals::default()).collect());
-        let (signals, watched, scenario) = (Arc::new(Signals::default()), Arc::clone(&watch), scenario.clone());
-        let whole = Arc::clone(&signals);
-        let tell = move || {
-            whole.set_responses(watch.iter().map(|run| run.responses() as usize).sum());
-            if whole.is_stopped() {
-                watch.iter().for_each(Signals::stop);
-            }
-        };
-        let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
-        let work = move || measure_zones(&scenario, &zones, &watched);
-        Ok(supervise("experiment", &signals, length, tell, work)??)
-    }
+/// All runs, with one progress bar over them.
+fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
+    let (experiment, signals, scenario) = (Arc::new(experiment), Arc::new(Signals::default()), scenario.clone());
+    let (watched, whole) = (Arc::clone(&experiment), Arc::clone(&signals));
+    let tell = move || {
+        whole.set_responses(watched.responses() as usize);
+        if whole.is_stopped() {
+            watched.stop();
+        }
+    };
+    let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
+    Ok(supervise("experiment", &signals, length, tell, move || experiment.measure(&scenario))??)
 }
 
 /// The bench of the experiment.

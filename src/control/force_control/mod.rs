@@ -140,7 +140,7 @@ pub struct ForceControl {
     frequencies_hz: Vec<f64>,
     rate_hz: f64,
     limit_n: f64,
-    /// What of a sudden force at the shaker goes into the arm.
+    /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
     amplitude_n: f64,
     /// Largest amplitudes of the accelerations of B and C, m/s².
@@ -206,7 +206,7 @@ impl ForceControl {
             frequencies_hz,
             rate_hz,
             limit_n,
-            share: arm.share_of_sudden_force(),
+            share: arm.high_frequency_force_share(),
             amplitude_n,
             notches_m_s2: [spec.notch_b_m_s2, spec.notch_c_m_s2],
             direction,

@@ -92,7 +92,7 @@ pub struct PhaseWalk {
     /// The largest load that there is.
     limit: f64,
     unit_load: Load,
-    /// What of a sudden force at the shaker goes into the arm.
+    /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
     model: ModeModel,
     rate_hz: f64,
@@ -149,7 +149,7 @@ impl PhaseWalk {
             let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
             return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
         }
-        let share = arm.share_of_sudden_force();
+        let share = arm.high_frequency_force_share();
         let model = ModeModel::new(&arm.clone().without_attachment(), &unit_load, plan.mode_number());
         let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), rate_hz)?;
         plan.check_mode(&model)?;

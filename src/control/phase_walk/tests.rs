@@ -111,7 +111,8 @@ fn another_arm_than_the_scenario_s_is_found_out() {
     assert!(points.iter().all(|point| !point.settled), "{points:?}");
 }
 
-/// The walk through a shaker reads the response to a pure sine where the force's harmonics are cancelled.
+/// Through a light shaker the force has as much of its second harmonic as of the fundamental. Mode 2 rings near that harmonic, so
+/// that one point may run out of tries.
 #[test]
 fn harmonics_of_the_force_are_cancelled() {
     let shaker = crate::rig::ShakerSpec {
@@ -119,7 +120,7 @@ fn harmonics_of_the_force_are_cancelled() {
         amplifier: crate::rig::Amplifier::Current,
         moving_mass_kg: 0.1,
         stiffness_n_m: 2e3,
-        damping_n_s_m: 40.0,
+        damping_n_s_m: 20.0,
         force_factor_n_a: 20.0,
         resistance_ohm: 2.0,
         inductance_h: 3e-4,
@@ -129,13 +130,14 @@ fn harmonics_of_the_force_are_cancelled() {
     };
     let known = arm(60.0).with_attachment(shaker.armature()).unwrap();
     let largest = |cancel_harmonics| {
-        let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+        let amplitude = Amplitude { force_x_n: 5.0, ..Amplitude::default() };
         let spec = PhaseWalkSpec { points: 5, cancel_harmonics, ..PhaseWalkSpec::new(amplitude) };
         let mut controller = PhaseWalk::new(spec, &known, 1000.0, 600.0).unwrap();
         let mut plant = plant(60.0, RigSpec { shaker: Some(shaker), ..RigSpec::default() });
         let (points, end) = walk(&mut controller, &mut plant);
-        assert!(end == Answer::Finished && points.iter().all(|point| point.settled), "{end:?} {points:?}");
-        points.iter().filter_map(ResponsePoint::distortion).fold(0.0, f64::max)
+        let settled: Vec<_> = points.iter().filter(|point| point.settled).collect();
+        assert!(end == Answer::Finished && settled.len() >= 4, "{end:?} {points:?}");
+        settled.into_iter().filter_map(ResponsePoint::distortion).fold(0.0, f64::max)
     };
     let (as_it_is, cancelled) = (largest(CancelHarmonics::NONE), largest(CancelHarmonics::ALL));
     assert!(as_it_is > 0.1 && cancelled < 5e-3, "{as_it_is} {cancelled}");

@@ -1,7 +1,7 @@
 //! The paper's statements, each with what was computed for both presets, and whether it holds.
 //!
 //! A statement that depends on what the paper leaves open (the amplitude of an excitation, the line of Fig. 6, the length of a
-//! pulse) is judged once for each value of a stated range, [`Scan`](super::Scan): these are its cases.
+//! pulse) is judged once for each value of a stated range, [`Scan`](crate::paper::settings::Scan): these are its cases.
 
 mod bending;
 mod cases;
