@@ -1,7 +1,8 @@
 //! Tells the library from which commit, for which target and with which compiler it is built.
 //!
 //! Without git, or outside the project's own repository, the commit is `unknown`; the build never fails for it.
-//! With the feature `python-can` it also lets the programs find the Python library they are linked with, wherever that is.
+//! With the feature `python-can` it also lets the programs find the Python library they are linked with, wherever that
+//! is.
 
 use std::env;
 use std::path::{Path, PathBuf};

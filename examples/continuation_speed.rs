@@ -1,5 +1,5 @@
-//! Times forced branches, folds and stability included: `peer`, the one that AUTO-07p is compared on (`benches/peers/auto`), and
-//! `fig4`, six poses from 0.5 to 80 Hz at 60 N·m, on as many threads as there are cores.
+//! Times forced branches, folds and stability included: `peer`, the one that AUTO-07p is compared on
+//! (`benches/peers/auto`), and `fig4`, six poses from 0.5 to 80 Hz at 60 N·m, on as many threads as there are cores.
 
 use std::thread;
 use std::time::Instant;

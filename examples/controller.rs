@@ -1,8 +1,9 @@
-//! A controller of one's own: it answers the plant's samples on a memory bus with a force against the velocity at the tip,
-//! which it integrates from the accelerometer, and so damps a free vibration.
+//! A controller of one's own: it answers the plant's samples on a memory bus with a force against the velocity at the
+//! tip, which it integrates from the accelerometer, and so damps a free vibration.
 //!
-//! `cargo run --example controller` prints how far the vibration has died away with it and without it. On `bus::open(…)` in
-//! place of the memory bus the same controller meets `resonarm run --mode lockstep` in another process.
+//! `cargo run --example controller` prints how far the vibration has died away with it and without it. On
+//! `bus::open(…)` in place of the memory bus the same controller meets `resonarm run --mode lockstep` in another
+//! process.
 
 use std::error::Error;
 use std::io::Write;

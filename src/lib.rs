@@ -1,7 +1,7 @@
 //! Resonarm: a real-time vibration simulator of a compliant-joint robot arm, on a CAN bus.
 //!
-//! A plant is an arm with its instruments and an integrator. It is measured, given a load to hold, and advanced, sample by
-//! sample; everything else carries the readings out and the loads in.
+//! A plant is an arm with its instruments and an integrator. It is measured, given a load to hold, and advanced, sample
+//! by sample; everything else carries the readings out and the loads in.
 //!
 //! ```
 //! use resonarm::analysis::modes;
@@ -45,8 +45,9 @@
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
 //! | [`cli`] | the program, with its figures and those of the paper |
 //!
-//! [`arm`] to [`node`] are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI units
-//! throughout; a number that is not in a typed quantity carries its unit in its name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
+//! [`arm`] to [`node`] are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI
+//! units throughout; a number that is not in a typed quantity carries its unit in its name. A `sample` is one of the
+//! bench's, a `step` one of the integrator's: a sample takes several.
 //!
 //! `README.md` says how to run the program, `DESIGN.md` why things are so.
 #![cfg_attr(not(feature = "std"), no_std)]

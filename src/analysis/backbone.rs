@@ -1,11 +1,11 @@
-//! Backbone curves by phase quadrature, and nonlinear normal modes (Krack & Gross 2019, Ch. 4; Peeters, Kerschen & Golinval
-//! 2011 for the quadrature).
+//! Backbone curves by phase quadrature, and nonlinear normal modes (Krack & Gross 2019, Ch. 4; Peeters, Kerschen &
+//! Golinval 2011 for the quadrature).
 //!
-//! At resonance the work of the excitation's first harmonic meets that of the dampers: the mode lags the force by 90°. With the
-//! force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the coordinate of the linear mode φ.
-//! The unknowns are the amplitude A of the excitation and X, the equations R(X, Ω, A) = 0 and φᵀM b₁ = 0, and Ω is the
-//! parameter of the walk. Without dampers A comes out as zero, and the curve is a family of free motions: a nonlinear normal
-//! mode. A then only makes the system square.
+//! At resonance the work of the excitation's first harmonic meets that of the dampers: the mode lags the force by 90°.
+//! With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the coordinate of
+//! the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations R(X, Ω, A) = 0 and φᵀM b₁
+//! = 0, and Ω is the parameter of the walk. Without dampers A comes out as zero, and the curve is a family of free
+//! motions: a nonlinear normal mode. A then only makes the system square.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -106,8 +106,8 @@ pub enum Bending {
     Mixed,
 }
 
-/// The forced response around a backbone is looked at this far beyond it, as a part of the change of frequency along it, and at
-/// least this part of the frequency.
+/// The forced response around a backbone is looked at this far beyond it, as a part of the change of frequency along
+/// it, and at least this part of the frequency.
 const MARGIN: [f64; 2] = [0.5, 0.002];
 
 impl Bending {
@@ -135,8 +135,8 @@ pub struct Backbone {
 /// How far a backbone is walked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackboneOptions {
-    /// The amplitude of the first point, rad: small against the nonlinearity. Where the drive ends the walk at less than ten times
-    /// this, the curve begins at a tenth of that.
+    /// The amplitude of the first point, rad: small against the nonlinearity. Where the drive ends the walk at less
+    /// than ten times this, the curve begins at a tenth of that.
     pub smallest_rad: f64,
     /// The walk ends where |α1| or |α2| is this, rad.
     pub largest_rad: f64,
@@ -149,8 +149,8 @@ pub struct BackboneOptions {
 /// The first motion is at most this part of that at which the drive ends the walk.
 const START_PART: f64 = 0.1;
 
-/// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter that
-/// multiplies the excitation. For the nonlinear normal mode give a system without dampers.
+/// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter
+/// that multiplies the excitation. For the nonlinear normal mode give a system without dampers.
 ///
 /// # Errors
 /// [`AnalysisError::NotDriven`] if the excitation can't bring the mode to quadrature; else as [`super::trace`].
@@ -260,11 +260,12 @@ impl Backbone {
         }
     }
 
-    /// df/d(a²) at a = 0, Hz/rad², a being the first harmonic of α1 (joint 0) or α2 (joint 1): positive where the mode hardens.
-    /// None where there are less than three points, or the joint doesn't move.
+    /// df/d(a²) at a = 0, Hz/rad², a being the first harmonic of α1 (joint 0) or α2 (joint 1): positive where the mode
+    /// hardens. None where there are less than three points, or the joint doesn't move.
     ///
-    /// f is even in a. The parabola in s = a² through the first point, one at about ten times its amplitude and one at about
-    /// thirty (or the last two of a shorter curve) has this slope at s = 0, with an error of the order of s₂s₃ f‴.
+    /// f is even in a. The parabola in s = a² through the first point, one at about ten times its amplitude and one at
+    /// about thirty (or the last two of a shorter curve) has this slope at s = 0, with an error of the order of s₂s₃
+    /// f‴.
     pub fn curvature_hz_rad2(&self, joint: usize) -> Option<f64> {
         let squared = |x: f64| x * x;
         let at = |point: &BackbonePoint| (squared(point.harmonic1_rad[joint.min(1)]), point.frequency_hz);

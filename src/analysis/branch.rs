@@ -36,11 +36,12 @@ pub fn trace<O: Oscillator + Clone>(
     Tracer::new(response, options).run(walk)
 }
 
-/// Walks the branch of motions of twice the excitation's period that leaves a period doubling of a branch in `coordinate`.
+/// Walks the branch of motions of twice the excitation's period that leaves a period doubling of a branch in
+/// `coordinate`.
 ///
-/// The first step goes along the null vector v: X on the even harmonics of the halved base frequency, v on the odd ones. The
-/// branch ends where it leaves the interval of the options, or at a branch point, where it meets motions of the single period
-/// again: beyond lie the same motions, shifted by one period.
+/// The first step goes along the null vector v: X on the even harmonics of the halved base frequency, v on the odd
+/// ones. The branch ends where it leaves the interval of the options, or at a branch point, where it meets motions of
+/// the single period again: beyond lie the same motions, shifted by one period.
 ///
 /// # Errors
 /// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; else as [`trace`].
@@ -68,8 +69,8 @@ pub fn trace_doubled<O: Oscillator + Clone>(
     Tracer::new(response, options).run(walk)
 }
 
-/// The doubled branches that leave at the period doublings of a branch, each with its end; see [`trace_doubled`]. A branch that
-/// comes back through another of the doublings stands for both.
+/// The doubled branches that leave at the period doublings of a branch, each with its end; see [`trace_doubled`]. A
+/// branch that comes back through another of the doublings stands for both.
 pub fn trace_doublings<O: Oscillator + Clone>(
     oscillator: &O,
     branch: &Branch,

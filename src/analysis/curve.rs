@@ -71,8 +71,9 @@ const STANDS: f64 = 1e-4;
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
 const SAME: f64 = 1e-8;
 
-/// Follows each fold and each period doubling of a branch in `lambda` as `mu` goes from its value there to `options.to`, each
-/// curve with its kind and its end. A curve that comes back through another of these bifurcations stands for both.
+/// Follows each fold and each period doubling of a branch in `lambda` as `mu` goes from its value there to
+/// `options.to`, each curve with its kind and its end. A curve that comes back through another of these bifurcations
+/// stands for both.
 pub fn trace_singular_curves<O: Oscillator + Clone>(
     oscillator: &O,
     branch: &Branch,
@@ -177,10 +178,10 @@ fn along_mu(point: &Point) -> f64 {
 
 /// The point between two of the curve at which it turns back in μ, dμ/ds = 0, and whether that is a cusp.
 ///
-/// With the extended system's unknowns (λ, X) and μ the curve is smooth through a cusp, where its tangent is (0, v, 0), v being
-/// the null vector: dλ/ds = 0, too. Along R = 0 and g = 0 the tangent is a function of the arclength s whose part by μ passes
-/// zero with a slope, so its zero is found as exactly as rounding lets it, and λ and μ, which are even in the distance from it to
-/// first order, more exactly still.
+/// With the extended system's unknowns (λ, X) and μ the curve is smooth through a cusp, where its tangent is (0, v, 0),
+/// v being the null vector: dλ/ds = 0, too. Along R = 0 and g = 0 the tangent is a function of the arclength s whose
+/// part by μ passes zero with a slope, so its zero is found as exactly as rounding lets it, and λ and μ, which are even
+/// in the distance from it to first order, more exactly still.
 fn turn<O: Oscillator>(
     singular: &mut SingularResponse<O>,
     options: &BranchOptions,

@@ -85,8 +85,8 @@ impl Lu {
         }
     }
 
-    /// Unit vectors near the null vectors of A and Aᵀ, where A is nearly singular, by inverse iteration (Golub & Van Loan 2013,
-    /// Sec. 8.2.2) from one that has a part in every direction.
+    /// Unit vectors near the null vectors of A and Aᵀ, where A is nearly singular, by inverse iteration (Golub & Van
+    /// Loan 2013, Sec. 8.2.2) from one that has a part in every direction.
     pub fn null_vectors(&self) -> [Vec<f64>; 2] {
         let iterate = |solve: &dyn Fn(&mut [f64])| {
             let mut vector: Vec<f64> = (0..self.n).map(|i| 1.0 / (1 + i) as f64).collect();

@@ -1,8 +1,8 @@
 //! What happens between the points of a branch.
 //!
 //! Each kind of bifurcation has a test function that changes sign at it. Where it has changed between two points, the
-//! bifurcation is located there. Two of a kind between two points leave the sign as it was; but then the function has come near
-//! zero and gone away again, so a smallest magnitude at the middle one of three points is followed down.
+//! bifurcation is located there. Two of a kind between two points leave the sign as it was; but then the function has
+//! come near zero and gone away again, so a smallest magnitude at the middle one of three points is followed down.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -65,7 +65,8 @@ fn crosses(values: [f64; 2]) -> bool {
 }
 
 impl<O: Oscillator + Clone> Tracer<'_, O> {
-    /// Locates what has happened between two neighbouring points, and what may have happened twice by the first of them.
+    /// Locates what has happened between two neighbouring points, and what may have happened twice by the first of
+    /// them.
     pub fn detect(&mut self, older: Option<&Marked>, a: &Marked, b: &Marked) -> Result<(), AnalysisError> {
         let turned = crosses([a, b].map(|marked| marked.point.determinant.sign));
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
@@ -86,8 +87,8 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         Ok(())
     }
 
-    /// If the magnitude is smallest at the middle one of three points, follows it down by parabolas; if the sign changes on the
-    /// way, locates the bifurcations on both sides.
+    /// If the magnitude is smallest at the middle one of three points, follows it down by parabolas; if the sign
+    /// changes on the way, locates the bifurcations on both sides.
     fn descend(&mut self, kind: BifurcationKind, points: [&Point; 3], values: [f64; 3]) -> Result<(), AnalysisError> {
         let sign = values[1].signum();
         let mut f = values.map(|value| value * sign);
@@ -175,8 +176,9 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         Ok((point, null_vector))
     }
 
-    /// A bifurcation by its extended system, from a coarse search, or from a fine one if that led elsewhere: to the other one of
-    /// a close pair. If it leads elsewhere again, the fine search has the last word, and there is no null vector.
+    /// A bifurcation by its extended system, from a coarse search, or from a fine one if that led elsewhere: to the
+    /// other one of a close pair. If it leads elsewhere again, the fine search has the last word, and there is no null
+    /// vector.
     fn by_extended_system(
         &mut self,
         kind: BifurcationKind,
@@ -219,8 +221,8 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
     }
 }
 
-/// Where the parabola through three points is lowest, between the outer two, and how low; none if it is not lowest there, or as
-/// good as at the middle point.
+/// Where the parabola through three points is lowest, between the outer two, and how low; none if it is not lowest
+/// there, or as good as at the middle point.
 fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<(f64, f64)> {
     if f[1] > f[0] || f[1] > f[2] || f[1] <= 0.0 {
         return None;
@@ -237,8 +239,8 @@ fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<(f64, f64)> {
     inside.then(|| (lowest, f[1] - 0.25 * at_middle * at_middle / curvature))
 }
 
-/// Whether a pair of multipliers is on the unit circle, and not at ±1: the test function also vanishes where the product of two
-/// real multipliers is 1.
+/// Whether a pair of multipliers is on the unit circle, and not at ±1: the test function also vanishes where the
+/// product of two real multipliers is 1.
 fn has_pair_on_the_circle(stability: &Stability) -> bool {
     stability.multipliers.iter().any(|mu| mu.im.abs() > 1e-6 && (mu.norm_sqr() - 1.0).abs() < 2e-6)
 }

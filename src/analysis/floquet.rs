@@ -1,10 +1,11 @@
 //! Stability of a periodic motion by its Floquet multipliers (Nayfeh & Balachandran 1995, Ch. 3).
 //!
 //! A variation y of the motion obeys M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
-//! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of 1e-4
-//! the multipliers are within a thousandth of the unit circle, so the flow is integrated by Gauss–Legendre collocation with
-//! four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600. Where the excitation is so
-//! slow that this takes many thousands of steps, Hill's method has the multipliers ([`super::hill`]).
+//! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of
+//! 1e-4 the multipliers are within a thousandth of the unit circle, so the flow is integrated by Gauss–Legendre
+//! collocation with four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600.
+//! Where the excitation is so slow that this takes many thousands of steps, Hill's method has the multipliers
+//! ([`super::hill`]).
 //!
 //! With A(τᵢ) known at the stages the stage accelerations kᵢ solve a linear system, once for the four columns together:
 //!
@@ -44,8 +45,8 @@ struct Tableau {
 }
 
 impl Tableau {
-    /// The nodes are the zeros of the Legendre polynomial P₄ on (0, 1), and aᵢⱼ = ∫₀^cᵢ ℓⱼ with the Lagrange polynomials ℓⱼ
-    /// (J. C. Butcher 1964).
+    /// The nodes are the zeros of the Legendre polynomial P₄ on (0, 1), and aᵢⱼ = ∫₀^cᵢ ℓⱼ with the Lagrange
+    /// polynomials ℓⱼ (J. C. Butcher 1964).
     fn new() -> Tableau {
         let inner = libm::sqrt(3.0 / 7.0 - 2.0 / 7.0 * libm::sqrt(1.2));
         let outer = libm::sqrt(3.0 / 7.0 + 2.0 / 7.0 * libm::sqrt(1.2));
@@ -91,9 +92,9 @@ impl Stability {
         self.multipliers.iter().map(|mu| mu + 1.0).product::<Complex<f64>>().re
     }
 
-    /// Π (μᵢμⱼ − 1) over i < j, the determinant of the bialternate product less the identity (Kuznetsov, Ch. 10): changes
-    /// sign where a complex pair passes the unit circle, a Neimark–Sacker point, or where two real ones have the product 1.
-    /// Zero where a factor is no more than rounding, as it always is without damping.
+    /// Π (μᵢμⱼ − 1) over i < j, the determinant of the bialternate product less the identity (Kuznetsov, Ch. 10):
+    /// changes sign where a complex pair passes the unit circle, a Neimark–Sacker point, or where two real ones have
+    /// the product 1. Zero where a factor is no more than rounding, as it always is without damping.
     pub fn neimark_sacker_test(&self) -> f64 {
         let mu = &self.multipliers;
         let pairs = (0..4).flat_map(|i| (i + 1..4).map(move |j| mu[i] * mu[j] - 1.0));
@@ -141,8 +142,8 @@ impl Default for Floquet {
 }
 
 impl Floquet {
-    /// Steps a period such that the phase error of the faster mode over the period stays below about 1e-10, and that the
-    /// harmonics of the motion are resolved. A few sizes only, so that the tables can be kept.
+    /// Steps a period such that the phase error of the faster mode over the period stays below about 1e-10, and that
+    /// the harmonics of the motion are resolved. A few sizes only, so that the tables can be kept.
     fn steps_for<O: Oscillator>(balance: &HarmonicBalance<O>) -> usize {
         let phase = TAU * balance.oscillator().modes()[1].frequency_rad_s / balance.base_rad_s();
         // phase · (phase/steps)⁸ / 25 401 600 = 1e-10, with a tenth more for the motion's own effect on the frequency.
@@ -297,9 +298,9 @@ const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
 /// Deflation tolerance and most iterations of the QR algorithm.
 const QR_LIMITS: (f64, usize) = (1e-15, 200);
 
-/// Eigenvalues by the QR algorithm. Its double shift may go round in circles on a matrix that is nearly orthogonal, as the
-/// monodromy matrix of a lightly damped system is; so iterations are bounded, and a multiple of the identity is added if need be.
-/// NaN if all that fails.
+/// Eigenvalues by the QR algorithm. Its double shift may go round in circles on a matrix that is nearly orthogonal, as
+/// the monodromy matrix of a lightly damped system is; so iterations are bounded, and a multiple of the identity is
+/// added if need be. NaN if all that fails.
 pub(super) fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
     for shift in SHIFTS {
         let shifted = matrix + Matrix4::identity() * shift;
@@ -333,8 +334,8 @@ mod tests {
         }
     }
 
-    /// Under a slow excitation, weak or so strong that the modes are modulated by many harmonics, Hill's method has the multipliers
-    /// of the flow.
+    /// Under a slow excitation, weak or so strong that the modes are modulated by many harmonics, Hill's method has the
+    /// multipliers of the flow.
     #[test]
     fn hills_method_has_the_multipliers_of_the_flow() {
         for (hz, torque_nm) in [(0.5, 60.0), (0.2, 60.0), (0.2, 6e3), (0.1, 4e3), (0.05, 3e3)] {

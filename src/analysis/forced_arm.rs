@@ -17,8 +17,8 @@ pub struct ForcedArm {
 }
 
 impl ForcedArm {
-    /// The arm under `amplitude` · `direction` · sin Ωt: torques at the joints, a force of any direction at the tip, or both. What is
-    /// attached to the tip is left out: the force between it and the arm is a load on the arm.
+    /// The arm under `amplitude` · `direction` · sin Ωt: torques at the joints, a force of any direction at the tip, or
+    /// both. What is attached to the tip is left out: the force between it and the arm is a load on the arm.
     pub fn new(arm: Arm, direction: Load, amplitude: f64) -> ForcedArm {
         ForcedArm { arm: arm.without_attachment(), direction, amplitude }
     }
@@ -65,8 +65,8 @@ impl ForcedArm {
     }
 
     /// ∂r/∂p of a physical parameter: r is at most quadratic in each, so that the difference quotient
-    /// (−3 r(p) + 4 r(p+h) − r(p+2h)) / 2h is exact at any h. It looks to larger p, where the arm exists. With gravity the sag
-    /// depends on p, too, and the quotient has an error of the order of h².
+    /// (−3 r(p) + 4 r(p+h) − r(p+2h)) / 2h is exact at any h. It looks to larger p, where the arm exists. With gravity
+    /// the sag depends on p, too, and the quotient has an error of the order of h².
     fn by_physical(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
         let value = self.parameter(which);
         let part = if self.arm.parameters().gravity.is_some() { SMALL_PART } else { 0.25 };
@@ -129,8 +129,9 @@ impl Oscillator for ForcedArm {
         }
     }
 
-    /// The links' angles at rest θ enter as θ + α does, except in Kα and in the weight at rest: ∂r/∂θ = ∂r/∂α − K₀, K₀ being the
-    /// stiffness at rest. Without gravity θ = β and K₀ = K; with it, θ = β + α_st and K α_st + G(θ) = 0, so ∂θ/∂β = K₀⁻¹K.
+    /// The links' angles at rest θ enter as θ + α does, except in Kα and in the weight at rest: ∂r/∂θ = ∂r/∂α − K₀, K₀
+    /// being the stiffness at rest. Without gravity θ = β and K₀ = K; with it, θ = β + α_st and K α_st + G(θ) = 0, so
+    /// ∂θ/∂β = K₀⁻¹K.
     fn by_parameter(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
         let pose = |column: usize| {
             let at_rest = self.arm.tangent_stiffness_matrix(&Vector2::zeros());

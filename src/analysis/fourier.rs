@@ -118,8 +118,8 @@ impl Basis {
         (&self.cosines[range.clone()], &self.sines[range])
     }
 
-    /// The functions and their first two derivatives by time at the points; τ runs at `omega_rad_s`. The series may have
-    /// fewer harmonics than the basis.
+    /// The functions and their first two derivatives by time at the points; τ runs at `omega_rad_s`. The series may
+    /// have fewer harmonics than the basis.
     pub fn synthesise(&self, coefficients: &[f64], omega_rad_s: f64, motion: &mut Motion) {
         motion.reset(self.samples());
         let constants = self.harmonics.constants();
@@ -183,8 +183,8 @@ pub(super) fn zeros(harmonics: usize) -> Vec<f64> {
 /// The largest |x(τ)| of each of the two functions of a series with integer frequencies.
 ///
 /// A grid of 4H points or more has a point next to the largest value that is at least 0.69 of it: |x″| ≤ H² max |x|
-/// (S. N. Bernstein 1912), so that over half a spacing at most (π/4)²/2 of it is lost. Every crest of the grid as high as that
-/// is polished by Newton's method on x′ = 0.
+/// (S. N. Bernstein 1912), so that over half a spacing at most (π/4)²/2 of it is lost. Every crest of the grid as high
+/// as that is polished by Newton's method on x′ = 0.
 pub(super) fn largest(basis: &Basis, coefficients: &[f64], motion: &mut Motion) -> [f64; 2] {
     basis.synthesise(coefficients, 1.0, motion);
     let count = basis.samples();

@@ -4,15 +4,18 @@ use alloc::vec::Vec;
 
 use super::Mode;
 
-/// Even steps of u in [`frequencies_hz`]: next to a peak the modulus at every point is within 1 − 1/√(1 + u²) = 0.8 % of its neighbour's.
+/// Even steps of u in [`frequencies_hz`]: next to a peak the modulus at every point is within 1 − 1/√(1 + u²) = 0.8 %
+/// of its neighbour's.
 const STEP: f64 = 0.125;
 
-/// `points` evenly spaced frequencies from `from_hz` to `to_hz` (at least two), and more about each mode within them, in ascending order.
+/// `points` evenly spaced frequencies from `from_hz` to `to_hz` (at least two), and more about each mode within them,
+/// in ascending order.
 ///
-/// Near mode r a response follows 1/(1 + ix), where x = (f − f_r)/(ζ_r f_r) is the distance in half widths: the half-power width is
-/// 2 ζ_r f_r. Points at x = sinh u with u in even steps h are h half widths apart at the peak, and a part h of the distance
-/// further off; the peak itself, u = 0, is one of them. They go on until they are as far apart as the even ones, h |f − f_r| = Δf. A
-/// mode that is wider than the even steps (ζ_r f_r h ≥ Δf), or without damping and so infinitely high, has none.
+/// Near mode r a response follows 1/(1 + ix), where x = (f − f_r)/(ζ_r f_r) is the distance in half widths: the
+/// half-power width is 2 ζ_r f_r. Points at x = sinh u with u in even steps h are h half widths apart at the peak, and
+/// a part h of the distance further off; the peak itself, u = 0, is one of them. They go on until they are as far apart
+/// as the even ones, h |f − f_r| = Δf. A mode that is wider than the even steps (ζ_r f_r h ≥ Δf), or without damping
+/// and so infinitely high, has none.
 pub fn frequencies_hz(from_hz: f64, to_hz: f64, points: u32, modes: &[Mode]) -> Vec<f64> {
     let last = f64::from(points.max(2) - 1);
     let step_hz = (to_hz - from_hz) / last;

@@ -1,5 +1,5 @@
-//! Multipliers under an excitation that is slow against the modes, by Hill's infinite determinant about each mode (G. W. Hill
-//! 1886; for several degrees of freedom V. V. Bolotin, "The Dynamic Stability of Elastic Systems", 1964).
+//! Multipliers under an excitation that is slow against the modes, by Hill's infinite determinant about each mode (G.
+//! W. Hill 1886; for several degrees of freedom V. V. Bolotin, "The Dynamic Stability of Elastic Systems", 1964).
 //!
 //! A variation is e^λτ times a function of the period, y = Σ vₖ e^(λ + ik)τ, and y″ = P y + Q y′ becomes N(λ) v = 0,
 //!
@@ -7,9 +7,10 @@
 //! Nₖₗ(λ) = (λ + ik)² δₖₗ − P̂ₖ₋ₗ − (λ + il) Q̂ₖ₋ₗ
 //! ```
 //!
-//! with the Fourier coefficients of P and Q. λ and λ + ik have the same multiplier e^2πλ, so one λ of each mode is enough, and
-//! the conjugates. The mode's frequency is modulated slowly and little, so few k about it matter, where integration has to take
-//! every cycle of the mode. Newton's method for v and λ together (H. Unger 1950), from the exponents of the mean:
+//! with the Fourier coefficients of P and Q. λ and λ + ik have the same multiplier e^2πλ, so one λ of each mode is
+//! enough, and the conjugates. The mode's frequency is modulated slowly and little, so few k about it matter, where
+//! integration has to take every cycle of the mode. Newton's method for v and λ together (H. Unger 1950), from the
+//! exponents of the mean:
 //!
 //! ```text
 //! N(λ) u = N′(λ) v        λ ← λ − v*v / v*u        v ← u / |u|
@@ -48,8 +49,8 @@ impl Hill {
     /// Samples of P and Q over the period that [`Hill::exponents`] needs.
     pub const SAMPLES: usize = 4 * WIDTHS[WIDTHS.len() - 1] + 4;
 
-    /// λ of both modes, from samples of P and Q at equal distances over the period. None if a mode does not oscillate, or more
-    /// frequencies matter than are taken.
+    /// λ of both modes, from samples of P and Q at equal distances over the period. None if a mode does not oscillate,
+    /// or more frequencies matter than are taken.
     pub fn exponents(&mut self, rates: &[Rates<f64>]) -> Option<[Complex<f64>; 2]> {
         self.transform(rates);
         let beginnings = self.exponents_of_the_mean()?;
@@ -75,8 +76,8 @@ impl Hill {
         }
     }
 
-    /// The eigenvalues with positive imaginary part of (y, y′) under the mean of P and Q; y′ is measured in units of √|P|, which
-    /// evens out the matrix.
+    /// The eigenvalues with positive imaginary part of (y, y′) under the mean of P and Q; y′ is measured in units of
+    /// √|P|, which evens out the matrix.
     fn exponents_of_the_mean(&self) -> Option<[Complex<f64>; 2]> {
         let (p, q) = self.series.first()?;
         let unit = libm::sqrt(p.iter().fold(0.0, |largest: f64, value| largest.max(value.re.abs())));
@@ -117,8 +118,8 @@ impl Hill {
         None
     }
 
-    /// One iteration: `v` becomes the new one, and the change of λ is returned. Complex equations as real ones of twice the size,
-    /// (a + ib)(x + iy) = (ax − by) + i (bx + ay).
+    /// One iteration: `v` becomes the new one, and the change of λ is returned. Complex equations as real ones of twice
+    /// the size, (a + ib)(x + iy) = (ax − by) + i (bx + ay).
     fn improve(&mut self, lambda: Complex<f64>, width: usize) -> Option<Complex<f64>> {
         let count = 2 * width + 1;
         let half = 2 * count;

@@ -35,23 +35,25 @@ pub struct EnergyDrift {
 
 /// Steps over which [`mode_errors`] measures.
 const MODE_STEPS: u32 = 1000;
-/// Largest deflection in [`mode_errors`], rad: so small that the arm's nonlinearity, of the order of it, is below rounding.
+/// Largest deflection in [`mode_errors`], rad: so small that the arm's nonlinearity, of the order of it, is below
+/// rounding.
 const MODE_AMPLITUDE_RAD: f64 = 1e-13;
 
-/// The scheme's own damping ratio and relative frequency error in both modes of the arm without its dampers, at `rate_hz` steps a
-/// second, read off the motion in time.
+/// The scheme's own damping ratio and relative frequency error in both modes of the arm without its dampers, at
+/// `rate_hz` steps a second, read off the motion in time.
 ///
-/// The arm starts on a mode φ with an amplitude at which it is linear. Its modal coordinate η = φᵀM0 α follows η̈ = −ω²η, so that
-/// Z = ωη − iη̇ turns as Z₀ e^{iωt}. A Runge–Kutta method makes Zₙ₊₁ = R(iωh) Zₙ of it, R its function of stability (E. Hairer,
-/// G. Wanner, "Solving Ordinary Differential Equations II", section IV.3), and the exponential scheme e^{iωh} Zₙ. Written as the motion
-/// of an oscillator with the damping ratio ζ and the frequency (1 + e) ω, to first order in ζ,
+/// The arm starts on a mode φ with an amplitude at which it is linear. Its modal coordinate η = φᵀM0 α follows η̈ =
+/// −ω²η, so that Z = ωη − iη̇ turns as Z₀ e^{iωt}. A Runge–Kutta method makes Zₙ₊₁ = R(iωh) Zₙ of it, R its function of
+/// stability (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", section IV.3), and the exponential
+/// scheme e^{iωh} Zₙ. Written as the motion of an oscillator with the damping ratio ζ and the frequency (1 + e) ω, to
+/// first order in ζ,
 ///
 /// ```text
 /// ln(Zₙ/Z₀) = (i (1 + e) − ζ) n ωh        ζ = −Re ln(Zₙ/Z₀) / (n ωh)        e = Im ln(Zₙ/Z₀) / (n ωh) − 1
 /// ```
 ///
-/// The logarithm is summed step by step, ln(Zₙ₊₁/Zₙ e^{−iωh}), so no turn is lost and e comes without cancellation. What is left of
-/// rounding is about 1e-15.
+/// The logarithm is summed step by step, ln(Zₙ₊₁/Zₙ e^{−iωh}), so no turn is lost and e comes without cancellation.
+/// What is left of rounding is about 1e-15.
 ///
 /// # Errors
 /// [`IntegrateError`] if the scheme can't carry the arm at this rate.
@@ -92,12 +94,13 @@ fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeErr
 
 /// The drift of energy over `steps` steps (at least 10) of free vibration of the arm without its dampers, from `start`.
 ///
-/// Free vibration without dampers is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long as the motion is
-/// quasi-periodic, invariants that differ from the true ones by O(hᵖ) (E. Hairer, C. Lubich, G. Wanner, "Geometric Numerical
-/// Integration", chapter XI): the energy swings without going anywhere. `spread` shows the swing, `change` what is left of it. No scheme
-/// here is symplectic: in (α, α̇) the momenta Mα̇ are not among the variables; so for chaotic motion nothing is promised. The mean over a tenth is weighted by s³(1−s)³, s from 0 to 1 over the
-/// tenth: the mean of a quasi-periodic swing over n of its periods then falls as n⁻⁴, not as n⁻¹ (S. Das, Y. Saiki, E. Sander,
-/// J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
+/// Free vibration without dampers is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long
+/// as the motion is quasi-periodic, invariants that differ from the true ones by O(hᵖ) (E. Hairer, C. Lubich, G.
+/// Wanner, "Geometric Numerical Integration", chapter XI): the energy swings without going anywhere. `spread` shows the
+/// swing, `change` what is left of it. No scheme here is symplectic: in (α, α̇) the momenta Mα̇ are not among the
+/// variables; so for chaotic motion nothing is promised. The mean over a tenth is weighted by s³(1−s)³, s from 0 to 1
+/// over the tenth: the mean of a quasi-periodic swing over n of its periods then falls as n⁻⁴, not as n⁻¹ (S. Das, Y.
+/// Saiki, E. Sander, J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
 ///
 /// # Errors
 /// [`IntegrateError`] if the scheme can't carry the arm at this rate or can't go on.
@@ -167,8 +170,8 @@ mod tests {
         }
     }
 
-    /// Where z = ωh is near 1, to all digits: the arguments of the functions of stability, Padé approximants of e^{iz}. For gl4
-    /// that is two parts of a step.
+    /// Where z = ωh is near 1, to all digits: the arguments of the functions of stability, Padé approximants of e^{iz}.
+    /// For gl4 that is two parts of a step.
     #[test]
     fn errors_are_those_of_the_functions_of_stability() {
         let arm = arm(Preset::Irb1600Table1, 0.0, 0.0);

@@ -12,17 +12,19 @@ use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillat
 pub(super) const COARSE: f64 = 1e-2;
 /// One that has the last word ends at this.
 pub(super) const FINE: f64 = 1e-12;
-/// Next to a crossing of branches rounding keeps Newton's method from its end. In a bracket below this fraction of the segment the
-/// point is then interpolated: its error is of the order of the square.
+/// Next to a crossing of branches rounding keeps Newton's method from its end. In a bracket below this fraction of the
+/// segment the point is then interpolated: its error is of the order of the square.
 const NARROW: f64 = 1e-5;
 /// The most steps of the search along the branch.
 const SEARCH_LIMIT: usize = 60;
 
-/// The point between `ends` where `test` is zero, by regula falsi with the Illinois modification (Dowell & Jarratt 1971): the
-/// bracket always holds the zero, and the value at an end that stays is halved. Each test is at a point of the branch, found from
-/// the chord of the bracket, so that the search comes as near to a crossing of branches as it likes.
+/// The point between `ends` where `test` is zero, by regula falsi with the Illinois modification (Dowell & Jarratt
+/// 1971): the bracket always holds the zero, and the value at an end that stays is halved. Each test is at a point of
+/// the branch, found from the chord of the bracket, so that the search comes as near to a crossing of branches as it
+/// likes.
 ///
-/// Stops when the bracket or the last step, as a fraction of the segment's arclength, is below `tolerance`, or the test vanishes.
+/// Stops when the bracket or the last step, as a fraction of the segment's arclength, is below `tolerance`, or the test
+/// vanishes.
 pub(super) fn search<S: System>(
     system: &mut S,
     settings: &Settings,
@@ -84,8 +86,8 @@ const NULL_VECTOR_ERROR: f64 = 1e-7;
 /// Harmonics added until a null vector is good enough: how many at once, and how often.
 const MORE_HARMONICS: (usize, usize) = (2, 16);
 
-/// Newton's method on the extended system of a fold or a period doubling from `guess`, with as many harmonics as its null vector
-/// needs.
+/// Newton's method on the extended system of a fold or a period doubling from `guess`, with as many harmonics as its
+/// null vector needs.
 pub(super) fn polish<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
@@ -130,8 +132,8 @@ pub(super) fn null_vector<O: Oscillator + Clone>(
     Ok(singular.null_vector().to_vec())
 }
 
-/// Where a branch of doubled period meets the single one: at a period doubling of that, which is located on it, from the part of
-/// `guess` that has the single period. The solution is given as a motion of doubled period.
+/// Where a branch of doubled period meets the single one: at a period doubling of that, which is located on it, from
+/// the part of `guess` that has the single period. The solution is given as a motion of doubled period.
 pub(super) fn rejoin<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
@@ -161,8 +163,8 @@ pub(super) fn doubled(x: &[f64]) -> Vec<f64> {
     series
 }
 
-/// The branch point between `ends`, where the bordered determinant is zero, by its extended system, or by a fine search if that
-/// leads elsewhere; with as many harmonics as the direction of the other branch needs.
+/// The branch point between `ends`, where the bordered determinant is zero, by its extended system, or by a fine search
+/// if that leads elsewhere; with as many harmonics as the direction of the other branch needs.
 pub(super) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,

@@ -1,8 +1,8 @@
 //! Analysis of the arm without waiting for it: what a bench measurement is held against.
 //!
-//! The linearised arm: natural [`modes`](mod@modes), frequency responses ([`frf`]). The nonlinear arm: periodic motions by
-//! harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones; and by integration in time
-//! ([`time_domain`]): stepped sweeps, stroboscopic sections, basins of attraction.
+//! The linearised arm: natural [`modes`](mod@modes), frequency responses ([`frf`]). The nonlinear arm: periodic motions
+//! by harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones; and by integration
+//! in time ([`time_domain`]): stepped sweeps, stroboscopic sections, basins of attraction.
 
 mod adapt;
 mod arm_parameter;

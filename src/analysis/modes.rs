@@ -20,11 +20,11 @@ pub struct Mode {
 
 /// The two natural modes of the arm in its pose, the lower frequency first.
 ///
-/// With the Cholesky factor K = L Lᵀ and y = Lᵀφ the eigenproblem K φ = ω² M0 φ becomes S y = λ y with S = L⁻¹ M0 L⁻ᵀ and
-/// λ = 1/ω². S is symmetric and one Jacobi rotation by the angle of tangent t makes it diagonal: with
-/// s12 t² + (s22 − s11) t − s12 = 0 and |t| ≤ 1, λ = s11 − t s12 has y = (1, −t)/√(1+t²), λ = s22 + t s12 has
-/// y = (t, 1)/√(1+t²) (C. G. J. Jacobi 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", section 8.5). From yᵀy = 1
-/// follows φᵀM0φ = λ ω² = 1 for φ = ω L⁻ᵀy. K is the stiffness at rest, diagonal without gravity.
+/// With the Cholesky factor K = L Lᵀ and y = Lᵀφ the eigenproblem K φ = ω² M0 φ becomes S y = λ y with S = L⁻¹ M0 L⁻ᵀ
+/// and λ = 1/ω². S is symmetric and one Jacobi rotation by the angle of tangent t makes it diagonal: with s12 t² + (s22
+/// − s11) t − s12 = 0 and |t| ≤ 1, λ = s11 − t s12 has y = (1, −t)/√(1+t²), λ = s22 + t s12 has y = (t, 1)/√(1+t²) (C.
+/// G. J. Jacobi 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", section 8.5). From yᵀy = 1 follows φᵀM0φ = λ
+/// ω² = 1 for φ = ω L⁻ᵀy. K is the stiffness at rest, diagonal without gravity.
 ///
 /// [`Arm::angular_frequencies_rad_s`] has the same frequencies in closed form, Eq. (30); both agree to 1e-12.
 pub fn modes(arm: &Arm) -> [Mode; 2] {
@@ -43,7 +43,8 @@ pub fn modes(arm: &Arm) -> [Mode; 2] {
     if first.frequency_hz <= second.frequency_hz { [first, second] } else { [second, first] }
 }
 
-/// t = sign(θ)/(|θ| + √(1 + θ²)) with θ = (s22 − s11)/(2 s12): the smaller root, tangent of the rotation that makes S diagonal.
+/// t = sign(θ)/(|θ| + √(1 + θ²)) with θ = (s22 − s11)/(2 s12): the smaller root, tangent of the rotation that makes S
+/// diagonal.
 fn jacobi_tangent(s11: f64, s12: f64, s22: f64) -> f64 {
     if s12 == 0.0 {
         return 0.0;
@@ -92,7 +93,8 @@ mod tests {
         }
     }
 
-    /// Eq. (26) without coupling (a3 + a2 cos β2 = 0): each joint vibrates alone, and its damping is that of its own damper.
+    /// Eq. (26) without coupling (a3 + a2 cos β2 = 0): each joint vibrates alone, and its damping is that of its own
+    /// damper.
     #[test]
     fn uncoupled_joints_vibrate_alone() {
         let preset = Preset::Irb1600Fitted.parameters().unwrap();

@@ -42,11 +42,12 @@ pub struct Nearest {
     pub distance: f64,
 }
 
-/// The place of the branch nearest to a measured motion by frequency and the amplitude of one joint (0 or 1), in units of `distances`; `None`
-/// of a branch of less than two motions.
+/// The place of the branch nearest to a measured motion by frequency and the amplitude of one joint (0 or 1), in units
+/// of `distances`; `None` of a branch of less than two motions.
 ///
-/// Between two motions of the branch the curve is taken as straight: with p the vector from the measured motion to the first and d that
-/// to the second from there, the foot of the perpendicular lies at −p·d/d·d of the way, between 0 and 1.
+/// Between two motions of the branch the curve is taken as straight: with p the vector from the measured motion to the
+/// first and d that to the second from there, the foot of the perpendicular lies at −p·d/d·d of the way, between 0 and
+/// 1.
 pub fn nearest(branch: &Branch, measured: &MeasuredMotion, joint: usize, distances: Distances) -> Option<Nearest> {
     let place = |orbit: &Orbit| {
         let frequency = (orbit.frequency_hz / measured.frequency_hz - 1.0) / distances.frequency;

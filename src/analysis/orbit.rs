@@ -130,8 +130,8 @@ pub struct Bifurcation {
     pub orbit: Orbit,
     /// How many points of the branch come before it.
     pub index: usize,
-    /// The direction of the new motion: for a period doubling the series of frequencies ½, 1½, … that has the multiplier −1,
-    /// for a fold the null vector; empty otherwise.
+    /// The direction of the new motion: for a period doubling the series of frequencies ½, 1½, … that has the
+    /// multiplier −1, for a fold the null vector; empty otherwise.
     pub null_vector: Vec<f64>,
 }
 

@@ -1,4 +1,5 @@
-//! Maxima and widths of curves: an amplitude, rad, over a frequency, Hz, point by point; a curve may lean and come back.
+//! Maxima and widths of curves: an amplitude, rad, over a frequency, Hz, point by point; a curve may lean and come
+//! back.
 
 use alloc::vec::Vec;
 
@@ -9,7 +10,8 @@ pub struct Maximum {
     pub frequency_hz: f64,
     /// How high, rad.
     pub amplitude_rad: f64,
-    /// How far the amplitude falls before it rises higher again, on the side where it falls less, as a part of the height.
+    /// How far the amplitude falls before it rises higher again, on the side where it falls less, as a part of the
+    /// height.
     pub prominence: f64,
 }
 
@@ -26,8 +28,9 @@ pub fn maxima(curve: &[(f64, f64)]) -> Vec<Maximum> {
     maxima
 }
 
-/// The width of a resonance, Hz: of the frequencies at which the amplitude is more than 1/√2 of the highest maximum of `curve`; none if
-/// there is no maximum. `all` has the points of the curve and may have more, which are not used for interpolation.
+/// The width of a resonance, Hz: of the frequencies at which the amplitude is more than 1/√2 of the highest maximum of
+/// `curve`; none if there is no maximum. `all` has the points of the curve and may have more, which are not used for
+/// interpolation.
 pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f64> {
     let level = maxima(curve).first()?.amplitude_rad * core::f64::consts::FRAC_1_SQRT_2;
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -41,7 +44,8 @@ pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f
     Some(high - low)
 }
 
-/// How far the curve falls from a summit before it rises above it, on the side where it falls less, as a part of its height.
+/// How far the curve falls from a summit before it rises above it, on the side where it falls less, as a part of its
+/// height.
 fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     let height = curve[summit].1;
     let lowest = |low: f64, point: &(f64, f64)| low.min(point.1);
@@ -50,10 +54,10 @@ fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     1.0 - before.max(after) / height
 }
 
-/// The top of the curve through three points whose middle one is the highest: both coordinates are quadratic in the number of
-/// the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The walk takes steps of almost equal length; a length measured in
-/// this plane would be none, for a peak that leans comes back at the frequencies at which it rose. The top is above the middle
-/// point by an eighth of the larger fall to its neighbours at most.
+/// The top of the curve through three points whose middle one is the highest: both coordinates are quadratic in the
+/// number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The walk takes steps of almost equal length; a
+/// length measured in this plane would be none, for a peak that leans comes back at the frequencies at which it rose.
+/// The top is above the middle point by an eighth of the larger fall to its neighbours at most.
 fn vertex([before, middle, after]: [(f64, f64); 3]) -> [f64; 2] {
     let quadratic = |of: fn(&(f64, f64)) -> f64| {
         let [low, centre, high] = [&before, &middle, &after].map(of);

@@ -1,15 +1,17 @@
 //! Phase quadrature of the linear system: where backbones begin.
 //!
-//! About rest, M ẍ + G ẋ + S x = A p sin Ωt has the response x = A (Im h cos Ωt + Re h sin Ωt), h = (S + iΩG − Ω²M)⁻¹ p. A mode
-//! φ is in quadrature where its modal coordinate φᵀM x is, φᵀM Re h = 0. Without the coupling of the modes by the dampers
+//! About rest, M ẍ + G ẋ + S x = A p sin Ωt has the response x = A (Im h cos Ωt + Re h sin Ωt), h = (S + iΩG − Ω²M)⁻¹
+//! p. A mode φ is in quadrature where its modal coordinate φᵀM x is, φᵀM Re h = 0. Without the coupling of the modes by
+//! the dampers
 //!
 //! ```text
 //! φᵀM h = φᵀp / (ω² − Ω² + 2iζωΩ)        Re: zero at Ω = ω
 //! ```
 //!
-//! whatever else the excitation moves (at the point where it acts, the other mode can be most of the motion). The real part has its
-//! extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero still lies in between unless
-//! the excitation drives the other mode so much more that the mode answers to the dampers rather than to it.
+//! whatever else the excitation moves (at the point where it acts, the other mode can be most of the motion). The real
+//! part has its extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero still lies in
+//! between unless the excitation drives the other mode so much more that the mode answers to the dampers rather than to
+//! it.
 
 use core::f64::consts::TAU;
 

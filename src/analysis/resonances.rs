@@ -9,8 +9,8 @@ use super::orbit::{Branch, BranchOptions, Orbit};
 use super::{Coordinate, EndedEarly, ForcedArm, trace};
 use crate::arm::{Arm, Load};
 
-/// The largest step along a branch, as part of the motion's size: a resonance is a circle to the walk, and this makes 60 points
-/// of one. The largest of them misses the peak by an eighth of its square at most.
+/// The largest step along a branch, as part of the motion's size: a resonance is a circle to the walk, and this makes
+/// 60 points of one. The largest of them misses the peak by an eighth of its square at most.
 const SMOOTH_STEP: f64 = 0.1;
 
 /// The forced motions of an arm over the frequency, in steps so small that every resonance is seen.
@@ -66,7 +66,8 @@ impl Branch {
     }
 }
 
-/// The least and the largest frequency on the way down from a summit to `level`; none if it rises above the summit before.
+/// The least and the largest frequency on the way down from a summit to `level`; none if it rises above the summit
+/// before.
 fn falls<'a>(
     top: &Orbit,
     way: impl Iterator<Item = &'a Orbit>,

@@ -36,8 +36,8 @@ impl Branch {
     }
 }
 
-/// Neighbours in pairs, and whether the motions between them are stable, `stable` being `None` at a bifurcation. Between two
-/// bifurcations they are taken to be unstable.
+/// Neighbours in pairs, and whether the motions between them are stable, `stable` being `None` at a bifurcation.
+/// Between two bifurcations they are taken to be unstable.
 pub fn segments<T>(rows: &[T], stable: impl Fn(&T) -> Option<bool>) -> impl Iterator<Item = (&T, &T, bool)> {
     rows.windows(2).map(move |pair| {
         let has = |wanted| pair.iter().any(|row| stable(row) == Some(wanted));
@@ -45,8 +45,8 @@ pub fn segments<T>(rows: &[T], stable: impl Fn(&T) -> Option<bool>) -> impl Iter
     })
 }
 
-/// The stretches of one stability as one curve, with a point that is no number between them. They end at the bifurcations
-/// themselves, not at the motions next to them.
+/// The stretches of one stability as one curve, with a point that is no number between them. They end at the
+/// bifurcations themselves, not at the motions next to them.
 pub fn stretches<T>(
     rows: &[T],
     stable: impl Fn(&T) -> Option<bool>,

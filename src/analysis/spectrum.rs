@@ -49,8 +49,8 @@ impl Line {
         }
     }
 
-    /// The combination a·f + b·g of two lines, element by element, for m from −H to 2H+1 at the index m + H: the cosines are
-    /// even in m, the sines odd.
+    /// The combination a·f + b·g of two lines, element by element, for m from −H to 2H+1 at the index m + H: the
+    /// cosines are even in m, the sines odd.
     fn combine(&mut self, lines: [(&Line, f64); 2], below: usize) {
         self.cosines.clear();
         self.sines.clear();
@@ -90,7 +90,8 @@ impl Spectrum {
     /// along sin kτ:  f cos lτ → ½ (S(k+l) + S(k−l))      f sin lτ → ½ (C(k−l) − C(k+l))
     /// ```
     ///
-    /// and along 1 half of what the first line says for k = 0. Sums and differences of half-odd frequencies are integers.
+    /// and along 1 half of what the first line says for k = 0. Sums and differences of half-odd frequencies are
+    /// integers.
     pub fn assemble(
         &mut self,
         harmonics: Harmonics,

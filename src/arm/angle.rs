@@ -1,15 +1,15 @@
 //! Sine and cosine of β + α: the pose β is constant, the vibration α small.
 //!
-//! sin(β+α) = sin β cos α + cos β sin α, and likewise the cosine, with sin β and cos β computed once and sin α, cos α by short
-//! polynomials, for |α| ≤ 0.4. With z = α² ≤ Z = 0.16,
+//! sin(β+α) = sin β cos α + cos β sin α, and likewise the cosine, with sin β and cos β computed once and sin α, cos α
+//! by short polynomials, for |α| ≤ 0.4. With z = α² ≤ Z = 0.16,
 //!
 //! ```text
 //! sin α = α + α z p(z)    cos α = 1 + z q(z)    p = −1/3! + z/5! − …    q = −1/2! + z/4! − …
 //! ```
 //!
-//! Both series are cut after z⁵ and then economised (C. Lanczos 1938): z⁵ is replaced by the polynomial of degree 4 that equals
-//! it up to the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and
-//! T₅* = 512 y⁵ − 1280 y⁴ + 1120 y³ − 400 y² + 50 y − 1, which stays within ±1 on 0 ≤ y ≤ 1.
+//! Both series are cut after z⁵ and then economised (C. Lanczos 1938): z⁵ is replaced by the polynomial of degree 4
+//! that equals it up to the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and T₅* = 512 y⁵ − 1280 y⁴ + 1120
+//! y³ − 400 y² + 50 y − 1, which stays within ±1 on 0 ≤ y ≤ 1.
 //!
 //! Length included, with h = sin β and t = cos β times the length, the code sums
 //!
@@ -17,14 +17,16 @@
 //! S = α + (z α) p    C = 1 + z q    sin: h C + t S    cos: t C − h S
 //! ```
 //!
-//! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out less than
-//! its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) < 2.2e-18 and
-//! α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of sin α and 0.92 u of cos α. Of the constants: `libm` gives sin β and cos β to
-//! 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of rounding: p and q are sums whose first
-//! term dominates, exact to 6 u relative; so z q errs by 8 u α²/2 < 0.64 u and C by 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S,
-//! at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u.
-//! Together 0.95 u + 3 u + 3.72 u < 8 u = 8.9e-16. Beyond 0.4 `libm` computes the sine of the rounded sum β + α, which is off by no
-//! more than u |β + α| and one unit in the last place.
+//! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out
+//! less than its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) <
+//! 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of sin α and 0.92 u of cos α. Of the constants:
+//! `libm` gives sin β and cos β to 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u.
+//! Of rounding: p and q are sums whose first term dominates, exact to 6 u relative; so z q errs by 8 u α²/2 < 0.64 u
+//! and C by 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S, at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The
+//! products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 3 u + 3.72 u < 8 u =
+//! 8.9e-16. Beyond 0.4
+//! `libm` computes the sine of the rounded sum β + α, which is off by no more than u |β + α| and one unit in the last
+//! place.
 
 use super::real::Real;
 

@@ -6,9 +6,9 @@
 //! ṡ = wᵀα̇      s̈ = wᵀα̈ + α̇ᵀGα̇      G = ∂w/∂α
 //! ```
 //!
-//! a mass m on a spring k and a damper c to the ground takes the force f = m s̈ + c ṡ + k s out of the arm, and M α̈ + … gets
-//! w f on its left: M becomes M + m wwᵀ. With P = e·(link 2), Q = e·(link 1) and P', Q' the same of the links turned
-//! by +90°, w = (Q' + P', P') and G = −[[Q + P, P], [P, P]].
+//! a mass m on a spring k and a damper c to the ground takes the force f = m s̈ + c ṡ + k s out of the arm, and M α̈ +
+//! … gets w f on its left: M becomes M + m wwᵀ. With P = e·(link 2), Q = e·(link 1) and P', Q' the same of the links
+//! turned by +90°, w = (Q' + P', P') and G = −[[Q + P, P], [P, P]].
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -123,9 +123,9 @@ impl Arm {
         self.attached.as_ref().map(|attached| &attached.attachment)
     }
 
-    /// Share of a force on the attachment, far above the natural frequencies, that goes through it into the arm: 1/(1 + m/M), with
-    /// m the attachment's mass and M the effective mass of the tip along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ d; 1 without an
-    /// attachment.
+    /// Share of a force on the attachment, far above the natural frequencies, that goes through it into the arm: 1/(1 +
+    /// m/M), with m the attachment's mass and M the effective mass of the tip along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ
+    /// d; 1 without an attachment.
     pub fn high_frequency_force_share(&self) -> f64 {
         let Some(Attached { attachment, direction }) = &self.attached else { return 1.0 };
         let rest = Vector2::zeros();
@@ -135,7 +135,8 @@ impl Arm {
         1.0 / (1.0 + attachment.mass_kg * inverse)
     }
 
-    /// The displacement s of the tip from rest along the direction of the attachment, m, and its rate, m/s; zero without one.
+    /// The displacement s of the tip from rest along the direction of the attachment, m, and its rate, m/s; zero
+    /// without one.
     pub fn attachment_motion(&self, state: &State) -> (f64, f64) {
         self.attached.as_ref().map_or((0.0, 0.0), |attached| {
             let along = attached.along(self, state);
@@ -221,7 +222,8 @@ impl Arm {
         }
     }
 
-    /// α̈ with an attachment, rad/s², `None` without one: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0.
+    /// α̈ with an attachment, rad/s², `None` without one: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f
+    /// at α̈ = 0.
     pub(super) fn attached_acceleration(&self, state: &State, load: &Load) -> Option<Vector2<f64>> {
         let attached = self.attached.as_ref()?;
         let (along, attachment) = (attached.along(self, state), &attached.attachment);

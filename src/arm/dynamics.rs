@@ -75,8 +75,8 @@ impl Arm {
     ///
     /// From M α̈ = r follows ∂α̈/∂x = M⁻¹ (∂r/∂x − ∂M/∂x α̈). Only α2 enters M: ∂M/∂α2 = −a2 s [[2, 1], [1, 0]]. In
     /// r = u + JᵀF − Cα̇ − Dα̇ − Kα the derivative of Cα̇ by α2 replaces s by c, and ∂(JᵀF)/∂α is symmetric, because a
-    /// constant force at C has a potential, as the weight has, whose part of r has the derivative −∂G/∂α: with P = F·(link 2), Q = F·(link 1), both turned as below,
-    /// ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
+    /// constant force at C has a potential, as the weight has, whose part of r has the derivative −∂G/∂α: with P =
+    /// F·(link 2), Q = F·(link 1), both turned as below, ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
     pub fn acceleration_jacobian(&self, state: &State, load: &Load) -> AccelerationJacobian {
         if let Some(acceleration_rad_s2) = self.attached_acceleration(state, load) {
             return self.attached_jacobian(state, acceleration_rad_s2, load);

@@ -7,7 +7,8 @@ use super::{Arm, Load, State};
 pub struct Energy {
     /// E = ½ α̇ᵀ M α̇, Eq. (13) with the missing factor 2 restored, J, with the attachment's ½ m ṡ².
     pub kinetic_j: f64,
-    /// V = ½ αᵀ K α, Eq. (10) less its constant, the weight's part less its value and slope at rest, and the attachment's ½ k s², J.
+    /// V = ½ αᵀ K α, Eq. (10) less its constant, the weight's part less its value and slope at rest, and the
+    /// attachment's ½ k s², J.
     pub potential_j: f64,
 }
 
@@ -30,7 +31,8 @@ impl Arm {
         }
     }
 
-    /// The rate at which the energy changes, W: what the load puts in less what the dampers take, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇ − c ṡ².
+    /// The rate at which the energy changes, W: what the load puts in less what the dampers take, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇
+    /// − c ṡ².
     pub fn power_w(&self, state: &State, load: &Load) -> f64 {
         let v = &state.alpha_dot_rad_s;
         let loss_w = v.dot(&(self.damping_matrix() * v)) + self.attached_loss_w(state);

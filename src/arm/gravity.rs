@@ -1,14 +1,15 @@
 //! Weight, exactly, about the static equilibrium. The paper leaves it out, and so does every preset.
 //!
-//! Gravity pulls along −y of the base frame. The springs are relaxed in the pose β; under the weight the joints sag by α_st,
+//! Gravity pulls along −y of the base frame. The springs are relaxed in the pose β; under the weight the joints sag by
+//! α_st,
 //!
 //! ```text
 //! K α_st + G(β + α_st) = 0        G(q) = (w1 cos q1 + w2 cos(q1+q2), w2 cos(q1+q2))
 //! w1 = g (m1 lc1 + m2 l1)         w2 = g m2 lc2
 //! ```
 //!
-//! and the vibration α is counted from there: q = β + α_st + α. So α = 0 remains the rest position, the links' angles at
-//! rest are β + α_st, and Eq. (3) gains the term G(q) − G(β + α_st) on its left.
+//! and the vibration α is counted from there: q = β + α_st + α. So α = 0 remains the rest position, the links' angles
+//! at rest are β + α_st, and Eq. (3) gains the term G(q) − G(β + α_st) on its left.
 
 use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
@@ -62,7 +63,8 @@ pub(super) fn weight_gradient([w1, w2]: [f64; 2], s1: f64, s12: f64) -> Matrix2<
 /// α_st by Newton's method from the relaxed springs; zero without gravity, rad.
 ///
 /// # Errors
-/// [`ArmError::Collapse`] if the springs can't hold the weight: no equilibrium is found, or the one found is not stable.
+/// [`ArmError::Collapse`] if the springs can't hold the weight: no equilibrium is found, or the one found is not
+/// stable.
 pub(super) fn static_deflection(p: &Parameters, beta_rad: [f64; 2]) -> Result<Vector2<f64>, ArmError> {
     let Some(gravity) = p.gravity else { return Ok(Vector2::zeros()) };
     let w = gravity.moments_nm(p);
@@ -92,7 +94,8 @@ impl Arm {
         self.static_deflection_rad
     }
 
-    /// K + ∂G/∂α at a deflection, N·m/rad, and what the spring of an attachment adds: K itself without either. Symmetric.
+    /// K + ∂G/∂α at a deflection, N·m/rad, and what the spring of an attachment adds: K itself without either.
+    /// Symmetric.
     pub fn tangent_stiffness_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         self.stiffness_of_joints_and_weight(alpha_rad) + self.attached_stiffness(alpha_rad)
     }

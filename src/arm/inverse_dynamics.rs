@@ -41,8 +41,8 @@ impl Arm {
     /// The unbalanced torque and its derivatives by α, α̇ and α̈.
     ///
     /// With h = a2 sin(β2+α2) and t = ∂h/∂α2 = a2 cos(β2+α2): only α2 enters M, so ∂(M α̈)/∂α2 = −h (2 α̈1 + α̈2, α̈1);
-    /// Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²), so its derivative by α2 has t in place of h. The springs, the weight and the force at
-    /// the tip add K + ∂G/∂α − ∂(JᵀF)/∂α.
+    /// Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²), so its derivative by α2 has t in place of h. The springs, the weight and the
+    /// force at the tip add K + ∂G/∂α − ∂(JᵀF)/∂α.
     pub fn inverse_dynamics(&self, state: &State, acceleration_rad_s2: &Vector2<f64>, load: &Load) -> InverseDynamics {
         let (h, t) = self.coefficients.coupling::<true>(state.alpha_rad.y);
         let (p, x, v, a) = (&self.parameters, &state.alpha_rad, &state.alpha_dot_rad_s, acceleration_rad_s2);

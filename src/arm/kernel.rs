@@ -134,7 +134,8 @@ impl<T: Real> Coefficients<T> {
         }
     }
 
-    /// M⁻¹ r by Cramer's rule, with t = a2 cos(β2+α2): M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a3 (a1 − a3) − t² > 0.
+    /// M⁻¹ r by Cramer's rule, with t = a2 cos(β2+α2): M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a3 (a1 − a3) − t²
+    /// > 0.
     #[inline(always)]
     pub fn solve_mass(&self, t: T, r: [T; 2]) -> [T; 2] {
         let inverse = T::splat(1.0) / (self.a3_a1_less_a3 - t * t);
@@ -142,8 +143,9 @@ impl<T: Real> Coefficients<T> {
         [(self.a3 * r[0] - m12 * r[1]) * inverse, (m11 * r[1] - m12 * r[0]) * inverse]
     }
 
-    /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces from outside. Without `LINKS` it is u alone, to the same bits where
-    /// [`Coefficients::needs_links`] says that neither force nor weight acts; with it, lanes without them keep u as it is.
+    /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces from outside. Without `LINKS` it is u alone, to the same bits
+    /// where [`Coefficients::needs_links`] says that neither force nor weight acts; with it, lanes without them keep u
+    /// as it is.
     #[inline(always)]
     pub fn external_force<const FAR: bool, const LINKS: bool>(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
         let [mut r1, mut r2] = load.u;
@@ -189,8 +191,8 @@ impl<T: Real> Coefficients<T> {
         self.heavy | load.pulls
     }
 
-    /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds, to the same
-    /// bits, and without a branch or a call on the way. `LINKS` as [`Coefficients::external_force`] has it.
+    /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds,
+    /// to the same bits, and without a branch or a call on the way. `LINKS` as [`Coefficients::external_force`] has it.
     #[inline(always)]
     pub fn acceleration<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
         let (h, t) = self.coupling::<FAR>(motion.x[1]);

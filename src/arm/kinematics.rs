@@ -55,8 +55,8 @@ impl Arm {
 
     /// Accelerations of B and C, with the centripetal terms.
     ///
-    /// A link vector r turning with the rate w and the angular acceleration e adds e (−r_y, r_x) − w² r; link 1 turns with
-    /// α̇1, link 2 with α̇1 + α̇2.
+    /// A link vector r turning with the rate w and the angular acceleration e adds e (−r_y, r_x) − w² r; link 1 turns
+    /// with α̇1, link 2 with α̇1 + α̇2.
     pub fn point_accelerations(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> PointMotion {
         let (first, second) = self.links(&state.alpha_rad);
         let turning = |r: Vector2<f64>, w: f64, e: f64| Vector2::new(-r.y, r.x) * e - r * (w * w);

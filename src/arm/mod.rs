@@ -1,15 +1,15 @@
 //! The arm: two links with compliant joints (Gierlak & Warmiński 2023, IRB 1600), exactly.
 //!
-//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, the vibration α is what moves. The equation of motion
-//! (Eq. 3) is
+//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, the vibration α is what moves. The equation of
+//! motion (Eq. 3) is
 //!
 //! ```text
 //! M(α,β) α̈ + C(α,α̇,β) α̇ + D α̇ + K α = u + J(α,β)ᵀ F
 //! ```
 //!
-//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. What is attached to the tip moves
-//! with it ([`Attachment`]), and every method here counts it in. Equation numbers in this module
-//! are those of P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
+//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. What is attached to the tip
+//! moves with it ([`Attachment`]), and every method here counts it in. Equation numbers in this module are those of P.
+//! Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
 //! Compliance", Appl. Sci. 2023, 13, 11941.
 
 mod angle;
@@ -59,8 +59,8 @@ impl Arm {
     /// Checks the parameters and the pose and makes an arm of them.
     ///
     /// # Errors
-    /// [`ArmError`] names the first value that no arm can have, or says that the joints can't hold the arm's weight, or that numbers
-    /// possible one by one make an arm that can't be computed.
+    /// [`ArmError`] names the first value that no arm can have, or says that the joints can't hold the arm's weight, or
+    /// that numbers possible one by one make an arm that can't be computed.
     pub fn new(parameters: Parameters, pose: Pose) -> Result<Arm, ArmError> {
         parameters.check()?;
         pose.validate()?;
@@ -72,8 +72,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Checks that M is positive definite at every angle in numbers, too, not by its signs alone: det M = a3 (a1 − a3) − a2² cos² is
-    /// least in the straight arm.
+    /// Checks that M is positive definite at every angle in numbers, too, not by its signs alone: det M = a3 (a1 − a3)
+    /// − a2² cos² is least in the straight arm.
     fn check(&self) -> Result<(), ArmError> {
         let (whole, a2) = (self.coefficients.a3_a1_less_a3, self.coefficients.a2);
         let got = (whole - a2 * a2) / whole;

@@ -13,7 +13,8 @@ use super::{ArmError, Parameters};
 pub enum Preset {
     /// `irb1600-table1`: Table 1 as printed, and l2 = 0.6 m, our assumption.
     Irb1600Table1,
-    /// `irb1600-fitted`: Table 1 with I_S2 = 1.5 kg·m², which the paper's figures demand, and l2 = 0.6 m, our assumption.
+    /// `irb1600-fitted`: Table 1 with I_S2 = 1.5 kg·m², which the paper's figures demand, and l2 = 0.6 m, our
+    /// assumption.
     #[default]
     Irb1600Fitted,
 }

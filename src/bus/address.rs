@@ -76,8 +76,8 @@ fn parse(text: &str) -> Result<BusAddress, String> {
     }
 }
 
-/// What Linux accepts as the name of a network interface: 1 to 15 bytes (`IFNAMSIZ` less the closing zero), no slash, no
-/// colon, no white space, and not a directory.
+/// What Linux accepts as the name of a network interface: 1 to 15 bytes (`IFNAMSIZ` less the closing zero), no slash,
+/// no colon, no white space, and not a directory.
 fn interface(name: &str) -> Result<BusAddress, String> {
     let reason = if name.is_empty() {
         "the name of the interface is empty".to_owned()

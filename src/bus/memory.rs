@@ -1,10 +1,10 @@
 //! A bus inside one process: every end hears every other end.
 //!
-//! One single-producer single-consumer ring joins each ordered pair of ends, so that neither sending nor receiving takes
-//! a lock. Each frame carries a number drawn from one counter of the hub, and an end hands out the lowest number it holds:
-//! the order on the bus, as far as the ends send one after the other. Ends that send at the same instant from different
-//! threads race as nodes on a wire do, and two listeners may then see the two frames in different order; the frames of
-//! one sender never change places.
+//! One single-producer single-consumer ring joins each ordered pair of ends, so that neither sending nor receiving
+//! takes a lock. Each frame carries a number drawn from one counter of the hub, and an end hands out the lowest number
+//! it holds: the order on the bus, as far as the ends send one after the other. Ends that send at the same instant from
+//! different threads race as nodes on a wire do, and two listeners may then see the two frames in different order; the
+//! frames of one sender never change places.
 //!
 //! There is no bus time: a frame can be received as soon as it was sent, and has no timestamp. On the bus of
 //! [`timed`](super::timed) frames take their time.
@@ -120,8 +120,8 @@ impl MemoryBus {
         if self.open { Ok(()) } else { Err(BusError::Closed) }
     }
 
-    /// The ring that holds the next frame the filters accept, once the refused frames before it are thrown away. Looks at
-    /// no more frames than there were at the call, so that a fast sender can't hold it.
+    /// The ring that holds the next frame the filters accept, once the refused frames before it are thrown away. Looks
+    /// at no more frames than there were at the call, so that a fast sender can't hold it.
     fn next_ring(&mut self) -> Option<usize> {
         let queued: usize = self.incoming.iter().map(Consumer::slots).sum();
         for _ in 0..queued {

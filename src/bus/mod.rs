@@ -39,8 +39,8 @@ pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
 
 /// One end of a CAN bus.
 ///
-/// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for everyone else.
-/// A node does not receive the frames it sent itself. Frames come in the order in which they were on the bus.
+/// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for everyone
+/// else. A node does not receive the frames it sent itself. Frames come in the order in which they were on the bus.
 pub trait Bus: Send {
     /// What the bus is called, as its address has it: `vcan0`, `memory`.
     fn name(&self) -> String;
@@ -57,15 +57,16 @@ pub trait Bus: Send {
     /// [`BusError`] if the bus is gone or the backend failed.
     fn receive(&mut self) -> Result<Option<Received>, BusError>;
 
-    /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`). Unread frames end it at once, so it
-    /// is no way to let time pass: for that there is [`Clock::sleep_until_ns`](crate::realtime::Clock::sleep_until_ns).
+    /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`). Unread frames end it at once,
+    /// so it is no way to let time pass: for that there is
+    /// [`Clock::sleep_until_ns`](crate::realtime::Clock::sleep_until_ns).
     ///
     /// # Errors
     /// [`BusError`] if the bus is gone or the backend failed.
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError>;
 
-    /// Receives from now on only frames that match one of `filters`; an empty list receives everything. Frames that came
-    /// in before the call and were not yet received may still come out.
+    /// Receives from now on only frames that match one of `filters`; an empty list receives everything. Frames that
+    /// came in before the call and were not yet received may still come out.
     ///
     /// # Errors
     /// [`BusError`] if the backend can't filter so.
@@ -83,8 +84,8 @@ pub trait Bus: Send {
 
 /// One end of a bus in simulated time.
 pub trait VirtualBus: Bus {
-    /// When something happens on the bus by itself, ns on its clock: what has been sent up to now is sent, and more is to
-    /// come no earlier. `None` is never.
+    /// When something happens on the bus by itself, ns on its clock: what has been sent up to now is sent, and more is
+    /// to come no earlier. `None` is never.
     fn next_event_ns(&mut self) -> Option<u64>;
 }
 

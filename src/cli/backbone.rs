@@ -40,10 +40,11 @@ A curve that ends early is printed as far as it came; standard error says why, a
 /// How a motion without a load is read.
 const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quadrature with the mode.";
 
-/// Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it hardens or softens.
+/// Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it hardens or
+/// softens.
 ///
-/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is where the peak of the forced
-/// response lies. Without dampers it is a free motion, and the curve a nonlinear normal mode.
+/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is where the peak of the
+/// forced response lies. Without dampers it is a free motion, and the curve a nonlinear normal mode.
 #[derive(Debug, Args)]
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Backbone {
@@ -64,8 +65,8 @@ pub(super) struct Backbone {
     walk: WalkFlags,
     #[command(flatten)]
     readings: ReadingsFlag,
-    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; CSV and JSON beside
-    /// them, of the forced response STEM-response.csv.
+    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; CSV and JSON
+    /// beside them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -75,7 +76,8 @@ pub(super) struct Backbone {
     json: bool,
 }
 
-/// The curve begins at this part of the largest amplitude: the frequency is there that of the linear arm to 1e-5 of its change.
+/// The curve begins at this part of the largest amplitude: the frequency is there that of the linear arm to 1e-5 of its
+/// change.
 const SMALLEST_PART: f64 = 1.0 / 300.0;
 /// The largest amplitude that can be asked for, rad: the links have then turned over.
 const LARGEST_RAD: f64 = core::f64::consts::PI;

@@ -40,11 +40,11 @@ A state counts as having reached a stable motion when, over a quarter of the arm
 the linearisation at that motion says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
 of which that never holds within --time-constants are undecided, and marked as such.";
 
-/// Which initial states reach which stable motion: basins of attraction over two coordinates of the state, at phase 0 of the
-/// excitation.
+/// Which initial states reach which stable motion: basins of attraction over two coordinates of the state, at phase 0
+/// of the excitation.
 ///
-/// The stable motions are those of the branch that `continue` follows, and of the doubled branches that leave it, at this
-/// frequency.
+/// The stable motions are those of the branch that `continue` follows, and of the doubled branches that leave it, at
+/// this frequency.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(super) struct Basins {
@@ -53,7 +53,8 @@ pub(super) struct Basins {
     /// Excitation frequency, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: f64,
-    /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s. The others are those of
+    /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s. The others are those
+    /// of
     /// --initial.
     #[arg(
         long,

@@ -19,7 +19,8 @@ pub(super) fn figure(conditions: String, axis_label: &str, branches: &[&Branch])
 /// Width of the lines of doubled branches, px: half of that of the others.
 const THIN: f64 = 0.8;
 
-/// The panel with the branches of one joint's amplitude and their bifurcations: the first branch, then those of doubled period.
+/// The panel with the branches of one joint's amplitude and their bifurcations: the first branch, then those of doubled
+/// period.
 pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize) -> Panel {
     for (k, branch) in branches.iter().enumerate() {
         for series in
@@ -80,7 +81,8 @@ mod tests {
         (forced, branch)
     }
 
-    /// Without colours, the lines of both stabilities and both periods differ: in their dashes, or in their widths by half.
+    /// Without colours, the lines of both stabilities and both periods differ: in their dashes, or in their widths by
+    /// half.
     #[test]
     fn lines_differ_without_colours() {
         let (forced, branch) = strongly_forced();

@@ -26,8 +26,8 @@ use crate::scenario::{Scenario, ScenarioError};
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded
-/// first resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the controller's answer to each
-/// sample, so the result is the same to the last bit on every machine, however busy.
+/// first resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the
+/// controller's answer to each sample, so the result is the same to the last bit on every machine, however busy.
 #[derive(Debug, Args)]
 pub(super) struct Demo {
     #[command(flatten)]

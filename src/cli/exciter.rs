@@ -17,8 +17,8 @@ use crate::node::Outcome;
 use crate::run::{BusCounts, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use crate::scenario::Scenario;
 
-/// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the responses,
-/// disarms. Without --scenario it plays a stepped sine below the first resonance.
+/// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the
+/// responses, disarms. Without --scenario it plays a stepped sine below the first resonance.
 #[derive(Debug, Args)]
 pub(super) struct Exciter {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.

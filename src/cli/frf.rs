@@ -19,7 +19,8 @@ use crate::scenario::Scenario;
 
 /// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C.
 ///
-/// As CSV a line for each frequency, with modulus and phase; as JSON complex, [real, imaginary]. Every response names its unit. With
+/// As CSV a line for each frequency, with modulus and phase; as JSON complex, [real, imaginary]. Every response names
+/// its unit. With
 /// --plot both go to files beside the figure, and standard output says which.
 #[derive(Debug, Args)]
 pub(super) struct Frf {
@@ -142,7 +143,8 @@ impl Frf {
         Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
     }
 
-    /// The moduli of angles and of displacements in panels of their own, for their units differ, over the phases of all.
+    /// The moduli of angles and of displacements in panels of their own, for their units differ, over the phases of
+    /// all.
     fn figure(&self, scenario: &Scenario, document: &Document) -> Figure {
         let x = || Axis::linear("frequency (Hz)");
         let modulus = |like: Response| Panel::new(x(), Axis::log(format!("{} ({})", self.quantity, self.unit(like))));

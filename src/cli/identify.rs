@@ -24,13 +24,14 @@ use crate::plot::{Axis, Color, Figure, Legend, Panel, Series};
 use crate::recording::Recording;
 use crate::scenario::Scenario;
 
-/// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and C over
-/// the force in the impedance head.
+/// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and
+/// C over the force in the impedance head.
 ///
-/// Modes are fitted with the ends of the record in the model, so that it may be shorter than they ring; each number has its
-/// standard deviation. The arm has to be driven by a force at C. Periods of a multisine or of bursts and segments of other
-/// records (Welch's method: a Hann window, half overlapping) are averaged to H1, H2 and coherence; an impact is taken whole.
-/// These are in the document of --json and in the files of --plot. If there is no mode the exit code is 1.
+/// Modes are fitted with the ends of the record in the model, so that it may be shorter than they ring; each number has
+/// its standard deviation. The arm has to be driven by a force at C. Periods of a multisine or of bursts and segments
+/// of other records (Welch's method: a Hann window, half overlapping) are averaged to H1, H2 and coherence; an impact
+/// is taken whole. These are in the document of --json and in the files of --plot. If there is no mode the exit code is
+/// 1.
 ///
 /// With --angles, and of a run with any load, the joints' angles over time instead: the accelerations are integrated
 /// twice, and the arm's lengths and pose in the recording make angles of the displacements. Vibration at f has the gain
@@ -241,7 +242,8 @@ impl Identify {
     }
 }
 
-/// The readings of a recording. Those of sample 0 are of the sample itself and not of the middle of a hold, and are left out.
+/// The readings of a recording. Those of sample 0 are of the sample itself and not of the middle of a hold, and are
+/// left out.
 fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Direction) -> Result<Record, Failure> {
     let (mut rows, mut clipped) = (Vec::new(), 0);
     for sample in recording.samples()? {

@@ -1,7 +1,7 @@
 //! The command line: one file a subcommand.
 //!
-//! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input,
-//! 3 the environment lacks something.
+//! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
+//! input, 3 the environment lacks something.
 
 mod backbone;
 mod basins;

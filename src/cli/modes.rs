@@ -19,8 +19,8 @@ use crate::scenario::{ArmSection, Scenario};
 
 /// Natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
 ///
-/// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal mass. With --plot
-/// CSV and JSON go to files beside the figure, and standard output says which.
+/// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal
+/// mass. With --plot CSV and JSON go to files beside the figure, and standard output says which.
 #[derive(Debug, Args)]
 pub(super) struct Modes {
     #[command(flatten)]

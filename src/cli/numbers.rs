@@ -4,8 +4,9 @@ use core::any::TypeId;
 
 use clap::{Arg, Command};
 
-/// The command line with its numeric flags made strict: values may be negative, also after a blank, and those of type `f64` must be
-/// finite. So `--beta1-deg -1` is an angle and not an unknown flag, and `--rate-hz nan` is refused by the name of the flag.
+/// The command line with its numeric flags made strict: values may be negative, also after a blank, and those of type
+/// `f64` must be finite. So `--beta1-deg -1` is an angle and not an unknown flag, and `--rate-hz nan` is refused by the
+/// name of the flag.
 pub(super) fn strict(command: Command) -> Command {
     command.mut_subcommands(|subcommand| strict(subcommand.mut_args(strict_flag)))
 }

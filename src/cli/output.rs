@@ -1,7 +1,7 @@
 //! What goes to standard output, standard error and files.
 //!
-//! Standard output holds one thing: the JSON document with `--json`; else the data, if there is no other place for them; else, with
-//! `--plot` or `--out`, a summary and the names of the files that hold the data.
+//! Standard output holds one thing: the JSON document with `--json`; else the data, if there is no other place for
+//! them; else, with `--plot` or `--out`, a summary and the names of the files that hold the data.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

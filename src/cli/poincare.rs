@@ -30,7 +30,8 @@ Examples:
   resonarm poincare --parameter amplitude --frequency-hz 22.1 --from-nm 5 --to-nm 90 --out diagram
   resonarm poincare --parameter frequency --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 21";
 
-/// The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in frequency or amplitude.
+/// The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in frequency or
+/// amplitude.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(super) struct Poincare {
@@ -294,7 +295,8 @@ impl Poincare {
 }
 
 impl Poincare {
-    /// The section in the planes of both joints, on the path of the motion if it repeats: its few points alone would show little.
+    /// The section in the planes of both joints, on the path of the motion if it repeats: its few points alone would
+    /// show little.
     fn section_figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
         let sine = Sine { amplitude: stepped.load, frequency_hz: self.frequency()? };
         let motion = document.motions.first();

@@ -27,8 +27,9 @@ pub(super) struct Run {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C. Not for --mode free.
     #[arg(long, value_name = "BUS")]
     bus: Option<String>,
-    /// Which run loop drives the plant: real-time has samples at deadlines of the clock; in lockstep the plant waits for the
-    /// command that answers each sample; free runs plant and exciter of the scenario in one loop, without a bus.
+    /// Which run loop drives the plant: real-time has samples at deadlines of the clock; in lockstep the plant waits
+    /// for the command that answers each sample; free runs plant and exciter of the scenario in one loop, without a
+    /// bus.
     #[arg(long, value_parser = flags::one_of(Mode::ALL, Mode::name), default_value_t)]
     mode: Mode,
     #[command(flatten)]

@@ -54,8 +54,8 @@ impl CurveFlags {
 }
 
 impl Curves {
-    /// Follows each fold and each period doubling of the branch in `second` from its value there to `to`. A curve that comes
-    /// back through another of them stands for both.
+    /// Follows each fold and each period doubling of the branch in `second` from its value there to `to`. A curve that
+    /// comes back through another of them stands for both.
     pub fn trace(
         forced: &ForcedArm,
         branch: &Branch,

@@ -17,9 +17,9 @@ use crate::run::Signals;
 /// How often the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
 
-/// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends in
-/// order; a second one ends the process. `length` is how long the work takes, if it is known; `tell` is called now and
-/// then, and once at the end.
+/// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
+/// in order; a second one ends the process. `length` is how long the work takes, if it is known; `tell` is called now
+/// and then, and once at the end.
 pub(super) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,

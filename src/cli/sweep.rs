@@ -32,8 +32,8 @@ Examples:
 /// How a motion without a period is read.
 const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of the excitation.";
 
-/// Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does: jumps and hysteresis
-/// included. Every motion is followed until its end is proved.
+/// Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does: jumps and
+/// hysteresis included. Every motion is followed until its end is proved.
 #[derive(Debug, Args)]
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Sweep {
@@ -45,8 +45,8 @@ pub(super) struct Sweep {
     /// The other end, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced, both ends among them; a resonance that they step over is told [default: 101, and
-    /// between them as many as the resonances of the forced response need].
+    /// Number of frequencies, evenly spaced, both ends among them; a resonance that they step over is told [default:
+    /// 101, and between them as many as the resonances of the forced response need].
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
     /// Which way to step.
@@ -59,7 +59,8 @@ pub(super) struct Sweep {
     readings: ReadingsFlag,
 }
 
-/// Amplitudes that differ by more than this part belong to different motions: each was followed until its end was proved.
+/// Amplitudes that differ by more than this part belong to different motions: each was followed until its end was
+/// proved.
 const DIFFERENT: f64 = 1e-6;
 
 /// Evenly spaced frequencies where none are asked for.

@@ -27,8 +27,8 @@ pub(super) struct WalkPoint {
     pub excitation: f64,
     /// Its standard deviation by the noise of the readings, at this frequency and amplitude.
     pub excitation_deviation: Option<f64>,
-    /// Harmonics 2 and 3 of the head's force over its fundamental, and both together: the computed response is that of a
-    /// pure sine.
+    /// Harmonics 2 and 3 of the head's force over its fundamental, and both together: the computed response is that of
+    /// a pure sine.
     pub force_harmonics: Option<[f64; 2]>,
     pub distortion: Option<f64>,
     pub settled: bool,

@@ -69,7 +69,8 @@ fn marked(panel: Panel, label: &str, (color, shape): (Color, Marker), points: &[
     panel.with(Series::markers(label, color, shape, places).style(style))
 }
 
-/// Where a zone bends: five times as wide as its folds lie apart, else where the walk's lag is from 20° to 160°, else the whole zone.
+/// Where a zone bends: five times as wide as its folds lie apart, else where the walk's lag is from 20° to 160°, else
+/// the whole zone.
 fn range(view: &View) -> (f64, f64) {
     let ends = |hz: &mut dyn Iterator<Item = f64>| {
         hz.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), hz| (low.min(hz), high.max(hz)))

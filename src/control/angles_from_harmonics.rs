@@ -43,7 +43,8 @@ struct LinkReading {
 impl JointAngles {
     /// The angles behind a response of `arm`.
     ///
-    /// The harmonic of order h of an acceleration is −(hω)² times that of the position. The links' lengths give the rest.
+    /// The harmonic of order h of an acceleration is −(hω)² times that of the position. The links' lengths give the
+    /// rest.
     pub fn of(point: &ResponsePoint, arm: &Arm) -> JointAngles {
         let omega = TAU * point.frequency_hz;
         let position = |channel: usize, order: usize| {
@@ -98,9 +99,9 @@ impl LinkReading {
 
     /// The harmonics (1, sin θ, cos θ, …) of the angle by which the link has turned, rad.
     ///
-    /// Gauss–Newton's method: the harmonics of r (cos, sin)(rest + turn) but for the means, which no accelerometer tells, come as
-    /// near as can be to those that were read. A clipped axis counts little beside one that is not. The mean of the angle is
-    /// pulled to zero, as small vibration says nothing of it.
+    /// Gauss–Newton's method: the harmonics of r (cos, sin)(rest + turn) but for the means, which no accelerometer
+    /// tells, come as near as can be to those that were read. A clipped axis counts little beside one that is not. The
+    /// mean of the angle is pulled to zero, as small vibration says nothing of it.
     fn turn(&self) -> SVector<f64, UNKNOWNS> {
         const ITERATIONS: usize = 8;
         const CLIPPED: f64 = 1e-4;

@@ -1,29 +1,30 @@
 //! Cancellation of harmonics of the force in the impedance head.
 //!
-//! The armature of a shaker moves with the tip along an arc, so that a sine of the coil leaves harmonics in the head. Harmonics
-//! c_h of the command, beside its fundamental, leave there
+//! The armature of a shaker moves with the tip along an arc, so that a sine of the coil leaves harmonics in the head.
+//! Harmonics c_h of the command, beside its fundamental, leave there
 //!
 //! ```text
 //! H_h = d_h + G_h c_h
 //! ```
 //!
-//! with d_h what the motion makes. With the dynamic stiffness Z = k − (hω)²m + ihωc of the armature and the receptance R of the
-//! arm at the tip along the force, the coil's force F goes into both, F = H + Z s and s = R H. A command held from sample to
-//! sample is smaller than its samples by sin y/y, y = ½hωT:
+//! with d_h what the motion makes. With the dynamic stiffness Z = k − (hω)²m + ihωc of the armature and the receptance
+//! R of the arm at the tip along the force, the coil's force F goes into both, F = H + Z s and s = R H. A command held
+//! from sample to sample is smaller than its samples by sin y/y, y = ½hωT:
 //!
 //! ```text
 //! G_h = sin y/y · 1/(1 + R Z)        R = wᵀ(K + ihωD − (hω)²M)⁻¹w        w = J₀ᵀe
 //! ```
 //!
-//! d_h grows as the h-th power of the motion, and turns h times as far. Where the next try makes the fundamental q times what it
-//! is, complex,
+//! d_h grows as the h-th power of the motion, and turns h times as far. Where the next try makes the fundamental q
+//! times what it is, complex,
 //!
 //! ```text
 //! c_h ← (c_h − H_h/G_h) q^h
 //! ```
 //!
-//! cancels H_h, as far as G_h is right. Of the coil in voltage mode and of an arm that is another the derived G_h knows nothing;
-//! so it is multiplied by what the secant ΔH_h/Δc_h of the last two tries at a frequency was over it, from factor to factor.
+//! cancels H_h, as far as G_h is right. Of the coil in voltage mode and of an arm that is another the derived G_h knows
+//! nothing; so it is multiplied by what the secant ΔH_h/Δc_h of the last two tries at a frequency was over it, from
+//! factor to factor.
 
 use core::f64::consts::TAU;
 
@@ -219,10 +220,11 @@ impl Cancellation {
         }
     }
 
-    /// The reading at `frequency_hz` is over: corrects the command, and says whether every harmonic is below its bound in both halves.
+    /// The reading at `frequency_hz` is over: corrects the command, and says whether every harmonic is below its bound
+    /// in both halves.
     ///
-    /// `fundamental_n` is that of the head's force, `off` by how much it missed what the last change was made for, relative: what
-    /// the motion makes of a harmonic of order h is then off by h times that.
+    /// `fundamental_n` is that of the head's force, `off` by how much it missed what the last change was made for,
+    /// relative: what the motion makes of a harmonic of order h is then off by h times that.
     pub fn correct(&mut self, frequency_hz: f64, fundamental_n: f64, off: f64) -> bool {
         let Some(halves) = self.read(frequency_hz) else { return false };
         let mut is_cancelled = true;
@@ -239,7 +241,8 @@ impl Cancellation {
         is_cancelled
     }
 
-    /// The acting harmonics of both halves: the head reads the middle of a hold, where a staircase has more than its harmonic.
+    /// The acting harmonics of both halves: the head reads the middle of a hold, where a staircase has more than its
+    /// harmonic.
     fn read(&self, frequency_hz: f64) -> Option<[[Phasor; ORDERS.len()]; 2]> {
         let [first, second] = [self.halves[0].harmonics::<3>()?, self.halves[1].harmonics::<3>()?];
         let acting = |[x, y]: [[Phasor; 3]; 2]| {

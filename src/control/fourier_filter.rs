@@ -7,12 +7,12 @@ use crate::excitation::Phasor;
 /// Harmonics of the drive in the model, from the constant up.
 const HARMONICS: usize = 4;
 
-/// Follows y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one tone more, Re(d e^{iψ}), that is not the drive's: the arm's other
-/// mode, which would otherwise leak into the fundamental.
+/// Follows y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one tone more, Re(d e^{iψ}), that is not the drive's: the arm's
+/// other mode, which would otherwise leak into the fundamental.
 ///
 /// Least mean squares (B. Widrow, M. E. Hoff 1960): with the error e = y − Σ of a sample, c_h += 2µ e e^{−ihθ}, and d
-/// likewise; c_0 is real. A coefficient follows with the rate µ a sample. For a closed loop it tells more, sooner, than a
-/// lock-in of equal bandwidth, since the harmonics are modelled and not averaged away (arXiv:2403.06639).
+/// likewise; c_0 is real. A coefficient follows with the rate µ a sample. For a closed loop it tells more, sooner, than
+/// a lock-in of equal bandwidth, since the harmonics are modelled and not averaged away (arXiv:2403.06639).
 #[derive(Clone, Copy, Debug)]
 pub struct FourierFilter {
     adaptation: f64,
@@ -25,8 +25,8 @@ pub struct FourierFilter {
 }
 
 impl FourierFilter {
-    /// A filter that adapts with the rate `adaptation` a sample (µ, dimensionless, below 1/4), beside a tone that turns by
-    /// `other_step_rad` radians a sample.
+    /// A filter that adapts with the rate `adaptation` a sample (µ, dimensionless, below 1/4), beside a tone that turns
+    /// by `other_step_rad` radians a sample.
     pub fn new(adaptation: f64, other_step_rad: f64) -> FourierFilter {
         let zero = Phasor::new(0.0, 0.0);
         FourierFilter {

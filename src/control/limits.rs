@@ -30,7 +30,8 @@ pub struct LimitsSpec {
     /// How many samples in a row an axis may not be clipped, at least 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clipped_samples: Option<u32>,
-    /// How many samples under load an axis may not say exactly the same, at least 2: then it is stuck or has dropped out.
+    /// How many samples under load an axis may not say exactly the same, at least 2: then it is stuck or has dropped
+    /// out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stuck_samples: Option<u32>,
     /// Commanded force, N, above which a sample counts as under load; `None` is 0.
@@ -63,8 +64,8 @@ struct Watched {
 
 /// A controller with limits: beyond one it gives up in place of the controller inside.
 ///
-/// Readings are judged before the controller inside is told of them, commands before they are given, and the distortion of a
-/// response when it is read.
+/// Readings are judged before the controller inside is told of them, commands before they are given, and the distortion
+/// of a response when it is read.
 #[derive(Debug)]
 pub struct Limited {
     inner: Box<dyn Controller>,

@@ -64,8 +64,9 @@ impl Oscillator {
 impl Loop {
     /// One sample of the linear loop: the arm under the load held, its acceleration in the middle, filter, command.
     ///
-    /// The filter's coefficients are taken as z = c e^{ihθ}, which turn by a constant angle a sample, so the loop does not
-    /// depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/ω² and θ⁺ = θ + ωT is Re(2i m g/ω e^{iωT} z_1).
+    /// The filter's coefficients are taken as z = c e^{ihθ}, which turn by a constant angle a sample, so the loop does
+    /// not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/ω² and θ⁺ = θ + ωT is Re(2i m g/ω e^{iωT}
+    /// z_1).
     fn step(&self, x: &[f64]) -> Vec<f64> {
         let period_s = 1.0 / self.rate_hz;
         let model = &self.model;
@@ -107,8 +108,8 @@ impl Loop {
         next
     }
 
-    /// The matrix of a sample: its columns are what becomes of the unit states. States beyond those that the delay takes stay
-    /// zero.
+    /// The matrix of a sample: its columns are what becomes of the unit states. States beyond those that the delay
+    /// takes stay zero.
     fn matrix(&self) -> SMatrix<f64, STATES, STATES> {
         let size = ARM + FILTER + 1 + self.delay;
         let mut matrix = SMatrix::zeros();

@@ -1,8 +1,9 @@
 //! What an exciter controller does with a sample: the [`Controller`] trait, and the controllers there are.
 //!
 //! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] leads the force in the head to its amplitude;
-//! [`PhaseWalk`] traces a whole response at constant load, stable or not. A controller of one's own implements the trait; the exciter node
-//! carries it over the wire, in real time, in lockstep and free alike ([`Session::with_controller`](crate::run::Session)).
+//! [`PhaseWalk`] traces a whole response at constant load, stable or not. A controller of one's own implements the
+//! trait; the exciter node carries it over the wire, in real time, in lockstep and free alike
+//! ([`Session::with_controller`](crate::run::Session)).
 
 mod abort;
 mod angles_from_harmonics;
@@ -67,8 +68,8 @@ pub enum Answer {
 
 /// A controller: told a whole sample, it says the load to hold.
 ///
-/// It has no clock: time is the index of the sample, which jumps where samples were lost. Called in the real-time loop, it
-/// neither allocates nor blocks.
+/// It has no clock: time is the index of the sample, which jumps where samples were lost. Called in the real-time loop,
+/// it neither allocates nor blocks.
 pub trait Controller: Debug + Send {
     /// The kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
     fn load_kind(&self) -> LoadKind;
@@ -76,8 +77,8 @@ pub trait Controller: Debug + Send {
     /// Begins anew, at sample 0.
     fn restart(&mut self);
 
-    /// Answers a sample. `sample.sample` counts from 0, the first sample after the plant was armed; the readings are of the
-    /// middle of the sample period before, and the answer is held from the sample to the next.
+    /// Answers a sample. `sample.sample` counts from 0, the first sample after the plant was armed; the readings are of
+    /// the middle of the sample period before, and the answer is held from the sample to the next.
     fn answer(&mut self, sample: &Measurement) -> Answer;
 
     /// The next response that was read, if there is one.

@@ -85,9 +85,9 @@ pub struct ModeModel {
 impl ModeModel {
     /// The mode `mode` of `arm` as driven by multiples of `unit`.
     ///
-    /// With the shape φ of unit modal mass, the generalised load d = u + JᵀF of `unit` at rest and c = (1, 0) or (1, 1) for the followed link, s = c·φ q and q̈ + 2ζω₀ q̇ + ω₀² q = φ·d u, so
-    /// m = 1/((c·φ)(φ·d)). Followed is link 1 unless it moves less than a fifth of link 2: the accelerometer at B has most
-    /// range left.
+    /// With the shape φ of unit modal mass, the generalised load d = u + JᵀF of `unit` at rest and c = (1, 0) or (1, 1)
+    /// for the followed link, s = c·φ q and q̈ + 2ζω₀ q̇ + ω₀² q = φ·d u, so m = 1/((c·φ)(φ·d)). Followed is link 1
+    /// unless it moves less than a fifth of link 2: the accelerometer at B has most range left.
     pub fn new(arm: &Arm, unit: &Load, mode: ModeNumber) -> ModeModel {
         const FAINT: f64 = 0.2;
         let both = modes(arm);
@@ -125,7 +125,8 @@ impl ModeModel {
         }
     }
 
-    /// s̈ of the followed link as the accelerometers say, rad/s², for small vibration: across the link at rest, of sin s.
+    /// s̈ of the followed link as the accelerometers say, rad/s², for small vibration: across the link at rest, of sin
+    /// s.
     pub fn angular_acceleration_rad_s2(&self, sample: &Measurement) -> f64 {
         let b = Vector2::from(sample.acceleration_b_m_s2.map(|reading| reading.value));
         let across = match self.link {

@@ -13,8 +13,8 @@ pub struct ResponsePoint {
     pub frequency_hz: f64,
     /// Amplitude of the load's fundamental, as it acts on the arm, N or N·m.
     pub load: f64,
-    /// Standard deviation of `load` by the noise of the readings, at the frequency and amplitude that are stated, N or N·m; `None` where it
-    /// is not computed.
+    /// Standard deviation of `load` by the noise of the readings, at the frequency and amplitude that are stated, N or
+    /// N·m; `None` where it is not computed.
     pub load_deviation: Option<f64>,
     /// Force in the impedance head along x and y against the drive's phase, N.
     pub head_force_n: [Phasor; 2],
@@ -26,10 +26,12 @@ pub struct ResponsePoint {
     pub overtones: Option<[[Phasor; 2]; CHANNELS]>,
     /// Lag of the response that a closed loop follows behind the load, rad; `None` in open loop.
     pub lag_rad: Option<f64>,
-    /// How much the response still moved, relative: in open loop the change from the first to the second half of the window in the
-    /// channel with the largest acceleration, in closed loop the change of the followed angle over the reading.
+    /// How much the response still moved, relative: in open loop the change from the first to the second half of the
+    /// window in the channel with the largest acceleration, in closed loop the change of the followed angle over the
+    /// reading.
     pub drift: f64,
-    /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. What was clipped is left out of the fit.
+    /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. What was clipped is left out of
+    /// the fit.
     pub clipped: [bool; CHANNELS],
     /// How often the point was tried: 1 in open loop.
     pub tries: u32,
@@ -57,7 +59,8 @@ impl ResponsePoint {
         }
     }
 
-    /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or no force is.
+    /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or no force
+    /// is.
     pub fn force_harmonics(&self) -> Option<[f64; 2]> {
         let overtones = self.overtones.as_ref()?;
         let size = |pair: [Phasor; 2]| libm::sqrt(pair.iter().map(Phasor::norm_sqr).sum());
@@ -66,8 +69,8 @@ impl ResponsePoint {
         (fundamental > 0.0).then(|| [over(0), over(1)])
     }
 
-    /// Harmonic distortion of the head's force: what its harmonics 2 and 3 are together over its fundamental; `None` where
-    /// they are not read, or no force is.
+    /// Harmonic distortion of the head's force: what its harmonics 2 and 3 are together over its fundamental; `None`
+    /// where they are not read, or no force is.
     pub fn distortion(&self) -> Option<f64> {
         self.force_harmonics().map(|[second, third]| libm::hypot(second, third))
     }
@@ -205,7 +208,8 @@ impl ResponseReader {
         self.current = self.windows.next().map(of);
     }
 
-    /// Takes in a sample with the phase of the drive then, cycles; the response of a window that ended before it, if one did.
+    /// Takes in a sample with the phase of the drive then, cycles; the response of a window that ended before it, if
+    /// one did.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) -> Option<ResponsePoint> {
         let n = sample.sample;
         let mut done = None;

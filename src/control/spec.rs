@@ -18,7 +18,8 @@ use crate::excitation::Amplitude;
 pub enum ControlSpec {
     /// Traces the response at constant load through a resonance, stable or not, or the backbone.
     PhaseWalk(PhaseWalkSpec),
-    /// Plays a dwell or a staircase of sines, and leads the fundamental of the force in the impedance head to its amplitude.
+    /// Plays a dwell or a staircase of sines, and leads the fundamental of the force in the impedance head to its
+    /// amplitude.
     ForceControl(ForceControlSpec),
     /// Steps a sine, and finds the load that holds one amplitude of the response at every frequency.
     ResponseControl(ResponseControlSpec),
@@ -46,8 +47,8 @@ impl ControlSpec {
         }
     }
 
-    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, at `rate_hz` samples a second, with an exciter that has `limit`,
-    /// N or N·m.
+    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, at `rate_hz`
+    /// samples a second, with an exciter that has `limit`, N or N·m.
     ///
     /// # Errors
     /// [`ControlError`] says what is impossible.

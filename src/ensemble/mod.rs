@@ -1,9 +1,10 @@
 //! Many motions of one arm under one excitation at once, side by side in the lanes of the processor.
 //!
-//! Every motion goes as if it were alone: the step is the same source as [`Integrator::step`](crate::integrate::Integrator::step)
-//! makes with `dop853`, generic over one number or eight, so the states are the same bit for bit, whatever the processor offers.
-//! The implicit schemes, the default among them, don't go side by side: the number of Newton's iterations, the pivots and the
-//! division of a step differ from motion to motion.
+//! Every motion goes as if it were alone: the step is the same source as
+//! [`Integrator::step`](crate::integrate::Integrator::step) makes with `dop853`, generic over one number or eight, so
+//! the states are the same bit for bit, whatever the processor offers. The implicit schemes, the default among them,
+//! don't go side by side: the number of Newton's iterations, the pivots and the division of a step differ from motion
+//! to motion.
 
 use crate::arm::Load;
 use crate::arm::kernel::{Coefficients, Loads, Motion};
@@ -19,8 +20,8 @@ pub(crate) type Stretch = [[Load; STAGES]];
 /// Takes a group of motions through a stretch, so many times.
 type Kernel<T> = fn(&Coefficients<f64>, f64, &Stretch, u32, &mut Motion<T>);
 
-/// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers the processor has. A motion that
-/// grows beyond all bounds ends in a state that is not finite.
+/// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers the processor has.
+/// A motion that grows beyond all bounds ends in a state that is not finite.
 pub(crate) fn advance(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motions: &mut [Motion<f64>]) {
     #[cfg(all(feature = "std", target_arch = "x86_64"))]
     {
@@ -107,8 +108,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
-        /// Arms with and without gravity and force, small and large deflections, whole groups and not, with every instruction set
-        /// that the processor has: each motion is that of the integrator alone.
+        /// Arms with and without gravity and force, small and large deflections, whole groups and not, with every
+        /// instruction set that the processor has: each motion is that of the integrator alone.
         #[test]
         fn every_motion_goes_as_if_it_were_alone(
             arm in any_arm(),

@@ -4,7 +4,8 @@ use core::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, SMatrix, SVector};
 
-/// A sinusoid against the drive: `Im(phasor · e^{iφ})`, with the drive at `sin φ`. The real part is in phase with the drive.
+/// A sinusoid against the drive: `Im(phasor · e^{iφ})`, with the drive at `sin φ`. The real part is in phase with the
+/// drive.
 pub type Phasor = Complex<f64>;
 
 /// A fit of the fundamental alone: the three-parameter sine fit of IEEE Std 1057.
@@ -12,10 +13,10 @@ pub type SineFit<const N: usize> = HarmonicFit<N, 3>;
 
 /// Sine fit over a window, of N channels at once, as the samples come in; of the harmonics 1 … (P − 1)/2, so P is odd.
 ///
-/// Each channel is fitted by least squares with y = c + Σ_h (a_h sin hφ + b_h cos hφ), weighted by the Hann window, so that
-/// the arm's own modes, which ring at other frequencies, hardly leak in: with w = sin² π(k+½)/n and the basis
-/// p = (1, sin φ, cos φ, sin 2φ, …), solve (Σ w p pᵀ) x = Σ w y p. The sums of a channel are of the samples that it has: what
-/// was clipped is left out, and does not shift the rest.
+/// Each channel is fitted by least squares with y = c + Σ_h (a_h sin hφ + b_h cos hφ), weighted by the Hann window, so
+/// that the arm's own modes, which ring at other frequencies, hardly leak in: with w = sin² π(k+½)/n and the basis p =
+/// (1, sin φ, cos φ, sin 2φ, …), solve (Σ w p pᵀ) x = Σ w y p. The sums of a channel are of the samples that it has:
+/// what was clipped is left out, and does not shift the rest.
 #[derive(Clone, Debug)]
 pub struct HarmonicFit<const N: usize, const P: usize> {
     samples: u64,

@@ -56,8 +56,8 @@ pub enum LoadFileError {
 }
 
 impl LoadFile {
-    /// Reads CSV: a line for every sample with the load, or lines of time, s, and load, between which it runs straight. Commas part
-    /// the columns; empty lines, what follows a `#`, and a first line of names count for nothing.
+    /// Reads CSV: a line for every sample with the load, or lines of time, s, and load, between which it runs straight.
+    /// Commas part the columns; empty lines, what follows a `#`, and a first line of names count for nothing.
     ///
     /// # Errors
     /// [`LoadFileError`] names the first line that is wrong.

@@ -118,8 +118,8 @@ impl Profile {
         self.spec.amplitude.load().scaled(value)
     }
 
-    /// Amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine that is held over each sample period T is smaller
-    /// than its samples by sin x/x with x = πfT.
+    /// Amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine that is held over each sample period T is
+    /// smaller than its samples by sin x/x with x = πfT.
     pub fn held_load(&self, frequency_hz: f64) -> f64 {
         let load = self.spec.amplitude.load();
         let x = PI * frequency_hz / self.rate_hz;

@@ -13,8 +13,8 @@ use crate::number::{rounded, short};
 pub struct ExcitationSpec {
     /// The load at the crest, of noise and files too: no sample has a larger one.
     pub amplitude: Amplitude,
-    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; of an impulse none. A
-    /// sudden start rings the arm's own modes, which take about a minute to die out.
+    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; of an impulse
+    /// none. A sudden start rings the arm's own modes, which take about a minute to die out.
     #[serde(default)]
     pub ramp_s: f64,
     /// The shape in time.

@@ -116,8 +116,8 @@ pub(super) fn multisine(
 ) -> Result<Vec<f64>, ExcitationError> {
     let (first, count) = band.lines(rate_hz / samples as f64, "period_s")?;
     let mut normal = Noise::new(seed, STREAM);
-    // Re e^(iφ) e^(2πi kn/N) is Re e^(−iφ) e^(−2πi kn/N), which a transform sums up. Two normal numbers point evenly in all
-    // directions.
+    // Re e^(iφ) e^(2πi kn/N) is Re e^(−iφ) e^(−2πi kn/N), which a transform sums up. Two normal numbers point evenly in
+    // all directions.
     let unit = |j: usize| {
         let phase = match phases {
             Phases::Random => libm::atan2(normal.next(), normal.next()),

@@ -83,8 +83,8 @@ pub enum Waveform {
         #[serde(default, with = "crate::seed")]
         seed: u64,
     },
-    /// The same noise, on at the start of every period and then silent. The edges of the bursts spread its spectrum, unless a ramp
-    /// softens them.
+    /// The same noise, on at the start of every period and then silent. The edges of the bursts spread its spectrum,
+    /// unless a ramp softens them.
     BurstRandom {
         /// Lowest frequency, Hz, positive.
         from_hz: f64,
@@ -148,8 +148,8 @@ pub enum Phases {
     /// Evenly distributed over the circle, from the seed: as noise, with a crest factor of about 3 to 4.
     #[default]
     Random,
-    /// −π j (j − 1)/J of the j-th of J sines, as a sweep in each period, with a crest factor of about 1.7 (M. R. Schroeder
-    /// 1970, IEEE Trans. Inf. Theory 16, 85).
+    /// −π j (j − 1)/J of the j-th of J sines, as a sweep in each period, with a crest factor of about 1.7 (M. R.
+    /// Schroeder 1970, IEEE Trans. Inf. Theory 16, 85).
     Schroeder,
 }
 

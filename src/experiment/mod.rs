@@ -1,8 +1,8 @@
 //! Whole experiments: several free runs of plant and controller that together say one thing.
 //!
-//! A [`ZoneExperiment`] goes through a resonance as a bench does: a walk over the whole response and one along the backbone, then
-//! stepped sines up and down at controlled force, dense where the walk has found the resonance. [`Score`] sets what was measured
-//! against what is computed.
+//! A [`ZoneExperiment`] goes through a resonance as a bench does: a walk over the whole response and one along the
+//! backbone, then stepped sines up and down at controlled force, dense where the walk has found the resonance.
+//! [`Score`] sets what was measured against what is computed.
 
 mod score;
 mod zone;

@@ -9,7 +9,8 @@ use crate::analysis::{
 use crate::arm::Arm;
 use crate::control::{JointAngles, ModeNumber, ResponsePoint};
 
-/// Largest turn between two motions of what is computed: with this it is straight between them, as far as measured points go.
+/// Largest turn between two motions of what is computed: with this it is straight between them, as far as measured
+/// points go.
 const STRAIGHT_RAD: f64 = 0.01;
 /// The computed branch goes beyond the zone by this part of its width.
 const MARGIN: f64 = 0.02;
@@ -29,7 +30,8 @@ pub struct Score {
     pub unstable_points: usize,
     /// Points of the walk that settled.
     pub settled_points: usize,
-    /// The largest deviation of settled points of the walk from the place of the branch that is nearest: of the frequency, relative.
+    /// The largest deviation of settled points of the walk from the place of the branch that is nearest: of the
+    /// frequency, relative.
     pub largest_frequency_deviation: f64,
     /// The same of the fundamental of the joint that moves most.
     pub largest_amplitude_deviation: f64,

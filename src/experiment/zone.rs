@@ -15,9 +15,9 @@ use crate::study::on_all_cores;
 /// Runs of a zone: walk, backbone, up, down.
 const RUNS: usize = 4;
 
-/// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and reading. A try
-/// leaves e⁻³ of what it changed in the head's force; of the motion it must leave less, as a shaker that brakes takes many times
-/// what the arm does.
+/// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and
+/// reading. A try leaves e⁻³ of what it changed in the head's force; of the motion it must leave less, as a shaker that
+/// brakes takes many times what the arm does.
 const SETTLE: f64 = 3.0;
 const READ: f64 = 0.6;
 /// How long a reading is at least, periods.
@@ -94,8 +94,8 @@ impl Zone {
         all
     }
 
-    /// A stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode without and with the
-    /// shaker.
+    /// A stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode without and
+    /// with the shaker.
     fn stepped(&self, frequencies_hz: Vec<f64>, (alone_s, coupled_s): (f64, f64)) -> ControlSpec {
         let settle_s = (SETTLE + libm::log(alone_s / coupled_s)) * coupled_s;
         let dwell_s = settle_s + (READ * coupled_s).max(LEAST_PERIODS / self.range_hz[0]);
@@ -158,8 +158,8 @@ impl ZoneExperiment {
         self.walks().try_for_each(|control| session(scenario, control).map(drop))
     }
 
-    /// Measures the zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then the stepped
-    /// sines, over all cores.
+    /// Measures the zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then
+    /// the stepped sines, over all cores.
     ///
     /// # Errors
     /// [`RunError`] if a run can't begin, or an error ends it.

@@ -1,9 +1,9 @@
 //! Identification: frequency responses and modes from what instruments recorded.
 //!
-//! A [`Record`] holds the force in the impedance head and the accelerations of B and C. [`frequency_response()`] averages
-//! it as a bench analyser does; [`modes`](fn@modes) fits natural frequencies and damping ratios to it. Both see
-//! readings only, none of the arm. [`joint_angles`] takes the arm's lengths and pose for known, and finds its angles
-//! over time from the accelerations.
+//! A [`Record`] holds the force in the impedance head and the accelerations of B and C. [`frequency_response()`]
+//! averages it as a bench analyser does; [`modes`](fn@modes) fits natural frequencies and damping ratios to it. Both
+//! see readings only, none of the arm. [`joint_angles`] takes the arm's lengths and pose for known, and finds its
+//! angles over time from the accelerations.
 
 mod angle_history;
 mod double_integration;

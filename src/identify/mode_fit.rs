@@ -1,24 +1,24 @@
 //! One mode fitted to the lines of a discrete Fourier transform in a narrow band around it.
 //!
-//! A linear arm whose force is held and whose readings are taken at the same instant of every hold is, in discrete time, a
-//! rational function of z. The transform of M samples then obeys, exactly and without a window,
+//! A linear arm whose force is held and whose readings are taken at the same instant of every hold is, in discrete
+//! time, a rational function of z. The transform of M samples then obeys, exactly and without a window,
 //!
 //! ```text
 //! Y(k) = H(z_k) U(k) + T(z_k),   z_k = e^(2πik/M)
 //! ```
 //!
-//! where T, with the same poles as H, carries how the stretch begins and ends (R. Pintelon, J. Schoukens, "System Identification:
-//! A Frequency Domain Approach", 2012, section 6.3). Damping so light that no motion dies out during a record costs nothing:
-//! T is part of the model. Near a mode with the pole p,
+//! where T, with the same poles as H, carries how the stretch begins and ends (R. Pintelon, J. Schoukens, "System
+//! Identification: A Frequency Domain Approach", 2012, section 6.3). Damping so light that no motion dies out during a
+//! record costs nothing: T is part of the model. Near a mode with the pole p,
 //!
 //! ```text
 //! H = R/(z − p) + B(z),   T = t/(z − p) + C(z)
 //! ```
 //!
-//! with polynomials B, C for all that is far away: the conjugate pole, the other mode, what follows the force at once (local rational
-//! modelling: T. McKelvey, G. Guérin 2012). R, t and the polynomials are linear; for each p they follow from linear least squares,
-//! and what is left is minimised over the two numbers of p (variable projection: G. H. Golub, V. Pereyra 1973). A pole p in z is
-//! s = rate · ln p in continuous time, exactly, since the force is held.
+//! with polynomials B, C for all that is far away: the conjugate pole, the other mode, what follows the force at once
+//! (local rational modelling: T. McKelvey, G. Guérin 2012). R, t and the polynomials are linear; for each p they follow
+//! from linear least squares, and what is left is minimised over the two numbers of p (variable projection: G. H.
+//! Golub, V. Pereyra 1973). A pole p in z is s = rate · ln p in continuous time, exactly, since the force is held.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -68,8 +68,8 @@ pub(super) struct Pole {
 }
 
 impl Lines {
-    /// Fits the pole, beginning from the peak at the offset `peak` from the centre, lines. `None` if there are fewer lines than
-    /// unknowns.
+    /// Fits the pole, beginning from the peak at the offset `peak` from the centre, lines. `None` if there are fewer
+    /// lines than unknowns.
     pub fn fit(&self, peak: f64) -> Option<Pole> {
         let unknowns = (DEGREE + 2) * if self.force.is_some() { 2 } else { 1 } + 1;
         let freedom = self.response.len().checked_sub(unknowns).filter(|freedom| *freedom > 0)? as f64;

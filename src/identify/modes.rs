@@ -14,7 +14,8 @@ use crate::dft;
 const MOST_PEAKS: usize = 24;
 /// A peak of the response's power is looked at if it is so many times the median around it.
 const STANDS_OUT: f64 = 4.0;
-/// It is a mode if without a pole the square of the residual is so many times as large: a peak of a random force needs none.
+/// It is a mode if without a pole the square of the residual is so many times as large: a peak of a random force needs
+/// none.
 const GAIN: f64 = 10.0;
 /// Half the width of the band of a fit: at least so many hertz, and so many lines.
 const HALF_WIDTH_HZ: f64 = 0.5;
@@ -47,11 +48,11 @@ pub struct IdentifiedMode {
     pub damping_ratio_deviation: f64,
     /// Amplitudes of acceleration of B along x and y and C along x and y against each other, the largest 1.
     pub shape: [f64; CHANNELS],
-    /// Root mean square of what the fit leaves over the instruments' noise: about 1 for a linear arm. Where it is larger, the
-    /// standard deviations are larger by as much.
+    /// Root mean square of what the fit leaves over the instruments' noise: about 1 for a linear arm. Where it is
+    /// larger, the standard deviations are larger by as much.
     pub residual: f64,
-    /// Whether the residual is at most three times the noise. Else the arm doesn't vibrate linearly, or not by itself, and the numbers
-    /// are of an equivalent linear arm.
+    /// Whether the residual is at most three times the noise. Else the arm doesn't vibrate linearly, or not by itself,
+    /// and the numbers are of an equivalent linear arm.
     pub is_linear: bool,
     /// Lines of the transform that were fitted.
     pub lines: usize,
@@ -98,8 +99,8 @@ pub fn modes(record: &Record, band: Band) -> Result<Vec<IdentifiedMode>, Identif
     Ok(found)
 }
 
-/// Whether the force was more than noise in the band, over the samples with a force: its mean power there is over four times
-/// that of the noise, and over a thousandth of that at all frequencies, since an end that is not soft leaks.
+/// Whether the force was more than noise in the band, over the samples with a force: its mean power there is over four
+/// times that of the noise, and over a thousandth of that at all frequencies, since an end that is not soft leaks.
 fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
     let [start, end] = record.forced();
     // Short pulses have few lines of their own: a grid of at least 256 is looked at.
@@ -241,8 +242,9 @@ fn half_width(spacing_hz: f64) -> usize {
     libm::ceil((HALF_WIDTH_HZ / spacing_hz).max(HALF_WIDTH_LINES)) as usize
 }
 
-/// The real unit vector v for which vᵀy, y the channels in units of their noise, has most power over the lines: near a mode its shape, all
-/// that the channels say of it, while the noise of vᵀy stays 1. It is the eigenvector of Re Σ y y* of the largest eigenvalue.
+/// The real unit vector v for which vᵀy, y the channels in units of their noise, has most power over the lines: near a
+/// mode its shape, all that the channels say of it, while the noise of vᵀy stays 1. It is the eigenvector of Re Σ y y*
+/// of the largest eigenvalue.
 fn strongest(channels: &[&[Complex<f64>]; CHANNELS], noise: &[f64; CHANNELS]) -> [f64; CHANNELS] {
     let power = SMatrix::<f64, CHANNELS, CHANNELS>::from_fn(|i, j| {
         let products = channels[i].iter().zip(channels[j]).map(|(a, b)| (a * b.conj()).re);

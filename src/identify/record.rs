@@ -36,8 +36,8 @@ pub struct Band {
 
 /// Readings of equal distance in time, and the noise that the instruments are known to have.
 ///
-/// Force and accelerations of a sample are of the same instant, in the middle of a hold ([`crate::plant`]): in discrete time a
-/// linear arm is then exactly a rational function of z = e^(iω/rate).
+/// Force and accelerations of a sample are of the same instant, in the middle of a hold ([`crate::plant`]): in discrete
+/// time a linear arm is then exactly a rational function of z = e^(iω/rate).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     rate_hz: f64,
@@ -52,8 +52,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// A record of `rate_hz` samples a second by the instruments of `rig`: each sample the force in the head along x and y, N,
-    /// and the accelerations of B and C along x and y, m/s².
+    /// A record of `rate_hz` samples a second by the instruments of `rig`: each sample the force in the head along x
+    /// and y, N, and the accelerations of B and C along x and y, m/s².
     ///
     /// # Errors
     /// [`IdentifyError::TooShort`], and [`IdentifyError::NoForce`] if the head reads no force along `direction`.
@@ -143,8 +143,8 @@ fn rms(values: &[f64]) -> f64 {
     libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64)
 }
 
-/// The direction as a unit vector; the principal one is the eigenvector of Σ f fᵀ of the larger eigenvalue, at the angle
-/// ½ atan2(2 Σ xy, Σ x² − Σ y²), with its larger component positive.
+/// The direction as a unit vector; the principal one is the eigenvector of Σ f fᵀ of the larger eigenvalue, at the
+/// angle ½ atan2(2 Σ xy, Σ x² − Σ y²), with its larger component positive.
 fn unit(head_n: &[[f64; 2]], direction: Direction) -> [f64; 2] {
     match direction {
         Direction::X => [1.0, 0.0],

@@ -1,20 +1,21 @@
 //! Implicit methods whose stages are affine in their slopes, solved by Newton's method: Gauss–Legendre and exponential
 //! collocation.
 //!
-//! With y = (x, v) = (α, α̇) and a constant 2×4 matrix Λ let N(t, y) = α̈(t, y) − Λ y: Λ = 0 for Gauss–Legendre, the linear
-//! arm for the exponential method. The unknowns are the slopes Nᵢ at the stages,
+//! With y = (x, v) = (α, α̇) and a constant 2×4 matrix Λ let N(t, y) = α̈(t, y) − Λ y: Λ = 0 for Gauss–Legendre, the
+//! linear arm for the exponential method. The unknowns are the slopes Nᵢ at the stages,
 //!
 //! ```text
 //! Yᵢ = y + Sᵢ y + Σⱼ Aᵢⱼ Nⱼ        Gᵢ = Nᵢ − N(tᵢ, Yᵢ) = 0        y⁺ = y + E y + Σⱼ Wⱼ Nⱼ
 //! ```
 //!
-//! with 4×4 matrices Sᵢ, E and 4×2 matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Newton's matrix has the blocks
-//! δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It takes the stiff part exactly, so it converges where fixed-point iteration, which needs
-//! ωh < 1, does not.
+//! with 4×4 matrices Sᵢ, E and 4×2 matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Newton's matrix has
+//! the blocks δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It takes the stiff part exactly, so it converges where fixed-point iteration,
+//! which needs ωh < 1, does not.
 //!
-//! Rounding in a step is as good as random, and the energy walks with its square root; an error of a matrix is the same in every
-//! step, and moves the energy steadily: rounded to 2⁻⁵³, by 1e-12 to 1e-10 of itself in 1e7 steps (E. Hairer, R. I. McLachlan,
-//! A. Razakarivony, "Achieving Brouwer's law with implicit Runge–Kutta methods", BIT 48 (2008)). So a [`Matrix`] has 79 bits.
+//! Rounding in a step is as good as random, and the energy walks with its square root; an error of a matrix is the same
+//! in every step, and moves the energy steadily: rounded to 2⁻⁵³, by 1e-12 to 1e-10 of itself in 1e7 steps (E. Hairer,
+//! R. I. McLachlan, A. Razakarivony, "Achieving Brouwer's law with implicit Runge–Kutta methods", BIT 48 (2008)). So a
+//! [`Matrix`] has 79 bits.
 
 use alloc::vec::Vec;
 use core::array;
@@ -26,11 +27,13 @@ use crate::arm::{Arm, Load, State};
 
 /// Newton's limit: where it converges it needs two to five iterations.
 const MAX_ITERATIONS: usize = 8;
-/// A correction below this part of the largest acceleration is the last one: the next would be its square, below rounding.
+/// A correction below this part of the largest acceleration is the last one: the next would be its square, below
+/// rounding.
 const CORRECTION_LIMIT: f64 = 1e-9;
 /// A step is divided into 1, 2, 4 … 2^(LEVELS − 1) = 256 parts.
 pub(super) const LEVELS: usize = 9;
-/// The most energy, as part of the energy, that a part of a step may make or lose beyond what load and dampers account for.
+/// The most energy, as part of the energy, that a part of a step may make or lose beyond what load and dampers account
+/// for.
 const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
 
 /// A method of S stages at one step length.
@@ -49,8 +52,8 @@ pub(super) struct Step<const S: usize> {
     pub weights: [Matrix<2>; S],
 }
 
-/// A matrix of four rows and C columns. Each entry is the sum of its first 26 bits and the next 53: were the first part all
-/// that `f64` holds, its product would be rounded to where the other part is lost, in every step the same way.
+/// A matrix of four rows and C columns. Each entry is the sum of its first 26 bits and the next 53: were the first part
+/// all that `f64` holds, its product would be rounded to where the other part is lost, in every step the same way.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Matrix<const C: usize> {
     high: [[f64; C]; 4],
@@ -82,19 +85,19 @@ pub(super) struct Collocation<const S: usize> {
     pub linear: [[f64; 4]; 2],
     /// The step lengths h, h/2, h/4 …
     pub levels: Vec<Step<S>>,
-    /// The level that every step starts from. It is one for all, as far as it can be: where strong vibration swings the energy
-    /// so far in a step that some steps have to be divided and others not, steps follow the state, and that does not keep the
-    /// energy.
+    /// The level that every step starts from. It is one for all, as far as it can be: where strong vibration swings the
+    /// energy so far in a step that some steps have to be divided and others not, steps follow the state, and that does
+    /// not keep the energy.
     pub least_level: usize,
     /// The largest ωh of a part, rad, with ω at the deflection where the step starts.
     pub phase_per_part_rad: f64,
 }
 
 impl<const S: usize> Collocation<S> {
-    /// One step, in equal parts as few as do: far from the pose the arm can be several times as stiff as in it, and a part
-    /// that turns the phase too far finds no stages, or wrong ones. The number of parts is doubled until Newton's method
-    /// converges in every part and every part keeps its energy balance; the work is bounded, and a step that can't be made
-    /// well is an error.
+    /// One step, in equal parts as few as do: far from the pose the arm can be several times as stiff as in it, and a
+    /// part that turns the phase too far finds no stages, or wrong ones. The number of parts is doubled until Newton's
+    /// method converges in every part and every part keeps its energy balance; the work is bounded, and a step that
+    /// can't be made well is an error.
     #[inline(never)]
     pub fn step(
         &self,
@@ -174,8 +177,8 @@ impl<const S: usize> Step<S> {
         moved(y, &change)
     }
 
-    /// One iteration of Newton's method. Returns the correction relative to the largest acceleration and the work of load and
-    /// dampers over the step, J; `None` if the matrix is singular.
+    /// One iteration of Newton's method. Returns the correction relative to the largest acceleration and the work of
+    /// load and dampers over the step, J; `None` if the matrix is singular.
     fn newton(
         &self,
         linear: &[[f64; 4]; 2],

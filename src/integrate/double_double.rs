@@ -1,5 +1,6 @@
-//! Numbers of twice the precision, as the unevaluated sum of two `f64` (T. J. Dekker, "A Floating-Point Technique for Extending
-//! the Available Precision", Numer. Math. 18 (1971)): relative error about 2⁻¹⁰⁰. For constants, not for the step.
+//! Numbers of twice the precision, as the unevaluated sum of two `f64` (T. J. Dekker, "A Floating-Point Technique for
+//! Extending the Available Precision", Numer. Math. 18 (1971)): relative error about 2⁻¹⁰⁰. For constants, not for the
+//! step.
 
 use core::ops::{Add, Div, Mul, Sub};
 

@@ -47,8 +47,8 @@ impl<T: Real> Rk4Step<T> {
     }
 }
 
-/// One step of the classical method (W. Kutta 1901): nodes 0, ½, ½, 1, each stage from the slope before it alone, weights
-/// 1/6, 1/3, 1/3, 1/6. For x' = v, v' = a the velocities in it can be written out, which leaves
+/// One step of the classical method (W. Kutta 1901): nodes 0, ½, ½, 1, each stage from the slope before it alone,
+/// weights 1/6, 1/3, 1/3, 1/6. For x' = v, v' = a the velocities in it can be written out, which leaves
 ///
 /// ```text
 /// x₂ = x + ½hv    x₃ = x₂ + ¼h²a₁    x₄ = x + hv + ½h²a₂    x⁺ = x + hv + ⅙h²(a₁ + a₂ + a₃)

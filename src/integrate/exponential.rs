@@ -1,18 +1,19 @@
-//! Exponential collocation at the Gauss nodes as a [`Collocation`]: M. Hochbruck, A. Ostermann, "Exponential Runge–Kutta methods
-//! for parabolic problems", Appl. Numer. Math. 53 (2005); symmetric as E. Celledoni, D. Cohen, B. Owren, "Symmetric
-//! Exponential Integrators with an Application to the Cubic Schrödinger Equation", Found. Comput. Math. 8 (2008) ask.
+//! Exponential collocation at the Gauss nodes as a [`Collocation`]: M. Hochbruck, A. Ostermann, "Exponential
+//! Runge–Kutta methods for parabolic problems", Appl. Numer. Math. 53 (2005); symmetric as E. Celledoni, D. Cohen, B.
+//! Owren, "Symmetric Exponential Integrators with an Application to the Cubic Schrödinger Equation", Found. Comput.
+//! Math. 8 (2008) ask.
 //!
-//! The arm linearised at rest, y' = L y + B N with B = (0, I)ᵀ, is propagated exactly, and the remainder N = α̈ − Λy, loads
-//! included, as the polynomial p through its values at the three Gauss nodes: by variation of constants
+//! The arm linearised at rest, y' = L y + B N with B = (0, I)ᵀ, is propagated exactly, and the remainder N = α̈ − Λy,
+//! loads included, as the polynomial p through its values at the three Gauss nodes: by variation of constants
 //!
 //! ```text
 //! y(t + ch) = e^{chL} y + ∫₀^{ch} e^{(ch−s)L} B p(s) ds        L = [[0, I], [Λ]]
 //! ∫₀^τ e^{(τ−s)L} B sᵐ ds = m! τᵐ⁺¹ φₘ₊₁(τL) B
 //! ```
 //!
-//! So a linear arm under a load that is constant over the step, or up to quadratic in time, is exact at any step length.
-//! All φ come out of one exponential, that of the block matrix (A. H. Al-Mohy, N. J. Higham, "Computing the Action of the Matrix
-//! Exponential", SIAM J. Sci. Comput. 33 (2011), theorem 2.1)
+//! So a linear arm under a load that is constant over the step, or up to quadratic in time, is exact at any step
+//! length. All φ come out of one exponential, that of the block matrix (A. H. Al-Mohy, N. J. Higham, "Computing the
+//! Action of the Matrix Exponential", SIAM J. Sci. Comput. 33 (2011), theorem 2.1)
 //!
 //! ```text
 //!         ⎡ L  B  0  0 ⎤        its first block row is
@@ -21,8 +22,8 @@
 //!         ⎣ 0  0  0  0 ⎦
 //! ```
 //!
-//! by Taylor series, scaling and squaring in double-double numbers: an error of e^{hL} of one part in 2⁵³ would change the energy
-//! by 1e-9 in 1e7 steps. Each squaring is also the next longer part of the step.
+//! by Taylor series, scaling and squaring in double-double numbers: an error of e^{hL} of one part in 2⁵³ would change
+//! the energy by 1e-9 in 1e7 steps. Each squaring is also the next longer part of the step.
 
 use alloc::vec::Vec;
 use core::array;
@@ -33,7 +34,8 @@ use super::gauss_legendre::GL6;
 use crate::arm::{Arm, Load, State};
 
 const STAGES: usize = 3;
-/// The largest ωh of a part in small vibration, rad; see [`Collocation::least_level`]. The linear arm would need no bound.
+/// The largest ωh of a part in small vibration, rad; see [`Collocation::least_level`]. The linear arm would need no
+/// bound.
 const PHASE_AT_REST_RAD: f64 = 1.0;
 /// 4 for y, and 2 for each power of time.
 const SIZE: usize = 4 + 2 * STAGES;
@@ -153,7 +155,8 @@ fn state_matrix(block: &Block, unit_rad_s: f64) -> Matrix<4> {
     })
 }
 
-/// ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ λⱼₘ m! (ωh)⁻ᵐ times block m.
+/// ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ λⱼₘ m! (ωh)⁻ᵐ times
+/// block m.
 fn slope_matrix(block: &Block, j: usize, phase: f64, unit_rad_s: f64) -> Matrix<2> {
     let lambda = lagrange(&GL6.c(), j);
     let unit = [unit_rad_s * unit_rad_s, unit_rad_s * unit_rad_s, unit_rad_s, unit_rad_s];

@@ -1,4 +1,5 @@
-//! Gauss–Legendre collocation as a [`Collocation`]: J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18 (1964).
+//! Gauss–Legendre collocation as a [`Collocation`]: J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18
+//! (1964).
 //!
 //! Applied to x' = v, v' = a with the stage accelerations as slopes,
 //!
@@ -52,7 +53,8 @@ pub(super) const GL6: Tableau<3> = Tableau {
     phase_at_rest_rad: 1.0,
 };
 
-/// Beyond ωh of about 2 the method, though stable for a linear arm, gains energy from the nonlinearity or finds no stages.
+/// Beyond ωh of about 2 the method, though stable for a linear arm, gains energy from the nonlinearity or finds no
+/// stages.
 const PHASE_PER_PART_RAD: f64 = 1.5;
 
 impl<const S: usize> Tableau<S> {

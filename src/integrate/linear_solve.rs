@@ -1,8 +1,8 @@
 //! Small systems of linear equations.
 
-/// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n = `right.len()` rows of
-/// n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix
-/// Computations", section 3.4). `None` if the matrix is singular or not finite.
+/// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n =
+/// `right.len()` rows of n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F.
+/// Van Loan, "Matrix Computations", section 3.4). `None` if the matrix is singular or not finite.
 #[inline(always)]
 pub(crate) fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option<()> {
     let n = right.len();

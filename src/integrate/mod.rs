@@ -1,7 +1,7 @@
 //! Fixed-step one-step methods for the arm. No allocation; bounded work per step.
 //!
-//! A step from tₙ to tₙ + h sees the load through [`Excitation`], at the times its stages ask for: a held command is the
-//! same at all of them (zero-order hold), a sine is exact inside the step.
+//! A step from tₙ to tₙ + h sees the load through [`Excitation`], at the times its stages ask for: a held command is
+//! the same at all of them (zero-order hold), a sine is exact inside the step.
 
 mod collocation;
 mod dop853;
@@ -62,8 +62,8 @@ impl Excitation for Sine {
     }
 }
 
-/// The least ωh of the fastest mode that is accepted: below it rounding, 2⁻⁵³ of the state in every step, adds more than 1e-7 to
-/// the damping ratio, and far below it no step changes anything.
+/// The least ωh of the fastest mode that is accepted: below it rounding, 2⁻⁵³ of the state in every step, adds more
+/// than 1e-7 to the damping ratio, and far below it no step changes anything.
 const LEAST_PHASE_RAD: f64 = 1.0 / (1_u32 << 30) as f64;
 
 /// A scheme with a step that it can carry for a given arm.
@@ -98,13 +98,13 @@ impl Method {
 impl Integrator {
     /// Checks that the scheme is stable for `arm` at `rate_hz` steps a second, and computes what is constant.
     ///
-    /// The `exponential` scheme linearises `arm` at rest; steps of another arm stay right to its order, but not exact in the
-    /// linear part.
+    /// The `exponential` scheme linearises `arm` at rest; steps of another arm stay right to its order, but not exact
+    /// in the linear part.
     ///
     /// # Errors
     /// [`IntegrateError::Rate`] if the rate is not a positive number, [`IntegrateError::RateTooLow`] with the rate that
-    /// would do if the scheme can't carry the arm's second mode at this rate, [`IntegrateError::RateTooHigh`] if rounding outweighs a
-    /// step.
+    /// would do if the scheme can't carry the arm's second mode at this rate, [`IntegrateError::RateTooHigh`] if
+    /// rounding outweighs a step.
     pub fn new(scheme: Scheme, rate_hz: f64, arm: &Arm) -> Result<Integrator, IntegrateError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(IntegrateError::Rate { got_hz: rate_hz });
@@ -135,8 +135,9 @@ impl Integrator {
     /// The state one step after `state`, which is at the time `t_s`.
     ///
     /// # Errors
-    /// [`IntegrateError::NoConvergence`] or [`IntegrateError::Unbalanced`] if an implicit scheme can't make the step well even in
-    /// 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The state given stays what it was.
+    /// [`IntegrateError::NoConvergence`] or [`IntegrateError::Unbalanced`] if an implicit scheme can't make the step
+    /// well even in 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The state given stays what
+    /// it was.
     // Inlined, so that the state of a short step stays in registers from step to step.
     #[inline(always)]
     pub fn step(

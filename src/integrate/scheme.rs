@@ -14,18 +14,18 @@ pub enum Scheme {
     /// `rk4`: the classical Runge–Kutta method of order 4 (W. Kutta 1901). Explicit; stable to ωh = 2√2, with a damping
     /// ratio of its own of (ωh)⁵/144 and a relative frequency error of −(ωh)⁴/120.
     Rk4,
-    /// `dop853`: the method of order 8 by J. R. Dormand and P. J. Prince (1980) in the form of E. Hairer, S. P. Nørsett and
-    /// G. Wanner (1993), with a fixed step. Explicit, twelve stages; stable to ωh = 5.96, with a damping ratio of its own of
-    /// 2.26e-8 (ωh)⁹ and a relative frequency error of −6.4e-8 (ωh)⁸.
+    /// `dop853`: the method of order 8 by J. R. Dormand and P. J. Prince (1980) in the form of E. Hairer, S. P. Nørsett
+    /// and G. Wanner (1993), with a fixed step. Explicit, twelve stages; stable to ωh = 5.96, with a damping ratio of
+    /// its own of 2.26e-8 (ωh)⁹ and a relative frequency error of −6.4e-8 (ωh)⁸.
     Dop853,
-    /// `gl4`: Gauss–Legendre with two stages, order 4 (J. C. Butcher 1964). Implicit and symmetric: no damping of its own,
-    /// relative frequency error −(ωh)⁴/720.
+    /// `gl4`: Gauss–Legendre with two stages, order 4 (J. C. Butcher 1964). Implicit and symmetric: no damping of its
+    /// own, relative frequency error −(ωh)⁴/720.
     Gl4,
     /// `gl6`: Gauss–Legendre with three stages, order 6 (J. C. Butcher 1964). As `gl4`, with −(ωh)⁶/100800.
     Gl6,
-    /// `exponential`: exponential collocation at the three Gauss nodes, order 6 (M. Hochbruck, A. Ostermann 2005). Implicit and
-    /// symmetric; the linear arm at rest, with loads up to quadratic in time over a step, is exact at every step length: no
-    /// damping and no frequency error of its own.
+    /// `exponential`: exponential collocation at the three Gauss nodes, order 6 (M. Hochbruck, A. Ostermann 2005).
+    /// Implicit and symmetric; the linear arm at rest, with loads up to quadratic in time over a step, is exact at
+    /// every step length: no damping and no frequency error of its own.
     #[default]
     Exponential,
 }
@@ -54,8 +54,8 @@ impl Scheme {
         }
     }
 
-    /// Whether a step back from a step on returns to where it began, so that the scheme has no damping of its own. It does where both
-    /// are made in the same number of parts, as in all but strong vibration.
+    /// Whether a step back from a step on returns to where it began, so that the scheme has no damping of its own. It
+    /// does where both are made in the same number of parts, as in all but strong vibration.
     pub const fn is_symmetric(self) -> bool {
         match self {
             Scheme::Rk4 | Scheme::Dop853 => false,
@@ -63,8 +63,8 @@ impl Scheme {
         }
     }
 
-    /// The largest ωh of the fastest mode that is accepted: the bound of stability for the explicit schemes, 2√2 for `rk4` and
-    /// 5.96 for `dop853`; the others are stable at every step, and are asked for one step a period, 2π.
+    /// The largest ωh of the fastest mode that is accepted: the bound of stability for the explicit schemes, 2√2 for
+    /// `rk4` and 5.96 for `dop853`; the others are stable at every step, and are asked for one step a period, 2π.
     pub const fn phase_limit_rad(self) -> f64 {
         match self {
             Scheme::Rk4 => 2.0 * core::f64::consts::SQRT_2,

@@ -52,8 +52,9 @@ fn symmetric_schemes_retrace_their_steps() {
     }
 }
 
-/// Where fixed-point iteration diverges, too: the straight arm of Table 1, 569 Hz, at 1 kHz (ωh = 3.6). The amplitudes go up
-/// to those of the last fold of a strongly driven arm. The dampers take what they take of an accurate solution, within 5 %.
+/// Where fixed-point iteration diverges, too: the straight arm of Table 1, 569 Hz, at 1 kHz (ωh = 3.6). The amplitudes
+/// go up to those of the last fold of a strongly driven arm. The dampers take what they take of an accurate solution,
+/// within 5 %.
 #[test]
 fn implicit_schemes_hold_at_every_pose() {
     for (preset, amplitude_rad) in [0.1, 0.3].into_iter().flat_map(|a| Preset::ALL.map(|preset| (preset, a))) {
@@ -77,8 +78,8 @@ fn implicit_schemes_hold_at_every_pose() {
     }
 }
 
-/// The exponential scheme is exact for the linear arm: free vibration at ωh = 3.6, dampers included, small enough that no
-/// nonlinearity shows, against the closed solution in modes.
+/// The exponential scheme is exact for the linear arm: free vibration at ωh = 3.6, dampers included, small enough that
+/// no nonlinearity shows, against the closed solution in modes.
 #[test]
 fn exponential_scheme_is_exact_for_the_linear_arm() {
     let preset = Preset::Irb1600Table1.parameters().unwrap();

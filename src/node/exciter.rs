@@ -189,8 +189,8 @@ impl ExciterNode {
         true
     }
 
-    /// Leaves the bus in good order: as [`ExciterNode::stop`], and when the work is done tells that it leaves. It has left
-    /// when [`ExciterNode::is_quiet`].
+    /// Leaves the bus in good order: as [`ExciterNode::stop`], and when the work is done tells that it leaves. It has
+    /// left when [`ExciterNode::is_quiet`].
     pub fn leave(&mut self, now_ns: u64) {
         if self.leave == Leave::Stay {
             self.leave = Leave::Asked;

@@ -4,8 +4,8 @@ use crate::arm::Load;
 
 /// The load that acts.
 ///
-/// Released, it goes to zero in n equal steps, one a sample: (n−1)/n, (n−2)/n … 0 of what was held. A new command ends the
-/// ramp.
+/// Released, it goes to zero in n equal steps, one a sample: (n−1)/n, (n−2)/n … 0 of what was held. A new command ends
+/// the ramp.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hold {
     load: Load,

@@ -44,8 +44,8 @@ impl Listening {
         self.left_ns(since_ns, timeout_ns) == 0
     }
 
-    /// When to look next, on the clock, for a timeout that runs: when it can have passed, but within a look period, for no
-    /// more than that counts.
+    /// When to look next, on the clock, for a timeout that runs: when it can have passed, but within a look period, for
+    /// no more than that counts.
     pub fn next_look_ns(&self, since_ns: u64, timeout_ns: u64) -> u64 {
         self.looked_at_ns.saturating_add(self.left_ns(since_ns, timeout_ns).min(self.look_period_ns))
     }

@@ -11,11 +11,11 @@
 //! A frame is made when it is fetched, so a bus that is full takes it later, with what is newest then: ask for
 //! `next_frame`, and say `frame_sent` once the bus has taken it; `poll_transmit` does both.
 //!
-//! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and go on calling the node until `is_quiet`: the load
-//! has ramped to zero and all is sent.
+//! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and go on calling the node until `is_quiet`: the
+//! load has ramped to zero and all is sent.
 //!
-//! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are those
-//! of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
+//! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are
+//! those of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
 mod event;
 mod exciter;

@@ -129,8 +129,8 @@ impl PlantNode {
         self.hold.ramp_left() > 0
     }
 
-    /// Whether a node that was faulted, disarmed or told to leave has nothing left to do: it is not armed, the load is zero
-    /// and all frames are sent.
+    /// Whether a node that was faulted, disarmed or told to leave has nothing left to do: it is not armed, the load is
+    /// zero and all frames are sent.
     pub fn is_quiet(&self) -> bool {
         !self.is_armed() && !self.is_ramping() && !self.link.has_frames()
     }
@@ -306,17 +306,17 @@ impl PlantNode {
         }
     }
 
-    /// The load to hold from the sample published last to the next. Call it once a sample: after a fault or a disarm each
-    /// call goes one step down the ramp.
+    /// The load to hold from the sample published last to the next. Call it once a sample: after a fault or a disarm
+    /// each call goes one step down the ramp.
     ///
-    /// The ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0. Arming doesn't end it; the first command
-    /// taken does.
+    /// The ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0. Arming doesn't end it; the first
+    /// command taken does.
     pub fn load(&mut self) -> Load {
         self.hold.next()
     }
 
-    /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if the
-    /// simulation can't go on there is nothing to ramp, and it is let go at once.
+    /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if
+    /// the simulation can't go on there is nothing to ramp, and it is let go at once.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {

@@ -5,10 +5,11 @@ use resonarm_protocol::timing;
 /// How long a node waits for what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// Longest time, listened, without a valid command while armed (plant), or in which frames wait and none can be sent
-    /// (both), ns.
+    /// Longest time, listened, without a valid command while armed (plant), or in which frames wait and none can be
+    /// sent (both), ns.
     pub command_timeout_ns: u64,
-    /// Longest time, listened, without a sign of life of the partner, or without a whole sample (exciter), while armed, ns.
+    /// Longest time, listened, without a sign of life of the partner, or without a whole sample (exciter), while armed,
+    /// ns.
     pub partner_timeout_ns: u64,
     /// The most that counts as listened between two looks at the clock, ns. A node whose timeouts run asks to be called
     /// at least this often.
@@ -24,7 +25,8 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The specification's times for a run in real time with `rate_hz` samples a second. A look period is a sample period.
+    /// The specification's times for a run in real time with `rate_hz` samples a second. A look period is a sample
+    /// period.
     pub const fn real_time(rate_hz: u16) -> Timing {
         Timing {
             command_timeout_ns: timing::COMMAND_TIMEOUT_NS,
@@ -51,8 +53,8 @@ impl Timing {
         }
     }
 
-    /// When to send what is to be sent at least every `period_ns`: two look periods before, so that a node that acts only
-    /// at its ticks, and a little late, keeps the bound.
+    /// When to send what is to be sent at least every `period_ns`: two look periods before, so that a node that acts
+    /// only at its ticks, and a little late, keeps the bound.
     pub(super) const fn early(&self, period_ns: u64) -> u64 {
         let margin_ns = self.look_period_ns.saturating_mul(2);
         let least_ns = period_ns / 2;

@@ -121,7 +121,8 @@ pub(super) fn by_name<S: Serializer>(preset: &Preset, serializer: S) -> Result<S
     serializer.serialize_str(preset.name())
 }
 
-/// The largest step, relative to the size of the motion: a resonance is a circle to the walk, and this makes 60 points of one.
+/// The largest step, relative to the size of the motion: a resonance is a circle to the walk, and this makes 60 points
+/// of one.
 const SMOOTH_STEP: f64 = 0.1;
 
 fn options(from: f64, to: f64) -> BranchOptions {
@@ -183,8 +184,8 @@ impl ForcedBranch {
         self.motions.iter().filter(move |motion| (from_hz..=to_hz).contains(&motion.frequency_hz))
     }
 
-    /// Neighbouring motions in pairs, and whether those between them are stable. Between two bifurcations they are taken to be
-    /// unstable.
+    /// Neighbouring motions in pairs, and whether those between them are stable. Between two bifurcations they are
+    /// taken to be unstable.
     pub fn segments(&self) -> impl Iterator<Item = (&Motion, &Motion, bool)> {
         segments(&self.motions, Motion::stable)
     }
@@ -210,7 +211,8 @@ mod tests {
     use super::*;
     use crate::paper::Settings;
 
-    /// Within the folds the branch has two stable motions and one unstable between them, and the changes are at the folds.
+    /// Within the folds the branch has two stable motions and one unstable between them, and the changes are at the
+    /// folds.
     #[test]
     fn stability_changes_at_the_bifurcations() {
         let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();

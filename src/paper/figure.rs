@@ -124,8 +124,8 @@ pub struct Plan {
     measured: Vec<MeasuredPoint>,
 }
 
-/// The part of a mode's natural frequency on either side of it in which its resonance zone is looked for. Zones of this width do
-/// not meet, since f2 > 1.4 f1 at all poses of both presets.
+/// The part of a mode's natural frequency on either side of it in which its resonance zone is looked for. Zones of this
+/// width do not meet, since f2 > 1.4 f1 at all poses of both presets.
 const ZONE: f64 = 0.15;
 
 /// The frequencies of a resonance zone, Hz.

@@ -31,8 +31,8 @@ impl ForcedBranch {
         half_power_width_hz(&self.curve(link), &all)
     }
 
-    /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1 where
-    /// there is one motion only.
+    /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1
+    /// where there is one motion only.
     pub fn largest_ratio(&self, link: usize) -> (f64, f64) {
         let stable: Vec<[(f64, f64); 2]> = self
             .segments()
@@ -54,8 +54,8 @@ impl ForcedBranch {
         largest
     }
 
-    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the walk. Bifurcations are left out: one can lie so near to
-    /// a step that the slope between them is rounding.
+    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the walk. Bifurcations are left out: one can lie
+    /// so near to a step that the slope between them is rounding.
     fn curve(&self, link: usize) -> Vec<(f64, f64)> {
         let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
         steps.map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect()
@@ -132,8 +132,8 @@ mod tests {
         }
     }
 
-    /// A linear resonance 1/√(x² + 1), x = (f − f₀)/(ζf₀), is 2ζf₀ wide; sampled every tenth of a radian of its circle, and off
-    /// its top.
+    /// A linear resonance 1/√(x² + 1), x = (f − f₀)/(ζf₀), is 2ζf₀ wide; sampled every tenth of a radian of its circle,
+    /// and off its top.
     #[test]
     fn width_and_peak_of_a_sampled_resonance_are_good_to_1e_5() {
         let [f0, half_width] = [40.0, 0.035];

@@ -1,7 +1,8 @@
 //! The figures and statements of Gierlak & Warmiński (2023), computed anew.
 //!
 //! [`Settings`] hold what the paper states and what it leaves open. [`Figure`] makes the data of its figures by
-//! continuation, [`claims`] holds its statements against them, for both presets. Drawing and writing are the command line's.
+//! continuation, [`claims`] holds its statements against them, for both presets. Drawing and writing are the command
+//! line's.
 
 mod branch;
 pub mod claims;

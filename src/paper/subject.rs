@@ -59,8 +59,8 @@ impl Subject {
 
     /// The arm with its tip on the line of Fig. 6, at positive x.
     ///
-    /// With R (cos γ, sin γ) = (l1 + l2 cos β2, l2 sin β2) the tip is at R (cos(β1 + γ), sin(β1 + γ)), so that its height h gives
-    /// β1 = arcsin(h/R) − γ.
+    /// With R (cos γ, sin γ) = (l1 + l2 cos β2, l2 sin β2) the tip is at R (cos(β1 + γ), sin(β1 + γ)), so that its
+    /// height h gives β1 = arcsin(h/R) − γ.
     ///
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.

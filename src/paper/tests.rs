@@ -1,4 +1,5 @@
-//! The figures held against the linear theory and independent numbers, and the verdicts on the paper's statements, for both presets.
+//! The figures held against the linear theory and independent numbers, and the verdicts on the paper's statements, for
+//! both presets.
 
 use core::sync::atomic::AtomicUsize;
 use core::sync::atomic::Ordering::Relaxed;
@@ -79,8 +80,8 @@ fn the_folds_of_figure_4_are_those_of_the_oracles() {
     assert_eq!(compared, 8);
 }
 
-/// The settings that come with the program, with shorter scans: all of what is judged there takes a minute at full optimisation,
-/// and is done by `tests/paper/`.
+/// The settings that come with the program, with shorter scans: all of what is judged there takes a minute at full
+/// optimisation, and is done by `tests/paper/`.
 fn shorter() -> Settings {
     let mut settings = Settings::embedded().unwrap();
     let scan = &mut settings.scan;

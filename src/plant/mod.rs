@@ -1,12 +1,12 @@
 //! The plant: the arm, its instruments and an integrator, sample by sample.
 //!
-//! One sample is: [`Plant::measure`], a command from outside, [`Plant::advance`] with the command held (zero-order) up to the
-//! next sample. The same specification and the same commands give the same states and readings, bit for bit.
+//! One sample is: [`Plant::measure`], a command from outside, [`Plant::advance`] with the command held (zero-order) up
+//! to the next sample. The same specification and the same commands give the same states and readings, bit for bit.
 //!
-//! A held load jumps at every sample, and the accelerations with it, so the instruments sample half a period before: in the
-//! middle of the hold, as converters do that are triggered away from the edges of the output. Force and accelerations of a
-//! sample then belong together in phase; read at the edge, the part of the acceleration that follows the force at once would
-//! lag the rest by half a period, an error of a frequency response that reaches per cents.
+//! A held load jumps at every sample, and the accelerations with it, so the instruments sample half a period before: in
+//! the middle of the hold, as converters do that are triggered away from the edges of the output. Force and
+//! accelerations of a sample then belong together in phase; read at the edge, the part of the acceleration that follows
+//! the force at once would lag the rest by half a period, an error of a frequency response that reaches per cents.
 
 mod shaker;
 
@@ -35,7 +35,8 @@ pub struct PlantSpec {
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
     pub sample_rate_hz: f64,
-    /// Integration steps a sample: even, since the instruments sample in the middle, and from 2 to [`MOST_STEPS_PER_SAMPLE`].
+    /// Integration steps a sample: even, since the instruments sample in the middle, and from 2 to
+    /// [`MOST_STEPS_PER_SAMPLE`].
     pub steps_per_sample: u32,
     /// The instruments.
     pub rig: RigSpec,
@@ -203,8 +204,8 @@ impl Plant {
         &self.state
     }
 
-    /// What the instruments say at the sample: the truth half a sample period before, through their chains. Call it once a
-    /// sample: every call draws new noise.
+    /// What the instruments say at the sample: the truth half a sample period before, through their chains. Call it
+    /// once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
         self.rig.measure(self.sample, &self.sensed.motion, &self.sensed.head_n)
     }

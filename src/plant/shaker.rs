@@ -1,9 +1,10 @@
 //! Steps of an arm that a shaker drives.
 //!
-//! In current mode the coil's force is held over the step, as that of an ideal exciter is. In voltage mode the current and the
-//! motion of the armature depend on each other over the step: the motion gives a polynomial for the velocity, that the current in
-//! closed form, and the current the next motion, until it changes no more. What a pass changes is smaller than what the one before did
-//! by about h Bl²/(R m), m the mass that the coil sees: by a thousand for a shaker on this arm.
+//! In current mode the coil's force is held over the step, as that of an ideal exciter is. In voltage mode the current
+//! and the motion of the armature depend on each other over the step: the motion gives a polynomial for the velocity,
+//! that the current in closed form, and the current the next motion, until it changes no more. What a pass changes is
+//! smaller than what the one before did by about h Bl²/(R m), m the mass that the coil sees: by a thousand for a shaker
+//! on this arm.
 
 use super::PlantSpecError;
 use crate::arm::{Arm, Load, State};

@@ -134,8 +134,9 @@ fn size(phasor: Phasor) -> f64 {
     libm::hypot(phasor.re, phasor.im)
 }
 
-/// Force in the head and acceleration of the tip by linear theory, against the command's phase: with the tip's receptance G along the
-/// shaker and Z = k − mω² + iωc, s = G H, H = Bl i − Z s and, at a voltage V, (R + iωL) i = V − iω Bl s.
+/// Force in the head and acceleration of the tip by linear theory, against the command's phase: with the tip's
+/// receptance G along the shaker and Z = k − mω² + iωc, s = G H, H = Bl i − Z s and, at a voltage V, (R + iωL) i = V −
+/// iω Bl s.
 fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phasor) {
     let arm = Arm::new(spec().parameters, spec().pose).unwrap();
     let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
@@ -161,8 +162,8 @@ fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phas
 /// In voltage mode the coil damps the arm so much that it settles within seconds.
 #[test]
 fn head_and_tip_are_those_of_linear_theory() {
-    // With little inductance: what a sine held from sample to sample has beyond its own frequency then reaches the head whole, and in the
-    // middle of the hold that adds up to the sample itself.
+    // With little inductance: what a sine held from sample to sample has beyond its own frequency then reaches the head
+    // whole, and in the middle of the hold that adds up to the sample itself.
     let shaker = ShakerSpec { amplifier: Amplifier::Voltage, inductance_h: 1e-5, ..SHAKER };
     for frequency_hz in [15.0, 21.8, 22.4, 30.0] {
         let mut plant = Plant::new(&shaken(shaker)).unwrap();

@@ -86,8 +86,8 @@ pub(super) fn check(title: &str, index: usize, panel: &Panel) -> Result<(), Plot
 
 /// The range of an axis: the one it names, else that of the data in `panels`, which share it, with a margin.
 ///
-/// Lines may touch the ends of the x axis; everything else keeps off by [`MARGIN`]. Data that all have one value get a range
-/// about it.
+/// Lines may touch the ends of the x axis; everything else keeps off by [`MARGIN`]. Data that all have one value get a
+/// range about it.
 pub(super) fn range(coordinate: Coordinate, panels: &[&Panel]) -> Result<(f64, f64), PlotError> {
     let Some(axis) = panels.first().map(|panel| coordinate.axis(panel)) else {
         return Ok((0.0, 1.0)); // no panel, so nobody looks

@@ -56,7 +56,8 @@ fn finish(runs: &mut Vec<Vec<Point>>, current: &mut Vec<Point>, dot: Option<Poin
 
 /// The part of the segment from `a` to `b` that lies in `area` (Liang and Barsky 1984).
 ///
-/// On a + t (b − a) each side of the rectangle reads p t ≤ q. It bounds t from below where p < 0, from above where p > 0.
+/// On a + t (b − a) each side of the rectangle reads p t ≤ q. It bounds t from below where p < 0, from above where p >
+/// 0.
 pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)> {
     let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
     let sides = [(-dx, a[0] - area.left), (dx, area.right - a[0]), (-dy, a[1] - area.top), (dy, area.bottom - a[1])];

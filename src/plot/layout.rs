@@ -1,7 +1,7 @@
 //! From a figure to a scene: where everything stands.
 //!
-//! Widths first: the left margin of a column holds its widest tick labels, so that plots below each other line up; the right
-//! one holds legends that found no free corner. Then heights, row by row.
+//! Widths first: the left margin of a column holds its widest tick labels, so that plots below each other line up; the
+//! right one holds legends that found no free corner. Then heights, row by row.
 
 use super::axis::{self, AxisMap, Coordinate};
 use super::font::Fonts;
@@ -95,7 +95,8 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
     figure.panels.iter().enumerate().map(draft).collect()
 }
 
-/// The panels that share the x axis of panel `index`, itself included: its neighbours above and below with an equal one.
+/// The panels that share the x axis of panel `index`, itself included: its neighbours above and below with an equal
+/// one.
 fn sharing_x(figure: &Figure, index: usize) -> Vec<usize> {
     let column: Vec<usize> = (index % figure.columns..figure.panels.len()).step_by(figure.columns).collect();
     let groups = column.chunk_by(|a, b| figure.panels[*a].x == figure.panels[*b].x);

@@ -1,8 +1,8 @@
 //! Figures of journal quality, as SVG and PNG.
 //!
-//! A [`Figure`] is data: panels, axes, series. It is laid out once into a scene of paths and texts, which is then written
-//! as SVG (vector, text stays text) or drawn as PNG (300 dpi), so that both look the same. The same figure gives the same
-//! bytes.
+//! A [`Figure`] is data: panels, axes, series. It is laid out once into a scene of paths and texts, which is then
+//! written as SVG (vector, text stays text) or drawn as PNG (300 dpi), so that both look the same. The same figure
+//! gives the same bytes.
 
 mod axis;
 mod clip;
@@ -31,7 +31,8 @@ pub struct Figure {
     pub title: String,
     /// A line below the title: the conditions under which it holds.
     pub subtitle: Option<String>,
-    /// The panels, row by row. Panels below each other whose x axes are equal share them: one range, labels on the lowest.
+    /// The panels, row by row. Panels below each other whose x axes are equal share them: one range, labels on the
+    /// lowest.
     pub panels: Vec<Panel>,
     /// How many panels stand beside each other, at least 1.
     pub columns: usize,
@@ -149,8 +150,9 @@ impl Panel {
         self
     }
 
-    /// The panel with names in a row above these points, side by side in the order of the points, each with a line down to its
-    /// own. For peaks too near to each other for [`Panel::notes`]. A name whose point lies outside of the axes isn't drawn.
+    /// The panel with names in a row above these points, side by side in the order of the points, each with a line down
+    /// to its own. For peaks too near to each other for [`Panel::notes`]. A name whose point lies outside of the axes
+    /// isn't drawn.
     #[must_use]
     pub fn row(mut self, names: Vec<Note>) -> Self {
         self.rows.push(names);
@@ -164,8 +166,8 @@ impl Panel {
     }
 }
 
-/// Words near a point of a panel, for example the name of a curve at its peak. They stand off the lines and off each other, if
-/// there is room.
+/// Words near a point of a panel, for example the name of a curve at its peak. They stand off the lines and off each
+/// other, if there is room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {
     /// The point (x, y).

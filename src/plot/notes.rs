@@ -20,7 +20,8 @@ const DOWN: i32 = -3;
 const NEAR: f64 = 8.0;
 pub(super) const LEADER: Stroke = Stroke { color: [0x80, 0x80, 0x80], width: 0.6, dash: Dash::Solid };
 
-/// Draws the notes, each at the nearest free place off the areas that are `taken`; where there is none, above its point.
+/// Draws the notes, each at the nearest free place off the areas that are `taken`; where there is none, above its
+/// point.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>, mut taken: Vec<Rect>) {
     if cell.panel.notes.is_empty() {
         return;

@@ -66,9 +66,9 @@ fn sides(cell: &Cell<'_>) -> (f64, f64) {
 
 /// The centres of names of these widths, in their order and apart, nearest to where they are wanted.
 ///
-/// Centres c must obey c(i+1) − c(i) ≥ s(i+1) − s(i), with s the centres of the names packed side by side. So u = c − s must
-/// ascend, and Σ (c − wanted)² is least for the isotonic regression of wanted − s: neighbours that descend are pooled to their
-/// mean (Ayer et al. 1955). Bounds cut that off.
+/// Centres c must obey c(i+1) − c(i) ≥ s(i+1) − s(i), with s the centres of the names packed side by side. So u = c − s
+/// must ascend, and Σ (c − wanted)² is least for the isotonic regression of wanted − s: neighbours that descend are
+/// pooled to their mean (Ayer et al. 1955). Bounds cut that off.
 fn spread(wanted: &[f64], widths: &[f64], (left, right): (f64, f64)) -> Vec<f64> {
     let mut packed = Vec::with_capacity(widths.len());
     let mut end = 0.0;

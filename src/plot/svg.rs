@@ -73,8 +73,8 @@ fn pen(stroke: &Stroke) -> String {
     format!("stroke=\"{line}\" stroke-width=\"{width}\" stroke-dasharray=\"{dashes}\" stroke-linejoin=\"round\"")
 }
 
-/// Path commands for a polyline: the first point absolute, the others relative to the one before, in whole hundredths, so
-/// that rounding doesn't add up.
+/// Path commands for a polyline: the first point absolute, the others relative to the one before, in whole hundredths,
+/// so that rounding doesn't add up.
 fn polyline(points: &[Point]) -> String {
     let mut out = String::new();
     let mut before = [0_i64, 0];

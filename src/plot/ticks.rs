@@ -91,7 +91,8 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     }
 }
 
-/// Powers of ten, every one, or every second, third … where they have no room; below two decades also 2 and 5 times these.
+/// Powers of ten, every one, or every second, third … where they have no room; below two decades also 2 and 5 times
+/// these.
 fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
     let decades = libm::log10(axis.high / axis.low);
     let (first, last) = (libm::floor(libm::log10(axis.low)) as i32, libm::ceil(libm::log10(axis.high)) as i32);
@@ -152,7 +153,8 @@ fn have_room(axis: &AxisMap, labelled: &[(f64, String)], room: &dyn Fn(&str) -> 
     })
 }
 
-/// 10^exponent, as exact as an `f64` can be: the powers up to 10^22 are exact, and so is one rounding of their quotient.
+/// 10^exponent, as exact as an `f64` can be: the powers up to 10^22 are exact, and so is one rounding of their
+/// quotient.
 fn power_of_ten(exponent: i32) -> f64 {
     match exponent {
         0..=22 => (0..exponent).fold(1.0, |power, _| power * 10.0),

@@ -66,7 +66,8 @@ pub fn unix_time_ns() -> u64 {
     to_ns(clock_gettime(ClockId::Realtime))
 }
 
-/// Neither clock is ever before its epoch on Linux (`CLOCK_REALTIME` can't be set below zero), so the conversion is exact.
+/// Neither clock is ever before its epoch on Linux (`CLOCK_REALTIME` can't be set below zero), so the conversion is
+/// exact.
 pub(super) fn to_ns(time: Timespec) -> u64 {
     time.tv_sec.unsigned_abs() * NS_PER_S + time.tv_nsec.unsigned_abs()
 }

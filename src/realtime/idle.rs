@@ -12,8 +12,8 @@ const INTERFACE: &str = "/dev/cpu_dma_latency";
 
 /// Holds all cores out of their idle states, as long as it lives: no wake-up waits for a core to come back from one.
 ///
-/// It acts on the whole machine, costs power and heat, and on a shared machine takes time from the others; so it is asked
-/// for, never a default. The kernel drops the request when the value is dropped or the process ends.
+/// It acts on the whole machine, costs power and heat, and on a shared machine takes time from the others; so it is
+/// asked for, never a default. The kernel drops the request when the value is dropped or the process ends.
 #[derive(Debug)]
 pub struct CoresAwake {
     _request: File,

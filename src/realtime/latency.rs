@@ -4,7 +4,8 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 use thiserror::Error;
 
-/// Latencies up to here, 10 s, keep their place in a [`LatencyHistogram`]; longer ones only count, and the longest is kept.
+/// Latencies up to here, 10 s, keep their place in a [`LatencyHistogram`]; longer ones only count, and the longest is
+/// kept.
 pub const HISTOGRAM_BOUND_NS: u64 = 10_000_000_000;
 const SIGNIFICANT_DIGITS: u8 = 3;
 

@@ -1,12 +1,12 @@
 //! The periodic loop: tick k is due at `start + k / rate` on the monotonic clock, exactly, for ever.
 //!
-//! Simulated time is k / rate at tick k, whatever the clock says: **every tick is given out, once, in order**. Being late
-//! changes when a tick is worked on, never which one it is.
+//! Simulated time is k / rate at tick k, whatever the clock says: **every tick is given out, once, in order**. Being
+//! late changes when a tick is worked on, never which one it is.
 //!
-//! A *deadline* is the instant a tick is due. It is *missed* when the loop isn't asleep waiting for it: because the work
-//! of a tick before took too long, or because the system woke the loop so late that more deadlines had passed. After a
-//! miss the loop doesn't sleep; it gives out the ticks that are overdue one after another, each with its true lateness,
-//! until it is ahead again:
+//! A *deadline* is the instant a tick is due. It is *missed* when the loop isn't asleep waiting for it: because the
+//! work of a tick before took too long, or because the system woke the loop so late that more deadlines had passed.
+//! After a miss the loop doesn't sleep; it gives out the ticks that are overdue one after another, each with its true
+//! lateness, until it is ahead again:
 //!
 //! ```text
 //!  deadline      d0        d1        d2        d3        d4        d5
@@ -22,13 +22,14 @@
 //!  lateness      ε                                  2.5 1.6 .7     ε
 //! ```
 //!
-//! So [`Tick::missed`] counts each missed deadline once, in the first tick given out after it, and the sum over all ticks
-//! is the number of overruns of the run. A lateness is recorded for every tick, including those that caught up: a
-//! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; Tene 2013).
+//! So [`Tick::missed`] counts each missed deadline once, in the first tick given out after it, and the sum over all
+//! ticks is the number of overruns of the run. A lateness is recorded for every tick, including those that caught up: a
+//! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; Tene
+//! 2013).
 //!
-//! What a miss means is the [`OverrunPolicy`]'s matter. Under [`OverrunPolicy::Slip`], the default, a loop behind by more
-//! than [`CATCH_UP_TICKS`] moves its schedule by the whole periods that it is behind, and goes on from there: no burst of
-//! stale samples on the bus, and no tick left out either. With s periods slipped so far, tick k is due at
+//! What a miss means is the [`OverrunPolicy`]'s matter. Under [`OverrunPolicy::Slip`], the default, a loop behind by
+//! more than [`CATCH_UP_TICKS`] moves its schedule by the whole periods that it is behind, and goes on from there: no
+//! burst of stale samples on the bus, and no tick left out either. With s periods slipped so far, tick k is due at
 //! start + (k + s) / rate:
 //!
 //! ```text
@@ -40,8 +41,8 @@
 //!  lateness      ε         ε                                                       4.4   ε        ε
 //! ```
 //!
-//! Under the other policies every tick is caught up, and behind by more than [`MAX_LAG_NS`] the loop ends with an error:
-//! the other end of the bus has long stopped to believe in it.
+//! Under the other policies every tick is caught up, and behind by more than [`MAX_LAG_NS`] the loop ends with an
+//! error: the other end of the bus has long stopped to believe in it.
 
 use core::fmt;
 use core::str::FromStr;
@@ -56,9 +57,9 @@ use super::{Clock, LatencyHistogram, Percentiles, SampleRate};
 /// Only [`OverrunPolicy::Slip`], which catches nothing up that is so old, goes on.
 pub const MAX_LAG_NS: u64 = 1_000_000_000;
 
-/// How many ticks a loop that slips catches up: 3. At the highest load that the protocol recommends, 70 % of the wire, the
-/// frames of a sample take 0.7 of a period, so the wire works off a backlog of 3 samples in 3 · 0.7/0.3 = 7 periods. A
-/// longer burst would hold stale forces for longer than it is worth.
+/// How many ticks a loop that slips catches up: 3. At the highest load that the protocol recommends, 70 % of the wire,
+/// the frames of a sample take 0.7 of a period, so the wire works off a backlog of 3 samples in 3 · 0.7/0.3 = 7
+/// periods. A longer burst would hold stale forces for longer than it is worth.
 pub const CATCH_UP_TICKS: u64 = 3;
 
 /// What a missed deadline leads to. In text: `slip`, `continue`, `fault`, `stop`.
@@ -71,8 +72,8 @@ pub enum OverrunPolicy {
     Slip,
     /// All overdue ticks are run late, one after another, marked, and the run goes on.
     Continue,
-    /// As `Continue`, and each tick that tells of a miss asks for a fault ([`Action::Fault`]): the plant's force goes to
-    /// zero, and stays there until it is armed again.
+    /// As `Continue`, and each tick that tells of a miss asks for a fault ([`Action::Fault`]): the plant's force goes
+    /// to zero, and stays there until it is armed again.
     Fault,
     /// The loop ends with [`PeriodicError::Overrun`].
     Stop,
@@ -199,9 +200,9 @@ impl<'c, C: Clock> Periodic<'c, C> {
     ///
     /// # Errors
     /// [`PeriodicError::Overrun`] if a deadline was missed and the policy is to stop;
-    /// [`PeriodicError::TooFarBehind`] if the tick is late by more than [`MAX_LAG_NS`] and the policy is not to slip. The
-    /// tick named by the error is not given out, the deadlines missed up to it are in [`LoopSummary::overruns`], and the
-    /// loop is over.
+    /// [`PeriodicError::TooFarBehind`] if the tick is late by more than [`MAX_LAG_NS`] and the policy is not to slip.
+    /// The tick named by the error is not given out, the deadlines missed up to it are in [`LoopSummary::overruns`],
+    /// and the loop is over.
     pub fn tick(&mut self) -> Result<Tick, PeriodicError> {
         let index = self.next;
         let period = index + self.slipped;
@@ -230,8 +231,8 @@ impl<'c, C: Clock> Periodic<'c, C> {
         Ok(Tick { index, deadline_ns, woke_ns, wakeup_ns: late_ns, missed, slipped, action })
     }
 
-    /// Moves the schedule if the policy is to slip and the tick due with `period` is too far behind: by the whole periods
-    /// since, so that it counts as due with the last period that has begun.
+    /// Moves the schedule if the policy is to slip and the tick due with `period` is too far behind: by the whole
+    /// periods since, so that it counts as due with the last period that has begun.
     fn slip(&mut self, period: u64, now_ns: u64) -> u32 {
         let behind = self.rate.last_due(now_ns.saturating_sub(self.start_ns)).saturating_sub(period);
         if self.policy != OverrunPolicy::Slip || behind <= CATCH_UP_TICKS {

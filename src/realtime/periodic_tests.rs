@@ -10,7 +10,8 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes what it is told.
+/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes what it is
+/// told.
 #[derive(Default)]
 struct ScriptedClock {
     now_ns: Cell<u64>,

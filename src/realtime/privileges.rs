@@ -99,7 +99,8 @@ impl Privileges {
             return Finding { subject: "cores", state: "not told by this system".to_owned(), mend: None };
         };
         let state = format!("{allowed:?} allowed, {:?} isolated", self.isolated_cores);
-        // The only core can't be given away. The last one is as good as any, and not core 0, which serves the interrupts.
+        // The only core can't be given away. The last one is as good as any, and not core 0, which serves the
+        // interrupts.
         let spare = allowed.last().filter(|_| allowed.len() > 1 && self.isolated_cores.is_empty());
         let mend = spare.map(|core| {
             format!("to keep a core for the loop boot with `isolcpus={core} nohz_full={core} rcu_nocbs={core}`, and pin to it")

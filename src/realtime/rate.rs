@@ -10,8 +10,8 @@ pub const MAX_RATE_HZ: f64 = 100_000.0;
 
 /// A rate in [[`MIN_RATE_HZ`], [`MAX_RATE_HZ`]], held as the exact binary fraction that the `f64` is.
 ///
-/// A finite `f64` is `m / 2^s` with an odd whole m below 2^53, or a whole number. So the instant of tick k, in nanoseconds
-/// after the start,
+/// A finite `f64` is `m / 2^s` with an odd whole m below 2^53, or a whole number. So the instant of tick k, in
+/// nanoseconds after the start,
 ///
 /// ```text
 ///     t_k = round(k · 10⁹ · 2^s / m)      halves up

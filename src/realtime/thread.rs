@@ -76,9 +76,9 @@ impl ThreadSetup {
     /// Gives the calling thread what is asked for, as far as the system permits; the rest is in
     /// [`ThreadReport::shortfalls`]. Touches [`PREFAULT_STACK_BYTES`] of stack in any case.
     ///
-    /// Threads that the calling thread starts later don't inherit the priority (`SCHED_FLAG_RESET_ON_FORK`), but do inherit
-    /// the core. Memory is locked for the whole process. A thread that gets no priority asks for timers without slack
-    /// instead, which would otherwise wake it up to 50 µs late.
+    /// Threads that the calling thread starts later don't inherit the priority (`SCHED_FLAG_RESET_ON_FORK`), but do
+    /// inherit the core. Memory is locked for the whole process. A thread that gets no priority asks for timers without
+    /// slack instead, which would otherwise wake it up to 50 µs late.
     pub fn apply(&self) -> ThreadReport {
         let mut report = ThreadReport { priority: None, memory: MemoryLock::None, core: None, shortfalls: Vec::new() };
         prefault_stack();
@@ -128,8 +128,8 @@ pub struct ThreadReport {
 pub enum MemoryLock {
     /// None.
     None,
-    /// What was mapped when the lock was made. What comes later isn't, because the process's limit would make allocations
-    /// fail: the loop itself makes none.
+    /// What was mapped when the lock was made. What comes later isn't, because the process's limit would make
+    /// allocations fail: the loop itself makes none.
     Current,
     /// All, also what will be mapped later.
     All,
@@ -208,8 +208,8 @@ fn pin(core: usize) -> Result<(), Errno> {
     sched_setaffinity(None, &set)
 }
 
-/// `MCL_FUTURE` under a limit would make any later allocation fail once the limit is reached, so it is asked for only when
-/// the process has no limit.
+/// `MCL_FUTURE` under a limit would make any later allocation fail once the limit is reached, so it is asked for only
+/// when the process has no limit.
 fn lock_memory() -> Result<MemoryLock, Errno> {
     if memory_lock_limit_bytes().is_none() {
         mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map(|()| MemoryLock::All)
@@ -233,8 +233,8 @@ pub(super) fn set_fifo(priority: FifoPriority) -> Result<(), Errno> {
         sched_deadline: 0,
         sched_period: 0,
     };
-    // SAFETY: the kernel reads `attributes.size` bytes from the pointer, which is that of a live value of that size, and
-    // writes nothing.
+    // SAFETY: the kernel reads `attributes.size` bytes from the pointer, which is that of a live value of that size,
+    // and writes nothing.
     let result =
         unsafe { libc::syscall(libc::SYS_sched_setattr, CALLING_THREAD, core::ptr::from_ref(&attributes), NO_FLAGS) };
     if result == 0 {

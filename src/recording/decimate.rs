@@ -1,16 +1,16 @@
 //! Every n-th row of a series, filtered so that nothing is left of what the lower rate can't tell.
 //!
-//! A linear-phase FIR filter: the ideal low-pass under a Kaiser window (J. F. Kaiser, 1974). With n the decimation, f_s the rate
-//! of the series and f_N = f_s/(2n) half the lower rate, it passes up to 0.8 f_N and stops from f_N on. For an attenuation of
-//! A = 80 dB and a transition Δω = 2π·0.2 f_N/f_s = 0.2π/n,
+//! A linear-phase FIR filter: the ideal low-pass under a Kaiser window (J. F. Kaiser, 1974). With n the decimation, f_s
+//! the rate of the series and f_N = f_s/(2n) half the lower rate, it passes up to 0.8 f_N and stops from f_N on. For an
+//! attenuation of A = 80 dB and a transition Δω = 2π·0.2 f_N/f_s = 0.2π/n,
 //!
 //! ```text
 //! β = 0.1102 (A − 8.7) = 7.857,   taps − 1 ≥ (A − 7.95)/(2.285 Δω) = 50.2 n,   so 2h + 1 taps with h = 26 n
 //! w_i = I0(β √(1 − (i/h)²)) · sinc(0.9 i/n),   i = −h … h,   divided by Σ w_i
 //! ```
 //!
-//! Both bands ripple by 10^(−A/20) = 1e-4 of the amplitude at most. The taps are symmetric about the row that a value is given
-//! for, so nothing is delayed. Beyond the ends of the series its first and last row are taken to go on.
+//! Both bands ripple by 10^(−A/20) = 1e-4 of the amplitude at most. The taps are symmetric about the row that a value
+//! is given for, so nothing is delayed. Beyond the ends of the series its first and last row are taken to go on.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -136,7 +136,8 @@ fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
 }
 
-/// The modified Bessel function of the first kind and order 0: Σ ((x/2)^k / k!)², to the last digit for the x in use, below 8.
+/// The modified Bessel function of the first kind and order 0: Σ ((x/2)^k / k!)², to the last digit for the x in use,
+/// below 8.
 fn bessel_i0(x: f64) -> f64 {
     let (mut sum, mut term) = (1.0, 1.0);
     for k in 1..=40 {

@@ -1,9 +1,11 @@
-//! Lengths inside a record, checked before the MCAP library takes memory for as much as a damaged one says, up to 4 GiB.
+//! Lengths inside a record, checked before the MCAP library takes memory for as much as a damaged one says, up to 4
+//! GiB.
 
 use mcap::records::op;
 
-/// Whether every length in the record fits into it (MCAP specification, "Records"): after fields of fixed size stand texts and
-/// the like, each as its length (`u32`) and that many bytes; the last may be a map, a row of texts in its turn.
+/// Whether every length in the record fits into it (MCAP specification, "Records"): after fields of fixed size stand
+/// texts and the like, each as its length (`u32`) and that many bytes; the last may be a map, a row of texts in its
+/// turn.
 pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     let rest = match opcode {
         op::HEADER => after_texts(2, Some(body)),

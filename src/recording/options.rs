@@ -36,11 +36,12 @@ impl Configuration {
     }
 }
 
-/// What the times in a recording count from. Log times are simulated time: that of the sample to which a message belongs.
-/// Publish times are those of the machine's clock, if the run went by it.
+/// What the times in a recording count from. Log times are simulated time: that of the sample to which a message
+/// belongs. Publish times are those of the machine's clock, if the run went by it.
 ///
-/// The run loops have a monotonic clock; `clock_epoch_unix_ns` is the time of the UNIX epoch at which that clock read 0. With
-/// what it read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the moment at which the run began.
+/// The run loops have a monotonic clock; `clock_epoch_unix_ns` is the time of the UNIX epoch at which that clock read
+/// 0. With what it read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the moment at
+/// which the run began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeBase {
     /// Simulated time alone: log times from 0, publish times equal to them, so that the same run gives the same bytes.
@@ -50,8 +51,8 @@ pub enum TimeBase {
         /// When the run loop's clock read 0, ns of the UNIX epoch.
         clock_epoch_unix_ns: u64,
     },
-    /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on, publish times
-    /// of the UNIX epoch.
+    /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on,
+    /// publish times of the UNIX epoch.
     RealTime {
         /// When the run loop's clock read 0, ns of the UNIX epoch.
         clock_epoch_unix_ns: u64,
@@ -89,8 +90,8 @@ pub enum FlushPolicy {
         /// A monotonic clock; only differences count.
         clock: fn() -> Duration,
     },
-    /// When the first record of a sample this many samples after the last flush comes. The bytes of the file then depend on
-    /// the records alone, provided that they all come through one channel.
+    /// When the first record of a sample this many samples after the last flush comes. The bytes of the file then
+    /// depend on the records alone, provided that they all come through one channel.
     Samples(u64),
 }
 
@@ -129,13 +130,14 @@ pub struct Options {
     pub existing: Existing,
     /// Samples in a full-rate batch, at least 1.
     pub batch_samples: u32,
-    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none. From 2 on
-    /// they are filtered against aliases, as `docs/recording.md` states.
+    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
+    /// From 2 on they are filtered against aliases, as `docs/recording.md` states.
     pub plot_every_samples: u64,
 }
 
 impl Options {
-    /// For a run in real time: `clock` read 0 at `clock_epoch_unix_ns` of the UNIX epoch; flushes every half second of it.
+    /// For a run in real time: `clock` read 0 at `clock_epoch_unix_ns` of the UNIX epoch; flushes every half second of
+    /// it.
     pub fn real_time(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
         Options {
             time_base: TimeBase::RealTime { clock_epoch_unix_ns },

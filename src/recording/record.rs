@@ -48,8 +48,8 @@ pub struct StateRecord {
     pub torque_nm: [f64; 2],
     /// Force at point C along x and y, N.
     pub force_n: [f64; 2],
-    /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means nothing.
-    /// Recordings of format 1 don't say it of their last.
+    /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
+    /// nothing. Recordings of format 1 don't say it of their last.
     pub is_end: bool,
 }
 

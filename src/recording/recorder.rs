@@ -16,7 +16,8 @@ const FULL_WAIT: Duration = Duration::from_micros(50);
 /// Writes a recording on a thread of its own.
 ///
 /// The thread inherits scheduling policy and affinity of the thread that calls [`Recorder::create`]: call it before the
-/// set-up of a real-time thread. Dropping a recorder finishes the file without statistics; a failure then goes to the log.
+/// set-up of a real-time thread. Dropping a recorder finishes the file without statistics; a failure then goes to the
+/// log.
 #[derive(Debug)]
 pub struct Recorder {
     control: mpsc::Sender<Control>,
@@ -78,7 +79,8 @@ impl Recorder {
     ///
     /// # Errors
     /// [`RecordingError::Exists`] if the file is there already, [`RecordingError::Create`] if it can't be created,
-    /// [`RecordingError::Write`] if not even its head can be written, [`RecordingError::Option`] if `options` make no sense.
+    /// [`RecordingError::Write`] if not even its head can be written, [`RecordingError::Option`] if `options` make no
+    /// sense.
     pub fn create(
         path: impl AsRef<Path>,
         configuration: &Configuration,
@@ -128,7 +130,8 @@ impl Recorder {
         self.shared.failure.get().is_some() || self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Why nothing is recorded any more, if so: a full disk, for example. The first failure also goes to the log at once.
+    /// Why nothing is recorded any more, if so: a full disk, for example. The first failure also goes to the log at
+    /// once.
     pub fn failure(&self) -> Option<RecordingError> {
         let dead = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
         match self.shared.failure.get() {
@@ -142,8 +145,8 @@ impl Recorder {
     /// the file. What a channel takes after this call began is not recorded.
     ///
     /// # Errors
-    /// [`RecordingError`] if writing failed, now or at any time before; [`RecordingError::Gone`] if the file was deleted, moved
-    /// or replaced meanwhile.
+    /// [`RecordingError`] if writing failed, now or at any time before; [`RecordingError::Gone`] if the file was
+    /// deleted, moved or replaced meanwhile.
     pub fn finish(mut self, statistics: &[(&str, String)]) -> Result<Summary, RecordingError> {
         let statistics = statistics.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
         self.end(statistics)
@@ -183,8 +186,8 @@ impl Shared {
 }
 
 impl Channel {
-    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record, by the loop
-    /// itself, so that its times and those of the bus have one origin. Never blocks, locks or allocates.
+    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record, by the
+    /// loop itself, so that its times and those of the bus have one origin. Never blocks, locks or allocates.
     pub fn begin(&mut self, clock_ns: u64) {
         self.shared.start_clock_ns.store(clock_ns, Ordering::Release);
     }

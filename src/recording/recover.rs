@@ -23,8 +23,8 @@ pub struct Recovered {
     pub source: Integrity,
     /// The parts of the old file from which nothing could be had.
     pub lost_chunks: Vec<LostChunk>,
-    /// States that are missing between others that were recovered. What is missing before the first or behind the last is not
-    /// known.
+    /// States that are missing between others that were recovered. What is missing before the first or behind the last
+    /// is not known.
     pub missing_samples: Vec<MissingSamples>,
 }
 
@@ -40,12 +40,13 @@ pub struct MissingSamples {
 /// Copies everything that can be read of `input` into a new file `output`, which is whole. Damaged chunks are left out.
 ///
 /// The messages are copied byte for byte. The new file says in its metadata `resonarm.recovered` what it was made from,
-/// and opens as [`Integrity::Unfinished`]. It takes its name when it is on the disk, so that nothing that was there before is lost if recovery fails.
+/// and opens as [`Integrity::Unfinished`]. It takes its name when it is on the disk, so that nothing that was there
+/// before is lost if recovery fails.
 ///
 /// # Errors
 /// [`RecordingError::Whole`] if nothing is wrong with `input`, [`RecordingError::SameFile`] if `output` is `input`,
-/// [`RecordingError::NothingRecovered`] if no message is left, [`RecordingError::Metadata`] if `input` does not say any more
-/// when and by what it was made; else as for opening the one and creating the other.
+/// [`RecordingError::NothingRecovered`] if no message is left, [`RecordingError::Metadata`] if `input` does not say any
+/// more when and by what it was made; else as for opening the one and creating the other.
 pub fn recover(
     input: impl AsRef<Path>,
     output: impl AsRef<Path>,

@@ -17,7 +17,8 @@ use super::{RecordingError, source};
 const RECORD_HEAD: u64 = 9;
 /// Bytes searched at a time.
 const WINDOW: u64 = 1 << 16;
-/// The first bytes of a metadata record of ours, after its opcode and length: the length of its name, below 256, and this.
+/// The first bytes of a metadata record of ours, after its opcode and length: the length of its name, below 256, and
+/// this.
 const OUR_METADATA: &[u8] = b"resonarm.";
 
 /// A part of the file from which nothing could be had.
@@ -52,9 +53,10 @@ pub(super) enum Piece {
 
 /// A pass through a file that goes on behind what is damaged.
 ///
-/// A record is an opcode, a length and that many bytes. A wrong byte inside a chunk spoils that chunk alone: its checksum says so,
-/// and the next record begins where its length says. If the length itself is wrong, no record stands there, and the pass looks
-/// for the next place where a chunk whose lengths agree, or a metadata record of ours, begins.
+/// A record is an opcode, a length and that many bytes. A wrong byte inside a chunk spoils that chunk alone: its
+/// checksum says so, and the next record begins where its length says. If the length itself is wrong, no record stands
+/// there, and the pass looks for the next place where a chunk whose lengths agree, or a metadata record of ours,
+/// begins.
 pub(super) struct Salvage {
     path: PathBuf,
     file: File,
@@ -168,7 +170,8 @@ impl Salvage {
         Ok(Piece::Lost(LostChunk { offset, bytes, log_times_ns: self.stated_times(offset)?, cause }))
     }
 
-    /// The next place, at `from` or later, where a chunk or a metadata record begins; the end of the file if there is none.
+    /// The next place, at `from` or later, where a chunk or a metadata record begins; the end of the file if there is
+    /// none.
     fn search(&self, from: u64) -> io::Result<u64> {
         let mut window = vec![0; WINDOW as usize];
         let mut start = from;

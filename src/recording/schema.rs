@@ -105,8 +105,9 @@ pub(super) mod metadata {
 /// Version of topics, schemas and metadata that is written.
 pub(super) const FORMAT: &str = "2";
 
-/// Versions that are read. 1 has no column of clipped readings and no mark at the end of a run; its plotting topics are not
-/// filtered, its publish times are the log times, and the log times of frames and events are when they were handled.
+/// Versions that are read. 1 has no column of clipped readings and no mark at the end of a run; its plotting topics are
+/// not filtered, its publish times are the log times, and the log times of frames and events are when they were
+/// handled.
 pub(super) const FORMATS_READ: [&str; 2] = ["1", "2"];
 
 /// The key of the time from sample to sample in [`metadata::RECORDING`].

@@ -14,7 +14,8 @@ use super::contents::RawMessage;
 use super::schema::Topic;
 use super::{Compression, Existing, RecordingError};
 
-/// The file being written. `NoSeek` lets a chunk reach the file only whole, so that a killed file is whole up to a chunk.
+/// The file being written. `NoSeek` lets a chunk reach the file only whole, so that a killed file is whole up to a
+/// chunk.
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<File>>>,
@@ -37,7 +38,8 @@ struct Written {
 }
 
 impl Sink {
-    /// Writes the head of a new file: `metadata` records first, flushed, then all topics. In messages it is called `path`.
+    /// Writes the head of a new file: `metadata` records first, flushed, then all topics. In messages it is called
+    /// `path`.
     pub fn begin(
         file: File,
         path: &Path,

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use super::RecordingError;
 
-/// Opens a recording for reading. What is no regular file is refused before it is opened: a pipe would wait for its other
-/// end, a device may have none.
+/// Opens a recording for reading. What is no regular file is refused before it is opened: a pipe would wait for its
+/// other end, a device may have none.
 pub(super) fn open(path: &Path) -> Result<File, RecordingError> {
     let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
     let found = fs::metadata(path).map_err(failed)?;

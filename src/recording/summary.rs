@@ -20,7 +20,8 @@ pub struct Origin {
     pub dt_s: f64,
     /// Name of the bus interface.
     pub interface: String,
-    /// How the run went: by simulated time alone, in lockstep, or in real time. Format 1 calls a run in lockstep simulated.
+    /// How the run went: by simulated time alone, in lockstep, or in real time. Format 1 calls a run in lockstep
+    /// simulated.
     pub time: RunTime,
     /// Start of the run, ns of the UNIX epoch; `None` for simulated time alone.
     pub start_unix_ns: Option<u64>,

@@ -38,8 +38,8 @@ pub struct Played {
     pub latest_s: f64,
 }
 
-/// Sends the recording's frames in their order, each as long after the first as it was recorded, divided by the speed: of a
-/// run in real time by the machine's clock, else in simulated time, where the frames of a sample come together.
+/// Sends the recording's frames in their order, each as long after the first as it was recorded, divided by the speed:
+/// of a run in real time by the machine's clock, else in simulated time, where the frames of a sample come together.
 ///
 /// # Errors
 /// [`ReplayError`] if the speed is impossible, the recording holds no frames, or recording or bus fail.

@@ -9,8 +9,8 @@ use crate::scenario::Scenario;
 /// Whether a run, simulated again, is the recorded one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Verdict {
-    /// Whether every state is the recorded one, bit for bit. Never of a damaged recording: there are states that can't be
-    /// compared. Of one that was cut short it says so of the states that are there.
+    /// Whether every state is the recorded one, bit for bit. Never of a damaged recording: there are states that can't
+    /// be compared. Of one that was cut short it says so of the states that are there.
     pub identical: bool,
     /// Whether the recording is whole.
     pub integrity: Integrity,
@@ -27,8 +27,8 @@ pub struct Verdict {
 /// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
 ///
 /// # Errors
-/// [`ReplayError`] if the recording can't be read, has gaps or no states, its scenario makes no plant or not the one that was
-/// recorded: other samples, loads beyond its exciter.
+/// [`ReplayError`] if the recording can't be read, has gaps or no states, its scenario makes no plant or not the one
+/// that was recorded: other samples, loads beyond its exciter.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let mut spec = Scenario::from_configuration(recording.configuration())?.plant_spec()?;
     check(recording, &spec)?;

@@ -9,14 +9,15 @@ use crate::protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver,
 use crate::recording::{Direction, Recording};
 use crate::scenario::Scenario;
 
-/// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the first fault.
+/// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the
+/// first fault.
 ///
-/// A controller is a function of the frames it is told. Told those of the recording it makes the recorded commands again, and reads
-/// what it read in the run. A command that is another shows that another controller was recorded.
+/// A controller is a function of the frames it is told. Told those of the recording it makes the recorded commands
+/// again, and reads what it read in the run. A command that is another shows that another controller was recorded.
 ///
 /// # Errors
-/// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant speaks another version of the
-/// protocol; [`ReplayError`] if the recording can't be read or its scenario makes no
+/// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant
+/// speaks another version of the protocol; [`ReplayError`] if the recording can't be read or its scenario makes no
 /// controller.
 pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration())?;

@@ -1,6 +1,7 @@
 //! An instrument at work: two axes, each from the truth to the reading.
 //!
-//! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding, range).
+//! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding,
+//! range).
 //!
 //! Faults that add something do so before the converter, those that replace a reading after it.
 //!
@@ -181,8 +182,8 @@ impl Converter {
     }
 }
 
-/// The largest magnitude that a converter says: of whole counts the last within the range. A range that is a whole number of
-/// counts but for the rounding of the two numbers counts as one.
+/// The largest magnitude that a converter says: of whole counts the last within the range. A range that is a whole
+/// number of counts but for the rounding of the two numbers counts as one.
 fn largest(range: f64, resolution: f64) -> f64 {
     const ROUNDING: f64 = 1e-9;
     if resolution == 0.0 { range } else { libm::floor(range / resolution * (1.0 + ROUNDING)) * resolution }

@@ -1,7 +1,8 @@
 //! The current in the coil of a shaker in voltage mode over one integration step.
 //!
-//! Over a step of length h the tip's velocity along the shaker is taken as the polynomial p(x) of degree 4 in x = t/h, 0 ≤ x ≤ 1, that
-//! has its value and slope at both ends and its integral, which are known from the states there. With λ = hR/L the circuit is
+//! Over a step of length h the tip's velocity along the shaker is taken as the polynomial p(x) of degree 4 in x = t/h,
+//! 0 ≤ x ≤ 1, that has its value and slope at both ends and its integral, which are known from the states there. With λ
+//! = hR/L the circuit is
 //!
 //! ```text
 //! di/dx + λ i = (λ/R) (V − Bl p(x))        i(x) = q(x) + (i(0) − q(0)) e^{−λx}

@@ -1,7 +1,8 @@
 //! Faults of instruments at stated times.
 //!
-//! Drift, noise and spike are added between delay and converter, which rounds and clips them; a stuck or dropped-out axis
-//! says what it says whatever the converter does. Several faults of an axis act in the order in which they are stated.
+//! Drift, noise and spike are added between delay and converter, which rounds and clips them; a stuck or dropped-out
+//! axis says what it says whatever the converter does. Several faults of an axis act in the order in which they are
+//! stated.
 
 use alloc::boxed::Box;
 
@@ -57,8 +58,8 @@ pub enum FaultKind {
     Spike,
 }
 
-/// A fault as a scenario states it. A drift has a rate, noise its standard deviation, a spike its amplitude, each in the key
-/// of the instrument's unit; stuck axes and dropouts have none.
+/// A fault as a scenario states it. A drift has a rate, noise its standard deviation, a spike its amplitude, each in
+/// the key of the instrument's unit; stuck axes and dropouts have none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultSpec {
@@ -219,8 +220,8 @@ impl Fault {
     }
 }
 
-/// The first sample at `time_s` or later. Times that are a whole number of samples but for rounding count as one: 1.1 s at
-/// 1 kHz is 1100.0000000000002 samples.
+/// The first sample at `time_s` or later. Times that are a whole number of samples but for rounding count as one: 1.1 s
+/// at 1 kHz is 1100.0000000000002 samples.
 fn sample_at(time_s: f64, rate_hz: f64) -> u64 {
     const ROUNDING: f64 = 1e-12;
     libm::ceil(time_s * rate_hz * (1.0 - ROUNDING)) as u64

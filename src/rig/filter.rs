@@ -1,12 +1,12 @@
 //! Filters of a conditioner, on the samples.
 //!
-//! Both are the analog filter by the bilinear transform s = 2 rate (1 − z⁻¹)/(1 + z⁻¹), without prewarping: the response at
-//! frequency f is that of the analog filter at (rate/π) tan(πf/rate), exactly. So gain and phase are right where the arm
-//! vibrates, far below the sample rate: at a twentieth of the rate the analog frequency is 0.8 % higher, at a tenth 3 %. The
-//! corner of a low-pass lies at (rate/π) atan(π·lowpass_hz/rate).
+//! Both are the analog filter by the bilinear transform s = 2 rate (1 − z⁻¹)/(1 + z⁻¹), without prewarping: the
+//! response at frequency f is that of the analog filter at (rate/π) tan(πf/rate), exactly. So gain and phase are right
+//! where the arm vibrates, far below the sample rate: at a twentieth of the rate the analog frequency is 0.8 % higher,
+//! at a tenth 3 %. The corner of a low-pass lies at (rate/π) atan(π·lowpass_hz/rate).
 //!
-//! A filter that sees samples can't take away what was folded when they were taken. Here that is little: the arm has nothing
-//! above its second mode but the edges of the held load, and the instruments sample away from those.
+//! A filter that sees samples can't take away what was folded when they were taken. Here that is little: the arm has
+//! nothing above its second mode but the edges of the held load, and the instruments sample away from those.
 
 use core::f64::consts::{PI, SQRT_2};
 

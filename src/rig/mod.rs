@@ -118,8 +118,8 @@ impl Rig {
         &self.exciter
     }
 
-    /// What the instruments say at sample `sample` of the true accelerations and the force in the head. Every call draws new noise and
-    /// moves the filters on, so it is made once a sample.
+    /// What the instruments say at sample `sample` of the true accelerations and the force in the head. Every call
+    /// draws new noise and moves the filters on, so it is made once a sample.
     pub fn measure(&mut self, sample: u64, motion: &PointMotion, head_n: &Vector2<f64>) -> Measurement {
         Measurement {
             sample,

@@ -10,7 +10,8 @@ use super::chain::{ChainSpec, Instrument, Keys};
 pub struct Reading {
     /// The value, in the sensor's unit.
     pub value: f64,
-    /// Whether the reading, noise included, was beyond the converter's range, so that the value is the last count within it.
+    /// Whether the reading, noise included, was beyond the converter's range, so that the value is the last count
+    /// within it.
     pub clipped: bool,
 }
 
@@ -23,9 +24,10 @@ impl Reading {
 
 /// A two-axis accelerometer with conditioner and converter, its axes along x and y of the base frame.
 ///
-/// What acts on the axes goes through, in this order: gravity, transverse sensitivity, gain, the sensor's noise, the sensor's
-/// range, high-pass, low-pass, delay, and the converter with counts and range. The filters see the samples: they have gain and
-/// phase of their analog counterparts at frequencies far below the sample rate, and can't take away what was folded before.
+/// What acts on the axes goes through, in this order: gravity, transverse sensitivity, gain, the sensor's noise, the
+/// sensor's range, high-pass, low-pass, delay, and the converter with counts and range. The filters see the samples:
+/// they have gain and phase of their analog counterparts at frequencies far below the sample rate, and can't take away
+/// what was folded before.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct AccelerometerSpec {
@@ -34,8 +36,8 @@ pub struct AccelerometerSpec {
     /// Standard deviation of the sensor's noise of a sample, m/s², not negative. `None`, as with a density: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_rms_m_s2: Option<f64>,
-    /// Density of the sensor's noise, in place of its standard deviation: (m/s²)/√Hz, not negative, white up to half the
-    /// sample rate.
+    /// Density of the sensor's noise, in place of its standard deviation: (m/s²)/√Hz, not negative, white up to half
+    /// the sample rate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_density_m_s2_per_sqrt_hz: Option<f64>,
     /// One count of the converter, m/s², not negative; 0 is an ideal converter. `None`, as with `bits`: ideal.
@@ -98,7 +100,8 @@ impl AccelerometerSpec {
         Instrument::new(&self.chain(instrument), rate_hz, seed, stream)
     }
 
-    /// Standard deviation of a reading at `rate_hz` samples a second, m/s²: the sensor's noise, and the rounding to counts.
+    /// Standard deviation of a reading at `rate_hz` samples a second, m/s²: the sensor's noise, and the rounding to
+    /// counts.
     pub fn reading_noise_m_s2(&self, rate_hz: f64) -> f64 {
         self.chain("").reading_noise(rate_hz)
     }
@@ -130,7 +133,8 @@ impl AccelerometerSpec {
     }
 }
 
-/// A two-axis force sensor with conditioner and converter; its chain is that of an [`AccelerometerSpec`], without gravity.
+/// A two-axis force sensor with conditioner and converter; its chain is that of an [`AccelerometerSpec`], without
+/// gravity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct ForceSensorSpec {
@@ -139,8 +143,8 @@ pub struct ForceSensorSpec {
     /// Standard deviation of the sensor's noise of a sample, N, not negative. `None`, as with a density: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_rms_n: Option<f64>,
-    /// Density of the sensor's noise, in place of its standard deviation: N/√Hz, not negative, white up to half the sample
-    /// rate.
+    /// Density of the sensor's noise, in place of its standard deviation: N/√Hz, not negative, white up to half the
+    /// sample rate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_density_n_per_sqrt_hz: Option<f64>,
     /// One count of the converter, N, not negative; 0 is an ideal converter. `None`, as with `bits`: ideal.
@@ -199,7 +203,8 @@ impl ForceSensorSpec {
         Instrument::new(&self.chain(instrument), rate_hz, seed, stream)
     }
 
-    /// Standard deviation of a reading at `rate_hz` samples a second, N: the sensor's noise, and the rounding to counts.
+    /// Standard deviation of a reading at `rate_hz` samples a second, N: the sensor's noise, and the rounding to
+    /// counts.
     pub fn reading_noise_n(&self, rate_hz: f64) -> f64 {
         self.chain("").reading_noise(rate_hz)
     }

@@ -1,17 +1,17 @@
 //! An electrodynamic shaker, bolted through the impedance head to the tip and pushing along one direction.
 //!
-//! The armature, of mass m on a suspension k, c, moves with the tip by s along the direction; the coil pushes it by Bl·i. What
-//! the head reads, and what shakes the arm, is what is left of it (G. F. Lang, "Electrodynamic Shaker Fundamentals", Sound and
-//! Vibration, 1997):
+//! The armature, of mass m on a suspension k, c, moves with the tip by s along the direction; the coil pushes it by
+//! Bl·i. What the head reads, and what shakes the arm, is what is left of it (G. F. Lang, "Electrodynamic Shaker
+//! Fundamentals", Sound and Vibration, 1997):
 //!
 //! ```text
 //! H = Bl·i − m s̈ − c ṡ − k s
 //! L di/dt + R i + Bl ṡ = V
 //! ```
 //!
-//! Near a resonance m s̈ takes most of Bl·i, and H drops out. A command is the force of the blocked shaker: F = Bl·i of an
-//! amplifier in current mode, which holds the current whatever the armature does, and F = Bl·V/R of one in voltage mode, where the
-//! current then follows from the coil and its back-electromotive force.
+//! Near a resonance m s̈ takes most of Bl·i, and H drops out. A command is the force of the blocked shaker: F = Bl·i of
+//! an amplifier in current mode, which holds the current whatever the armature does, and F = Bl·V/R of one in voltage
+//! mode, where the current then follows from the coil and its back-electromotive force.
 
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 use super::RigError;
 use crate::arm::{Attachment, Load};
 
-/// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, which is how sines and
-/// cosines are rounded by hand.
+/// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, which is how sines
+/// and cosines are rounded by hand.
 const ACROSS_N: f64 = 0.04;
 const ACROSS_SHARE: f64 = 1e-3;
 
@@ -135,7 +135,8 @@ impl ShakerSpec {
         }
     }
 
-    /// The largest force of the blocked shaker, N: Bl times the largest current, in voltage mode also Bl/R times the largest voltage.
+    /// The largest force of the blocked shaker, N: Bl times the largest current, in voltage mode also Bl/R times the
+    /// largest voltage.
     pub fn force_limit_n(&self) -> f64 {
         let by_voltage_a = self.voltage_limit_v / self.resistance_ohm;
         self.force_factor_n_a * self.current_limit_a.min(by_voltage_a)
@@ -159,8 +160,9 @@ impl ShakerSpec {
         self.is_along(load) && self.along_n(load).abs() <= self.force_limit_n()
     }
 
-    /// The first limit that is exceeded, with what there is and what may be: at a current, a displacement and a velocity of the
-    /// armature. In current mode the amplifier needs R i + Bl ṡ; what a step of the current takes through L is left to it.
+    /// The first limit that is exceeded, with what there is and what may be: at a current, a displacement and a
+    /// velocity of the armature. In current mode the amplifier needs R i + Bl ṡ; what a step of the current takes
+    /// through L is left to it.
     pub fn exceeded(
         &self,
         current_a: f64,

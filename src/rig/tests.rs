@@ -123,8 +123,8 @@ fn a_delay_is_whole_samples_and_begins_with_rest() {
     assert!(said.iter().map(|[x, _]| *x).eq([0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), "{said:?}");
 }
 
-/// A high-pass takes gravity away, from the first sample on, and a slow vibration with it; the low-pass is half a power at
-/// its corner.
+/// A high-pass takes gravity away, from the first sample on, and a slow vibration with it; the low-pass is half a power
+/// at its corner.
 #[test]
 fn filters_settle_on_rest_and_have_their_corners() {
     let mut blocked = instrument(&AccelerometerSpec { gravity_m_s2: Some(9.81), highpass_hz: Some(0.5), ..ideal() });

@@ -12,8 +12,8 @@ use crate::rig::Reading;
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
 const FRAMES_AT_ONCE: usize = 256;
-/// How long a run goes on without its bus, ns: long enough for a controller's automatic restart, or for somebody to plug
-/// the cable in again.
+/// How long a run goes on without its bus, ns: long enough for a controller's automatic restart, or for somebody to
+/// plug the cable in again.
 const BUS_PATIENCE_NS: u64 = 10_000_000_000;
 
 /// The plant, its node and where its records go.

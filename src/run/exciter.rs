@@ -13,7 +13,8 @@ use crate::realtime::Clock;
 const LOOK_NS: u64 = 20_000_000;
 /// How long to wait before a full transmit queue is tried again, ns.
 const RETRY_NS: u64 = 200_000;
-/// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125 kbit/s.
+/// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125
+/// kbit/s.
 const SEND_LIMIT_NS: u64 = 500_000_000;
 
 /// How long to wait for a plant, and how often to begin anew after a fault.

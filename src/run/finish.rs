@@ -27,7 +27,8 @@ pub(super) enum EndedBy {
 
 /// Ends a run that `ended` so, at the sample measured last, and says how it ended. The first error counts.
 ///
-/// An armed plant is disarmed, or faults if an error ends it; while its load ramps to zero samples go on at the run's pace.
+/// An armed plant is disarmed, or faults if an error ends it; while its load ramps to zero samples go on at the run's
+/// pace.
 pub(super) fn finish<C: Clock>(
     bench: &mut Bench,
     bus: &mut dyn Bus,

@@ -1,8 +1,8 @@
 //! Lockstep: simulated time, advanced by the controller's answers, and held to the clock if a speed is asked for.
 //!
-//! Sample 0 is published when the plant is armed for the first time. From then on an armed plant waits for the command that
-//! answers the sample it published, with the node's own timeout; after a fault or a disarm there is nobody to wait for, and
-//! the plant goes on at the sample rate.
+//! Sample 0 is published when the plant is armed for the first time. From then on an armed plant waits for the command
+//! that answers the sample it published, with the node's own timeout; after a fault or a disarm there is nobody to wait
+//! for, and the plant goes on at the sample rate.
 
 use core::time::Duration;
 

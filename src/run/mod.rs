@@ -1,7 +1,7 @@
 //! Runs: a scenario put to work, by the three run loops, as one session.
 //!
-//! [`Session`] puts everything together once: plant, exciter, bus, recording, pace and end. A plant on a memory bus, with a
-//! controller of one's own at its other end, takes this much:
+//! [`Session`] puts everything together once: plant, exciter, bus, recording, pace and end. A plant on a memory bus,
+//! with a controller of one's own at its other end, takes this much:
 //!
 //! ```
 //! use resonarm::bus::memory;
@@ -25,14 +25,15 @@
 //! ```
 //!
 //! - [`Mode::RealTime`]: samples at absolute deadlines of the monotonic clock; whatever came in by then counts.
-//! - [`Mode::Lockstep`]: simulated time; an armed plant waits for the command that answers the sample before it advances.
+//! - [`Mode::Lockstep`]: simulated time; an armed plant waits for the command that answers the sample before it
+//!   advances.
 //! - [`Mode::Free`]: simulated time and no bus: plant and exciter in one loop, as fast as it goes.
 //!
-//! For the same commands the three give the same states, bit for bit. Simulated time may be held to the clock ([`Speed`]),
-//! which changes no state either.
+//! For the same commands the three give the same states, bit for bit. Simulated time may be held to the clock
+//! ([`Speed`]), which changes no state either.
 //!
-//! However a run ends, it ends in order: an armed plant is disarmed, or faults if an error ends it, samples go on while what
-//! is held ramps to zero, and the partner is told.
+//! However a run ends, it ends in order: an armed plant is disarmed, or faults if an error ends it, samples go on while
+//! what is held ramps to zero, and the partner is told.
 
 mod bench;
 mod error;

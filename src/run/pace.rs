@@ -6,8 +6,8 @@
 //!     due(k) = anchor + (k − k₀) / (rate · v)
 //! ```
 //!
-//! A run in simulated time never leaves a sample out or changes one for being late: it is worked on as soon as the machine
-//! gets to it, and how far simulated time lags behind the clock is reported.
+//! A run in simulated time never leaves a sample out or changes one for being late: it is worked on as soon as the
+//! machine gets to it, and how far simulated time lags behind the clock is reported.
 
 use thiserror::Error;
 

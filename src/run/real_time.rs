@@ -1,8 +1,8 @@
 //! Real time: samples at absolute deadlines.
 //!
-//! Tick k, due at k/rate: take in what came over the bus since tick k − 1, hold the command, advance from sample k − 1 to k,
-//! measure and send sample k. A command that answers sample k − 1 before tick k thus acts from k − 1 on, exactly as in
-//! lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording promise the same.
+//! Tick k, due at k/rate: take in what came over the bus since tick k − 1, hold the command, advance from sample k − 1
+//! to k, measure and send sample k. A command that answers sample k − 1 before tick k thus acts from k − 1 on, exactly
+//! as in lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording promise the same.
 
 use super::bench::Bench;
 use super::finish::{EndedBy, finish};

@@ -36,7 +36,8 @@ impl Outcome {
     }
 }
 
-/// What a plant's run came to. As JSON it is the document of `resonarm run --json`, which adds the arm as `configuration`.
+/// What a plant's run came to. As JSON it is the document of `resonarm run --json`, which adds the arm as
+/// `configuration`.
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
     /// How it ended.
@@ -253,7 +254,8 @@ pub struct BusCounts {
     pub received: u64,
     /// Frames sent.
     pub sent: u64,
-    /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in time.
+    /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
+    /// time.
     pub dropped: u64,
     /// Frames of the protocol refused for their checks (E2E, length, values).
     pub e2e_errors: u64,

@@ -48,8 +48,8 @@ pub struct Options {
     pub speed: Speed,
     /// Real time: what a missed deadline leads to.
     pub overrun: OverrunPolicy,
-    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. What it can't have goes to
-    /// the log.
+    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. What it can't have goes
+    /// to the log.
     pub thread: Option<ThreadSetup>,
     /// Whether a run ends when an armed plant is disarmed or faults.
     pub end_on_disarm: bool,
@@ -135,7 +135,8 @@ impl Session {
         Ok(Session { scenario, mode, options, rate, timing, network, plant, ending, controller: None })
     }
 
-    /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for one.
+    /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for
+    /// one.
     #[must_use]
     pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
         Session { controller: Some(MakeController(Arc::new(make))), ..self }
@@ -157,8 +158,8 @@ impl Session {
         &self.scenario
     }
 
-    /// Runs the plant on `bus`, on the calling thread, until its end. What happens on the way is told to `on_event`, which in
-    /// real time must not allocate, lock or block.
+    /// Runs the plant on `bus`, on the calling thread, until its end. What happens on the way is told to `on_event`,
+    /// which in real time must not allocate, lock or block.
     ///
     /// # Errors
     /// [`RunError`] if the run can't begin. What ends it early is in the report.
@@ -190,7 +191,8 @@ impl Session {
         Ok(finish_recording(recorder, report))
     }
 
-    /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked to stop.
+    /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked
+    /// to stop.
     ///
     /// # Errors
     /// [`RunError`] if the run can't begin. What ends it early is in the report.
@@ -207,8 +209,8 @@ impl Session {
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
     }
 
-    /// Runs both: in the mode free in one loop, else on a memory bus, the plant on the calling thread and the exciter on one
-    /// of its own. The run ends with the exciter's work.
+    /// Runs both: in the mode free in one loop, else on a memory bus, the plant on the calling thread and the exciter
+    /// on one of its own. The run ends with the exciter's work.
     ///
     /// # Errors
     /// [`RunError`] if the run can't begin. What ends it early is in the report.

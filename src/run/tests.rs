@@ -1,4 +1,5 @@
-//! The run loops on a scripted clock, with the exciter's node at the other end of the bus: nothing depends on the machine.
+//! The run loops on a scripted clock, with the exciter's node at the other end of the bus: nothing depends on the
+//! machine.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -34,8 +35,8 @@ fn scenario() -> Scenario {
     Scenario::parse(SCENARIO, "test").unwrap()
 }
 
-/// Time passes only by sleeping, by waiting for the bus, and by stalls: at or after `at_ns` the next look at the clock finds
-/// it `for_ns` later.
+/// Time passes only by sleeping, by waiting for the bus, and by stalls: at or after `at_ns` the next look at the clock
+/// finds it `for_ns` later.
 #[derive(Clone, Debug, Default)]
 struct ScriptedClock {
     now_ns: Arc<AtomicU64>,
@@ -306,7 +307,8 @@ fn a_stall_of_the_plant_is_no_fault_of_the_controller() {
     let stalled = rig.run(Mode::RealTime, &Signals::default());
     assert_eq!((stalled.faults(), stalled.report.outcome), (vec![], Outcome::Disarmed));
     assert_eq!(stalled.exciter.outcome(), Some(ExciterOutcome::Finished));
-    // Told to whoever watches, to the exciter, in the report and in the recording, and the states are those of a run without it.
+    // Told to whoever watches, to the exciter, in the report and in the recording, and the states are those of a run
+    // without it.
     let slipped = stalled.report.slipped;
     assert!((295..=301).contains(&slipped) && stalled.report.overruns >= slipped, "{:?}", stalled.report);
     assert_eq!(stalled.exciter.slipped_periods(), slipped);

@@ -6,8 +6,8 @@ use crate::protocol::Profile;
 use crate::protocol::scaling::{FORCE, Scale, TORQUE};
 use crate::rig::{Exciter, ExciterSpec, ShakerSpec};
 
-/// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit would be refused sample
-/// by sample.
+/// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit
+/// would be refused sample by sample.
 pub(super) fn check(
     section: &str,
     amplitude: &Amplitude,

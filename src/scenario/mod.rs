@@ -152,8 +152,8 @@ impl Scenario {
         Ok(())
     }
 
-    /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read, so
-    /// that an excitation of it can't be played.
+    /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
+    /// so that an excitation of it can't be played.
     ///
     /// # Errors
     /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.
@@ -167,15 +167,15 @@ impl Scenario {
         toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
     }
 
-    /// Checks what no run can use, whatever its mode: the steps a sample, the timeouts, and the excitation against its exciter's limits. What
-    /// flags of the command line may still replace is checked where it is used.
+    /// Checks what no run can use, whatever its mode: the steps a sample, the timeouts, and the excitation against its
+    /// exciter's limits. What flags of the command line may still replace is checked where it is used.
     ///
     /// The limits that end a run are checked against the load and the instruments.
     ///
     /// # Errors
-    /// [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour
-    /// and for limits that contradict, [`ScenarioError::Fault`] for a fault of the network that can't be, [`ScenarioError::BeyondLimit`]
-    /// for an excitation beyond the limits.
+    /// [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that
+    /// is not positive or longer than an hour and for limits that contradict, [`ScenarioError::Fault`] for a fault of
+    /// the network that can't be, [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
         plant::check_steps_per_sample(self.simulation.steps_per_sample)?;
         self.network.check()?;
@@ -275,8 +275,8 @@ impl Scenario {
     /// The exciter's controller, with the limits, at sample 0.
     ///
     /// # Errors
-    /// [`ScenarioError::Control`] if a loop can't be closed so, [`ScenarioError::TwoControllers`] if the scenario has an
-    /// excitation as well, and without a control as [`Scenario::profile`].
+    /// [`ScenarioError::Control`] if a loop can't be closed so, [`ScenarioError::TwoControllers`] if the scenario has
+    /// an excitation as well, and without a control as [`Scenario::profile`].
     pub fn controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
         self.check()?;
         Ok(self.limited(self.unlimited_controller()?))

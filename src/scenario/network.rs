@@ -106,8 +106,8 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::Rate`] and [`ScenarioError::RealTimeRate`] if the rate is none for real time,
-    /// [`ScenarioError::Value`] if a timeout is not positive, longer than an hour, or the command timeout is less than two
-    /// samples.
+    /// [`ScenarioError::Value`] if a timeout is not positive, longer than an hour, or the command timeout is less than
+    /// two samples.
     pub fn real_time_timing(&self) -> Result<Timing, ScenarioError> {
         let rate_hz = self.wire_rate_hz()?;
         if rate_hz < timing::REAL_TIME_RATE_MIN_HZ {

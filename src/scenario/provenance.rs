@@ -23,7 +23,8 @@ impl Scenario {
     /// The scenario that a recording was made with.
     ///
     /// # Errors
-    /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read it.
+    /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read
+    /// it.
     pub fn from_configuration(configuration: &Configuration) -> Result<Scenario, ScenarioError> {
         let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
         // What was run is not judged again.

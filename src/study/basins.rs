@@ -95,8 +95,8 @@ impl Basins {
     /// The computation, with what is in the journal for this configuration.
     ///
     /// # Errors
-    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a journal
-    /// that can't be used.
+    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
+    /// journal that can't be used.
     pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinWalk, StudyError> {
         StroboscopicMap::new(&self.arm, self.sine)?;
         let mut parts = vec![None; self.grid.len().div_ceil(TOGETHER)];

@@ -97,8 +97,8 @@ impl Chains {
     /// A walk along the chains, with the points that are in the journal for this configuration.
     ///
     /// # Errors
-    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a journal
-    /// that can't be used.
+    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
+    /// journal that can't be used.
     pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
         for chain in &self.chains {
             for sine in &chain.excitations {
@@ -196,14 +196,16 @@ impl Walk {
 
     /// Computes the points that are missing, on as many threads as there are cores, until it is stopped.
     ///
-    /// A chain is the same however often it was stopped, for each point begins with the exact state in which the one before
-    /// ended.
+    /// A chain is the same however often it was stopped, for each point begins with the exact state in which the one
+    /// before ended.
     ///
     /// # Errors
-    /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be written.
+    /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be
+    /// written.
     pub fn go_on(self, control: &Control<'_>) -> Result<Walk, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
-        // The first chain that has failed, if one has. Those before it go on, so that the same error is told every time.
+        // The first chain that has failed, if one has. Those before it go on, so that the same error is told every
+        // time.
         let (failed, journal) = (AtomicUsize::new(usize::MAX), Mutex::new(self.journal));
         let finished = |point: &Point| {
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {

@@ -75,8 +75,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal at `path`, or begins it, for a computation that `configuration` describes in full. Returns the points
-    /// in it, too, in the order in which they were written.
+    /// Opens the journal at `path`, or begins it, for a computation that `configuration` describes in full. Returns the
+    /// points in it, too, in the order in which they were written.
     ///
     /// # Errors
     /// [`JournalError`] if the file can't be had, or holds points of another computation, or no journal.

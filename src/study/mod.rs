@@ -1,9 +1,9 @@
-//! Parameter studies: many motions of the arm computed over all cores, in an order that can be stopped and gone on with.
+//! Parameter studies: many motions of the arm computed over all cores, in an order that can be stopped and gone on
+//! with.
 //!
-//! [`Chains`] are motions of which each begins where the one before ended, as in a stepped sweep. What is finished goes into a
-//! [`Journal`], so that a study that was stopped, or killed, goes on from there and gives the same bits; so do [`Basins`], which
-//! say which initial states reach which stable motion. [`on_all_cores`]
-//! spreads independent jobs.
+//! [`Chains`] are motions of which each begins where the one before ended, as in a stepped sweep. What is finished goes
+//! into a [`Journal`], so that a study that was stopped, or killed, goes on from there and gives the same bits; so do
+//! [`Basins`], which say which initial states reach which stable motion. [`on_all_cores`] spreads independent jobs.
 
 mod basins;
 mod chains;

@@ -25,8 +25,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Long enough for a frame that must not come to come after all.
 const SILENCE: Duration = Duration::from_millis(50);
 
-/// Runs every clause; panics at the first that does not hold. `lost_beneath` counts the frames that were lost between the
-/// two ends where neither can know of it.
+/// Runs every clause; panics at the first that does not hold. `lost_beneath` counts the frames that were lost between
+/// the two ends where neither can know of it.
 pub fn contract(make: impl Fn() -> Pair, formats: Formats, lost_beneath: impl Fn() -> u64) {
     keeps_order_and_content(make());
     carries_remote_frames(make());

@@ -68,8 +68,8 @@ fn pin() {
     rustix::thread::sched_setaffinity(None, &one).unwrap();
 }
 
-/// Waits until the kernel has handed on every frame that `near` has sent: `witness`, which takes frames of `last` alone, gets one
-/// that was sent after them. The backlog may drop it, too; then the next one tells.
+/// Waits until the kernel has handed on every frame that `near` has sent: `witness`, which takes frames of `last`
+/// alone, gets one that was sent after them. The backlog may drop it, too; then the next one tells.
 fn handed_on(near: &mut SocketCan, witness: &mut SocketCan, last: &Frame) {
     let told = (0..PATIENCE.as_millis()).any(|_| {
         near.send(last).unwrap();
@@ -270,8 +270,8 @@ fn refuses_fd_frames_where_the_interface_is_classical() {
     assert_eq!(bus.send(&frame(1, &[])).unwrap(), Sent::Queued);
 }
 
-/// A transmit queue of four frames before a slow wire, as a real adapter has: so slow that no frame leaves it before all are sent,
-/// should this process be stopped in between.
+/// A transmit queue of four frames before a slow wire, as a real adapter has: so slow that no frame leaves it before
+/// all are sent, should this process be stopped in between.
 #[test]
 #[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
 fn counts_the_frames_that_the_transmit_queue_refuses() {

@@ -1,7 +1,8 @@
-//! Buses through python-can: the contract on its `virtual` and `slcan` interfaces, its failures, and the Python it needs.
+//! Buses through python-can: the contract on its `virtual` and `slcan` interfaces, its failures, and the Python it
+//! needs.
 //!
-//! The tests open python-can as the program does (`VIRTUAL_ENV`, `.venv`, the interpreter built in); `slcan` runs over pairs
-//! of pseudo-terminals that socat makes.
+//! The tests open python-can as the program does (`VIRTUAL_ENV`, `.venv`, the interpreter built in); `slcan` runs over
+//! pairs of pseudo-terminals that socat makes.
 
 use std::cell::{Cell, RefCell};
 use std::fs;
@@ -189,7 +190,8 @@ fn keeps_the_oldest_frames_and_counts_the_rest() {
     assert_eq!(far.statistics().dropped, EXCESS as u64);
 }
 
-/// The driver takes a few frames and then blocks in `send`, as it does on a serial port whose other end stopped reading.
+/// The driver takes a few frames and then blocks in `send`, as it does on a serial port whose other end stopped
+/// reading.
 #[test]
 fn a_blocked_driver_blocks_nobody_here() {
     let mut bus = virtual_end("blocked");
@@ -250,7 +252,8 @@ fn outcome(directory: &Path, environment: &[(&str, &Path)]) -> String {
     line.unwrap_or_else(|| panic!("no outcome in {text}{}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// Opens the virtual bus in the environment of this process; the tests below run it as a child in environments of theirs.
+/// Opens the virtual bus in the environment of this process; the tests below run it as a child in environments of
+/// theirs.
 #[test]
 fn the_environment_decides() {
     match std::env::var(CHILD) {

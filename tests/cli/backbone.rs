@@ -23,7 +23,8 @@ fn document(arguments: &str) -> Value {
     serde_json::from_str(&done(&format!("{arguments} --json"))).unwrap()
 }
 
-/// The first mode at β2 = 60° softens; a mode of the undamped arm takes no excitation and has next to the same frequencies.
+/// The first mode at β2 = 60° softens; a mode of the undamped arm takes no excitation and has next to the same
+/// frequencies.
 #[test]
 fn a_table_with_its_reading() {
     insta::assert_snapshot!(done("backbone --torque1-nm=10 --to-rad=0.1"), @r"
@@ -142,8 +143,8 @@ fn a_figure_over_the_forced_response() {
     assert_eq!(read("-response.csv").lines().filter(|line| line.ends_with(",marginal,fold")).count(), 2);
 }
 
-/// What a figure of branches shows stands beside it as numbers, with what it depends on; its title says the excitation, and not an
-/// angle that varies.
+/// What a figure of branches shows stands beside it as numbers, with what it depends on; its title says the excitation,
+/// and not an angle that varies.
 #[test]
 fn figures_of_branches_have_their_numbers_beside_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -168,7 +169,8 @@ fn figures_of_branches_have_their_numbers_beside_them() {
     assert!(read("-curves.svg").contains("irb1600-fitted, β₁ = 0°, torque at joint 1, 22 Hz"));
 }
 
-/// The examples at the end of a help text do what they say: each ends well, and those with a folder or a figure leave one.
+/// The examples at the end of a help text do what they say: each ends well, and those with a folder or a figure leave
+/// one.
 #[test]
 fn examples_of_the_help_run() {
     for command in ["continue", "backbone", "sweep", "poincare"] {
@@ -320,8 +322,8 @@ fn curves_that_end_early_leave_the_branch() {
     assert_eq!(early["curves"].as_array().unwrap().len(), 2);
 }
 
-/// What `continue` says: an interval without a resonance is as good as any other, an impossible one is refused, and a walk that
-/// ends early says where, why, and what to try.
+/// What `continue` says: an interval without a resonance is as good as any other, an impossible one is refused, and a
+/// walk that ends early says where, why, and what to try.
 #[test]
 fn continue_says_what_it_can_not_do() {
     assert!(done("continue --torque1-nm=60 --from-hz=3 --to-hz=10").contains("0 of them unstable"));

@@ -80,7 +80,8 @@ fn modes_over_beta2_are_those_of_the_oracles() {
     }
 }
 
-/// With `--plot` the data are in files beside the figure, and standard output says which; with `--json`, too, it has the document.
+/// With `--plot` the data are in files beside the figure, and standard output says which; with `--json`, too, it has
+/// the document.
 fn plots_beside_its_data(folder: &std::path::Path, command: &[&str], csv: &str, document: &Value) {
     let plot = [command, &["--plot", "figure"]].concat();
     let said = crate::resonarm(folder, &plot).stdout;
@@ -103,7 +104,8 @@ fn a_plotted_response_leaves_standard_output_readable() {
     assert!(axes.iter().all(|axis| svg.contains(&format!(">{axis}<"))), "{svg}");
 }
 
-/// The default frequencies meet the peak of a lightly damped mode: half a width off the natural frequency the modulus is 1/√2 of it.
+/// The default frequencies meet the peak of a lightly damped mode: half a width off the natural frequency the modulus
+/// is 1/√2 of it.
 #[test]
 fn default_frequencies_meet_the_peaks() {
     let drive = ["frf", "--drive", "force-x", "--quantity", "accelerance", "--response", "c-x"];
@@ -119,8 +121,8 @@ fn default_frequencies_meet_the_peaks() {
     assert!((largest / peak - 1.0).abs() < 1e-3, "{largest} of {peak}");
 }
 
-/// The unit of every response stands beside it, in the document and in the columns; their numbers are the same. At rest α1 is the
-/// torque over the stiffness of the joint, and B moves by l1 α1, along y with link 1 along x.
+/// The unit of every response stands beside it, in the document and in the columns; their numbers are the same. At rest
+/// α1 is the torque over the stiffness of the joint, and B moves by l1 α1, along y with link 1 along x.
 #[test]
 fn responses_have_their_units() {
     let range = ["frf", "--from-hz", "0", "--to-hz", "60", "--points", "7", "--response", "alpha1,b-y"];
@@ -185,8 +187,8 @@ fn simulate_meets_the_oracles() {
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
 }
 
-/// Every document of an analysis or a run says of which arm it is, in which pose, with all of its parameters; headers say what differs from
-/// the preset.
+/// Every document of an analysis or a run says of which arm it is, in which pose, with all of its parameters; headers
+/// say what differs from the preset.
 #[test]
 fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
     let folder = tempfile::tempdir().unwrap();

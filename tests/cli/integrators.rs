@@ -49,8 +49,8 @@ fn document_has_every_scheme_measured() {
     }
 }
 
-/// The rate of a scenario counts, a flag wins over it; a scheme that a rate is too low for names the rate that would do, and the others
-/// are measured all the same.
+/// The rate of a scenario counts, a flag wins over it; a scheme that a rate is too low for names the rate that would
+/// do, and the others are measured all the same.
 #[test]
 fn what_a_scheme_cannot_carry_is_said_in_its_row() {
     let folder = tempfile::tempdir().unwrap();

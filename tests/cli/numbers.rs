@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use crate::resonarm;
 
-/// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or with little to do.
+/// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
+/// with little to do.
 const COMMANDS: [(&str, &str); 22] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),

@@ -1,4 +1,5 @@
-//! `resonarm paper` as a user meets it: its files, held against the rest of the program and independent numbers, and its messages.
+//! `resonarm paper` as a user meets it: its files, held against the rest of the program and independent numbers, and
+//! its messages.
 
 use std::fs;
 use std::path::Path;
@@ -35,8 +36,8 @@ fn table(path: &Path) -> (Vec<String>, Vec<Vec<String>>) {
     (header, rows)
 }
 
-/// How often a pose is named in a figure: at each of its peaks. The second ones of `irb1600-table1` lie beyond 80 Hz, and are in
-/// the panel of second zones only.
+/// How often a pose is named in a figure: at each of its peaks. The second ones of `irb1600-table1` lie beyond 80 Hz,
+/// and are in the panel of second zones only.
 fn peaks(figure: &str, preset: Preset) -> usize {
     let in_a_spectrum = if preset == Preset::Irb1600Fitted { 2 } else { 1 };
     if figure == "fig4" { in_a_spectrum + 2 } else { 2 * in_a_spectrum }

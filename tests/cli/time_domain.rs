@@ -1,4 +1,5 @@
-//! `resonarm sweep` and `resonarm poincare` as processes: stopped by Ctrl-C and gone on with, and what they say to bad input.
+//! `resonarm sweep` and `resonarm poincare` as processes: stopped by Ctrl-C and gone on with, and what they say to bad
+//! input.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -40,7 +41,8 @@ fn lines(path: &Path) -> usize {
     std::fs::read_to_string(path).map_or(0, |text| text.lines().count())
 }
 
-/// Looks every hundredth of a second, for a minute at most: what is waited for takes parts of a second of processor time.
+/// Looks every hundredth of a second, for a minute at most: what is waited for takes parts of a second of processor
+/// time.
 #[allow(clippy::disallowed_methods, reason = "it waits for another process")]
 fn wait_until(what: &str, reached: impl Fn() -> bool) {
     let waited = (0..6000).any(|_| {
@@ -53,7 +55,8 @@ fn wait_until(what: &str, reached: impl Fn() -> bool) {
     assert!(waited, "waited a minute for {what}");
 }
 
-/// Ctrl-C in the middle: the same command goes on, and ends with the files of a run that was never stopped, byte for byte.
+/// Ctrl-C in the middle: the same command goes on, and ends with the files of a run that was never stopped, byte for
+/// byte.
 #[test]
 fn a_stopped_sweep_goes_on_to_the_same_result() {
     let folder = tempfile::tempdir().unwrap();

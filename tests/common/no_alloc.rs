@@ -1,5 +1,5 @@
-//! The guard of tests that take no memory, and the test that it bites: without that, the others could pass with a guard that guards
-//! nothing.
+//! The guard of tests that take no memory, and the test that it bites: without that, the others could pass with a guard
+//! that guards nothing.
 
 use std::process::Command;
 

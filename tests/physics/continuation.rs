@@ -1,5 +1,5 @@
-//! Folds of forced branches against independent numbers (`tests/oracles/oracles.json`: harmonic balance with nine harmonics,
-//! the first case equal to AUTO-07p in all its printed digits).
+//! Folds of forced branches against independent numbers (`tests/oracles/oracles.json`: harmonic balance with nine
+//! harmonics, the first case equal to AUTO-07p in all its printed digits).
 
 use resonarm::analysis::{BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, modes, trace};
 use resonarm::arm::{Arm, Load, Parameters, Pose, Preset};

@@ -1,5 +1,6 @@
-//! The inner loop of the continuation takes no memory: the steps of a walk with all their Newton iterations, along a branch and
-//! along a curve of folds, and the stability of each motion. The guard aborts the process at the first allocation.
+//! The inner loop of the continuation takes no memory: the steps of a walk with all their Newton iterations, along a
+//! branch and along a curve of folds, and the stability of each motion. The guard aborts the process at the first
+//! allocation.
 
 use assert_no_alloc::assert_no_alloc;
 use resonarm::analysis::continuation::{Settings, Walk};
@@ -27,7 +28,8 @@ fn a_walk_around_two_folds_allocates_nothing() {
     let unknowns = response.balance().dimension();
     let mut walk = Walk::start(&mut response, settings, &vec![0.0; unknowns], 21.5, 1.0).unwrap();
     let mut floquet = Floquet::default();
-    // The first step, and the first stability, take the storage of all that follow: the tables of fewer steps fit in, too.
+    // The first step, and the first stability, take the storage of all that follow: the tables of fewer steps fit in,
+    // too.
     walk.advance(&mut response).unwrap();
     floquet.stability(response.balance(), &walk.point().x);
     let (mut turns, mut unstable) = (0, 0);

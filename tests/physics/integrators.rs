@@ -15,8 +15,8 @@ fn default_rate_hz() -> f64 {
     simulation.rate_hz * f64::from(simulation.steps_per_sample)
 }
 
-/// The worst own damping ratio and relative frequency error of `scheme` at the default rate over both presets and both modes, β2
-/// from −150° to 150°.
+/// The worst own damping ratio and relative frequency error of `scheme` at the default rate over both presets and both
+/// modes, β2 from −150° to 150°.
 fn worst_over_the_poses(scheme: Scheme) -> f64 {
     let poses = Preset::ALL.into_iter().flat_map(|preset| (-150..=150).step_by(5).map(move |beta2| (preset, beta2)));
     let errors = poses.flat_map(|(preset, beta2_deg)| {
@@ -25,8 +25,8 @@ fn worst_over_the_poses(scheme: Scheme) -> f64 {
     errors.map(|error| error.damping_ratio.abs().max(error.frequency_error.abs())).fold(0.0, f64::max)
 }
 
-/// Damping ratios of the arm are about 1e-4: the default adds less than a hundredth of that anywhere, the 569 Hz of the straight arm
-/// of Table 1 included. That the measure tells schemes apart shows on gl6, which misses there.
+/// Damping ratios of the arm are about 1e-4: the default adds less than a hundredth of that anywhere, the 569 Hz of the
+/// straight arm of Table 1 included. That the measure tells schemes apart shows on gl6, which misses there.
 #[test]
 fn default_scheme_and_rate_add_less_than_a_millionth() {
     let worst = worst_over_the_poses(Scheme::default());
@@ -35,8 +35,8 @@ fn default_scheme_and_rate_add_less_than_a_millionth() {
     assert!(gl6 > 1e-6 && gl6 < 1e-5, "{gl6:e}");
 }
 
-/// Free vibration without dampers, far from linear: no symmetric scheme loses or gains energy, step after step, beyond rounding. A drift
-/// of 1e-10 in 1e7 steps would be one of 1e-12 here.
+/// Free vibration without dampers, far from linear: no symmetric scheme loses or gains energy, step after step, beyond
+/// rounding. A drift of 1e-10 in 1e7 steps would be one of 1e-12 here.
 #[test]
 fn energy_of_the_symmetric_schemes_goes_nowhere() {
     let start = State::new([0.05, -0.08], [0.5, -1.0]);

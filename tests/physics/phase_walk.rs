@@ -1,5 +1,5 @@
-//! The phase walk against the branches of harmonic balance, which know nothing of it: every settled point is on the branch,
-//! stable or not, by what the accelerometers tell.
+//! The phase walk against the branches of harmonic balance, which know nothing of it: every settled point is on the
+//! branch, stable or not, by what the accelerometers tell.
 
 use resonarm::analysis::{
     ArmParameter, BackboneOptions, Branch, BranchOptions, Coordinate, Distances, ForcedArm, MeasuredMotion, backbone,
@@ -177,9 +177,9 @@ fn the_second_mode_is_walked_beside_the_first() {
     });
 }
 
-/// The force that acts is what the head reads, a part of what the coil gives: the walk keeps that one's fundamental. The tip moves
-/// along an arc, so armature and suspension add harmonics to the force, as the square of the amplitude; at 14 N they are as large as the
-/// fundamental, and the motion is no longer that of a pure sine.
+/// The force that acts is what the head reads, a part of what the coil gives: the walk keeps that one's fundamental.
+/// The tip moves along an arc, so armature and suspension add harmonics to the force, as the square of the amplitude;
+/// at 14 N they are as large as the fundamental, and the motion is no longer that of a pure sine.
 #[test]
 fn a_shaker_s_armature_is_walked_past() {
     let shaker = ShakerSpec {
@@ -211,9 +211,9 @@ fn a_shaker_s_armature_is_walked_past() {
     }
 }
 
-/// A brake that takes 30 times what the arm does: what is held for a sample acts less by 0.3 %, which is 9 % of the arm's own. With
-/// more force the harmonics of what the brake takes would move the response as well; with less, counts of 0.02 N in the head
-/// would be coarse, and are finer here.
+/// A brake that takes 30 times what the arm does: what is held for a sample acts less by 0.3 %, which is 9 % of the
+/// arm's own. With more force the harmonics of what the brake takes would move the response as well; with less, counts
+/// of 0.02 N in the head would be coarse, and are finer here.
 #[test]
 fn a_shaker_that_takes_most_of_the_force_is_walked_past() {
     let shaker = Some(ShakerSpec {
@@ -274,8 +274,8 @@ fn the_backbone_is_walked_at_quadrature() {
     assert_eq!(points.len(), 9);
 }
 
-/// At every frequency the load that holds the amplitude is the one whose computed motion has it, on either side of the resonance and in
-/// it, where the motion is unstable at constant load.
+/// At every frequency the load that holds the amplitude is the one whose computed motion has it, on either side of the
+/// resonance and in it, where the motion is unstable at constant load.
 #[test]
 fn one_amplitude_is_held_by_the_computed_loads() {
     let amplitude = Amplitude { torque1_nm: 200.0, ..Amplitude::default() };

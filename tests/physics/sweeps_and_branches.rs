@@ -1,5 +1,5 @@
-//! Two truths that know nothing of each other: stepped sweeps through time, and branches continued by harmonic balance. A sweep
-//! must settle on the stable stretch that its history implies, and jump where that stretch ends in a fold.
+//! Two truths that know nothing of each other: stepped sweeps through time, and branches continued by harmonic balance.
+//! A sweep must settle on the stable stretch that its history implies, and jump where that stretch ends in a fold.
 
 use resonarm::analysis::time_domain::{
     Direction, Grid, SettleOptions, Settled, StroboscopicMap, Sweep, SweepParameter, settle,
@@ -45,8 +45,8 @@ impl Case {
         points
     }
 
-    /// The motion in which the branch that begins at `from_hz` first meets a frequency. A fold turns the branch back, so this is
-    /// a motion before the fold as long as there is one, and after it one of the stretch that is left.
+    /// The motion in which the branch that begins at `from_hz` first meets a frequency. A fold turns the branch back,
+    /// so this is a motion before the fold as long as there is one, and after it one of the stretch that is left.
     fn implied(&self, from_hz: f64, frequency_hz: f64) -> Orbit {
         let options = BranchOptions::new(from_hz, frequency_hz);
         let mut branch = trace(self.forced(), from_hz, Coordinate::FrequencyHz, &options).unwrap();
@@ -64,7 +64,8 @@ impl Case {
         folds.map(|fold| fold.orbit.frequency_hz).collect()
     }
 
-    /// Sweeps one way. Returns the first fold on the way, between whose neighbours the sweep jumps, and the largest difference.
+    /// Sweeps one way. Returns the first fold on the way, between whose neighbours the sweep jumps, and the largest
+    /// difference.
     fn compare(&self, direction: Direction) -> (f64, f64) {
         let points = self.swept(direction);
         let (from_hz, to_hz) = (points[0].0 - 0.1 * direction_sign(direction), points[points.len() - 1].0);
@@ -118,7 +119,8 @@ fn sweeps_land_on_the_branches_of_the_first_zone() {
     }
 }
 
-/// The second zone, stiff: 200 N at the tip, β1 = 30°, β2 = 120°. Up, the motion falls off the upper stretch; down, it jumps up.
+/// The second zone, stiff: 200 N at the tip, β1 = 30°, β2 = 120°. Up, the motion falls off the upper stretch; down, it
+/// jumps up.
 #[test]
 fn sweeps_land_on_the_branches_of_the_second_zone() {
     let case = Case {

@@ -1,7 +1,7 @@
 //! A run killed with SIGKILL: the recording holds everything up to the last flush.
 //!
-//! The recorder promises that in time, and a machine may hold up any thread. So the child measures how long its threads were held
-//! up, and only that long may the loss exceed the promise.
+//! The recorder promises that in time, and a machine may hold up any thread. So the child measures how long its threads
+//! were held up, and only that long may the loss exceed the promise.
 
 use std::env;
 use std::error::Error;
@@ -51,12 +51,12 @@ fn flush_clock() -> Duration {
     time
 }
 
-/// How much more than the promise may be lost now, ms and samples at 1 kHz, with turns of the writer that took g at most, and the
-/// last samples late by l.
+/// How much more than the promise may be lost now, ms and samples at 1 kHz, with turns of the writer that took g at
+/// most, and the last samples late by l.
 ///
-/// The last flush that is whole was begun at a look at time f, and holds what came before the look before, f − g at least. The look
-/// that begins the next comes by f + interval + g, and until it is whole there is none: now is within g of it. So what is lost
-/// came in the time interval + 3g, and in a time t at most t + l samples come.
+/// The last flush that is whole was begun at a look at time f, and holds what came before the look before, f − g at
+/// least. The look that begins the next comes by f + interval + g, and until it is whole there is none: now is within g
+/// of it. So what is lost came in the time interval + 3g, and in a time t at most t + l samples come.
 fn slack(late: Duration) -> u64 {
     let now_ns = clock().as_nanos() as u64;
     let turn_ns = LONGEST_NS.load(Ordering::SeqCst).max(now_ns.saturating_sub(LOOKED_NS.load(Ordering::SeqCst)));
@@ -110,7 +110,8 @@ fn kill_at(sample: u64, child: &mut Child) -> Outcome<(u64, u64)> {
     let mut lines = BufReader::new(output).lines();
     let mut said = || -> Outcome<Option<(u64, u64)>> {
         let Some(line) = lines.next().transpose()? else { return Ok(None) };
-        // The test harness may print before it on the same line; what it prints alone is no sample. The last line may be cut off.
+        // The test harness may print before it on the same line; what it prints alone is no sample. The last line may
+        // be cut off.
         let numbers = line.rsplit("sample ").next().and_then(|numbers| numbers.split_once(' '));
         let parsed = numbers.and_then(|(sample, slack)| Some((sample.parse().ok()?, slack.parse().ok()?)));
         Ok(Some(parsed.unwrap_or_default()))

@@ -1,5 +1,5 @@
-//! The reference recordings, simulated again: the arithmetic of today is the arithmetic that made them. If a change of it is
-//! meant, `recordings/make` makes them anew.
+//! The reference recordings, simulated again: the arithmetic of today is the arithmetic that made them. If a change of
+//! it is meant, `recordings/make` makes them anew.
 
 use std::path::{Path, PathBuf};
 

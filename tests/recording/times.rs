@@ -24,8 +24,8 @@ fn never() -> Duration {
     Duration::ZERO
 }
 
-/// Records sample 7 of a run, of which the loop took in a frame 7.5 ms and an event 7.75 ms after its start; gives topic, log
-/// time and publish time of every message.
+/// Records sample 7 of a run, of which the loop took in a frame 7.5 ms and an event 7.75 ms after its start; gives
+/// topic, log time and publish time of every message.
 fn stamps(path: &Path, options: Options) -> Outcome<Vec<(String, u64, u64)>> {
     let recorder = Recorder::create(path, &configuration(), options)?;
     let mut channel = recorder.channel("plant", 64)?;

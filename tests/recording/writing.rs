@@ -125,7 +125,8 @@ fn a_full_disk_is_reported_at_once() -> Outcome {
     }
 }
 
-/// A pipe takes the head of the file and refuses what comes once nobody reads it: as a disk that fills up during the run.
+/// A pipe takes the head of the file and refuses what comes once nobody reads it: as a disk that fills up during the
+/// run.
 #[test]
 fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
     let directory = tempfile::tempdir()?;

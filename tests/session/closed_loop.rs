@@ -1,4 +1,5 @@
-//! A closed loop over the wire: the same points whatever carries the frames, and a controller of one's own in its place.
+//! A closed loop over the wire: the same points whatever carries the frames, and a controller of one's own in its
+//! place.
 
 use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};

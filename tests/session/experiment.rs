@@ -1,4 +1,5 @@
-//! A resonance zone with folds, measured through a shaker: walk, backbone, and sines up and down that jump where they should.
+//! A resonance zone with folds, measured through a shaker: walk, backbone, and sines up and down that jump where they
+//! should.
 
 use resonarm::control::{CancelHarmonics, ModeNumber};
 use resonarm::excitation::Amplitude;
@@ -6,8 +7,8 @@ use resonarm::experiment::{Zone, ZoneExperiment, score};
 use resonarm::node::Outcome;
 use resonarm::scenario::Scenario;
 
-/// A light armature on a suspension that brakes: the arm settles with a time constant of 1.6 s in place of 45 s. In this pose the
-/// tip's arc adds no second harmonic to what the brake takes.
+/// A light armature on a suspension that brakes: the arm settles with a time constant of 1.6 s in place of 45 s. In
+/// this pose the tip's arc adds no second harmonic to what the brake takes.
 const BENCH: &str = "arm = { beta1_deg = 77, beta2_deg = 60 }\n\
     simulation = { scheme = 'rk4' }\n\
     [rig.shaker]\nmoving_mass_kg = 0.01\nstiffness_n_m = 0\ndamping_n_s_m = 20\nforce_factor_n_a = 30\nresistance_ohm = 1\n\

@@ -19,8 +19,8 @@ fn ended(text: &str, mode: Mode) -> (Outcome, run::Outcome) {
     (report.exciter.outcome.unwrap(), report.plant.outcome)
 }
 
-/// The reason why a run with a fault gives up. Without the fault it ends well, and without the limit it does not give up for
-/// this reason.
+/// The reason why a run with a fault gives up. Without the fault it ends well, and without the limit it does not give
+/// up for this reason.
 fn abort(work: &str, limits: &str, fault: &str) -> Abort {
     let (limits, fault) = (format!("[limits]\n{limits}\n"), format!("[[rig.faults]]\n{fault}\n"));
     assert_eq!(ended(&format!("{work}{limits}"), Mode::Free), (Outcome::Finished, run::Outcome::Disarmed), "{limits}");

@@ -1,5 +1,5 @@
-//! A million frames between both nodes on a bus with everything that goes wrong on one: nothing acts on the arm but what
-//! the controller commanded for that very sample, and when the faults are over all is as if they had never been.
+//! A million frames between both nodes on a bus with everything that goes wrong on one: nothing acts on the arm but
+//! what the controller commanded for that very sample, and when the faults are over all is as if they had never been.
 
 use std::fmt::Write;
 
@@ -18,8 +18,8 @@ const SAMPLES: u64 = 290_000;
 /// From here on the bus is sound, s and samples.
 const SOUND_S: u64 = 280;
 
-/// The load that is commanded for a sample, in halves of a newton, which both profiles say exactly: no two of any 20 samples
-/// in a row have the same.
+/// The load that is commanded for a sample, in halves of a newton, which both profiles say exactly: no two of any 20
+/// samples in a row have the same.
 fn commanded(sample: u64) -> Load {
     let halves = |factor: u64, modulus: u64| (sample * factor % modulus) as f64 - 999.0;
     Load::force_n(0.5 * halves(7919, 1999), 0.5 * halves(104_729, 1997))
@@ -206,8 +206,9 @@ impl Soak {
         }
     }
 
-    /// What acts from this sample on: the command for it or for a recent sample after the last one taken, what was held,
-    /// or a step of the ramp. A plant that was disarmed in the sample of a command is a step down from that already.
+    /// What acts from this sample on: the command for it or for a recent sample after the last one taken, what was
+    /// held, or a step of the ramp. A plant that was disarmed in the sample of a command is a step down from that
+    /// already.
     fn judge(&mut self, sample: u64) {
         let load = self.plant.load();
         let (last, answered) = self.acting;

@@ -1,7 +1,7 @@
 //! Pseudo-arclength continuation (Keller 1977; Seydel, "Practical Bifurcation and Stability Analysis", Ch. 4).
 //!
-//! It sees n equations R(x, λ) = 0 and nothing of what they mean. With z = (x, λ) and the unit tangent t, a step predicts
-//! z⁰ = z + s t + ½ s² κ, κ being the change of the tangent per arclength in the step before, and solves
+//! It sees n equations R(x, λ) = 0 and nothing of what they mean. With z = (x, λ) and the unit tangent t, a step
+//! predicts z⁰ = z + s t + ½ s² κ, κ being the change of the tangent per arclength in the step before, and solves
 //!
 //! ```text
 //! ⎡ R_x  R_λ ⎤ ⎡δx⎤     ⎡   R(z)   ⎤
@@ -9,14 +9,15 @@
 //! ⎣ t_xᵀ t_λ ⎦ ⎣δλ⎦     ⎣ t·(z−z⁰) ⎦
 //! ```
 //!
-//! Scales. The response of a lightly damped arm is a circle in the plane of its Fourier coefficients, up to thousands of times
-//! larger than what surrounds it, and passed within a thousandth of λ. Seen from the size of x itself all of it is smooth.
-//! So lengths are measured relative to X = max(|x|, x₀), afresh at each step, and λ in units of Λ: the last unknown is
-//! λ X/Λ, and a step is at most a fraction of X. A resonance ahead shows in x as 1/(distance) and is approached geometrically.
+//! Scales. The response of a lightly damped arm is a circle in the plane of its Fourier coefficients, up to thousands
+//! of times larger than what surrounds it, and passed within a thousandth of λ. Seen from the size of x itself all of
+//! it is smooth. So lengths are measured relative to X = max(|x|, x₀), afresh at each step, and λ in units of Λ: the
+//! last unknown is λ X/Λ, and a step is at most a fraction of X. A resonance ahead shows in x as 1/(distance) and is
+//! approached geometrically.
 //!
-//! Against jumps and reversals a step is taken back and halved if Newton needs more than its share, if the correction is more
-//! than a fraction of the step, or if the tangent turns by more than an angle: another branch at that distance would have to be
-//! parallel, and a reversal would turn the tangent by 180°.
+//! Against jumps and reversals a step is taken back and halved if Newton needs more than its share, if the correction
+//! is more than a fraction of the step, or if the tangent turns by more than an angle: another branch at that distance
+//! would have to be parallel, and a reversal would turn the tangent by 180°.
 
 mod newton;
 mod slices;
@@ -38,8 +39,8 @@ pub trait System {
     /// n.
     fn dimension(&self) -> usize;
 
-    /// Writes R(x, λ) into `residual` (n) and its derivatives by x and then λ into `matrix`: n + 1 columns of n + 1 elements,
-    /// of which the last is left alone. Says whether the system exists at λ.
+    /// Writes R(x, λ) into `residual` (n) and its derivatives by x and then λ into `matrix`: n + 1 columns of n + 1
+    /// elements, of which the last is left alone. Says whether the system exists at λ.
     #[must_use]
     fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool;
 

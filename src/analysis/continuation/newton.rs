@@ -7,10 +7,11 @@ use crate::analysis::dense::{Determinant, Lu, dot, norm};
 
 /// The most Newton iterations in a step.
 const NEWTON_LIMIT: usize = 6;
-/// The most where the matrix may be nearly singular, as it is by a branch point: Newton's method then only halves the error.
+/// The most where the matrix may be nearly singular, as it is by a branch point: Newton's method then only halves the
+/// error.
 pub(super) const PATIENT_LIMIT: usize = 40;
-/// The error, relative to X, at which Newton's method ends. The corrections go as δₖ₊₁ = C δₖ², so after two of them the next is
-/// known as δₖ³/δₖ₋₁² and need not be made if it is below this; a first one must be below it itself.
+/// The error, relative to X, at which Newton's method ends. The corrections go as δₖ₊₁ = C δₖ², so after two of them
+/// the next is known as δₖ³/δₖ₋₁² and need not be made if it is below this; a first one must be below it itself.
 const NEWTON_ERROR: f64 = 1e-11;
 /// Only corrections below this are taken to be in the range of quadratic convergence.
 const NEWTON_RANGE: f64 = 1e-3;
@@ -32,8 +33,8 @@ pub(super) struct Plane<'a> {
 }
 
 impl Solver {
-    /// Newton's method from `plane.through` to the branch; the result is left in `self.z`, and the factors of the bordered
-    /// matrix near it in `self.lu`. Returns the first correction, relative to `size`.
+    /// Newton's method from `plane.through` to the branch; the result is left in `self.z`, and the factors of the
+    /// bordered matrix near it in `self.lu`. Returns the first correction, relative to `size`.
     pub fn correct(&mut self, system: &mut impl System, plane: &Plane, size: f64) -> Result<f64, Refusal> {
         self.correct_within(NEWTON_LIMIT, system, plane, size)
     }

@@ -1,10 +1,11 @@
-//! Neimark–Sacker and branch points by their own extended systems, for Newton's method. With z = (λ, X) and R_z = (R_λ, R_x):
+//! Neimark–Sacker and branch points by their own extended systems, for Newton's method. With z = (λ, X) and R_z = (R_λ,
+//! R_x):
 //!
-//! - Neimark–Sacker point (Kuznetsov, "Elements of Applied Bifurcation Theory", Sec. 10.2): R(z) = 0 and ψ(z) = 0, where
-//!   ψ = det(Φ ⊙ Φ − I) = Π (μᵢμⱼ − 1), i < j, is that of the bialternate product of the monodromy matrix Φ.
-//! - Branch point (Griewank & Reddien, "Characterization and Computation of Generalized Turning Points", SIAM J. Numer. Anal. 21
-//!   (1984)): R_z has lost a rank. With one more unknown β, which is zero at the solution, R(z) + β b = 0 and g₁(z) = g₂(z) = 0
-//!   of the bordered system
+//! - Neimark–Sacker point (Kuznetsov, "Elements of Applied Bifurcation Theory", Sec. 10.2): R(z) = 0 and ψ(z) = 0,
+//!   where ψ = det(Φ ⊙ Φ − I) = Π (μᵢμⱼ − 1), i < j, is that of the bialternate product of the monodromy matrix Φ.
+//! - Branch point (Griewank & Reddien, "Characterization and Computation of Generalized Turning Points", SIAM J. Numer.
+//!   Anal. 21 (1984)): R_z has lost a rank. With one more unknown β, which is zero at the solution, R(z) + β b = 0 and
+//!   g₁(z) = g₂(z) = 0 of the bordered system
 //!
 //! ```text
 //! ⎡ R_z  b ⎤ ⎡V ⎤   ⎡0⎤
@@ -12,11 +13,12 @@
 //! ⎣ Cᵀ   0 ⎦ ⎣gᵀ⎦   ⎣I⎦
 //! ```
 //!
-//! b is near the left null vector of R_z and C near its right null vectors, which keeps the bordered matrix well conditioned; the
-//! zeros of g don't depend on them. Both systems are regular at the point.
+//! b is near the left null vector of R_z and C near its right null vectors, which keeps the bordered matrix well
+//! conditioned; the zeros of g don't depend on them. Both systems are regular at the point.
 //!
-//! The derivatives of ψ and g are central differences along the null vectors of R_z alone, and taken to be zero across: after an
-//! iteration R is of the order of its square, so is what the next one moves across, and convergence is quadratic all the same.
+//! The derivatives of ψ and g are central differences along the null vectors of R_z alone, and taken to be zero across:
+//! after an iteration R is of the order of its square, so is what the next one moves across, and convergence is
+//! quadratic all the same.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -27,7 +29,8 @@ use crate::analysis::dense::{Lu, dot, normalise};
 use crate::analysis::locate::not_located;
 use crate::analysis::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
-/// Steps of differences, relative to X: small against the width of a resonance, large against the rounding of multipliers.
+/// Steps of differences, relative to X: small against the width of a resonance, large against the rounding of
+/// multipliers.
 const DIFFERENCE: f64 = 1e-6;
 
 /// What holds at the point besides R = 0.
@@ -219,8 +222,8 @@ impl<O: Oscillator> Crossing<O> {
         self.lambda_origin + self.lambda_scale * zeta
     }
 
-    /// ψ, or g, at (ζ, X), and what [`Border::solve`] gives; R and its derivatives are left in `self`. None where there is no such
-    /// system, or a matrix has no inverse.
+    /// ψ, or g, at (ζ, X), and what [`Border::solve`] gives; R and its derivatives are left in `self`. None where there
+    /// is no such system, or a matrix has no inverse.
     fn condition(&mut self, z: &[f64]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         let (lambda, x) = (self.lambda(z[0]), &z[1..]);
         if !evaluate(&mut self.response, lambda, x, &mut self.residual, &mut self.matrix) {

@@ -1,8 +1,8 @@
 //! Folds and period doublings by their own extended system (Govaerts, "Numerical Methods for Bifurcations of Dynamical
 //! Equilibria", SIAM 2000, Ch. 3: minimally augmented systems).
 //!
-//! With the matrix A(X, λ), which is R_x for a fold and Hill's matrix of half-odd frequencies for a period doubling, the scalar
-//! g of the bordered systems
+//! With the matrix A(X, λ), which is R_x for a fold and Hill's matrix of half-odd frequencies for a period doubling,
+//! the scalar g of the bordered systems
 //!
 //! ```text
 //! ⎡ A   b ⎤ ⎡v⎤   ⎡0⎤        ⎡ Aᵀ  c ⎤ ⎡w⎤   ⎡0⎤
@@ -10,9 +10,10 @@
 //! ⎣ cᵀ  0 ⎦ ⎣g⎦   ⎣1⎦        ⎣ bᵀ  0 ⎦ ⎣g⎦   ⎣1⎦
 //! ```
 //!
-//! is zero if and only if A is singular, and dg = −wᵀ dA v. The unknowns are X and λ, the equations R = 0 and g = 0: the
-//! point is regular in them, so Newton's method converges quadratically, and a second coordinate μ makes a curve of them.
-//! b and c are the latest w and v, which keeps the bordered matrix well conditioned; the zeros of g don't depend on them.
+//! is zero if and only if A is singular, and dg = −wᵀ dA v. The unknowns are X and λ, the equations R = 0 and g = 0:
+//! the point is regular in them, so Newton's method converges quadratically, and a second coordinate μ makes a curve of
+//! them. b and c are the latest w and v, which keeps the bordered matrix well conditioned; the zeros of g don't depend
+//! on them.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -60,8 +61,8 @@ pub struct SingularResponse<O: Oscillator> {
 }
 
 impl<O: Oscillator> SingularResponse<O> {
-    /// The equations near the motion `x` of the balance, whose matrix is nearly singular. λ is measured in `lambda_scale`.
-    /// Without a coordinate μ they have one solution, at any value of μ.
+    /// The equations near the motion `x` of the balance, whose matrix is nearly singular. λ is measured in
+    /// `lambda_scale`. Without a coordinate μ they have one solution, at any value of μ.
     ///
     /// # Errors
     /// [`AnalysisError::Singular`] if the matrix has no inverse at all there: start a little beside the point.
@@ -108,13 +109,14 @@ impl<O: Oscillator> SingularResponse<O> {
         z
     }
 
-    /// How far the null vector is from being one with all the frequencies that were left out, relative to its size. The error
-    /// of λ is of the order of its square.
+    /// How far the null vector is from being one with all the frequencies that were left out, relative to its size. The
+    /// error of λ is of the order of its square.
     pub fn null_vector_error(&self) -> f64 {
         self.balance.variation_error(&self.forms)
     }
 
-    /// The null vector v: the direction of the fold, or the first motion of doubled period, as a series of frequencies ½, 1½ ….
+    /// The null vector v: the direction of the fold, or the first motion of doubled period, as a series of frequencies
+    /// ½, 1½ ….
     pub fn null_vector(&self) -> &[f64] {
         &self.forms.v
     }

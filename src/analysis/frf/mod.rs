@@ -77,8 +77,8 @@ impl FrequencyResponse {
         Ok(Matrix2::new(z.m22, -z.m12, -z.m21, z.m11) * inverse)
     }
 
-    /// The response over the drive, complex: its modulus is the ratio of the amplitudes, its argument the phase by which the
-    /// response leads. Units: rad or m, per s⁰, s¹ or s² as `quantity` says, over N·m or N.
+    /// The response over the drive, complex: its modulus is the ratio of the amplitudes, its argument the phase by
+    /// which the response leads. Units: rad or m, per s⁰, s¹ or s² as `quantity` says, over N·m or N.
     ///
     /// # Errors
     /// As [`FrequencyResponse::receptance_matrix`].

@@ -50,9 +50,9 @@ impl FormGradient {
     /// [`HarmonicBalance::jacobian`], by X (into `self.by_x`) and by the coordinates (returned in their order).
     ///
     /// wᵀA v is the mean over the period of W(t)·(S v + G v̇ + M v̈), W being w with the factors of the rows, and
-    /// (S, G, M) change with the motion as the second derivative of r, which is symmetric. So its gradient is the mean of
-    /// W·(∂S φ + ∂G φ̇ + ∂M φ̈) for each φ of X, where ∂ is the derivative along v: a central difference of the analytic
-    /// S, G, M with a step of 1e-5 rad, good to ten digits.
+    /// (S, G, M) change with the motion as the second derivative of r, which is symmetric. So its gradient is the mean
+    /// of W·(∂S φ + ∂G φ̇ + ∂M φ̈) for each φ of X, where ∂ is the derivative along v: a central difference of the
+    /// analytic S, G, M with a step of 1e-5 rad, good to ten digits.
     pub fn compute<O: Oscillator, const C: usize>(
         &mut self,
         balance: &mut HarmonicBalance<O>,
@@ -134,9 +134,9 @@ impl FormGradient {
 }
 
 impl<O: Oscillator> HarmonicBalance<O> {
-    /// What [`HarmonicBalance::truncation_error_rad`] is for the motion, for a variation: for the null vector of a matrix of
-    /// [`HarmonicBalance::jacobian`], relative to its size, how far S v + G v̇ + M v̈ is from zero in the frequencies beyond
-    /// those of v.
+    /// What [`HarmonicBalance::truncation_error_rad`] is for the motion, for a variation: for the null vector of a
+    /// matrix of [`HarmonicBalance::jacobian`], relative to its size, how far S v + G v̇ + M v̈ is from zero in the
+    /// frequencies beyond those of v.
     pub(in crate::analysis) fn variation_error(&self, forms: &Forms) -> f64 {
         let count = forms.harmonics.count();
         let wide = match forms.harmonics {

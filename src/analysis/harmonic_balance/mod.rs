@@ -1,13 +1,14 @@
 //! Harmonic balance: periodic motions as Fourier series (Krack & Gross, "Harmonic Balance for Nonlinear Vibration
 //! Problems", Springer 2019, Ch. 2), by alternating between frequency and time (Cameron & Griffin 1989).
 //!
-//! With the base frequency ω = Ω/ν (ν = 1, or 2 on a branch of doubled period) and τ = ωt, the unknowns are the coefficients
-//! X of α(τ), and the equations ask that the unbalanced torque r(α, α̇, α̈, Ωt) has no component along 1, cos kτ, sin kτ,
-//! k ≤ H. Row k is divided by the stiffness scale and by max(1, (k/ν)²), so that R is in rad and the rows are of one size.
+//! With the base frequency ω = Ω/ν (ν = 1, or 2 on a branch of doubled period) and τ = ωt, the unknowns are the
+//! coefficients X of α(τ), and the equations ask that the unbalanced torque r(α, α̇, α̈, Ωt) has no component along 1,
+//! cos kτ, sin kτ, k ≤ H. Row k is divided by the stiffness scale and by max(1, (k/ν)²), so that R is in rad and the
+//! rows are of one size.
 //!
 //! Sampling: r is a product of motions, so its components reach beyond H. With N = 4H + 4 samples what folds back onto
-//! component k ≤ H comes from N − k ≥ 3H + 4, where the series of a smooth motion has long ended; the blocks of the Jacobian
-//! are needed up to component 2H + 1 < N/2.
+//! component k ≤ H comes from N − k ≥ 3H + 4, where the series of a smooth motion has long ended; the blocks of the
+//! Jacobian are needed up to component 2H + 1 < N/2.
 
 mod forms;
 
@@ -188,8 +189,8 @@ impl<O: Oscillator> HarmonicBalance<O> {
         }
     }
 
-    /// ∂R/∂X, column by column, columns `stride` apart; or, for half-odd frequencies, the operator that the variations of
-    /// changing sign see (Hill's matrix), whose null vector is a period doubling.
+    /// ∂R/∂X, column by column, columns `stride` apart; or, for half-odd frequencies, the operator that the variations
+    /// of changing sign see (Hill's matrix), whose null vector is a period doubling.
     pub(super) fn jacobian(&mut self, harmonics: Harmonics, matrix: &mut [f64], stride: usize) {
         let (omega, stiffness, nu) = (self.base_rad_s(), self.oscillator.stiffness_scale(), self.subharmonic);
         self.spectrum.assemble(harmonics, omega, |order| row_scale(order, nu, stiffness), matrix, stride);
@@ -220,9 +221,9 @@ impl<O: Oscillator> HarmonicBalance<O> {
         self.unbalance = signal;
     }
 
-    /// An estimate of what the truncation to H harmonics leaves out, rad: the balance fails in the components k > H by r̂ₖ,
-    /// and a harmonic Z(kω)⁻¹ r̂ₖ would mend that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The largest of
-    /// k = H + 1 … 2H + 1.
+    /// An estimate of what the truncation to H harmonics leaves out, rad: the balance fails in the components k > H by
+    /// r̂ₖ, and a harmonic Z(kω)⁻¹ r̂ₖ would mend that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The
+    /// largest of k = H + 1 … 2H + 1.
     pub fn truncation_error_rad(&self) -> f64 {
         let orders = self.harmonics + 1..=2 * self.harmonics + 1;
         self.missing(&self.basis, orders.map(|k| k - 1), &self.unbalance)

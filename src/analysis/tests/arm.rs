@@ -57,8 +57,8 @@ fn orbits_close() {
     }
 }
 
-/// The multipliers are the eigenvalues of the derivative of the flow over one period, here by central differences; and the
-/// determinant is what Liouville's formula says.
+/// The multipliers are the eigenvalues of the derivative of the flow over one period, here by central differences; and
+/// the determinant is what Liouville's formula says.
 #[test]
 fn multipliers_are_those_of_the_flow() {
     let forced = forced(60.0, 60.0);
@@ -102,9 +102,9 @@ fn assert_same(a: &[(BifurcationKind, f64)], b: &[(BifurcationKind, f64)]) {
     }
 }
 
-/// Near the 1:2 internal resonance the second zone loses its period at strong excitation. The branch of the doubled period
-/// leaves at one period doubling and joins at another, folds and a Neimark–Sacker point on its way; from either end it is
-/// the same, and its motions close after two periods and not after one.
+/// Near the 1:2 internal resonance the second zone loses its period at strong excitation. The branch of the doubled
+/// period leaves at one period doubling and joins at another, folds and a Neimark–Sacker point on its way; from either
+/// end it is the same, and its motions close after two periods and not after one.
 #[test]
 fn doubled_branches_join_period_doublings() {
     use BifurcationKind::*;
@@ -135,8 +135,9 @@ fn doubled_branches_join_period_doublings() {
     }
 }
 
-/// The curve of folds through both folds of a branch has a cusp below which there are none; followed from one fold to weaker
-/// excitation it comes back at the other. The curve of period doublings agrees with a branch at another excitation.
+/// The curve of folds through both folds of a branch has a cusp below which there are none; followed from one fold to
+/// weaker excitation it comes back at the other. The curve of period doublings agrees with a branch at another
+/// excitation.
 #[test]
 fn curves_in_two_parameters_connect_bifurcations() {
     let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
@@ -196,7 +197,8 @@ fn first_mode_changes_its_bending_at_the_internal_resonance() {
     assert!(mode(74.0).points.iter().all(|point| point.drive.abs() < 1e-6));
 }
 
-/// A damped backbone is where the peaks are: at the excitation of a branch its point is next to the branch's largest motion.
+/// A damped backbone is where the peaks are: at the excitation of a branch its point is next to the branch's largest
+/// motion.
 #[test]
 fn backbone_passes_through_the_peaks() {
     let curve = backbone(forced(60.0, 0.0), 0, ArmParameter::Amplitude, &backbone_options()).unwrap();
@@ -206,7 +208,8 @@ fn backbone_passes_through_the_peaks() {
     assert!((peak / 0.266_413 - 1.0).abs() < 2e-3, "{peak}");
 }
 
-/// In the amplitude of the torque at 22.1 Hz (as in Fig. 5) there are the two folds that a branch in frequency has there.
+/// In the amplitude of the torque at 22.1 Hz (as in Fig. 5) there are the two folds that a branch in frequency has
+/// there.
 #[test]
 fn amplitude_as_parameter_finds_the_folds() {
     let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
@@ -235,8 +238,9 @@ fn any_parameter_can_be_walked_in() {
     }
 }
 
-/// A walk that starts inside a resonance, where Newton's method from rest may find nothing, and whose points lie elsewhere,
-/// finds the same: also the two close pairs of period doublings, which leave the signs of test functions as they were.
+/// A walk that starts inside a resonance, where Newton's method from rest may find nothing, and whose points lie
+/// elsewhere, finds the same: also the two close pairs of period doublings, which leave the signs of test functions as
+/// they were.
 #[test]
 fn bifurcations_do_not_depend_on_where_the_points_lie() {
     use BifurcationKind::*;
@@ -250,8 +254,8 @@ fn bifurcations_do_not_depend_on_where_the_points_lie() {
     }
 }
 
-/// The two folds at β2 = 60° meet in a cusp as the excitation falls. It is the same point by curves of both coordinates, and with
-/// more harmonics.
+/// The two folds at β2 = 60° meet in a cusp as the excitation falls. It is the same point by curves of both
+/// coordinates, and with more harmonics.
 #[test]
 fn folds_meet_in_a_cusp() {
     let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);

@@ -23,8 +23,8 @@ fn options(smallest_rad: f64, natural_hz: f64, part: f64) -> BackboneOptions {
     }
 }
 
-/// The first motion has the amplitude asked for, the frequency of the mode, and the drive of the linear response there, whatever
-/// the drive, the mode and the pose, and however narrow the interval.
+/// The first motion has the amplitude asked for, the frequency of the mode, and the drive of the linear response there,
+/// whatever the drive, the mode and the pose, and however narrow the interval.
 #[test]
 fn begin_everywhere() {
     for preset in Preset::ALL {
@@ -56,8 +56,8 @@ fn begin_everywhere() {
     }
 }
 
-/// A force of any direction at the tip drives both modes, also one that moves the tip mostly in the other: to the same curve, up to
-/// what the other mode and the dampers add.
+/// A force of any direction at the tip drives both modes, also one that moves the tip mostly in the other: to the same
+/// curve, up to what the other mode and the dampers add.
 #[test]
 fn hardly_driven_modes_begin_too() {
     for preset in Preset::ALL {

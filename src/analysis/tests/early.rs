@@ -38,8 +38,8 @@ fn what_was_walked_is_kept() {
     assert_eq!(*none.so_far, Branch::default());
 }
 
-/// Springs of 200 N·m/rad do not hold the arm upright: as β1 goes from hanging (−90°) to hanging (270°) the walk ends where the
-/// arm falls.
+/// Springs of 200 N·m/rad do not hold the arm upright: as β1 goes from hanging (−90°) to hanging (270°) the walk ends
+/// where the arm falls.
 #[test]
 fn a_walk_ends_where_the_arm_falls() {
     let gravity = Some(Gravity { gravity_m_s2: 9.806_65, mass1_kg: 0.0, centre1_m: 0.0 });

@@ -135,12 +135,12 @@ pub enum Outcome {
     Diverges,
 }
 
-/// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that leave it,
-/// at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; where it ended early, that is
-/// given too, and motions beyond are missing.
+/// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
+/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; where it
+/// ended early, that is given too, and motions beyond are missing.
 ///
-/// Where two neighbours on a branch lie on both sides of the frequency, Newton's method goes from the motion between them to a
-/// fixed point of the stroboscopic map.
+/// Where two neighbours on a branch lie on both sides of the frequency, Newton's method goes from the motion between
+/// them to a fixed point of the stroboscopic map.
 ///
 /// # Errors
 /// As [`StroboscopicMap::new`]; [`TimeDomainError::Integrate`] if a motion can't be followed.
@@ -222,11 +222,11 @@ impl StableMotion {
 
 /// What becomes of each initial state, given at phase 0, within `time_constants` of the arm's slowest mode.
 ///
-/// All are integrated side by side. After every quarter of a time constant a motion counts as having reached a stable one if it
-/// is within 1e-9 of it, as part of its size, or if it has come into its linear neighbourhood: if over that quarter it approached
-/// as the linearisation at the stable motion says, but for a remainder of at most a quarter of the decay, from which on the
-/// remainder, being of second order, can only fall faster than the deviation itself. What neither holds of by the end of the wait
-/// is undecided.
+/// All are integrated side by side. After every quarter of a time constant a motion counts as having reached a stable
+/// one if it is within 1e-9 of it, as part of its size, or if it has come into its linear neighbourhood: if over that
+/// quarter it approached as the linearisation at the stable motion says, but for a remainder of at most a quarter of
+/// the decay, from which on the remainder, being of second order, can only fall faster than the deviation itself. What
+/// neither holds of by the end of the wait is undecided.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Stopped`] if `stop` said so.

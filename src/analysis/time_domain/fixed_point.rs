@@ -7,7 +7,8 @@ use crate::integrate::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
 const MAX_ITERATIONS: usize = 8;
-/// A correction below this part of the motion is the last one: what it leaves is its square times at most 1/(1 − μ), below 1e-12.
+/// A correction below this part of the motion is the last one: what it leaves is its square times at most 1/(1 − μ),
+/// below 1e-12.
 const CORRECTION_LIMIT: f64 = 1e-8;
 /// A correction of more than this many times the motion is given up: Newton has lost its way.
 const CORRECTION_BOUND: f64 = 10.0;
@@ -38,8 +39,8 @@ pub(super) fn size_rad(point: &Vector4<f64>) -> f64 {
 }
 
 impl FixedPoint {
-    /// The fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x): `None` if it reaches none, or
-    /// one that isn't stable.
+    /// The fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x): `None` if it reaches
+    /// none, or one that isn't stable.
     pub fn shoot(map: &StroboscopicMap, start: &Vector4<f64>, period: u32) -> Option<FixedPoint> {
         let mut point = *start;
         for _ in 0..MAX_ITERATIONS {
@@ -65,8 +66,9 @@ impl FixedPoint {
 
     /// The fixed point, if it is stable.
     ///
-    /// Squaring M k times and scaling each time gives ‖M^(2ᵏ)‖, and its 2ᵏth root tends to max |μ| (I. Gelfand 1941). Q solves
-    /// MᵀQM − Q + I = 0 (A. M. Lyapunov); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith 1968).
+    /// Squaring M k times and scaling each time gives ‖M^(2ᵏ)‖, and its 2ᵏth root tends to max |μ| (I. Gelfand 1941). Q
+    /// solves MᵀQM − Q + I = 0 (A. M. Lyapunov); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith
+    /// 1968).
     fn stable(point: Vector4<f64>, period: u32, derivative: Matrix4<f64>) -> Option<FixedPoint> {
         let mut power = derivative;
         let mut log_norm = 0.0;
@@ -102,9 +104,9 @@ impl FixedPoint {
 
     /// Whether a motion that went from `before` to `after` in `returns` returns can only end here.
     ///
-    /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear part takes
-    /// at least (1 − ρᵏ)‖e‖, ρ = max |μ|, off the deviation; as long as the remainder seen is at most a quarter of that, the
-    /// deviation falls, the remainder falls faster, and so on down to the fixed point.
+    /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear
+    /// part takes at least (1 − ρᵏ)‖e‖, ρ = max |μ|, off the deviation; as long as the remainder seen is at most a
+    /// quarter of that, the deviation falls, the remainder falls faster, and so on down to the fixed point.
     pub fn captures(&self, before: &Vector4<f64>, after: &Vector4<f64>, returns: u64) -> bool {
         let (e, e_after) = (before - self.point, after - self.point);
         let size = self.deviation(&e);

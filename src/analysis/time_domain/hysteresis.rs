@@ -5,9 +5,9 @@ use alloc::vec::Vec;
 /// A value and the largest |α1| and |α2| there.
 type Motion = (f64, [f64; 2]);
 
-/// The intervals in which the motions at the same values differ, each from its first value to its last. A motion is given as its
-/// value and the largest |α1| and |α2|; both sweeps go up. Amplitudes that differ by more than the part `different` belong to
-/// different motions.
+/// The intervals in which the motions at the same values differ, each from its first value to its last. A motion is
+/// given as its value and the largest |α1| and |α2|; both sweeps go up. Amplitudes that differ by more than the part
+/// `different` belong to different motions.
 pub fn hysteresis(up: &[(f64, [f64; 2])], down: &[(f64, [f64; 2])], different: f64) -> Vec<[f64; 2]> {
     let differ =
         |&(a, b): &(&Motion, &Motion)| (0..2).any(|joint| libm::fabs(a.1[joint] - b.1[joint]) > different * b.1[joint]);

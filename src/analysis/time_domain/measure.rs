@@ -15,8 +15,8 @@ use crate::arm::State;
 pub(super) struct Measured {
     /// max |αᵢ(t)|, rad.
     pub amplitude_rad: [f64; 2],
-    /// |cᵢ| with cᵢ = 2/(nN) Σₖ αᵢ(tₖ) e^(−iΩtₖ), rad. The rectangle rule over whole periods is exact but for the harmonics from
-    /// N − 1 up, N being the steps in a period.
+    /// |cᵢ| with cᵢ = 2/(nN) Σₖ αᵢ(tₖ) e^(−iΩtₖ), rad. The rectangle rule over whole periods is exact but for the
+    /// harmonics from N − 1 up, N being the steps in a period.
     pub harmonic1_rad: [f64; 2],
     /// The states at phase 0.
     pub section: Vec<State>,
@@ -101,8 +101,8 @@ fn crests(map: &StroboscopicMap, turns: &[Turn], largest: [f64; 2]) -> Result<[f
     Ok(crests)
 }
 
-/// |α| where α̇ = 0 within a step: the time by the secant rule and one iteration of Newton's method, t − α̇/α̈, with the state
-/// integrated to that time; what is left of α̇ takes α̇²/(2α̈) off α.
+/// |α| where α̇ = 0 within a step: the time by the secant rule and one iteration of Newton's method, t − α̇/α̈, with
+/// the state integrated to that time; what is left of α̇ takes α̇²/(2α̈) off α.
 fn crest(map: &StroboscopicMap, turn: &Turn) -> Result<f64, TimeDomainError> {
     let Turn { joint, step, ref start, end_rate_rad_s, .. } = *turn;
     let rate = start.alpha_dot_rad_s[joint];

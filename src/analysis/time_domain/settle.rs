@@ -24,8 +24,8 @@ pub(super) const UNSETTLED_PERIODS: u32 = 64;
 /// How long to wait, and what to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettleOptions {
-    /// Longest wait, in time constants of the slowest mode of the linear arm; what has not settled by then is said to be
-    /// unsettled. Positive.
+    /// Longest wait, in time constants of the slowest mode of the linear arm; what has not settled by then is said to
+    /// be unsettled. Positive.
     pub time_constants: f64,
     /// How many points of the section to keep of a motion that doesn't settle.
     pub section_points: usize,
@@ -48,8 +48,8 @@ pub struct Settled {
     pub largest_multiplier: Option<f64>,
     /// Periods of plain integration until the end of the transient was proved.
     pub settling_periods: u64,
-    /// How far the motion is from where it was, as part of its size, after a quarter of a time constant of plain integration;
-    /// for an unsettled motion its nearest return.
+    /// How far the motion is from where it was, as part of its size, after a quarter of a time constant of plain
+    /// integration; for an unsettled motion its nearest return.
     pub drift: f64,
     /// max |αᵢ(t)| over the motion's period, between the steps too; over 64 periods if it is unsettled. rad.
     pub amplitude_rad: [f64; 2],
@@ -63,18 +63,18 @@ pub struct Settled {
 
 /// Follows the arm from `start`, at phase 0, to the end of its transient.
 ///
-/// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time constant
-/// Newton's method looks for a motion that repeats near the present one, and the next quarter of plain integration shows
-/// whether the present motion approaches it as its linearisation says it must once nothing else can become of it (the
-/// criterion stands at `FixedPoint::captures`). Only then the transient is cut short. Where no such motion captures the arm, as
-/// after a fold, the transient is integrated to wherever it leads. At the end plain integration from the motion found must
-/// come back to it within 1e-9 of its size.
+/// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time
+/// constant Newton's method looks for a motion that repeats near the present one, and the next quarter of plain
+/// integration shows whether the present motion approaches it as its linearisation says it must once nothing else can
+/// become of it (the criterion stands at `FixedPoint::captures`). Only then the transient is cut short. Where no such
+/// motion captures the arm, as after a fold, the transient is integrated to wherever it leads. At the end plain
+/// integration from the motion found must come back to it within 1e-9 of its size.
 ///
 /// `stop` is asked now and then whether to give up.
 ///
 /// # Errors
-/// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Integrate`] if a step can't be made,
-/// [`TimeDomainError::Stopped`] if `stop` said so.
+/// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Integrate`] if a step can't be
+/// made, [`TimeDomainError::Stopped`] if `stop` said so.
 pub fn settle(
     map: &StroboscopicMap,
     start: &State,

@@ -24,15 +24,16 @@ const FEWEST_STEPS: f64 = 40.0;
 const MOST_STEPS: u32 = 1_000_000;
 /// Most steps whose loads are kept at once for [`StroboscopicMap::advance_all`].
 const LONGEST_STRETCH: u32 = 4096;
-/// Difference for the map's derivative, as part of the motion's size: the error of central differences, its square times a
-/// sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
+/// Difference for the map's derivative, as part of the motion's size: the error of central differences, its square
+/// times a sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
 const DIFFERENCE: f64 = 3e-5;
 
 /// The map of one arm under one excitation.
 ///
-/// A period has a whole number of steps N, so each period repeats the same phases exactly. N keeps the frequency error of the
-/// scheme, −6.4e-8 (ωh)⁸ relative, below 1e-8 ζ in both modes: at resonance an amplitude changes by a relative detuning over ζ,
-/// so it is right to about 1e-8. The damping of the scheme, 2.26e-8 (ωh)⁹ against ζ, is less than that again.
+/// A period has a whole number of steps N, so each period repeats the same phases exactly. N keeps the frequency error
+/// of the scheme, −6.4e-8 (ωh)⁸ relative, below 1e-8 ζ in both modes: at resonance an amplitude changes by a relative
+/// detuning over ζ, so it is right to about 1e-8. The damping of the scheme, 2.26e-8 (ωh)⁹ against ζ, is less than that
+/// again.
 #[derive(Clone, Debug)]
 pub struct StroboscopicMap<'a> {
     arm: &'a Arm,
@@ -47,9 +48,9 @@ impl<'a> StroboscopicMap<'a> {
     /// The map of `arm` under `sine`.
     ///
     /// # Errors
-    /// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`] or [`TimeDomainError::Load`] if the excitation has
-    /// no period, one of more than a million steps, or no finite amplitude; [`TimeDomainError::Undamped`] if the arm's
-    /// transients never end.
+    /// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`] or [`TimeDomainError::Load`] if the
+    /// excitation has no period, one of more than a million steps, or no finite amplitude;
+    /// [`TimeDomainError::Undamped`] if the arm's transients never end.
     pub fn new(arm: &'a Arm, sine: Sine) -> Result<StroboscopicMap<'a>, TimeDomainError> {
         let frequency_hz = sine.frequency_hz;
         if !(frequency_hz.is_finite() && frequency_hz > 0.0) {
@@ -109,8 +110,9 @@ impl<'a> StroboscopicMap<'a> {
         self.walk(state, |_step, _state| Ok(()))
     }
 
-    /// The states so many periods after `states`, all at phase 0, side by side; each is to the bit what [`StroboscopicMap::advance`]
-    /// makes of it, and a motion that grows beyond all bounds has a state that is not finite.
+    /// The states so many periods after `states`, all at phase 0, side by side; each is to the bit what
+    /// [`StroboscopicMap::advance`] makes of it, and a motion that grows beyond all bounds has a state that is not
+    /// finite.
     pub fn advance_all(&self, states: &mut [State], periods: u32) {
         let h_s = self.integrator.step_s();
         let loads = |step| DOP853.c.map(|part| self.sine.load(self.time_s(step) + part * h_s));
@@ -163,7 +165,8 @@ impl<'a> StroboscopicMap<'a> {
         self.integrator.step_s()
     }
 
-    /// Time at the start of a step, s since phase 0: small, so that the phase is as exact in the last period as in the first.
+    /// Time at the start of a step, s since phase 0: small, so that the phase is as exact in the last period as in the
+    /// first.
     fn time_s(&self, step: u32) -> f64 {
         f64::from(step) / (f64::from(self.steps) * self.sine.frequency_hz)
     }
@@ -194,8 +197,8 @@ impl<'a> StroboscopicMap<'a> {
         Ok(self.point(&state))
     }
 
-    /// The derivative of [`StroboscopicMap::image`] by the point, by central differences for a motion of this size; `None` where a motion
-    /// beside it grows beyond all bounds.
+    /// The derivative of [`StroboscopicMap::image`] by the point, by central differences for a motion of this size;
+    /// `None` where a motion beside it grows beyond all bounds.
     pub(super) fn derivative(&self, point: &Vector4<f64>, periods: u32, size_rad: f64) -> Option<Matrix4<f64>> {
         let difference = DIFFERENCE * size_rad;
         // Ahead and behind of each coordinate in turn.

@@ -48,8 +48,8 @@ impl Grid {
     /// `points` values evenly spaced between two ends, given in either order, both among them.
     ///
     /// # Errors
-    /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for less than two points
-    /// or more than a million.
+    /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for less than
+    /// two points or more than a million.
     pub fn new(from: f64, to: f64, points: u32) -> Result<Grid, TimeDomainError> {
         if !(from.is_finite() && to.is_finite() && from != to) {
             return Err(TimeDomainError::Interval { from, to });

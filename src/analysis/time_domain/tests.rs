@@ -41,7 +41,8 @@ fn plain(map: &StroboscopicMap, start: &State, time_constants: f64) -> State {
     (0..periods).fold(*start, |state, _| map.advance(&state).unwrap())
 }
 
-/// At small amplitudes the response is that of the linearised arm, for a torque and for a force, around both resonances.
+/// At small amplitudes the response is that of the linearised arm, for a torque and for a force, around both
+/// resonances.
 #[test]
 fn small_motions_are_those_of_the_linear_arm() {
     for (preset, hz) in [
@@ -76,9 +77,9 @@ fn small_motions_are_those_of_the_linear_arm() {
     }
 }
 
-/// 60 N·m at joint 1, β2 = 60°: up, the motion jumps where the lower branch ends, 22.1349 Hz; down, where the upper one ends,
-/// 22.0635 Hz (`tests/oracles/oracles.json`): within one step of 2 mHz of the fold. (After steps of 4 mHz
-/// the jump down comes earlier: the step itself throws the motion off.).
+/// 60 N·m at joint 1, β2 = 60°: up, the motion jumps where the lower branch ends, 22.1349 Hz; down, where the upper one
+/// ends, 22.0635 Hz (`tests/oracles/oracles.json`): within one step of 2 mHz of the fold. (After steps of 4 mHz the
+/// jump down comes earlier: the step itself throws the motion off.).
 #[test]
 fn up_and_down_show_the_hysteresis_between_the_folds() {
     let jump = |direction| {
@@ -113,8 +114,8 @@ fn start_of(orbit: &Orbit) -> State {
     state
 }
 
-/// Against harmonic balance, which knows no time: near a stable motion of the branch time leads to that motion, with its
-/// amplitudes and its multiplier; from an unstable one it leads away to a stable one.
+/// Against harmonic balance, which knows no time: near a stable motion of the branch time leads to that motion, with
+/// its amplitudes and its multiplier; from an unstable one it leads away to a stable one.
 #[test]
 fn settles_on_the_stable_branches() {
     let arm = fitted(60.0);
@@ -161,8 +162,8 @@ fn ends_where_plain_integration_ends() {
     }
 }
 
-/// A settled motion closes after its period, by another scheme with far smaller steps too: what one period of the map adds to
-/// the error comes to less than 1e-8 of the amplitude over a time constant.
+/// A settled motion closes after its period, by another scheme with far smaller steps too: what one period of the map
+/// adds to the error comes to less than 1e-8 of the amplitude over a time constant.
 #[test]
 fn settled_motion_closes_by_another_scheme() {
     for (beta2_deg, torque1_nm, frequency_hz, period) in
@@ -194,7 +195,8 @@ fn settled_motion_closes_by_another_scheme() {
     }
 }
 
-/// The motion between the folds of a period doubling, found up and down, is twice as long and has two points in the section.
+/// The motion between the folds of a period doubling, found up and down, is twice as long and has two points in the
+/// section.
 #[test]
 fn finds_the_doubled_motion() {
     let points = swept(&fitted(75.0), &frequency_sweep(300.0, (46.15, 46.45, 7), Direction::Up));
@@ -209,8 +211,8 @@ fn finds_the_doubled_motion() {
     }
 }
 
-/// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the motion is quasi-periodic
-/// and its section a closed curve; beyond them it has the period of the excitation.
+/// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the motion is
+/// quasi-periodic and its section a closed curve; beyond them it has the period of the excitation.
 #[test]
 fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     let arm = fitted(75.0);
@@ -229,7 +231,8 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     let below = at(lower.orbit.frequency_hz - 0.005, &start_of(&lower.orbit));
     assert_eq!([above.period, between.period, below.period], [Some(1), None, Some(1)]);
     assert!(between.drift > 1e-4 && between.section.len() == 400);
-    // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has neighbours.
+    // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has
+    // neighbours.
     let map = StroboscopicMap::new(&arm, Sine { amplitude, frequency_hz: upper.orbit.frequency_hz }).unwrap();
     let centre = map.point(&above.end);
     let section: Vec<_> = between.section.iter().map(|state| map.point(state)).collect();
@@ -267,8 +270,8 @@ fn without_a_load_the_arm_comes_to_rest() {
     assert!(settled.amplitude_rad.iter().all(|amplitude| *amplitude < 1e-12), "{settled:?}");
 }
 
-/// Up and down an amplitude: both ways visit the same values; they jump where the branch in amplitude has its folds, and
-/// beyond them, where there is but one motion, agree.
+/// Up and down an amplitude: both ways visit the same values; they jump where the branch in amplitude has its folds,
+/// and beyond them, where there is but one motion, agree.
 #[test]
 fn amplitude_can_be_stepped() {
     let arm = fitted(60.0);

@@ -1,8 +1,8 @@
 //! Faults of the network: any bus with loss, delays, corrupted content, a babbling node, bus-off or a cut line.
 //!
 //! A fault belongs to one end. Its random numbers are of a stream of the scenario's seed, one for each fault and
-//! direction, so that the same frames at the same times have the same faults. Faults of a direction act on each frame in
-//! the order in which they are stated.
+//! direction, so that the same frames at the same times have the same faults. Faults of a direction act on each frame
+//! in the order in which they are stated.
 
 mod line;
 mod spec;

@@ -1,10 +1,10 @@
 //! The two threads between the queues and python-can.
 //!
-//! A receiver sits in `recv` with a timeout; python-can's drivers give up the GIL while they wait. A sender parks without
-//! the GIL until a frame is queued. One thread for both would have to leave `recv` to look for frames to send, and each
-//! frame would wait for up to that timeout. `send` and `recv` of one bus in two threads is what python-can's own
-//! `Notifier` and `ThreadSafeBus` rely on; everything else (`set_filters`, `shutdown`) is done by the receiver between two
-//! `recv`, as the locks of `ThreadSafeBus` would have it.
+//! A receiver sits in `recv` with a timeout; python-can's drivers give up the GIL while they wait. A sender parks
+//! without the GIL until a frame is queued. One thread for both would have to leave `recv` to look for frames to send,
+//! and each frame would wait for up to that timeout. `send` and `recv` of one bus in two threads is what python-can's
+//! own `Notifier` and `ThreadSafeBus` rely on; everything else (`set_filters`, `shutdown`) is done by the receiver
+//! between two `recv`, as the locks of `ThreadSafeBus` would have it.
 
 use alloc::string::ToString;
 use alloc::sync::Arc;
@@ -225,8 +225,8 @@ class Driver:
         self.sent.append(message.arbitration_id)
 "#;
 
-    /// Queues frames of these identifiers for a driver, closes, and runs the sender to its end: what the driver got, and
-    /// the failures.
+    /// Queues frames of these identifiers for a driver, closes, and runs the sender to its end: what the driver got,
+    /// and the failures.
     fn send(full: u32, ids: &[u16]) -> (Vec<u16>, Vec<alloc::string::String>) {
         let (mut queue, outgoing) = RingBuffer::new(ids.len());
         let (failures, mut failed) = RingBuffer::new(16);

@@ -1,8 +1,8 @@
 //! Which Python, which environment, and python-can in it.
 //!
-//! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the environment
-//! is looked up here: the one that VIRTUAL_ENV names, else a `.venv` in the working directory or the nearest of its
-//! parents, else none, and the packages of the interpreter itself count.
+//! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the
+//! environment is looked up here: the one that VIRTUAL_ENV names, else a `.venv` in the working directory or the
+//! nearest of its parents, else none, and the packages of the interpreter itself count.
 
 use alloc::format;
 use alloc::string::{String, ToString};

@@ -65,8 +65,8 @@ pub(super) fn to_received(message: &Bound<'_, PyAny>) -> PyResult<Option<Receive
     Ok(frame.map(|frame| Received { frame, timestamp_ns: epoch_ns(timestamp_s) }))
 }
 
-/// Seconds of the UNIX epoch, as python-can gives them, in nanoseconds. An f64 resolves 0.24 µs here. Adapters that count
-/// from their own start, or not at all, stay below [`EARLIEST_EPOCH_S`] and give `None`.
+/// Seconds of the UNIX epoch, as python-can gives them, in nanoseconds. An f64 resolves 0.24 µs here. Adapters that
+/// count from their own start, or not at all, stay below [`EARLIEST_EPOCH_S`] and give `None`.
 fn epoch_ns(timestamp_s: f64) -> Option<u64> {
     // Whole and fractional seconds apart: the product of both would round once more.
     let whole_s = libm::floor(timestamp_s);

@@ -1,13 +1,13 @@
 //! Any CAN adapter that the Python package python-can knows, through an embedded interpreter (feature `python-can`).
 //!
 //! Two bridge threads hold the Python side; between them and the caller stand bounded queues, so that the methods of
-//! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where there
-//! is one.
+//! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where
+//! there is one.
 //!
 //! Error frames are not frames of the bus: they are left out and counted in [`PythonCan::discarded`].
 //!
-//! Of the frames that are lost before python-can has them, those that found the kernel's receive queue of its `socketcan`
-//! full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
+//! Of the frames that are lost before python-can has them, those that found the kernel's receive queue of its
+//! `socketcan` full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
 
 mod bridge;
 mod discovery;
@@ -46,8 +46,9 @@ const PATIENCE: Duration = Duration::from_secs(3);
 
 /// One end of a bus behind a python-can interface.
 ///
-/// An exception raised while sending or receiving comes out of the next [`Bus::send`], [`Bus::receive`] or [`Bus::wait`],
-/// once; a frame that could not be sent is lost with it. The bridge goes on, so the caller decides whether to.
+/// An exception raised while sending or receiving comes out of the next [`Bus::send`], [`Bus::receive`] or
+/// [`Bus::wait`], once; a frame that could not be sent is lost with it. The bridge goes on, so the caller decides
+/// whether to.
 pub struct PythonCan {
     name: String,
     outgoing: Producer<Frame>,
@@ -62,13 +63,14 @@ pub struct PythonCan {
 }
 
 impl PythonCan {
-    /// Opens `can.Bus(interface=…, channel=…, …)`. `options` are its keyword arguments: `interface` is required, `channel`
-    /// stays text, every other value is read as in python-can's configuration files (integer, float, `true`, `false`, else
-    /// text). python-can fills in what its own configuration files and environment variables say. Blocks until the driver
-    /// has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
+    /// Opens `can.Bus(interface=…, channel=…, …)`. `options` are its keyword arguments: `interface` is required,
+    /// `channel` stays text, every other value is read as in python-can's configuration files (integer, float, `true`,
+    /// `false`, else text). python-can fills in what its own configuration files and environment variables say. Blocks
+    /// until the driver has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
     ///
-    /// Python is looked for in VIRTUAL_ENV, else in a `.venv` in the working directory or above it, else in the interpreter
-    /// this program was built with. Ctrl-C stays with this program: no signal handler of Python is installed.
+    /// Python is looked for in VIRTUAL_ENV, else in a `.venv` in the working directory or above it, else in the
+    /// interpreter this program was built with. Ctrl-C stays with this program: no signal handler of Python is
+    /// installed.
     ///
     /// # Errors
     /// [`BusError::PythonCan`] with every variant of [`PythonCanError`] except [`PythonCanError::Stuck`].
@@ -271,7 +273,8 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>),
     open().map_err(|error| exception(py, Operation::Open, error))
 }
 
-/// The socket that python-can's `socketcan` reads from, once it has told its losses, as it is asked to before each frame.
+/// The socket that python-can's `socketcan` reads from, once it has told its losses, as it is asked to before each
+/// frame.
 fn counting_socket(bus: &Py<PyAny>, py: Python<'_>) -> Result<Py<PyAny>, PythonCanError> {
     let told = || -> PyResult<Py<PyAny>> {
         let socket = bus.getattr(py, "socket")?;
@@ -296,7 +299,8 @@ fn check_interface(can: &Bound<'_, PyModule>, interface: &str) -> Result<(), Pyt
     Err(PythonCanError::UnknownInterface { interface: interface.to_string(), version, known: known.join(", ") })
 }
 
-/// A Python exception: the name of its class, its message, and those of the exception it was raised from if they say more.
+/// A Python exception: the name of its class, its message, and those of the exception it was raised from if they say
+/// more.
 fn exception(py: Python<'_>, operation: Operation, error: PyErr) -> PythonCanError {
     let kind = |error: &PyErr| error.get_type(py).name().map_or("Exception".to_string(), |name| name.to_string());
     let mut message = error.value(py).to_string();

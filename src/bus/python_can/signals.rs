@@ -1,8 +1,8 @@
 //! Ctrl-C stays with this program.
 //!
-//! The interpreter is started without signal handlers, but CPython's built-in module `_signal`, which half of its library
-//! imports, takes SIGINT over when it is first imported and finds the default disposition (`Modules/signalmodule.c`). From
-//! then on Ctrl-C would set a flag that nobody looks at.
+//! The interpreter is started without signal handlers, but CPython's built-in module `_signal`, which half of its
+//! library imports, takes SIGINT over when it is first imported and finds the default disposition
+//! (`Modules/signalmodule.c`). From then on Ctrl-C would set a flag that nobody looks at.
 
 use core::ptr;
 use std::io;
@@ -26,8 +26,8 @@ pub(super) fn start_python() -> PyResult<()> {
 /// What SIGINT does now.
 #[allow(unsafe_code, reason = "sigaction(2) has no safe wrapper among the dependencies")]
 fn disposition() -> io::Result<libc::sigaction> {
-    // SAFETY: all zeros are a valid `sigaction`, a plain C structure; the call only writes through the pointer, which is
-    // valid for it.
+    // SAFETY: all zeros are a valid `sigaction`, a plain C structure; the call only writes through the pointer, which
+    // is valid for it.
     let (status, action) = unsafe {
         let mut action = core::mem::zeroed();
         (libc::sigaction(libc::SIGINT, ptr::null(), &mut action), action)

@@ -39,8 +39,8 @@ impl From<&Frame> for KernelFrame {
     }
 }
 
-/// The frame that came in, or `None` for an error frame, which is a message of the local controller and was never on the
-/// bus.
+/// The frame that came in, or `None` for an error frame, which is a message of the local controller and was never on
+/// the bus.
 pub(super) fn from_kernel(frame: &CanAnyFrame) -> Result<Option<Frame>, FrameError> {
     let id = match frame.id_word() {
         word if word & CAN_EFF_FLAG != 0 => Id::Extended(word & CAN_EFF_MASK),

@@ -7,11 +7,11 @@ use std::{fs, io};
 
 use socketcan::{CanFdSocket, Socket};
 
-/// The names of all CAN interfaces in this process's network namespace, up or down, sorted. None where the kernel has no
-/// SocketCAN.
+/// The names of all CAN interfaces in this process's network namespace, up or down, sorted. None where the kernel has
+/// no SocketCAN.
 ///
-/// An interface counts as CAN if a CAN socket can be bound to it. The type in sysfs would not do: sysfs shows the network
-/// namespace it was mounted in, which need not be that of the process.
+/// An interface counts as CAN if a CAN socket can be bound to it. The type in sysfs would not do: sysfs shows the
+/// network namespace it was mounted in, which need not be that of the process.
 ///
 /// # Errors
 /// What reading `/proc/self/net/dev` gave.

@@ -5,8 +5,8 @@
 //! has been restarted. Error warning, error passive and lost arbitration are not errors of the bus: `candump -e` and
 //! `ip -details -statistics link show` tell of them.
 //!
-//! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel counter,
-//! but only with the next frame that comes in after the loss, so never those at the end of a run.
+//! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel
+//! counter, but only with the next frame that comes in after the loss, so never those at the end of a run.
 
 mod frame;
 mod interface;
@@ -49,8 +49,8 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// 2 MiB for receiving, which hold about 5400 classical frames: 0.6 s of 8-byte frames that fill 1 Mbit/s. 256 KiB for
-    /// sending.
+    /// 2 MiB for receiving, which hold about 5400 classical frames: 0.6 s of 8-byte frames that fill 1 Mbit/s. 256 KiB
+    /// for sending.
     fn default() -> Options {
         Options { receive_buffer_bytes: 2 << 20, send_buffer_bytes: 256 << 10 }
     }

@@ -57,8 +57,8 @@ impl Wire {
         }
     }
 
-    /// Does what happens before `now_ns`, and what ends then. A frame that can start at `now_ns` has not started: another
-    /// that is queued at the same instant may win.
+    /// Does what happens before `now_ns`, and what ends then. A frame that can start at `now_ns` has not started:
+    /// another that is queued at the same instant may win.
     pub fn advance(&mut self, now_ns: u64) {
         while let Some(at_ns) = self.next_ns().filter(|at_ns| *at_ns <= now_ns) {
             if self.sending.is_none() && at_ns == now_ns && self.recovered_ns().is_none_or(|ns| ns > now_ns) {

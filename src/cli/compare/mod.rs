@@ -18,8 +18,8 @@ use crate::cli::walk_point;
 use crate::scenario::{ArmSection, Scenario};
 use crate::text_file;
 
-/// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys, or a
-/// recording
+/// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys,
+/// or a recording
 #[derive(Debug, Args)]
 #[command(
     after_help = "FILE is a recording, *.mcap, whose responses are read again from its frames, or JSON with `configuration` (preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n) and `points` \
@@ -38,7 +38,8 @@ pub(super) struct Compare {
     /// The joint whose amplitude says which place of the branch is nearest, 1 or 2.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     joint: u8,
-    /// Draw the points over the branch into STEM.svg and STEM.png, and write the deviations into STEM.csv and STEM.json.
+    /// Draw the points over the branch into STEM.svg and STEM.png, and write the deviations into STEM.csv and
+    /// STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -48,7 +49,8 @@ pub(super) struct Compare {
     json: bool,
 }
 
-/// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of what counts.
+/// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of what
+/// counts.
 const STRAIGHT_RAD: f64 = 0.01;
 
 /// How far the loads of points may lie apart, relative: more, and they are of no single branch.

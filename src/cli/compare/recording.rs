@@ -62,9 +62,9 @@ fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<Ben
 
 /// Amplitude of the load that acted, N or N·m: in open loop a shaker leaves the arm another force than was commanded.
 ///
-/// Readings of sample n are of the middle of the hold before, T/2 earlier, when A sin φ(n − 1) was held. Against φ(n) the
-/// fundamental of the held command is A e^(−2iy) sin y/y with y = ½ωT. The head reads it with A e^(−2iy) in place of that, of
-/// which the share far above the natural frequencies goes into the arm.
+/// Readings of sample n are of the middle of the hold before, T/2 earlier, when A sin φ(n − 1) was held. Against φ(n)
+/// the fundamental of the held command is A e^(−2iy) sin y/y with y = ½ωT. The head reads it with A e^(−2iy) in place
+/// of that, of which the share far above the natural frequencies goes into the arm.
 fn acting(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<f64, Failure> {
     let (Some(spec), Some(shaker)) = (&scenario.excitation, &scenario.rig.shaker) else { return Ok(response.load) };
     let command_n = spec.amplitude.load().force_n;

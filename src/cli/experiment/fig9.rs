@@ -25,9 +25,9 @@ use crate::realtime::{Clock, SystemClock};
 use crate::run::Signals;
 use crate::scenario::Scenario;
 
-/// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response, the
-/// backbone, and stepped sines up and down at controlled force, through shaker, impedance head, frames and accelerometers,
-/// with the force's harmonics 2 and 3 cancelled; all against the computed response.
+/// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response,
+/// the backbone, and stepped sines up and down at controlled force, through shaker, impedance head, frames and
+/// accelerometers, with the force's harmonics 2 and 3 cancelled; all against the computed response.
 #[derive(Debug, Args)]
 pub(super) struct Fig9 {
     #[command(flatten)]

@@ -1,4 +1,5 @@
-//! `resonarm experiment walk`: the response at constant load through a resonance, folds or not, or the backbone, by a closed loop.
+//! `resonarm experiment walk`: the response at constant load through a resonance, folds or not, or the backbone, by a
+//! closed loop.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,8 +24,8 @@ use crate::recording::Existing;
 use crate::run::{BothReport, Mode, Options, RecordTo, Session, Signals};
 use crate::scenario::Scenario;
 
-/// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a lag of
-/// the response behind the load of 10° to 170°. Amplitudes are those that the accelerometers tell.
+/// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
+/// lag of the response behind the load of 10° to 170°. Amplitudes are those that the accelerometers tell.
 #[derive(Debug, Args)]
 pub(super) struct Walk {
     #[command(flatten)]

@@ -36,7 +36,8 @@ pub(super) fn curves(curves: &Curves) -> plot::Figure {
 const HEADROOM: f64 = 1.15;
 /// The same for logarithmic panels: room for a row of names and the lines to their peaks.
 const LOG_HEADROOM: f64 = 30.0;
-/// A panel without a range shows each curve where it has at least this part of the panel's highest peak, or half of its own,
+/// A panel without a range shows each curve where it has at least this part of the panel's highest peak, or half of its
+/// own,
 const SHOWN: f64 = 0.05;
 /// and this part of the width more on either side.
 const MARGIN: f64 = 0.08;
@@ -125,8 +126,8 @@ fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f6
 /// A maximum between samples is that of a zone if it is as high as the highest sample, but for this.
 const SAME: f64 = 0.999;
 
-/// The panel with the names of its curves: over their peaks, in logarithmic panels in a row for each zone, since there peaks of
-/// several poses crowd.
+/// The panel with the names of its curves: over their peaks, in logarithmic panels in a row for each zone, since there
+/// peaks of several poses crowd.
 fn with_names<'a>(
     mut drawn: plot::Panel,
     panel: &Panel,

@@ -20,8 +20,9 @@ pub(super) use progress::Progress;
 
 /// Makes the figures of Gierlak & Warmiński (2023) anew, and holds the paper's statements against what is computed.
 ///
-/// Every figure is written as SVG, PNG, CSV and JSON. What the paper leaves open stands in the settings file, a copy of which
-/// goes along. Exit code 1 says that a statement could not be computed; whether statements hold does not matter to it.
+/// Every figure is written as SVG, PNG, CSV and JSON. What the paper leaves open stands in the settings file, a copy of
+/// which goes along. Exit code 1 says that a statement could not be computed; whether statements hold does not matter
+/// to it.
 #[derive(Debug, Args)]
 pub(super) struct Paper {
     /// What to make.
@@ -35,8 +36,8 @@ pub(super) struct Paper {
     /// Parameter set of Figs. 4, 5, 7 and 9 [default: irb1600-fitted]; the others show both.
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
-    /// Draw Fig. 9 as it was measured: the settled points of FILE, the document of `experiment fig9 --json`, over curves
-    /// for the arm and the forces in it. For `fig9`.
+    /// Draw Fig. 9 as it was measured: the settled points of FILE, the document of `experiment fig9 --json`, over
+    /// curves for the arm and the forces in it. For `fig9`.
     #[arg(long, value_name = "FILE", conflicts_with = "preset")]
     measured: Option<PathBuf>,
     /// TOML file in place of scenarios/paper/settings.toml, which is built in.

@@ -14,11 +14,12 @@ use crate::cli::output;
 use crate::number::short;
 use crate::protocol::{DecodeError, Message, Receiver};
 
-/// Says what frames mean, and whether a receiver takes them: form, E2E protection, content. Counters are judged from frame to frame,
-/// as a receiver does that has listened from the first one on.
+/// Says what frames mean, and whether a receiver takes them: form, E2E protection, content. Counters are judged from
+/// frame to frame, as a receiver does that has listened from the first one on.
 #[derive(Debug, Args)]
 pub(super) struct Decode {
-    /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from standard input.
+    /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from
+    /// standard input.
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     #[command(flatten)]

@@ -1,27 +1,29 @@
-//! Force control: at every frequency of a stepped sine, the fundamental of the force in the impedance head is led to its amplitude.
+//! Force control: at every frequency of a stepped sine, the fundamental of the force in the impedance head is led to
+//! its amplitude.
 //!
-//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force: what a command c
-//! leaves in the head, H, depends on arm, shaker and frequency. Held long enough, H/c is what it is, and the command that would have
-//! given F is
+//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force: what a
+//! command c leaves in the head, H, depends on arm, shaker and frequency. Held long enough, H/c is what it is, and the
+//! command that would have given F is
 //!
 //! ```text
 //! c ← c F/H
 //! ```
 //!
-//! exactly for a linear arm. Where the arm's frequency moves with its amplitude, H grows with c to a power s = d ln H/d ln c other than 1,
-//! and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it is below, near a fold, the step stays as it
-//! is: motions with s > 0 attract, those between two folds, with s < 0, repel, so that a sweep jumps where the response at
-//! constant force folds.
+//! exactly for a linear arm. Where the arm's frequency moves with its amplitude, H grows with c to a power s = d ln H/d
+//! ln c other than 1, and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it is
+//! below, near a fold, the step stays as it is: motions with s > 0 attract, those between two folds, with s < 0, repel,
+//! so that a sweep jumps where the response at constant force folds.
 //!
-//! While the command is held nothing is fed back, so that no gain has to suit arm and shaker; what the shaker damps the vibration by
-//! is what settles it.
+//! While the command is held nothing is fed back, so that no gain has to suit arm and shaker; what the shaker damps the
+//! vibration by is what settles it.
 //!
 //! With a notch, F is what takes an acceleration to it, where that is less.
 //!
 //! Harmonics of the force are cancelled, if that is asked for, by harmonics of the command ([`CancelHarmonics`]).
 //!
-//! A sine held from sample to sample has beyond its fundamental, smaller by sin y/y with y = ½ωT, what in the middle of a hold adds
-//! up to the sample itself, and the head reads both: of the latter the share that goes past the armature into the arm.
+//! A sine held from sample to sample has beyond its fundamental, smaller by sin y/y with y = ½ωT, what in the middle of
+//! a hold adds up to the sample itself, and the head reads both: of the latter the share that goes past the armature
+//! into the arm.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -134,7 +136,8 @@ enum Stage {
     Leave { from: Phasor, since: u64 },
 }
 
-/// Plays a dwell or a stepped sine, and leads the fundamental of the force in the impedance head to its amplitude at every frequency.
+/// Plays a dwell or a stepped sine, and leads the fundamental of the force in the impedance head to its amplitude at
+/// every frequency.
 #[derive(Clone, Debug)]
 pub struct ForceControl {
     frequencies_hz: Vec<f64>,
@@ -170,8 +173,8 @@ pub struct ForceControl {
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` at `rate_hz` samples a second on `arm`, as the controller knows it, with a
-    /// shaker's armature if there is one, with an exciter that has `limit_n`.
+    /// A controller that plays the frequencies of `spec` at `rate_hz` samples a second on `arm`, as the controller
+    /// knows it, with a shaker's armature if there is one, with an exciter that has `limit_n`.
     ///
     /// # Errors
     /// [`ForceControlError`] says what is impossible.
@@ -329,7 +332,8 @@ impl ForceControl {
         self.tried = Some([command, head]);
     }
 
-    /// The force that is wanted at the frequency of a response: F, or what takes an acceleration to its notch if that is less.
+    /// The force that is wanted at the frequency of a response: F, or what takes an acceleration to its notch if that
+    /// is less.
     fn wanted_n(&self, point: &ResponsePoint) -> f64 {
         let accelerations = [&point.acceleration_b_m_s2, &point.acceleration_c_m_s2];
         let notched = self.notches_m_s2.iter().zip(accelerations).filter_map(|(notch, [x, y])| {

@@ -65,8 +65,8 @@ fn force_n(point: &ResponsePoint) -> f64 {
     libm::hypot(x.re, x.im)
 }
 
-/// Open loop the force in the head drops to less than a third near the resonance; closed it is what was asked for, within a half
-/// per cent.
+/// Open loop the force in the head drops to less than a third near the resonance; closed it is what was asked for,
+/// within a half per cent.
 #[test]
 fn the_force_is_kept_where_it_would_drop_out() {
     // The coil damps in voltage mode.

@@ -22,16 +22,18 @@ struct Finding {
 
 /// ω₀²(A²) and κ(A²) from the findings so far.
 ///
-/// In steady state U/a = m(ω₀² − ω²) + iκω, with the amplitude U of the load and a of the angle: ω₀² = ω² + Re(U/a)/m and
-/// κ = Im(U/a)/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked for, ω₀² is
-/// fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings weigh more.
+/// In steady state U/a = m(ω₀² − ω²) + iκω, with the amplitude U of the load and a of the angle: ω₀² = ω² + Re(U/a)/m
+/// and κ = Im(U/a)/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked
+/// for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings weigh
+/// more.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BackboneModel {
     mass: f64,
     findings: Vec<Finding>,
 }
 
-/// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth curve.
+/// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth
+/// curve.
 const PULL: f64 = 1e-6;
 /// Share of the range of A² at which a finding's weight has fallen to a quarter.
 const REACH: f64 = 0.25;
@@ -58,8 +60,8 @@ impl BackboneModel {
         self.findings.truncate(1);
     }
 
-    /// Takes in U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard deviation
-    /// relative to the load. Where there is no more room the oldest but theory gives way.
+    /// Takes in U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard
+    /// deviation relative to the load. Where there is no more room the oldest but theory gives way.
     pub fn add(&mut self, amplitude_rad: f64, omega_rad_s: f64, dynamic_stiffness: Phasor, deviation: f64) {
         if self.findings.len() == MOST_FINDINGS {
             self.findings.remove(1);

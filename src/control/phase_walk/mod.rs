@@ -1,17 +1,19 @@
-//! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone, at a lag
-//! of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the angle.
+//! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone,
+//! at a lag of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the angle.
 //!
-//! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is stable
-//! under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an excitation like
-//! any other, and load and angle are a point of the open-loop response, whatever amplitude was asked for. Over the lag φ of
-//! the angle behind the load that response is single-valued, folds or not (G. Zhou, G. Kerschen, arXiv:2401.01151), so φ
-//! walks, and for each φ amplitude and frequency are corrected until the load has the wanted amplitude.
+//! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is
+//! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
+//! excitation like any other, and load and angle are a point of the open-loop response, whatever amplitude was asked
+//! for. Over the lag φ of the angle behind the load that response is single-valued, folds or not (G. Zhou, G. Kerschen,
+//! arXiv:2401.01151), so φ walks, and for each φ amplitude and frequency are corrected until the load has the wanted
+//! amplitude.
 //!
 //! With a the complex amplitude of the angle, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
-//! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness U/a
-//! expected at the target, lets a follow A(t), which is real, with the rate g.
+//! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness
+//! U/a expected at the target, lets a follow A(t), which is real, with the rate g.
 //!
-//! Harmonics of the force in the head are cancelled, if that is asked for ([`CancelHarmonics`](super::CancelHarmonics)).
+//! Harmonics of the force in the head are cancelled, if that is asked for
+//! ([`CancelHarmonics`](super::CancelHarmonics)).
 
 mod backbone_model;
 mod plan;
@@ -85,7 +87,8 @@ enum Stage {
     Done(Option<Abort>),
 }
 
-/// Traces the response at constant load through a resonance, stable or not, or the backbone, or what load holds one amplitude.
+/// Traces the response at constant load through a resonance, stable or not, or the backbone, or what load holds one
+/// amplitude.
 #[derive(Clone, Debug)]
 pub struct PhaseWalk {
     plan: Plan,
@@ -121,7 +124,8 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, at `rate_hz` samples a second, with an exciter that has `limit`, N or N·m.
+    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, at `rate_hz` samples a
+    /// second, with an exciter that has `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] says what is impossible.
@@ -238,8 +242,8 @@ impl PhaseWalk {
         self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
     }
 
-    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of what the exciter
-    /// has beyond the walk's own load is taken for it.
+    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of what the
+    /// exciter has beyond the walk's own load is taken for it.
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
         if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude_rad > 0.0) {
@@ -357,8 +361,8 @@ impl PhaseWalk {
         let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
-        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm does, it
-        // counts.
+        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm
+        // does, it counts.
         let half = 0.5 * omega / self.rate_hz;
         real_product(&(u * (half / libm::sin(half))), &unit(self.phase_rad)) + self.harmonics(n)
     }

@@ -10,16 +10,16 @@ use crate::arm::Load;
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::Amplitude;
 
-/// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the followed
-/// angle, stable or not (T. Karaağaçlı, H. N. Özgüven 2020, Vibration 3, doi:10.3390/vibration3030019).
+/// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
+/// followed angle, stable or not (T. Karaağaçlı, H. N. Özgüven 2020, Vibration 3, doi:10.3390/vibration3030019).
 ///
 /// The followed angle is α1, or α1 + α2 where in the mode's shape link 1 turns less than a fifth as far as link 2
 /// ([`Link`](crate::control::Link)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {
-    /// Direction of the load, and the amplitude that is expected to do at every frequency: what the exciter has beyond it
-    /// changes the response from one frequency to the next.
+    /// Direction of the load, and the amplitude that is expected to do at every frequency: what the exciter has beyond
+    /// it changes the response from one frequency to the next.
     pub amplitude: Amplitude,
     /// The mode near whose frequency the sines are.
     #[serde(default)]
@@ -32,7 +32,8 @@ pub struct ResponseControlSpec {
     pub to_hz: f64,
     /// Number of frequencies, evenly spaced, from 3 to 10000.
     pub points: usize,
-    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the
+    /// fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }

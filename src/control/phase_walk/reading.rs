@@ -11,8 +11,8 @@ use super::unit;
 
 /// The readings, and the command.
 const CHANNELS: usize = Measurement::CHANNELS + 1;
-/// Constant, and sine and cosine of five orders: a clipped wave needs more of them than an unclipped one, or the rest is
-/// shifted.
+/// Constant, and sine and cosine of five orders: a clipped wave needs more of them than an unclipped one, or the rest
+/// is shifted.
 const BASIS: usize = 11;
 
 /// Reads while the motion is held.
@@ -88,8 +88,8 @@ impl Reader {
     /// What was found at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
     ///
     /// What is held for a period T is a staircase, whose fundamental is smaller than that of its samples by
-    /// sinc ωT/2. Of the rest, edges that come and go within a sample, the head between shaker and arm reads the share that goes
-    /// into the arm.
+    /// sinc ωT/2. Of the rest, edges that come and go within a sample, the head between shaker and arm reads the share
+    /// that goes into the arm.
     pub fn finish(
         &self,
         now: u64,
@@ -140,9 +140,9 @@ impl Found {
 }
 
 impl Reader {
-    /// Standard deviation of the mean rate of the angular acceleration's amplitude, rad/s³: white noise of standard deviation
-    /// σ in n samples, weighted by ẇ, leaves 2πσ f_s/n^(3/2). Of the two that bound σ, what the fit leaves and what
-    /// the filter does, the first has the other mode's ringing in it, the second high harmonics.
+    /// Standard deviation of the mean rate of the angular acceleration's amplitude, rad/s³: white noise of standard
+    /// deviation σ in n samples, weighted by ẇ, leaves 2πσ f_s/n^(3/2). Of the two that bound σ, what the fit leaves
+    /// and what the filter does, the first has the other mode's ringing in it, the second high harmonics.
     fn rate_deviation(&self, rate_hz: f64, model: &ModeModel) -> Option<f64> {
         let n = self.samples as f64;
         let left = [2, 3, 4, 5].map(|channel| self.fit.residual_rms(channel));

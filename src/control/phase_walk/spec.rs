@@ -19,7 +19,8 @@ pub(super) const BAND: f64 = 0.1;
 /// Bandwidth of the filter over the gain of the loop.
 pub(super) const FILTER_RATE: f64 = 5.0;
 
-/// A walk along a straight line over lag and load: at constant load the response, at a lag of 90° and growing load the backbone.
+/// A walk along a straight line over lag and load: at constant load the response, at a lag of 90° and growing load the
+/// backbone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseWalkSpec {
@@ -31,7 +32,8 @@ pub struct PhaseWalkSpec {
     /// Number of points, from 3 to 10000.
     #[serde(default = "default_points")]
     pub points: usize,
-    /// Load at the first point over that at the last, above 0, at most 1: by default the load is the same at every point.
+    /// Load at the first point over that at the last, above 0, at most 1: by default the load is the same at every
+    /// point.
     #[serde(default = "default_from_part", skip_serializing_if = "is_one")]
     pub from_part: f64,
     /// Lag of the response behind the load at the first point, degrees, above 0 and below `to_lag_deg`. Far below the
@@ -41,7 +43,8 @@ pub struct PhaseWalkSpec {
     /// The same at the last point, degrees, below 180.
     #[serde(default = "default_to_lag_deg")]
     pub to_lag_deg: f64,
-    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the
+    /// fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }
@@ -215,9 +218,9 @@ pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, rate_hz: f64)
 
 /// The largest gain g of which the loop is stable with room to spare, 1/s.
 ///
-/// Tried are g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must be
-/// stable with the command up to two samples late, and no motion may die out more slowly than half as fast as the slower
-/// mode does alone.
+/// Tried are g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must
+/// be stable with the command up to two samples late, and no motion may die out more slowly than half as fast as the
+/// slower mode does alone.
 fn stable_gain_1_s(model: &ModeModel, rate_hz: f64) -> Option<f64> {
     const LARGEST: f64 = 0.072;
     const TRIES: i32 = 12;

@@ -83,8 +83,8 @@ fn a_clipped_reading_of_the_followed_angle_ends_the_walk() {
     assert!(matches!(abort, Abort::Clipped { point: 'B', .. }), "{abort}");
 }
 
-/// The margin that the poles promise at this pose is nine samples. A force that comes late is read by the head as it acts, so what
-/// is read is right, though some points miss the wanted load and say that they have not settled.
+/// The margin that the poles promise at this pose is nine samples. A force that comes late is read by the head as it
+/// acts, so what is read is right, though some points miss the wanted load and say that they have not settled.
 #[test]
 fn commands_may_come_late() {
     let walked = |late| {
@@ -111,8 +111,8 @@ fn another_arm_than_the_scenario_s_is_found_out() {
     assert!(points.iter().all(|point| !point.settled), "{points:?}");
 }
 
-/// Through a light shaker the force has as much of its second harmonic as of the fundamental. Mode 2 rings near that harmonic, so
-/// that one point may run out of tries.
+/// Through a light shaker the force has as much of its second harmonic as of the fundamental. Mode 2 rings near that
+/// harmonic, so that one point may run out of tries.
 #[test]
 fn harmonics_of_the_force_are_cancelled() {
     let shaker = crate::rig::ShakerSpec {

@@ -37,7 +37,8 @@ impl Bent {
     }
 }
 
-/// The amplitude at which a backbone begins, rad: at a thousandth of it the frequency is that of the linear arm to 1e-6.
+/// The amplitude at which a backbone begins, rad: at a thousandth of it the frequency is that of the linear arm to
+/// 1e-6.
 const SMALLEST_RAD: f64 = 1e-3;
 
 /// The backbone of a mode (0 or 1) up to an amplitude of the excitation.
@@ -61,8 +62,8 @@ pub(super) fn bent(subject: &Subject, arm: &Arm, mode: usize, drive: (Drive, f64
     Ok(Bent { bending: curve.bending(), shift_hz: ends[1] - ends[0] })
 }
 
-/// "Small" are the angles of the first third of the range of Section 4, 0 to 150°, "large" those of the last: 0° and 30°,
-/// 120° and 150° of the poses of Fig. 4.
+/// "Small" are the angles of the first third of the range of Section 4, 0 to 150°, "large" those of the last: 0° and
+/// 30°, 120° and 150° of the poses of Fig. 4.
 const SMALL_DEG: f64 = 50.0;
 const LARGE_DEG: f64 = 100.0;
 
@@ -96,8 +97,8 @@ pub(super) fn first_stiff_when_straight(survey: &Survey<'_>) -> Judgement {
     each(survey, 0, |beta2_deg| beta2_deg <= SMALL_DEG, |bent| bent.is(Bending::Hardening))
 }
 
-/// "Which for large β2 transits into a mixed softening–hardening curve" (Section 4): the backbone turns, in either order; the
-/// words tell which.
+/// "Which for large β2 transits into a mixed softening–hardening curve" (Section 4): the backbone turns, in either
+/// order; the words tell which.
 pub(super) fn first_mixed_when_bent(survey: &Survey<'_>) -> Judgement {
     each(survey, 0, |beta2_deg| beta2_deg >= LARGE_DEG, Bent::is_mixed)
 }
@@ -114,8 +115,9 @@ pub(super) fn second_stiff_when_bent(survey: &Survey<'_>) -> Judgement {
     each(survey, 1, |beta2_deg| beta2_deg >= LARGE_DEG, |bent| bent.is(Bending::Hardening))
 }
 
-/// "The dependence of the resonance zones on the position of the arm was demonstrated, and the resonance characteristics changed
-/// from stiff to soft or vice versa" (Section 6): each zone is stiff at one of the poses of Fig. 4 at least, and soft at another.
+/// "The dependence of the resonance zones on the position of the arm was demonstrated, and the resonance
+/// characteristics changed from stiff to soft or vice versa" (Section 6): each zone is stiff at one of the poses of
+/// Fig. 4 at least, and soft at another.
 pub(super) fn characters_change(survey: &Survey<'_>) -> Judgement {
     let poses = &survey.settings.figure4.beta2_deg;
     survey.over_torques(0, |driven| {

@@ -10,8 +10,8 @@ fn frequencies(survey: &Survey<'_>, beta2_deg: f64) -> Seen<[f64; 2]> {
     Ok(modes(&arm).map(|mode| mode.frequency_hz))
 }
 
-/// "The natural frequencies of the robot arm vibrations depend strongly on its position" (Section 3). No number follows from
-/// "strongly": each of the two must vary by more than a tenth. The numbers tell how far that is from mattering.
+/// "The natural frequencies of the robot arm vibrations depend strongly on its position" (Section 3). No number follows
+/// from "strongly": each of the two must vary by more than a tenth. The numbers tell how far that is from mattering.
 pub(super) fn depend_on_pose(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let all = (-180..=180).map(|beta2_deg| frequencies(survey, f64::from(beta2_deg)));
@@ -32,8 +32,8 @@ pub(super) fn depend_on_pose(survey: &Survey<'_>) -> Judgement {
     once(opinion())
 }
 
-/// "The changes are symmetrical with respect to the so-called straight arm configuration" (Section 3): f(β2) = f(−β2) to the
-/// rounding of the arithmetic.
+/// "The changes are symmetrical with respect to the so-called straight arm configuration" (Section 3): f(β2) = f(−β2)
+/// to the rounding of the arithmetic.
 pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let mut largest = 0.0_f64;
@@ -50,8 +50,9 @@ pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
     once(opinion())
 }
 
-/// "Similar to the natural frequencies in a linear system (Section 3), in a nonlinear system the resonance zones move closer
-/// together as the absolute value of angle β2 increases" (Section 4): f2 − f1 falls from each pose of Fig. 4 to the next.
+/// "Similar to the natural frequencies in a linear system (Section 3), in a nonlinear system the resonance zones move
+/// closer together as the absolute value of angle β2 increases" (Section 4): f2 − f1 falls from each pose of Fig. 4 to
+/// the next.
 pub(super) fn draw_together(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let mut numbers = Vec::new();
@@ -66,7 +67,8 @@ pub(super) fn draw_together(survey: &Survey<'_>) -> Judgement {
     once(opinion())
 }
 
-/// Fig. 4a is the "entire spectrum" from 0 to 80 Hz and Fig. 4c shows second zones: f2 lies below 80 Hz at all its poses.
+/// Fig. 4a is the "entire spectrum" from 0 to 80 Hz and Fig. 4c shows second zones: f2 lies below 80 Hz at all its
+/// poses.
 pub(super) fn within_the_range(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let end_hz = survey.settings.range_hz[1];

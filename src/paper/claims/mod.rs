@@ -1,7 +1,8 @@
 //! The paper's statements, each with what was computed for both presets, and whether it holds.
 //!
-//! A statement that depends on what the paper leaves open (the amplitude of an excitation, the line of Fig. 6, the length of a
-//! pulse) is judged once for each value of a stated range, [`Scan`](crate::paper::settings::Scan): these are its cases.
+//! A statement that depends on what the paper leaves open (the amplitude of an excitation, the line of Fig. 6, the
+//! length of a pulse) is judged once for each value of a stated range, [`Scan`](crate::paper::settings::Scan): these
+//! are its cases.
 
 mod bending;
 mod cases;
@@ -132,8 +133,8 @@ struct Statement {
     judge: fn(&Survey<'_>) -> Judgement,
 }
 
-/// Judges every statement for both presets, over all cores. `begin` is told how many computations there are, and `done` is
-/// called after each. What can't be computed is said in the report.
+/// Judges every statement for both presets, over all cores. `begin` is told how many computations there are, and `done`
+/// is called after each. What can't be computed is said in the report.
 ///
 /// # Errors
 /// [`PaperError::Arm`] if a preset can't be read.

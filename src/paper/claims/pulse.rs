@@ -51,8 +51,8 @@ fn amplitude_m(arm: &Arm, pulse: &HalfSine) -> Result<f64, PaperError> {
     Ok(largest)
 }
 
-/// "The amplitude of the vibrations in the robot caused by a force pulse of 100 N is 0.1 mm" (Section 1). A number with one digit
-/// stands for what rounds to it: 0.05 mm or more, less than 0.15 mm.
+/// "The amplitude of the vibrations in the robot caused by a force pulse of 100 N is 0.1 mm" (Section 1). A number with
+/// one digit stands for what rounds to it: 0.05 mm or more, less than 0.15 mm.
 pub(super) fn amplitude(survey: &Survey<'_>) -> Judgement {
     let settings = survey.settings;
     let mut lengths_s = settings.scan.pulse_length_s.clone();
@@ -79,8 +79,8 @@ mod tests {
     use crate::arm::Preset;
     use crate::paper::{Settings, Subject};
 
-    /// A blow much shorter than the modes' periods gives the arm the momentum JᵀF·2T/π at once: α̇ = M⁻¹ of it, and the joints
-    /// swing up with v = J α̇; what follows is linear in the force.
+    /// A blow much shorter than the modes' periods gives the arm the momentum JᵀF·2T/π at once: α̇ = M⁻¹ of it, and the
+    /// joints swing up with v = J α̇; what follows is linear in the force.
     #[test]
     fn a_short_blow_is_a_momentum() {
         let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();

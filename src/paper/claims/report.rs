@@ -17,7 +17,8 @@ impl Finding {
         (labels.len(), listed.unwrap_or_default())
     }
 
-    /// In how many of the cases the statement holds, in which, and which could not be computed; empty if nothing is left open.
+    /// In how many of the cases the statement holds, in which, and which could not be computed; empty if nothing is
+    /// left open.
     pub fn share(&self) -> String {
         if self.over.is_empty() {
             return String::new();

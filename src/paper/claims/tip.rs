@@ -34,8 +34,8 @@ fn larger(survey: &Survey<'_>, link: usize, zones: [usize; 2]) -> Judgement {
     })
 }
 
-/// "The vibration amplitudes of the first link are significantly greater in the first resonance zone than in the second zone"
-/// (Section 4): the peak of link 1 is at least twice that in the second, at each position of Fig. 7.
+/// "The vibration amplitudes of the first link are significantly greater in the first resonance zone than in the second
+/// zone" (Section 4): the peak of link 1 is at least twice that in the second, at each position of Fig. 7.
 pub(super) fn link1_in_the_first_zone(survey: &Survey<'_>) -> Judgement {
     larger(survey, 0, [0, 1])
 }
@@ -45,9 +45,9 @@ pub(super) fn link2_in_the_second_zone(survey: &Survey<'_>) -> Judgement {
     larger(survey, 1, [1, 0])
 }
 
-/// "The phenomenon of the slope of the characteristics […] is more clearly visible in the second resonance zone for both elements"
-/// (Section 4): on their common axis the backbone of the second zone moves by more Hz than that of the first, at each position of
-/// Fig. 7. A backbone is that of both links.
+/// "The phenomenon of the slope of the characteristics […] is more clearly visible in the second resonance zone for
+/// both elements" (Section 4): on their common axis the backbone of the second zone moves by more Hz than that of the
+/// first, at each position of Fig. 7. A backbone is that of both links.
 pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
     let seven = &survey.settings.figure7;
     survey.over_heights_and_forces(seven.force_n, |driven| {
@@ -71,8 +71,8 @@ pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// Whether a width grows from each excitation to the next, as far as it can be computed. If it does, enough must have been
-/// computed to say so; a width that falls decides at once.
+/// Whether a width grows from each excitation to the next, as far as it can be computed. If it does, enough must have
+/// been computed to say so; a width that falls decides at once.
 pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> Seen<f64>) -> Seen<Opinion> {
     let seen: Vec<Seen<f64>> = excitations.iter().map(|excitation| width(*excitation)).collect();
     let computed = seen.iter().take_while(|width| width.is_ok()).count();
@@ -110,14 +110,15 @@ fn widens(survey: &Survey<'_>, mode: usize, link: usize) -> Judgement {
     })
 }
 
-/// "As a result of the simultaneous slope of the characteristic and the increase in vibration amplitude, there is a significant
-/// widening of the second resonance zone" (Section 4, Fig. 7c): the half-power width of link 1 grows from each force to the next.
+/// "As a result of the simultaneous slope of the characteristic and the increase in vibration amplitude, there is a
+/// significant widening of the second resonance zone" (Section 4, Fig. 7c): the half-power width of link 1 grows from
+/// each force to the next.
 pub(super) fn second_zone_widens(survey: &Survey<'_>) -> Judgement {
     widens(survey, 1, 0)
 }
 
-/// "As the excitation amplitude increases, two maxima appear and the resonance zone widens" (Section 4, Fig. 7d, first zone), the
-/// second half: the half-power width of link 2 grows from each force to the next.
+/// "As the excitation amplitude increases, two maxima appear and the resonance zone widens" (Section 4, Fig. 7d, first
+/// zone), the second half: the half-power width of link 2 grows from each force to the next.
 pub(super) fn first_zone_widens(survey: &Survey<'_>) -> Judgement {
     widens(survey, 0, 1)
 }
@@ -125,8 +126,8 @@ pub(super) fn first_zone_widens(survey: &Survey<'_>) -> Judgement {
 /// A maximum that is seen in a figure: the curve falls by this part of its height on both of its sides.
 pub(super) const PROMINENCE: f64 = 0.05;
 
-/// The same sentence, the first half: the amplitude of link 2 has one maximum along the branch under the smallest force, and
-/// two or more under the largest that can be computed.
+/// The same sentence, the first half: the amplitude of link 2 has one maximum along the branch under the smallest
+/// force, and two or more under the largest that can be computed.
 pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
     let beta2_deg = survey.settings.figure7.detail_beta2_deg;
     survey.over_heights(|height_m| {
@@ -153,8 +154,9 @@ pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// "The excitation frequency was variable in the range 26–46 Hz in order to excite resonant vibrations in the robot in the two
-/// expected resonance zones" (Section 5): the peaks of link 1 in the first zone and of link 2 in the second are in this range.
+/// "The excitation frequency was variable in the range 26–46 Hz in order to excite resonant vibrations in the robot in
+/// the two expected resonance zones" (Section 5): the peaks of link 1 in the first zone and of link 2 in the second are
+/// in this range.
 pub(super) fn both_zones_measured(survey: &Survey<'_>) -> Judgement {
     let nine = &survey.settings.figure9;
     survey.over_heights_and_forces(nine.force_n, |driven| {
@@ -166,8 +168,8 @@ pub(super) fn both_zones_measured(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// "In the first resonance zone there are soft resonance curves, while in the second resonance zone there are stiff resonance
-/// curves" (Section 5, β2 = 120°): the backbones up to the force.
+/// "In the first resonance zone there are soft resonance curves, while in the second resonance zone there are stiff
+/// resonance curves" (Section 5, β2 = 120°): the backbones up to the force.
 pub(super) fn soft_then_stiff(survey: &Survey<'_>) -> Judgement {
     let nine = &survey.settings.figure9;
     survey.over_heights_and_forces(nine.force_n, |driven| {
@@ -180,8 +182,8 @@ pub(super) fn soft_then_stiff(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// "As for the first resonance zone for link 2, the vibration amplitudes are so small that it is difficult to observe a clear
-/// nonlinear effect" (Section 5): the peak of link 2 there is at most half of that in the second zone.
+/// "As for the first resonance zone for link 2, the vibration amplitudes are so small that it is difficult to observe a
+/// clear nonlinear effect" (Section 5): the peak of link 2 there is at most half of that in the second zone.
 pub(super) fn link2_small_in_the_first_zone(survey: &Survey<'_>) -> Judgement {
     let nine = &survey.settings.figure9;
     survey.over_heights_and_forces(nine.force_n, |driven| {

@@ -28,8 +28,8 @@ fn falls(survey: &Survey<'_>, of: impl Fn(f64) -> Seen<f64>, name: &str) -> Seen
     Ok(Opinion::new(holds, format!("{} Hz", listed.join(", ")), numbers.collect()))
 }
 
-/// "In a nonlinear system the resonance zones move closer together as the absolute value of angle β2 increases" (Section 4): the
-/// distance between the peaks of link 1 falls from each pose of Fig. 4 to the next.
+/// "In a nonlinear system the resonance zones move closer together as the absolute value of angle β2 increases"
+/// (Section 4): the distance between the peaks of link 1 falls from each pose of Fig. 4 to the next.
 pub(super) fn zones_draw_together(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
         let apart = |beta2_deg| Ok(peak_hz(survey, driven, beta2_deg, 1)? - peak_hz(survey, driven, beta2_deg, 0)?);
@@ -37,8 +37,8 @@ pub(super) fn zones_draw_together(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// "As the angle β2 increases […] the curves shift towards lower frequencies" (Section 4, of the second zone): the peak of link 1
-/// falls from each pose of Fig. 4 to the next.
+/// "As the angle β2 increases […] the curves shift towards lower frequencies" (Section 4, of the second zone): the peak
+/// of link 1 falls from each pose of Fig. 4 to the next.
 pub(super) fn second_zone_shifts_down(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(1, |driven| falls(survey, |beta2_deg| peak_hz(survey, driven, beta2_deg, 1), "peak"))
 }
@@ -46,10 +46,10 @@ pub(super) fn second_zone_shifts_down(survey: &Survey<'_>) -> Judgement {
 /// Two motions of one frequency are two if their amplitudes differ by more than rounding, relative.
 const APART: f64 = 1e-6;
 
-/// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible, resulting in
-/// a slope of the characteristics in the resonance zones" (Section 4), "within the resonant zones there are instability areas"
-/// (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable motions share a frequency, with the folds
-/// between which the branch runs back.
+/// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible,
+/// resulting in a slope of the characteristics in the resonance zones" (Section 4), "within the resonant zones there
+/// are instability areas" (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable motions
+/// share a frequency, with the folds between which the branch runs back.
 pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
     let poses = &survey.settings.figure4.beta2_deg;
     survey.over_torques(0, |driven| {
@@ -79,9 +79,9 @@ pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
 /// What rounds to six.
 const SIX: Range<f64> = 5.5..6.5;
 
-/// "The amplitude values can vary by up to six times depending on the direction of changes in the forcing frequency" (Section 6):
-/// the largest ratio of stable amplitudes of link 1 at one frequency in Fig. 4 rounds to 6. One zone with a larger ratio is
-/// enough to know that it does not.
+/// "The amplitude values can vary by up to six times depending on the direction of changes in the forcing frequency"
+/// (Section 6): the largest ratio of stable amplitudes of link 1 at one frequency in Fig. 4 rounds to 6. One zone with
+/// a larger ratio is enough to know that it does not.
 pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
         let (mut numbers, mut unknown) = (Vec::new(), None);
@@ -104,9 +104,9 @@ pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// "The characteristics for link 2 are qualitatively identical to the characteristics for link 1 shown in Figure 4" (Section 4):
-/// in each zone both links have equally many maxima along the branch. Stability and folds are those of the motion, the same
-/// for both.
+/// "The characteristics for link 2 are qualitatively identical to the characteristics for link 1 shown in Figure 4"
+/// (Section 4): in each zone both links have equally many maxima along the branch. Stability and folds are those of the
+/// motion, the same for both.
 pub(super) fn links_alike(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
         let places = || survey.settings.figure4.beta2_deg.iter().flat_map(|pose| [(*pose, 0), (*pose, 1)]);
@@ -123,8 +123,8 @@ pub(super) fn links_alike(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// "In the range of negative values of β2, the characteristics are identical to those for positive values" (Section 4): peaks and
-/// folds agree to 1e-9, at the torques of the figure. The equations say so at any torque.
+/// "In the range of negative values of β2, the characteristics are identical to those for positive values" (Section 4):
+/// peaks and folds agree to 1e-9, at the torques of the figure. The equations say so at any torque.
 pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let mut largest = 0.0_f64;
@@ -159,9 +159,9 @@ fn landmarks(survey: &Survey<'_>, beta2_deg: f64, mode: usize) -> Result<Vec<[f6
     Ok(folds.map(|motion| [motion.frequency_hz, motion.amplitude_rad[0]]).collect())
 }
 
-/// "The oscillations of the link can have different amplitudes depending on the forcing amplitude" (Section 4, Fig. 5), with
-/// "bifurcation points whose location depends on the position of the arm described by the angle β2" (Section 6): at 22.5 Hz, of
-/// the poses near resonance, at least two have folds, at different torques.
+/// "The oscillations of the link can have different amplitudes depending on the forcing amplitude" (Section 4, Fig. 5),
+/// with "bifurcation points whose location depends on the position of the arm described by the angle β2" (Section 6):
+/// at 22.5 Hz, of the poses near resonance, at least two have folds, at different torques.
 pub(super) fn folds_over_the_torque(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let folded: Vec<(f64, &Vec<f64>)> = survey
@@ -192,8 +192,8 @@ pub(super) fn folds_over_the_torque(survey: &Survey<'_>) -> Judgement {
     once(opinion())
 }
 
-/// "The resonance zones are more extensive at larger excitation amplitudes than at small amplitudes" (Section 6): the half-power
-/// width of link 1 grows from each torque of the scan to the next, at a pose in a zone.
+/// "The resonance zones are more extensive at larger excitation amplitudes than at small amplitudes" (Section 6): the
+/// half-power width of link 1 grows from each torque of the scan to the next, at a pose in a zone.
 pub(super) fn zones_widen(survey: &Survey<'_>) -> Judgement {
     let places = survey.settings.figure4.beta2_deg.iter().flat_map(|pose| [(*pose, 0), (*pose, 1)]);
     let words = |(beta2_deg, mode): (f64, usize)| format!("{beta2_deg}°, zone {}", mode + 1);
