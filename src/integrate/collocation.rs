@@ -35,6 +35,8 @@ pub(super) const LEVELS: usize = 9;
 /// The most energy, as part of the energy, that a part of a step may make or lose beyond what load and dampers account
 /// for.
 const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
+/// Below this energy, J, digits of it underflow: 2⁻¹⁰²² over 2⁻⁵².
+const ENERGY_WHOLE_J: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
 /// A method of S stages at one step length.
 #[derive(Clone, Debug, PartialEq)]
@@ -247,7 +249,7 @@ impl<const S: usize> Step<S> {
         let next = moved(y, &array::from_fn(|n| linear[n] + change[n]));
         let (before, after) = (arm.energy(state).total_j(), arm.energy(&next).total_j());
         let defect_j = libm::fabs(after - before - work_j);
-        if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after) {
+        if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after).max(ENERGY_WHOLE_J) {
             Ok(next)
         } else if defect_j.is_finite() {
             Err(IntegrateError::Unbalanced { t_s, defect: defect_j / before.max(after) })

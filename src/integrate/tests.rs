@@ -116,6 +116,20 @@ fn exponential_scheme_is_exact_under_a_held_load() {
     assert!(distance(&one, &many) < 1e-9 * one.alpha_dot_rad_s.norm(), "{one:?} {many:?}");
 }
 
+/// A motion that has died away so far that its energy underflows is at rest, not a failure.
+#[test]
+fn a_motion_whose_energy_underflows_goes_on() {
+    let arm = arm(Preset::Irb1600Fitted, 20.0, 60.0);
+    for scheme in Scheme::ALL {
+        for exponent in 150..=170 {
+            let small = libm::exp10(-f64::from(exponent));
+            let start = State::new([small, -0.7 * small], [30.0 * small, 11.0 * small]);
+            let end = run(&arm, scheme, 1000.0, 50, start, &Load::default());
+            assert!(distance(&end, &State::default()) < 1e3 * small, "{scheme}, {small}: {end:?}");
+        }
+    }
+}
+
 #[test]
 fn says_which_rate_would_do() {
     let arm = arm(Preset::Irb1600Table1, 0.0, 0.0);

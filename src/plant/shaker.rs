@@ -14,6 +14,8 @@ use crate::rig::{Amplifier, ShakerLimit, ShakerSpec};
 
 /// Passes of a step in voltage mode before it counts as one that can't be made.
 const MOST_PASSES: usize = 30;
+/// Below this current, A, digits of it and of what moves with it underflow: 2⁻¹⁰²² over 2⁻⁵².
+const CURRENT_WHOLE_A: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 /// Change of the current in a pass, relative, below which it is the last.
 const PASS_LIMIT: f64 = 1e-12;
 
@@ -109,7 +111,7 @@ impl Shaker {
             let end_a = current.at(1.0);
             let [end_m, end_m_s, end_change] = self.armature(arm, &next, end_a);
             let size_a = end_a.abs() + blocked_a.abs() + self.current_a.abs();
-            change = (end_a - before_a).abs() / size_a.max(f64::MIN_POSITIVE);
+            change = (end_a - before_a).abs() / size_a.max(CURRENT_WHOLE_A);
             if change <= PASS_LIMIT {
                 self.current_a = end_a;
                 return Ok(next);

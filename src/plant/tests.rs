@@ -238,6 +238,21 @@ fn a_shaker_in_voltage_mode_converges_with_the_fifth_order() {
     assert!(errors[0] > 24.0 * errors[1] && errors[1] > 24.0 * errors[2], "{errors:?}");
 }
 
+/// In voltage mode the coil brakes the arm so much that within a minute its energy underflows, and then its current.
+#[test]
+fn an_arm_that_dies_away_under_its_shaker_goes_on() {
+    let shaker = ShakerSpec { amplifier: Amplifier::Voltage, resistance_ohm: 2.0, ..SHAKER };
+    for exponent in [150, 155, 158, 160, 162, 200, 300, 306, 308, 310, 312, 315] {
+        let small = libm::exp10(-f64::from(exponent));
+        let initial = State::new([small, -small], [0.0, 0.0]);
+        let mut plant = Plant::new(&PlantSpec { initial, ..shaken(shaker) }).unwrap();
+        for _ in 0..300 {
+            plant.advance(&Load::default()).unwrap();
+        }
+        assert!(plant.state().alpha_rad.norm() < 10.0 * small, "{small}");
+    }
+}
+
 #[test]
 fn a_shaker_trips_at_its_limits() {
     let trips = |shaker: ShakerSpec| {
