@@ -39,6 +39,7 @@
 //! | [`bus`], [`realtime`], [`recording`] | buses; clocks and threads; MCAP files |
 //! | [`scenario`] | everything about a run, in one TOML file |
 //! | [`run`] | runs: a [`Session`](run::Session) puts a scenario, both ends, a bus, a recording and the pace together |
+//! | [`conformance`] | whether a node on a bus keeps the protocol |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
@@ -71,6 +72,8 @@ mod seed;
 
 #[cfg(feature = "std")]
 pub mod bus;
+#[cfg(feature = "std")]
+pub mod conformance;
 #[cfg(feature = "std")]
 pub mod experiment;
 #[cfg(feature = "cli")]

@@ -10,6 +10,7 @@ mod branch_table;
 mod captions;
 mod compare;
 mod configuration;
+mod conformance;
 mod continuation;
 mod demo;
 mod demo_report;
@@ -96,6 +97,7 @@ enum Command {
     Inspect(inspect::Inspect),
     Recover(recover::Recover),
     Protocol(protocol::Protocol),
+    Conformance(conformance::Conformance),
     Doctor(doctor::Doctor),
 }
 
@@ -131,6 +133,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(command) => command.execute(),
         Command::Recover(command) => command.execute(),
         Command::Protocol(command) => command.execute(),
+        Command::Conformance(command) => command.execute(),
         Command::Doctor(command) => command.execute(),
     };
     match result {

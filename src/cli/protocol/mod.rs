@@ -29,7 +29,7 @@ enum Part {
 
 /// Which network.
 #[derive(Debug, Args)]
-struct NetworkFlags {
+pub(super) struct NetworkFlags {
     /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
     #[arg(long, value_name = "ID", value_parser = identifier, default_value_t = Hexadecimal(DEFAULT_BASE))]
     base: Hexadecimal,
@@ -64,7 +64,7 @@ fn identifier(text: &str) -> Result<Hexadecimal, String> {
 }
 
 impl NetworkFlags {
-    fn network(&self) -> Result<Network, Failure> {
+    pub fn network(&self) -> Result<Network, Failure> {
         Network::new(self.base.0)
             .and_then(|network| network.with_node_ids(self.plant_id, self.exciter_id))
             .map(|network| network.with_profile(self.profile))

@@ -1,0 +1,119 @@
+//! `resonarm conformance`: whether a node on a bus keeps the protocol.
+
+mod report;
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::failure::{Failure, Verdict};
+use super::output;
+use super::protocol::NetworkFlags;
+use super::session::seconds;
+use crate::bus::{self, BusAddress};
+use crate::conformance::{self, BusWire, Case, Settings};
+use crate::protocol::Node;
+use crate::seed;
+
+/// Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what it does wrong.
+/// It makes a plant shake its arm and fault. Real time only.
+#[derive(Debug, Args)]
+pub(super) struct Conformance {
+    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, value_name = "BUS")]
+    bus: String,
+    /// The node under test. An exciter must be started again whenever it ends, as by a loop in a shell.
+    #[arg(long)]
+    role: Role,
+    #[command(flatten)]
+    network: NetworkFlags,
+    /// Only the cases whose names begin so, such as plant-hello; may be given more than once.
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Force that a plant is commanded along x, both ways, N.
+    #[arg(long, value_name = "N", default_value_t = 5.0)]
+    force_n: f64,
+    /// A force that the plant must refuse for its size, N [default: none is tried]. A plant that takes it applies it.
+    #[arg(long, value_name = "N")]
+    beyond_n: Option<f64>,
+    /// How long the node under test is waited for, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
+    patience_s: f64,
+    /// Which bit of the first damaged frame is wrong; the next has the next one wrong.
+    #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
+    seed: u64,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+    /// Write the report as JUnit XML, too.
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: output::OverwriteFlag,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Role {
+    Plant,
+    Exciter,
+}
+
+impl From<Role> for Node {
+    fn from(role: Role) -> Node {
+        match role {
+            Role::Plant => Node::Plant,
+            Role::Exciter => Node::Exciter,
+        }
+    }
+}
+
+impl Conformance {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let (address, network): (BusAddress, _) = (self.bus.parse()?, self.network.network()?);
+        let (settings, cases) = (self.settings()?, self.cases()?);
+        self.overwrite.check(self.junit.clone())?;
+        let mut bus = bus::open(&address)?;
+        let mut rows = Vec::new();
+        for case in cases {
+            let finding = conformance::run(&case, &mut BusWire::new(bus.as_mut()), network, settings)?;
+            let row = report::Row::new(&case, &finding);
+            if !self.json {
+                output::print(&row.text())?;
+            }
+            rows.push(row);
+        }
+        bus.close()?;
+        let document = report::Document::new(self.role.into(), rows);
+        if let Some(path) = &self.junit {
+            output::write(path.clone(), &document.junit())?;
+        }
+        if self.json {
+            output::print_json(&document)?
+        } else {
+            output::print(&document.summary())?
+        }
+        Ok(Verdict::of(document.failed == 0))
+    }
+
+    fn settings(&self) -> Result<Settings, Failure> {
+        for (flag, force_n) in [("--force-n", Some(self.force_n)), ("--beyond-n", self.beyond_n)] {
+            if force_n.is_some_and(|force_n| !force_n.is_finite() || force_n <= 0.0) {
+                return Err(Failure::Usage(format!("{flag} must be a number above 0 N")));
+            }
+        }
+        let patience_ns = u64::try_from(seconds("--patience-s", self.patience_s)?.as_nanos()).unwrap_or(u64::MAX / 2);
+        Ok(Settings { force_n: self.force_n, beyond_n: self.beyond_n, patience_ns, seed: self.seed })
+    }
+
+    fn cases(&self) -> Result<Vec<Case>, Failure> {
+        let all = || conformance::cases(self.role.into());
+        if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
+        {
+            let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");
+            return Err(Failure::Usage(format!("there is no case {unknown:?}, only {names}")));
+        }
+        let is_wanted =
+            |case: &Case| self.cases.is_empty() || self.cases.iter().any(|w| case.id.starts_with(w.as_str()));
+        Ok(all().filter(is_wanted).collect())
+    }
+}

@@ -1,0 +1,137 @@
+//! The report: text, JSON, JUnit XML.
+
+use core::fmt::Write;
+
+use serde::Serialize;
+
+use crate::conformance::{Case, Check, Finding, REQUIREMENTS, Verdict};
+use crate::protocol::Node;
+
+/// What one case found.
+#[derive(Serialize)]
+pub(super) struct Row {
+    case: &'static str,
+    title: &'static str,
+    requirements: &'static [&'static str],
+    verdict: &'static str,
+    reason: Option<String>,
+    measured: Vec<String>,
+    took_s: f64,
+    held_up_ms: f64,
+}
+
+impl Row {
+    pub fn new(case: &Case, finding: &Finding) -> Row {
+        let (verdict, reason) = match &finding.verdict {
+            Verdict::Passed => ("passed", None),
+            Verdict::Failed(reason) => ("failed", Some(reason.clone())),
+            Verdict::Inconclusive(reason) => ("inconclusive", Some(reason.clone())),
+            Verdict::Skipped(reason) => ("skipped", Some(reason.clone())),
+        };
+        Row {
+            case: case.id,
+            title: case.title,
+            requirements: case.requirements,
+            verdict,
+            reason,
+            measured: finding.measured.clone(),
+            took_s: finding.took_ns as f64 * 1e-9,
+            held_up_ms: finding.held_up_ns as f64 * 1e-6,
+        }
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = format!("{:12}  {:26} {}", self.verdict, self.case, self.title);
+        if !self.measured.is_empty() {
+            let _infallible = write!(text, " ({})", self.measured.join("; "));
+        }
+        text.push('\n');
+        if let Some(reason) = &self.reason {
+            let _infallible = writeln!(text, "{:14}{reason}  {}", "", self.requirements.join(" "));
+        }
+        text
+    }
+
+    fn junit(&self) -> String {
+        let reason = escaped(self.reason.as_deref().unwrap_or_default());
+        let body = match self.verdict {
+            "passed" => String::new(),
+            "failed" => format!("<failure message=\"{reason}\"/>"),
+            other => format!("<skipped message=\"{other}: {reason}\"/>"),
+        };
+        format!(
+            "    <testcase classname=\"resonarm\" name=\"{}\" time=\"{:.3}\">{body}</testcase>\n",
+            self.case, self.took_s
+        )
+    }
+}
+
+/// What is in an attribute of XML.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// All cases.
+#[derive(Serialize)]
+pub(super) struct Document {
+    role: &'static str,
+    passed: usize,
+    pub failed: usize,
+    inconclusive: usize,
+    skipped: usize,
+    cases: Vec<Row>,
+    /// Demands that no case can see.
+    untested: Vec<Untested>,
+}
+
+#[derive(Serialize)]
+struct Untested {
+    requirement: &'static str,
+    text: &'static str,
+    why: &'static str,
+}
+
+impl Document {
+    pub fn new(tested: Node, cases: Vec<Row>) -> Document {
+        let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
+        let role = match tested {
+            Node::Plant => "plant",
+            Node::Exciter => "exciter",
+        };
+        let untested = REQUIREMENTS.iter().filter_map(|requirement| match requirement.check {
+            Check::Cases => None,
+            Check::Elsewhere(why) => Some(Untested { requirement: requirement.id, text: requirement.text, why }),
+        });
+        Document {
+            role,
+            passed: count("passed"),
+            failed: count("failed"),
+            inconclusive: count("inconclusive"),
+            skipped: count("skipped"),
+            untested: untested.collect(),
+            cases,
+        }
+    }
+
+    pub fn summary(&self) -> String {
+        format!(
+            "{} passed, {} failed, {} inconclusive, {} skipped\n",
+            self.passed, self.failed, self.inconclusive, self.skipped
+        )
+    }
+
+    pub fn junit(&self) -> String {
+        let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
+        let _infallible = writeln!(
+            text,
+            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">",
+            self.role,
+            self.cases.len(),
+            self.failed,
+            self.inconclusive + self.skipped
+        );
+        self.cases.iter().for_each(|row| text.push_str(&row.junit()));
+        text.push_str("  </testsuite>\n</testsuites>\n");
+        text
+    }
+}

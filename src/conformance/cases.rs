@@ -1,0 +1,194 @@
+//! The table of cases.
+
+use super::damage::Damage;
+use super::tester::{Stop, Tester};
+use super::{common_cases, exciter_cases, plant_cases, refusal_cases};
+use crate::protocol::Node;
+
+/// One case: a script of what is sent, and what must or must not come.
+#[derive(Clone, Copy, Debug)]
+pub struct Case {
+    /// Its name.
+    pub id: &'static str,
+    /// The node that it tests.
+    pub tested: Node,
+    /// What it tries.
+    pub title: &'static str,
+    /// The requirements that it covers.
+    pub requirements: &'static [&'static str],
+    pub(super) script: Script,
+}
+
+/// What is done.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Script {
+    Run(fn(&mut Tester) -> Result<(), Stop>),
+    Damage(fn(&mut Tester, Damage) -> Result<(), Stop>, Damage),
+}
+
+impl Script {
+    pub fn run(self, tester: &mut Tester) -> Result<(), Stop> {
+        match self {
+            Script::Run(script) => script(tester),
+            Script::Damage(script, damage) => script(tester, damage),
+        }
+    }
+}
+
+type Row = (&'static str, &'static str, &'static [&'static str], Script);
+
+use Script::{Damage as Spoilt, Run};
+
+const PLANT: [Row; 26] = [
+    ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(plant_cases::hello)),
+    (
+        "plant-first-hello",
+        "hellos, and one at once for a partner that has booted",
+        &["R-6.2", "R-7.1"],
+        Run(plant_cases::first_hello),
+    ),
+    ("plant-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    (
+        "plant-frames",
+        "all its frames are valid, its samples whole and in order",
+        &["R-1.2", "R-2.1", "R-3.2", "R-3.5", "R-8.1"],
+        Run(plant_cases::frames),
+    ),
+    (
+        "plant-arms-for-a-hello",
+        "not armed without a hello that fits",
+        &["R-5.3", "R-7.2"],
+        Run(plant_cases::arms_for_a_hello),
+    ),
+    ("plant-states", "the table of states", &["R-5.1", "R-5.2"], Run(plant_cases::states)),
+    ("plant-commands-act", "the head reads what is commanded", &[], Run(plant_cases::commands_act)),
+    ("plant-not-armed", "commands before it is armed", &["R-8.4", "R-8.5"], Run(plant_cases::not_armed)),
+    ("plant-wrong-crc", "commands with a wrong bit", &["R-2.4"], Spoilt(refusal_cases::damaged, Damage::Bit)),
+    (
+        "plant-repeated-counter",
+        "commands with the counter of the one before",
+        &["R-2.2", "R-2.4"],
+        Spoilt(refusal_cases::damaged, Damage::Repeated),
+    ),
+    (
+        "plant-counter-jump",
+        "commands whose counter jumps by 5",
+        &["R-2.2", "R-2.4"],
+        Spoilt(refusal_cases::damaged, Damage::Jump),
+    ),
+    (
+        "plant-data-id",
+        "commands of another network by their data id",
+        &["R-2.4"],
+        Spoilt(refusal_cases::damaged, Damage::DataId),
+    ),
+    (
+        "plant-other-format",
+        "commands in the frame format of the other profile",
+        &["R-1.2", "R-2.4"],
+        Spoilt(refusal_cases::damaged, Damage::Format),
+    ),
+    ("plant-length", "commands that are too short", &["R-2.4"], Spoilt(refusal_cases::damaged, Damage::Length)),
+    (
+        "plant-extended-id",
+        "commands under a 29-bit identifier",
+        &["R-2.4"],
+        Spoilt(refusal_cases::damaged, Damage::Extended),
+    ),
+    (
+        "plant-reserved-bit",
+        "commands with a bit that has no signal",
+        &["R-2.5"],
+        Spoilt(refusal_cases::damaged, Damage::ReservedBit),
+    ),
+    (
+        "plant-not-available",
+        "commands with a value that is not available",
+        &["R-2.5", "R-3.1"],
+        Spoilt(refusal_cases::damaged, Damage::NotAvailable),
+    ),
+    ("plant-old-command", "commands for samples too old", &["R-8.4", "R-8.5"], Run(refusal_cases::old)),
+    ("plant-early-command", "commands for samples still to come", &["R-8.4", "R-8.5"], Run(refusal_cases::early)),
+    ("plant-same-sample", "further commands for a sample", &["R-8.4", "R-8.5"], Run(refusal_cases::same_sample)),
+    ("plant-too-large", "commands beyond the exciter's limit", &["R-8.4", "R-8.5"], Run(refusal_cases::too_large)),
+    (
+        "plant-command-timeout",
+        "silence of the exciter, and the ramp",
+        &["R-8.6", "R-8.7", "R-9.1"],
+        Run(plant_cases::command_timeout),
+    ),
+    ("plant-disarm", "the ramp when it is disarmed", &["R-8.6"], Run(plant_cases::disarm)),
+    ("plant-partner-fault", "a fault and a boot of the exciter", &["R-9.1"], Run(plant_cases::partner_fault)),
+    ("plant-exciter-leaves", "the exciter leaves", &["R-8.9"], Run(plant_cases::exciter_leaves)),
+    ("plant-second-sender", "another node with its identifiers", &["R-1.4"], Run(plant_cases::second_sender)),
+];
+
+const EXCITER: [Row; 18] = [
+    ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(exciter_cases::hello)),
+    (
+        "exciter-first-hello",
+        "hellos, and one at once for a partner that has booted",
+        &["R-6.2", "R-7.1"],
+        Run(exciter_cases::first_hello),
+    ),
+    ("exciter-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    (
+        "exciter-begins-for-a-hello",
+        "no work without a hello that fits",
+        &["R-5.4"],
+        Run(exciter_cases::begins_for_a_hello),
+    ),
+    (
+        "exciter-answers",
+        "each sample answered once, with its index, in valid frames",
+        &["R-1.2", "R-2.1", "R-3.2", "R-3.5", "R-8.2"],
+        Run(exciter_cases::answers),
+    ),
+    ("exciter-incomplete", "samples of which a frame is lost", &["R-8.2"], Run(exciter_cases::incomplete)),
+    ("exciter-wrong-crc", "samples with a wrong bit", &["R-2.4"], Spoilt(exciter_cases::damaged, Damage::Bit)),
+    (
+        "exciter-repeated-counter",
+        "samples with the counter of the one before",
+        &["R-2.2", "R-2.4"],
+        Spoilt(exciter_cases::damaged, Damage::Repeated),
+    ),
+    (
+        "exciter-data-id",
+        "samples of another network by their data id",
+        &["R-2.4"],
+        Spoilt(exciter_cases::damaged, Damage::DataId),
+    ),
+    (
+        "exciter-not-available",
+        "samples with a value that is not available",
+        &["R-2.5", "R-3.1"],
+        Spoilt(exciter_cases::damaged, Damage::NotAvailable),
+    ),
+    (
+        "exciter-repeated-samples",
+        "a plant whose index stands still",
+        &["R-8.3", "R-9.1"],
+        Run(exciter_cases::repeated_samples),
+    ),
+    (
+        "exciter-outside-window",
+        "an index far from the last one",
+        &["R-8.3", "R-9.1"],
+        Run(exciter_cases::outside_window),
+    ),
+    ("exciter-sensor-timeout", "silence of the plant", &["R-6.6", "R-9.1"], Run(exciter_cases::sensor_timeout)),
+    ("exciter-plant-faults", "the plant faults", &["R-8.10"], Run(exciter_cases::plant_faults)),
+    ("exciter-plant-boots", "the plant boots", &["R-8.10"], Run(exciter_cases::plant_boots)),
+    ("exciter-plant-disarmed", "the plant is disarmed", &["R-8.10", "R-5.2"], Run(exciter_cases::plant_disarmed)),
+    ("exciter-plant-leaves", "the plant leaves", &["R-8.8"], Run(exciter_cases::plant_leaves)),
+    ("exciter-second-sender", "another node with its identifiers", &["R-1.4"], Run(exciter_cases::second_sender)),
+];
+
+/// The cases for a node, in their order.
+pub fn cases(tested: Node) -> impl Iterator<Item = Case> {
+    let rows: &'static [Row] = match tested {
+        Node::Plant => &PLANT,
+        Node::Exciter => &EXCITER,
+    };
+    rows.iter().map(move |&(id, title, requirements, script)| Case { id, tested, title, requirements, script })
+}

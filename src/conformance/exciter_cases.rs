@@ -1,0 +1,289 @@
+//! What an exciter must do: hello, samples answered, faults. The tester plays the plant.
+
+use alloc::format;
+use alloc::vec::Vec;
+
+use super::damage::{Damage, needs_fd};
+use super::source::Samples;
+use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, ms};
+use crate::protocol::timing::{HEARTBEAT_TIMEOUT_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ, sample_period_ns};
+use crate::protocol::{EmergencyCode, Hello, Message, MessageKind, Mismatch, NodeState};
+
+fn is_hello(message: &Message) -> bool {
+    matches!(message, Message::ExciterHello(_))
+}
+
+/// Waits for an exciter and its hello; the tester then speaks at its rate.
+fn meet(t: &mut Tester) -> Result<Hello, Stop> {
+    t.wait_for(t.settings.patience_ns, is_hello)?;
+    let Some(theirs) = t.last_hello() else {
+        return inconclusive("no hello of an exciter came: is it on this bus, and started again after each case?");
+    };
+    t.hello = Hello::new(t.network.profile(), theirs.rate_hz);
+    Ok(theirs)
+}
+
+/// Lets an exciter arm the tester, and waits until it is operational.
+fn begin(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    t.boot()?;
+    t.send_hello()?;
+    (t.source.obeys, t.source.samples) = (true, Samples::Steady);
+    if t.wait_for_state(t.settings.patience_ns, NodeState::Operational)?.is_none() {
+        return inconclusive(match t.source.asked {
+            Some(_) => "it doesn't become operational when the plant does",
+            None => "it doesn't arm the plant: is it started again after each case?",
+        });
+    }
+    t.run_ns(100 * MS)
+}
+
+/// The samples that were answered, from a place in the log on.
+fn commands(t: &Tester, from: usize) -> Vec<u16> {
+    let sample = |message: &Message| match message {
+        Message::Force(command) => Some(command.sample),
+        Message::Torque(command) => Some(command.sample),
+        _ => None,
+    };
+    t.heard[from..].iter().filter_map(|heard| sample(&heard.message)).collect()
+}
+
+/// Version, profile, hash and rate of its hello.
+pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
+    let theirs = meet(t)?;
+    if let Some(mismatch) = t.hello.mismatch(&theirs) {
+        return failed(format!("its hello doesn't fit this program's: {mismatch}: {theirs:?}, not {:?}", t.hello));
+    }
+    if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
+        return failed(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
+    }
+    t.note(format!("{} Hz", theirs.rate_hz));
+    Ok(())
+}
+
+/// A plant that has booted is answered at once, and hellos come by themselves.
+pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    if t.wait_for(HELLO_PERIOD_NS + MARGIN_NS, is_hello)?.is_none() {
+        return failed(format!("no hello within {}", ms(HELLO_PERIOD_NS + MARGIN_NS)));
+    }
+    t.boot()?;
+    let asked_ns = t.now_ns();
+    t.send_hello()?;
+    match t.wait_for(MARGIN_NS, is_hello)? {
+        Some(heard) => t.note(format!("answered after {}", ms(heard.at_ns - asked_ns))),
+        None => {
+            return failed(format!("the hello of a partner that has booted isn't answered within {}", ms(MARGIN_NS)));
+        }
+    }
+    Ok(())
+}
+
+/// It doesn't begin without a hello, and faults at one that doesn't fit.
+pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    t.boot()?;
+    // No hello: it comes below.
+    t.source.samples = Samples::Steady;
+    t.send_state(NodeState::Operational)?;
+    let from = t.heard.len();
+    t.run_ns(2 * MARGIN_NS)?;
+    refuse_begin(t, from, "without a hello of the plant")?;
+    t.hello = Hello { dbc_hash: t.hello.dbc_hash ^ 1, ..t.hello };
+    t.send_hello()?;
+    match t.wait_for_emergency(MARGIN_NS)? {
+        Some((_, e)) if (e.code, e.detail) == (EmergencyCode::Incompatible, Mismatch::DbcHash as u16) => {}
+        Some((_, e)) => return failed(format!("at a hello with another DBC hash it says: {e}")),
+        None => return failed("it doesn't mind a hello with another DBC hash"),
+    }
+    t.run_ns(MARGIN_NS)?;
+    refuse_begin(t, from, "for a hello that doesn't fit")
+}
+
+fn refuse_begin(t: &Tester, from: usize, why: &str) -> Result<(), Stop> {
+    let began = t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Operational));
+    if began || !commands(t, from).is_empty() { failed(format!("it begins {why}")) } else { Ok(()) }
+}
+
+/// Each whole sample is answered once, with its index.
+pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let (from, first) = (t.heard.len(), t.source.index);
+    t.run_ns(300 * MS)?;
+    let sent = t.source.index.wrapping_sub(first);
+    t.check_frames()?;
+    let answered = commands(t, from);
+    if answered.windows(2).any(|pair| pair[1] == pair[0]) {
+        return failed("it answers a sample twice");
+    }
+    if let Some(sample) = t.source.unsent {
+        return failed(format!("it answers sample {sample} before that is sent"));
+    }
+    t.note(format!("{} of {sent} samples answered", answered.len()));
+    if usize::from(sent) > answered.len() + answered.len() / 4 + 2 {
+        return failed(format!("it answers {} of {sent} samples", answered.len()));
+    }
+    t.source.samples = Samples::Off;
+    t.run_ns(MARGIN_NS)?;
+    match (commands(t, from).last(), t.source.index.wrapping_sub(1)) {
+        (Some(answered), sent) if *answered == sent => Ok(()),
+        (answered, sent) => failed(format!("of the samples up to {sent} the last that it answers is {answered:?}")),
+    }
+}
+
+/// Samples that aren't whole, or damaged, are not answered; those after them are.
+fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
+    begin(t)?;
+    let (from, bad) = (t.heard.len(), t.source.index);
+    let period_ns = sample_period_ns(t.hello.rate_hz);
+    t.source.samples = samples;
+    while t.source.index.wrapping_sub(bad) < 3 {
+        t.run_ns(period_ns)?;
+    }
+    t.source.samples = Samples::Steady;
+    let good = t.source.index;
+    t.run_ns(MARGIN_NS + 10 * period_ns)?;
+    if let Some(e) = t.heard[from..].iter().find_map(|heard| emergency(&heard.message)) {
+        return failed(format!("it faults: {e}"));
+    }
+    let answered = commands(t, from);
+    let (n_bad, now) = (good.wrapping_sub(bad), t.source.index);
+    if let Some(wrong) = answered.iter().find(|sample| sample.wrapping_sub(bad) < n_bad) {
+        return failed(format!("it answers sample {wrong}"));
+    }
+    match answered.iter().any(|sample| sample.wrapping_sub(good) < now.wrapping_sub(good)) {
+        true => Ok(()),
+        false => failed("it doesn't go on with the samples after them"),
+    }
+}
+
+pub(super) fn incomplete(t: &mut Tester) -> Result<(), Stop> {
+    unanswered(t, Samples::Incomplete)
+}
+
+pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
+    match unanswered(t, Samples::Damaged(damage)) {
+        Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
+            Err(Stop::Skipped(format!("the bus can't send a CAN FD frame: {error}")))
+        }
+        other => other,
+    }
+}
+
+/// A sample that comes again is answered once; ten make a fault.
+pub(super) fn repeated_samples(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let (from, index) = (t.heard.len(), t.source.index);
+    t.source.samples = Samples::Standing;
+    faults(t, HEARTBEAT_TIMEOUT_NS, EmergencyCode::SampleSequence)?;
+    match commands(t, from).iter().filter(|sample| **sample == index).count() {
+        0 | 1 => Ok(()),
+        n => failed(format!("it answers sample {index} {n} times")),
+    }
+}
+
+/// An index outside the window is a fault.
+pub(super) fn outside_window(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.index = t.source.index.wrapping_add(0x4000);
+    faults(t, MARGIN_NS + 50 * MS, EmergencyCode::SampleSequence)
+}
+
+/// No new sample: fault in 350 ms, not before.
+pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.samples = Samples::Off;
+    let silent_ns = t.now_ns();
+    let period_ns = sample_period_ns(t.hello.rate_hz);
+    let most_ns = HEARTBEAT_TIMEOUT_NS + period_ns + MARGIN_NS;
+    let from = t.heard.len();
+    let Some((heard, e)) = t.wait_for_emergency(most_ns)? else {
+        return failed(format!("no emergency {} after the last sample", ms(most_ns)));
+    };
+    let after_ns = heard.at_ns - silent_ns;
+    if e.code != EmergencyCode::SensorTimeout {
+        return failed(format!("without samples it says: {e}"));
+    }
+    // The last sample was sent up to a period, and what the tester was held up, before.
+    if after_ns + 2 * period_ns + t.held_up_ns < HEARTBEAT_TIMEOUT_NS {
+        return failed(format!(
+            "it faults {} after the last sample, not after {}",
+            ms(after_ns),
+            ms(HEARTBEAT_TIMEOUT_NS)
+        ));
+    }
+    t.note(format!("fault after {}", ms(after_ns)));
+    ends(t, from, NodeState::Fault)
+}
+
+/// A fault of the plant, and a boot, stop it.
+pub(super) fn plant_faults(t: &mut Tester) -> Result<(), Stop> {
+    stops_at(t, NodeState::Fault)
+}
+
+pub(super) fn plant_boots(t: &mut Tester) -> Result<(), Stop> {
+    stops_at(t, NodeState::BootUp)
+}
+
+fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.send_state(state)?;
+    ends(t, from, NodeState::Fault)
+}
+
+/// The plant was disarmed.
+pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.send_state(NodeState::PreOperational)?;
+    ends(t, from, NodeState::PreOperational)
+}
+
+/// The plant leaves.
+pub(super) fn plant_leaves(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.is_alive = false;
+    t.send_emergency(EmergencyCode::Leaving, 0)?;
+    ends(t, from, NodeState::PreOperational)
+}
+
+/// Another node with the exciter's identifiers.
+pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let hello = Message::ExciterHello(t.hello);
+    let Ok(frame) = t.stranger().frame(&hello) else { return inconclusive("the tester can't make a hello") };
+    t.send_frame(&frame)?;
+    faults(t, MARGIN_NS, EmergencyCode::SecondSender)?;
+    let identifier = MessageKind::ExciterHello.id(t.network);
+    match t.heard.iter().find_map(|heard| emergency(&heard.message)) {
+        Some(e) if e.detail != identifier => failed(format!("the detail is not the identifier {identifier:#x}: {e}")),
+        _ => Ok(()),
+    }
+}
+
+/// It says the code, and then that it is in fault, and commands no more.
+fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Stop> {
+    let from = t.heard.len();
+    match t.wait_for_emergency(within_ns)? {
+        Some((_, e)) if e.code == code => ends(t, from, NodeState::Fault),
+        Some((_, e)) => failed(format!("in place of {code} it says: {e}")),
+        None => failed(format!("no emergency within {}: {code} was to come", ms(within_ns))),
+    }
+}
+
+/// It says this state, from a place in the log on, and after it commands no more.
+fn ends(t: &mut Tester, from: usize, state: NodeState) -> Result<(), Stop> {
+    t.run_ns(MARGIN_NS)?;
+    let Some(place) = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)) else {
+        return failed(format!("no heartbeat {state} within {}", ms(MARGIN_NS)));
+    };
+    match commands(t, from + place).first() {
+        Some(sample) => failed(format!("it commands for sample {sample} after its heartbeat {state}")),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,125 @@
+//! Whether a node keeps the protocol: cases that play its partner on a bus.
+//!
+//! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
+//! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are the
+//! demands of `SPEC.md`, and say which no case can see. Only real time is tested, not lockstep.
+//!
+//! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant does
+//! is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself for
+//! longer than its partner puts up with, a failure is inconclusive, and the case is tried again.
+
+mod cases;
+mod common_cases;
+mod damage;
+mod exciter_cases;
+mod plant_cases;
+mod plant_role;
+mod refusal_cases;
+mod requirements;
+mod source;
+mod tester;
+mod wire;
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+pub use cases::{Case, cases};
+pub use requirements::{Check, REQUIREMENTS, Requirement};
+pub use tester::{MARGIN_NS, Settings};
+pub use wire::{BusWire, Wire};
+
+use crate::bus::BusError;
+use crate::protocol::timing::COMMAND_TIMEOUT_NS;
+use crate::protocol::{EmergencyCode, Network, Node, OperatorRequest};
+use tester::{Answers, Stop, Tester, ms};
+
+/// How often a case is tried until it says something.
+const TRIES: u32 = 3;
+
+/// What a case says of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It does what it must.
+    Passed,
+    /// It does not, and what it does.
+    Failed(String),
+    /// It can't be said, and why.
+    Inconclusive(String),
+    /// It was not tried, and why.
+    Skipped(String),
+}
+
+/// What a case found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// What was measured, in words.
+    pub measured: Vec<String>,
+    /// How long it took, ns on the wire's clock, with all tries.
+    pub took_ns: u64,
+    /// The longest time for which the tester was held up in the last try, ns.
+    pub held_up_ns: u64,
+}
+
+/// Runs a case, again if it can't say anything, up to three times.
+///
+/// # Errors
+/// [`BusError`] if the bus is gone.
+pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Settings) -> Result<Finding, BusError> {
+    let start_ns = wire.now_ns();
+    let mut tries = 1;
+    loop {
+        let mut finding = once(case, wire, network, settings)?;
+        finding.took_ns = wire.now_ns().saturating_sub(start_ns);
+        let is_held_up = finding.held_up_ns > margin_ns(case.tested);
+        if !(matches!(finding.verdict, Verdict::Inconclusive(_)) && is_held_up && tries < TRIES) {
+            return Ok(finding);
+        }
+        tries += 1;
+    }
+}
+
+/// How long the tester may be held up before a failure says nothing: a plant faults without commands for 20 ms.
+const fn margin_ns(tested: Node) -> u64 {
+    match tested {
+        Node::Plant => COMMAND_TIMEOUT_NS / 4,
+        Node::Exciter => MARGIN_NS,
+    }
+}
+
+fn once(case: &Case, wire: &mut dyn Wire, network: Network, settings: Settings) -> Result<Finding, BusError> {
+    let mut tester = Tester::new(wire, network, case.tested, settings);
+    let result = case.script.run(&mut tester);
+    let held_up_ns = tester.held_up_ns;
+    let verdict = match result {
+        Ok(()) => Verdict::Passed,
+        Err(Stop::Failed(text)) if held_up_ns > margin_ns(case.tested) => {
+            Verdict::Inconclusive(format!("{text}; but the tester was held up for {}", ms(held_up_ns)))
+        }
+        Err(Stop::Failed(text)) => Verdict::Failed(text),
+        Err(Stop::Inconclusive(text)) => Verdict::Inconclusive(text),
+        Err(Stop::Skipped(text)) => Verdict::Skipped(text),
+        Err(Stop::Bus(error)) => return Err(error),
+    };
+    match part(&mut tester) {
+        Ok(()) => {}
+        Err(Stop::Bus(error)) => return Err(error),
+        Err(_) => {}
+    }
+    Ok(Finding { verdict, measured: tester.notes, took_ns: 0, held_up_ns })
+}
+
+/// Leaves the node under test in peace.
+fn part(tester: &mut Tester) -> Result<(), Stop> {
+    tester.answers = Answers::None;
+    if tester.tested == Node::Plant {
+        tester.request(OperatorRequest::Disarm)?;
+    }
+    tester.is_alive = false;
+    tester.send_emergency(EmergencyCode::Leaving, 0)
+}
+
+#[cfg(test)]
+mod tests;

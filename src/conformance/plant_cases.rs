@@ -1,0 +1,310 @@
+//! What a plant must do: hello, state table, times, commands that act.
+
+use alloc::format;
+use alloc::vec::Vec;
+
+use super::plant_role::{arm, drive, forces, greet, hold, meet, samples, timeout_ns};
+use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, ms};
+use crate::protocol::timing::{
+    COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_TIMEOUT_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ,
+};
+use crate::protocol::{
+    EmergencyCode, Heartbeat, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorRequest, Profile,
+};
+
+/// Version, profile, hash and rate of its hello.
+pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
+    let theirs = greet(t)?;
+    if let Some(mismatch) = t.hello.mismatch(&theirs) {
+        return failed(format!("its hello doesn't fit this program's: {mismatch:?}: {theirs:?}, not {:?}", t.hello));
+    }
+    if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
+        return failed(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
+    }
+    t.note(format!("{} Hz", theirs.rate_hz));
+    Ok(())
+}
+
+/// A partner that has booted is answered at once, and hellos come by themselves.
+pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
+    let is_hello = |message: &Message| matches!(message, Message::PlantHello(_) | Message::ExciterHello(_));
+    greet(t)?;
+    if t.wait_for(HELLO_PERIOD_NS + MARGIN_NS, is_hello)?.is_none() {
+        return failed(format!("no hello within {}", ms(HELLO_PERIOD_NS + MARGIN_NS)));
+    }
+    t.boot()?;
+    let asked_ns = t.now_ns();
+    t.send_hello()?;
+    match t.wait_for(MARGIN_NS, is_hello)? {
+        Some(heard) => t.note(format!("answered after {}", ms(heard.at_ns - asked_ns))),
+        None => {
+            return failed(format!("the hello of a partner that has booted isn't answered within {}", ms(MARGIN_NS)));
+        }
+    }
+    Ok(())
+}
+
+/// Every frame passes the protocol's checks; samples are whole and without a gap.
+pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    let from = t.heard.len();
+    t.run_ns(300 * MS)?;
+    t.check_frames()?;
+    let kinds = [MessageKind::Head, MessageKind::AccelerometerB, MessageKind::AccelerometerC];
+    let parts: Vec<(MessageKind, u16)> = t.heard[from..].iter().filter_map(|heard| part(&heard.message)).collect();
+    let wanted: &[MessageKind] = match t.network.profile() {
+        Profile::Classic => &kinds,
+        Profile::Fd => &[MessageKind::Sensors],
+    };
+    let Some(first) = parts.iter().position(|(kind, _)| *kind == wanted[0]) else {
+        return failed("no samples within 300 ms");
+    };
+    let start = parts[first].1;
+    for (n, (kind, index)) in parts[first..].iter().enumerate() {
+        let expected = (wanted[n % wanted.len()], start.wrapping_add((n / wanted.len()) as u16));
+        if (*kind, *index) != expected {
+            let (wanted, sample) = expected;
+            return failed(format!("{kind} with index {index} came where {wanted} with index {sample} was to come"));
+        }
+    }
+    t.note(format!("{} frames", parts.len()));
+    Ok(())
+}
+
+fn part(message: &Message) -> Option<(MessageKind, u16)> {
+    let sample = match message {
+        Message::Head(head) => head.sample,
+        Message::AccelerometerB(a) | Message::AccelerometerC(a) => a.sample,
+        Message::Sensors(sensors) => sensors.sample,
+        _ => return None,
+    };
+    Some((message.kind(), sample))
+}
+
+/// Without a hello that fits it is not armed, and says why.
+pub(super) fn arms_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    t.boot()?;
+    refuses_to_arm(t, Mismatch::NoHello)?;
+    let own = t.hello;
+    let other = match own.profile {
+        Profile::Classic => Profile::Fd,
+        Profile::Fd => Profile::Classic,
+    };
+    let mut version = own.version;
+    version.major += 1;
+    for (hello, mismatch) in [
+        (Hello { version, ..own }, Mismatch::Version),
+        (Hello { dbc_hash: own.dbc_hash ^ 1, ..own }, Mismatch::DbcHash),
+        (Hello { profile: other, ..own }, Mismatch::Profile),
+        (Hello { rate_hz: own.rate_hz ^ 1, ..own }, Mismatch::Rate),
+    ] {
+        t.hello = hello;
+        t.send_hello()?;
+        refuses_to_arm(t, mismatch)?;
+    }
+    Ok(())
+}
+
+fn refuses_to_arm(t: &mut Tester, mismatch: Mismatch) -> Result<(), Stop> {
+    t.request(OperatorRequest::Arm)?;
+    let word = t.wait_for(100 * MS + MARGIN_NS, |message| {
+        emergency(message).is_some() || is_state(message, NodeState::Operational)
+    })?;
+    match word.and_then(|heard| emergency(&heard.message)) {
+        Some(e) if (e.code, e.detail) == (EmergencyCode::Incompatible, mismatch as u16) => Ok(()),
+        Some(e) => failed(format!("armed with {mismatch:?} it says: {e}")),
+        None if word.is_some() => failed(format!("it arms with {mismatch:?}")),
+        None => failed(format!("armed with {mismatch:?} it says nothing within {}", ms(100 * MS + MARGIN_NS))),
+    }
+}
+
+/// The table of states, by requests and by a fault of the exciter.
+pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
+    use NodeState::{Fault, Operational, PreOperational};
+    use OperatorRequest::{Arm, Disarm, Reset};
+    meet(t)?;
+    stays(t, PreOperational, &[Disarm, Reset])?;
+    arm(t, Answers::Force(0.0))?;
+    stays(t, Operational, &[Arm, Reset])?;
+    t.request(Disarm)?;
+    becomes(t, PreOperational)?;
+    arm(t, Answers::Force(0.0))?;
+    let from = t.heard.len();
+    t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state: Fault }))?;
+    becomes(t, Fault)?;
+    let said = t.heard[from..].iter().position(|heard| emergency(&heard.message).is_some());
+    let told = t.heard[from..].iter().position(|heard| is_state(&heard.message, Fault));
+    if said > told || said.is_none() {
+        return failed("the heartbeat fault comes without an emergency before it");
+    }
+    stays(t, Fault, &[Arm, Disarm])?;
+    t.request(Reset)?;
+    becomes(t, PreOperational)
+}
+
+fn becomes(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    match t.wait_for_state(MARGIN_NS, state)? {
+        Some(_) => Ok(()),
+        None => failed(format!("no heartbeat {state:?} within {}", ms(MARGIN_NS))),
+    }
+}
+
+fn stays(t: &mut Tester, state: NodeState, requests: &[OperatorRequest]) -> Result<(), Stop> {
+    for request in requests {
+        t.request(*request)?;
+        let other = t.wait_for(
+            MARGIN_NS,
+            |message| matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state != state),
+        )?;
+        match other.map(|heard| heard.message) {
+            Some(Message::Heartbeat(Heartbeat { state: NodeState::Fault, .. })) if state == NodeState::Operational => {
+                return inconclusive(format!("it faults in {state:?}, perhaps not by the request {request:?}"));
+            }
+            Some(message) => return failed(format!("in {state:?} the request {request:?} leads to {message:?}")),
+            None => {}
+        }
+    }
+    Ok(())
+}
+
+/// The head reads what was commanded, both ways.
+pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    for force_n in [t.settings.force_n, -t.settings.force_n] {
+        t.answers = Answers::Force(force_n);
+        hold(t)?;
+        let Some((sample, read_n)) = forces(t, 0).last() else { return failed("no force is measured") };
+        if (read_n - force_n).abs() > 0.2 * force_n.abs() {
+            return failed(format!("commanded {force_n} N, the head reads {read_n:.2} N at sample {sample}"));
+        }
+    }
+    Ok(())
+}
+
+/// Before it is armed no command acts.
+pub(super) fn not_armed(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    let from = t.heard.len();
+    t.answers = Answers::Force(t.settings.force_n);
+    t.run_ns(200 * MS)?;
+    if t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Operational)) {
+        return failed("it became operational without a request");
+    }
+    match forces(t, from).find(|(_, read_n)| read_n.abs() > 0.5 * t.settings.force_n) {
+        Some((sample, read_n)) => failed(format!("not armed, the head reads {read_n:.2} N at sample {sample}")),
+        None => Ok(()),
+    }
+}
+
+/// Silence of the exciter: fault in 20 ms, zero in another 50 ms, by the plant's own samples.
+pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    t.answers = Answers::None;
+    let (from, last) = (t.heard.len(), t.answered.unwrap_or(0));
+    let Some((_, e)) = t.wait_for_emergency(timeout_ns(t))? else {
+        return failed(format!("no emergency {} after the last command", ms(timeout_ns(t))));
+    };
+    if e.code != EmergencyCode::CommandTimeout {
+        return failed(format!("without commands it says: {e}"));
+    }
+    let (age, wanted) = (e.sample.wrapping_sub(last), samples(t, COMMAND_TIMEOUT_NS));
+    // A plant that catches up makes up to 3 samples at once; the last command may be late by what held the tester up.
+    let most = wanted + 4 + samples(t, t.held_up_ns);
+    if age + 1 < wanted || age > most {
+        return failed(format!("it faults {age} samples after the last command, not {wanted} to {most}"));
+    }
+    t.note(format!("fault after {age} samples"));
+    becomes_fault(t, from)?;
+    ramps(t, from, e.sample)
+}
+
+fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
+    t.run_ns(2 * FORCE_RAMP_NS)?;
+    match t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Fault)) {
+        true => Ok(()),
+        false => failed("no heartbeat fault after its emergency"),
+    }
+}
+
+/// Disarmed, what was held goes to zero in equal steps.
+pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    let from = t.heard.len();
+    t.request(OperatorRequest::Disarm)?;
+    if t.wait_for_state(MARGIN_NS, NodeState::PreOperational)?.is_none() {
+        return failed(format!("no heartbeat pre-operational within {}", ms(MARGIN_NS)));
+    }
+    let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else { return failed("no force is measured") };
+    t.run_ns(2 * FORCE_RAMP_NS)?;
+    ramps(t, from, left_at)
+}
+
+/// The ramp from the sample at which operational was left.
+fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Stop> {
+    let (force_n, steps) = (t.settings.force_n, samples(t, FORCE_RAMP_NS));
+    // The wire tells when the state was left to a few samples.
+    let slack_n = force_n * (0.15 + 3.0 / f64::from(steps));
+    let mut after = 0;
+    for (sample, read_n) in forces(t, from) {
+        let n = sample.wrapping_sub(left_at);
+        if n == 0 || n > 0x8000 {
+            continue;
+        }
+        after = after.max(n);
+        let wanted_n = force_n * f64::from(steps.saturating_sub(n)) / f64::from(steps);
+        if (read_n - wanted_n).abs() > slack_n {
+            return failed(format!(
+                "{n} samples after it left operational the head reads {read_n:.2} N, not {wanted_n:.2} N as a ramp of \
+                 {steps} samples from {force_n} N has"
+            ));
+        }
+    }
+    if after < steps + 2 { inconclusive(format!("only {after} samples of the ramp came")) } else { Ok(()) }
+}
+
+/// A fault and a boot of the exciter are faults of an operational plant.
+pub(super) fn partner_fault(t: &mut Tester) -> Result<(), Stop> {
+    for state in [NodeState::Fault, NodeState::BootUp] {
+        meet(t)?;
+        arm(t, Answers::Force(0.0))?;
+        t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state }))?;
+        match t.wait_for_emergency(MARGIN_NS)? {
+            Some((_, e)) if e.code == EmergencyCode::PartnerFault => {}
+            Some((_, e)) => return failed(format!("after the exciter's heartbeat {state:?} it says: {e}")),
+            None => return failed(format!("no emergency after the exciter's heartbeat {state:?}")),
+        }
+        if t.wait_for_emergency(HEARTBEAT_TIMEOUT_NS)?.is_some() {
+            return failed("it tells its fault more than once");
+        }
+    }
+    Ok(())
+}
+
+/// The exciter leaves: disarmed, and its hello forgotten.
+pub(super) fn exciter_leaves(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    t.is_alive = false;
+    t.send_emergency(EmergencyCode::Leaving, 0)?;
+    let word = t.wait_for(MARGIN_NS, |message| {
+        is_state(message, NodeState::PreOperational) || is_state(message, NodeState::Fault)
+    })?;
+    if !word.is_some_and(|heard| is_state(&heard.message, NodeState::PreOperational)) {
+        return failed("it isn't disarmed when the exciter leaves");
+    }
+    refuses_to_arm(t, Mismatch::NoHello)
+}
+
+/// Another node with the plant's identifiers.
+pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    let hello = Message::PlantHello(t.hello);
+    let Ok(frame) = t.stranger().frame(&hello) else { return inconclusive("the tester can't make a hello") };
+    t.send_frame(&frame)?;
+    let identifier = MessageKind::PlantHello.id(t.network);
+    match t.wait_for_emergency(MARGIN_NS)? {
+        Some((_, e)) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
+        Some((_, e)) => failed(format!("hearing its own hello from another node it says: {e}")),
+        None => failed("it doesn't mind its own hello from another node"),
+    }
+}

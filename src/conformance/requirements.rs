@@ -1,0 +1,96 @@
+//! The demands of `SPEC.md`, by the marks that number them there.
+
+/// A demand of the specification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Requirement {
+    /// Its mark in `SPEC.md`: the section, and a number within it.
+    pub id: &'static str,
+    /// What is demanded, in short.
+    pub text: &'static str,
+    /// How it is known whether a node keeps it.
+    pub check: Check,
+}
+
+/// How a requirement is checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Check {
+    /// By the cases that name it.
+    Cases,
+    /// By no case of this program, for this reason.
+    Elsewhere(&'static str),
+}
+
+const fn tested(id: &'static str, text: &'static str) -> Requirement {
+    Requirement { id, text, check: Check::Cases }
+}
+
+const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Requirement {
+    Requirement { id, text, check: Check::Elsewhere(why) }
+}
+
+/// All of them, in the order of their sections.
+pub const REQUIREMENTS: [Requirement; 39] = [
+    untested(
+        "R-1.1",
+        "CAN FD frames are taken with and without bit rate switch",
+        "an interface may have one data bit rate only",
+    ),
+    tested("R-1.2", "a message that the profile doesn't have is neither sent nor taken"),
+    untested(
+        "R-1.3",
+        "no OperatorCommand of the exciter beside a station's",
+        "the bus doesn't tell who sent a request",
+    ),
+    tested("R-1.4", "a second sender of the node's messages is a fault"),
+    tested("R-2.1", "each message has a counter of its own, which goes on by 1"),
+    tested("R-2.2", "repeated counters and jumps of 5 or more are refused"),
+    untested(
+        "R-2.3",
+        "the boot-up heartbeat is sent before anything else competes for the bus",
+        "only a busy bus with arbitration shows it",
+    ),
+    tested("R-2.4", "a refused frame has no effect"),
+    tested("R-2.5", "reserved bits, values that are not available or not finite, and unknown values are refused"),
+    tested("R-3.1", "the count that means not available is refused"),
+    tested("R-3.2", "not a number and infinity are not sent (classic)"),
+    untested(
+        "R-3.3",
+        "a command beyond the range is not sent, never cut",
+        "the bus can't make a controller ask for it",
+    ),
+    untested("R-3.4", "the controller notices a command beyond the range", "it is inside the controller"),
+    tested("R-3.5", "not a number and infinity are not sent (FD)"),
+    untested(
+        "R-3.6",
+        "a command beyond a single is not sent, a reading beyond it is marked",
+        "the bus can't make an arm or a controller reach it",
+    ),
+    tested("R-5.1", "the table of states"),
+    tested("R-5.2", "a change of state is told at once, a fault after its emergency"),
+    tested("R-5.3", "the plant arms only for a hello that fits"),
+    tested("R-5.4", "the exciter begins only after a hello that fits"),
+    tested("R-6.1", "a heartbeat at least every 100 ms"),
+    tested("R-6.6", "350 ms without a new whole sample are a fault of the exciter"),
+    tested("R-6.2", "a hello at least every 1000 ms"),
+    untested(
+        "R-6.3",
+        "a node that was stopped doesn't take its own silence for its partner's",
+        "the bus can't stop a node",
+    ),
+    untested("R-6.4", "a node looks at least once a sample period", "the bus doesn't show when a node looks"),
+    tested("R-6.5", "in real time at least 100 samples a second"),
+    tested("R-7.1", "the first hello of a partner that has booted is answered at once"),
+    tested("R-7.2", "a boot-up heartbeat makes a node forget the partner's hello"),
+    tested("R-8.1", "a sample's messages, in their order, with one index that has no gap"),
+    tested("R-8.2", "a whole sample is answered with its index, an incomplete one is not"),
+    tested("R-8.3", "repeated samples are ignored, ten are a fault, and so is an index outside the window"),
+    tested("R-8.4", "commands that are too large, old, early or repeated, or come while not operational, are refused"),
+    tested("R-8.5", "a refused command neither acts nor feeds the timeout"),
+    tested("R-8.6", "what was held goes to zero in equal steps"),
+    tested("R-8.7", "20 ms without a command are a fault, and the force is zero 50 ms later"),
+    tested("R-8.8", "an exciter ends when the plant leaves"),
+    tested("R-8.9", "a plant disarms when the exciter leaves, and forgets its hello"),
+    tested("R-8.10", "an exciter stops when the plant faults, boots, or is disarmed"),
+    tested("R-9.1", "a fault is told once, then the state is fault"),
+    untested("R-9.2", "after codes 7 and 14 a plant is started again", "the bus can't make a simulation fail"),
+];

@@ -1,0 +1,125 @@
+//! The tester as a plant: samples at their times, and requests obeyed.
+
+use super::damage::Damage;
+use super::tester::{Stop, Tester};
+use crate::protocol::timing::sample_period_ns;
+use crate::protocol::{
+    Acceleration, Frame, ImpedanceHead, Message, Node, NodeState, OperatorRequest, Profile, SensorValues, Sensors,
+    StateEvent, Transmitter,
+};
+
+/// What becomes of the samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Samples {
+    /// None is sent.
+    #[default]
+    Off,
+    /// They are sent.
+    Steady,
+    /// The frame that makes each whole is left out: accelerometer C, in the FD profile all.
+    Incomplete,
+    /// The frame that makes each whole is damaged.
+    Damaged(Damage),
+    /// The index stands still.
+    Standing,
+}
+
+/// The samples of the tester.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Source {
+    pub samples: Samples,
+    /// The index of the next sample.
+    pub index: u16,
+    due_ns: u64,
+    damaged: u64,
+    /// The request that came last.
+    pub asked: Option<OperatorRequest>,
+    /// Whether the request to arm is obeyed.
+    pub obeys: bool,
+    /// A sample that was answered before it was sent.
+    pub unsent: Option<u16>,
+}
+
+impl Source {
+    /// When the next sample is due.
+    pub fn next_ns(&self) -> u64 {
+        if self.samples == Samples::Off { u64::MAX } else { self.due_ns }
+    }
+}
+
+impl Tester<'_> {
+    /// Sends the sample that is due. After a stall the schedule has moved, as that of a plant that slips.
+    pub(super) fn send_sample(&mut self, now_ns: u64) -> Result<(), Stop> {
+        if now_ns < self.source.next_ns() {
+            return Ok(());
+        }
+        let period_ns = sample_period_ns(self.hello.rate_hz);
+        self.source.due_ns = (self.source.due_ns + period_ns).max(now_ns + period_ns / 2);
+        let index = self.source.index;
+        if self.source.samples != Samples::Standing {
+            self.source.index = index.wrapping_add(1);
+        }
+        let messages = sample(self.network.profile(), index);
+        let Some((whole, parts)) = messages.split_last() else { return Ok(()) };
+        for part in parts {
+            self.send(part)?;
+        }
+        let make = |transmitter: &mut Transmitter| transmitter.frame(whole).ok();
+        let frame: Option<Frame> = match self.source.samples {
+            Samples::Incomplete | Samples::Off => return Ok(()),
+            Samples::Damaged(damage) => {
+                self.source.damaged += 1;
+                damage.apply(&mut self.ends, self.settings.seed + self.source.damaged, make)
+            }
+            Samples::Steady | Samples::Standing => {
+                self.ends.before = self.ends.transmitter.clone();
+                make(&mut self.ends.transmitter)
+            }
+        };
+        frame.map_or(Ok(()), |frame| self.send_frame(&frame))
+    }
+
+    /// A command came for a sample.
+    pub(super) fn commanded(&mut self, sample: u16) -> Result<(), Stop> {
+        // Modulo 2¹⁶, as far ahead as behind.
+        if sample.wrapping_sub(self.source.index) < 0x8000 {
+            self.source.unsent = Some(sample);
+        }
+        Ok(())
+    }
+
+    /// What a plant does with a request.
+    pub(super) fn obey(&mut self, request: OperatorRequest) -> Result<(), Stop> {
+        self.source.asked = Some(request);
+        let event = match request {
+            OperatorRequest::Arm if self.source.obeys => StateEvent::Arm,
+            OperatorRequest::Disarm => StateEvent::Disarm,
+            OperatorRequest::Reset => StateEvent::Reset,
+            OperatorRequest::Arm => return Ok(()),
+        };
+        match self.state.next(event) {
+            Some(state) if self.tested == Node::Exciter && state != NodeState::BootUp => self.send_state(state),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The messages of a sample at rest.
+fn sample(profile: Profile, sample: u16) -> alloc::vec::Vec<Message> {
+    let acceleration = Acceleration {
+        acceleration_x_m_s2: 0.0,
+        acceleration_y_m_s2: 0.0,
+        x_saturated: false,
+        y_saturated: false,
+        sample,
+    };
+    let head = ImpedanceHead { force_x_n: 0.0, force_y_n: 0.0, x_saturated: false, y_saturated: false, sample };
+    match profile {
+        Profile::Classic => alloc::vec![
+            Message::Head(head),
+            Message::AccelerometerB(acceleration),
+            Message::AccelerometerC(acceleration)
+        ],
+        Profile::Fd => alloc::vec![Message::Sensors(Sensors { values: SensorValues::default(), sample })],
+    }
+}

@@ -1,0 +1,353 @@
+//! The tester: the other side of the node under test, one case at a time.
+
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+
+use super::damage::{Damage, Ends};
+use super::wire::Wire;
+use crate::bus::BusError;
+use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
+use crate::protocol::{
+    Capabilities, DecodeError, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, Network, Node,
+    NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
+};
+
+/// A millisecond, ns.
+pub(super) const MS: u64 = 1_000_000;
+
+/// What a machine may hold a process up for, ns: the margin of everything that is judged on the clock.
+pub const MARGIN_NS: u64 = 150 * MS;
+
+/// The tester looks at least this often, ns.
+const LOOK_NS: u64 = 5 * MS;
+
+/// What the cases are told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The force that is commanded along x of a plant, N; along it, −x too.
+    pub force_n: f64,
+    /// A force that the plant must refuse for its size, N, if one is to be tried.
+    pub beyond_n: Option<f64>,
+    /// How long a node under test is waited for, ns.
+    pub patience_ns: u64,
+    /// Which bit of the first damaged frame is wrong.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    /// 5 N, none too large, 10 s, the first bit.
+    fn default() -> Settings {
+        Settings { force_n: 5.0, beyond_n: None, patience_ns: 10_000 * MS, seed: 0 }
+    }
+}
+
+/// What ends a case before its end.
+#[derive(Debug)]
+pub(super) enum Stop {
+    /// The node does what it must not, or not what it must.
+    Failed(String),
+    /// It can't be said.
+    Inconclusive(String),
+    /// It is not to be tried, or can't be here.
+    Skipped(String),
+    /// The bus is gone.
+    Bus(BusError),
+}
+
+impl From<BusError> for Stop {
+    fn from(error: BusError) -> Stop {
+        Stop::Bus(error)
+    }
+}
+
+pub(super) fn failed<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Failed(text.into()))
+}
+
+pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Inconclusive(text.into()))
+}
+
+/// A message of the node under test, and when it came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Heard {
+    pub at_ns: u64,
+    pub message: Message,
+}
+
+/// How the tester, as the exciter, answers the samples of a plant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Answers {
+    None,
+    /// With this force along x, N.
+    Force(f64),
+    /// With this force in a damaged frame.
+    Damaged(f64, Damage),
+    /// With this force, for the sample so many samples later; negative is earlier.
+    Shifted(f64, i16),
+    /// With this force, for this sample.
+    Always(f64, u16),
+}
+
+pub(super) struct Tester<'w> {
+    wire: &'w mut dyn Wire,
+    pub network: Network,
+    pub tested: Node,
+    pub settings: Settings,
+    pub ends: Ends,
+    receiver: Receiver,
+    /// What the tester says of itself in its heartbeats.
+    pub state: NodeState,
+    pub hello: Hello,
+    /// Whether heartbeats and hellos go out by themselves.
+    pub is_alive: bool,
+    heartbeat_at_ns: u64,
+    hello_at_ns: u64,
+    pub answers: Answers,
+    damaged: u64,
+    /// The sample that was answered last, and with what.
+    pub answered: Option<u16>,
+    pub heard: Vec<Heard>,
+    /// Frames of the node under test that the protocol refuses.
+    pub refused: Vec<DecodeError>,
+    looked_at_ns: u64,
+    /// The longest time between two looks beyond what was meant, ns.
+    pub held_up_ns: u64,
+    /// The tester as a plant: its samples.
+    pub source: super::source::Source,
+    pub notes: Vec<String>,
+}
+
+impl<'w> Tester<'w> {
+    pub fn new(wire: &'w mut dyn Wire, network: Network, tested: Node, settings: Settings) -> Tester<'w> {
+        let now_ns = wire.now_ns();
+        Tester {
+            wire,
+            network,
+            tested,
+            settings,
+            ends: Ends::new(network),
+            receiver: Receiver::new(network),
+            state: NodeState::BootUp,
+            hello: Hello::new(network.profile(), 1000),
+            is_alive: false,
+            heartbeat_at_ns: 0,
+            hello_at_ns: 0,
+            answers: Answers::None,
+            damaged: settings.seed,
+            answered: None,
+            heard: Vec::new(),
+            refused: Vec::new(),
+            looked_at_ns: now_ns,
+            held_up_ns: 0,
+            source: super::source::Source::default(),
+            notes: Vec::new(),
+        }
+    }
+
+    pub fn now_ns(&self) -> u64 {
+        self.wire.now_ns()
+    }
+
+    pub fn note(&mut self, text: String) {
+        self.notes.push(text);
+    }
+
+    /// Sends a message, protected.
+    pub fn send(&mut self, message: &Message) -> Result<(), Stop> {
+        match self.ends.transmitter.frame(message) {
+            Ok(frame) => Ok(self.wire.send(&frame)?),
+            Err(error) => inconclusive(format!("the tester can't say this: {error}")),
+        }
+    }
+
+    pub fn send_frame(&mut self, frame: &Frame) -> Result<(), Stop> {
+        Ok(self.wire.send(frame)?)
+    }
+
+    pub fn request(&mut self, request: OperatorRequest) -> Result<(), Stop> {
+        self.send(&Message::Operator(OperatorCommand { request, target: self.tested }))
+    }
+
+    pub fn send_state(&mut self, state: NodeState) -> Result<(), Stop> {
+        self.state = state;
+        self.heartbeat_at_ns = self.now_ns() + HEARTBEAT_PERIOD_NS / 2;
+        self.send(&Message::Heartbeat(Heartbeat { node: self.tested.partner(), state }))
+    }
+
+    pub fn send_hello(&mut self) -> Result<(), Stop> {
+        self.hello_at_ns = self.now_ns() + HELLO_PERIOD_NS / 2;
+        self.send(&match self.tested {
+            Node::Plant => Message::ExciterHello(self.hello),
+            Node::Exciter => Message::PlantHello(self.hello),
+        })?;
+        if self.network.profile() != Profile::Fd {
+            return Ok(());
+        }
+        let node = self.tested.partner();
+        let limit = f32::MAX.into();
+        self.send(&Message::Capabilities(Capabilities {
+            node,
+            samples_per_frame: SamplesPerFrame::One,
+            force_limit_n: limit,
+            torque_limit_nm: limit,
+        }))
+    }
+
+    pub fn send_emergency(&mut self, code: EmergencyCode, detail: u16) -> Result<(), Stop> {
+        let sample = self.answered.unwrap_or(0);
+        self.send(&Message::Emergency(Emergency { node: self.tested.partner(), code, detail, sample }))
+    }
+
+    /// The boot-up heartbeat, and counters from 0.
+    pub fn boot(&mut self) -> Result<(), Stop> {
+        self.ends = Ends::new(self.network);
+        self.send_state(NodeState::BootUp)?;
+        self.send_state(NodeState::PreOperational)?;
+        self.is_alive = true;
+        self.hello_at_ns = u64::MAX;
+        Ok(())
+    }
+
+    /// Lets time pass, doing what is due.
+    pub fn run_ns(&mut self, duration_ns: u64) -> Result<(), Stop> {
+        let end_ns = self.now_ns() + duration_ns;
+        while self.now_ns() < end_ns {
+            self.look(end_ns)?;
+        }
+        Ok(())
+    }
+
+    /// The first message that comes from now on, and for which this holds, within a time.
+    pub fn wait_for(&mut self, within_ns: u64, holds: impl Fn(&Message) -> bool) -> Result<Option<Heard>, Stop> {
+        let end_ns = self.now_ns() + within_ns;
+        let mut seen = self.heard.len();
+        loop {
+            if let Some(heard) = self.heard[seen..].iter().find(|heard| holds(&heard.message)) {
+                return Ok(Some(*heard));
+            }
+            seen = self.heard.len();
+            if self.now_ns() >= end_ns {
+                return Ok(None);
+            }
+            self.look(end_ns)?;
+        }
+    }
+
+    /// As [`Tester::wait_for`], for the heartbeat of a state.
+    pub fn wait_for_state(&mut self, within_ns: u64, state: NodeState) -> Result<Option<Heard>, Stop> {
+        self.wait_for(within_ns, |message| is_state(message, state))
+    }
+
+    /// As [`Tester::wait_for`], for an emergency other than that a schedule has slipped.
+    pub fn wait_for_emergency(&mut self, within_ns: u64) -> Result<Option<(Heard, Emergency)>, Stop> {
+        let heard = self.wait_for(within_ns, |message| emergency(message).is_some())?;
+        Ok(heard.and_then(|heard| Some((heard, emergency(&heard.message)?))))
+    }
+
+    /// Does what is due, and takes in at most one frame, at the latest at `until_ns`.
+    fn look(&mut self, until_ns: u64) -> Result<(), Stop> {
+        let now_ns = self.now_ns();
+        if self.is_alive && now_ns >= self.heartbeat_at_ns {
+            self.send_state(self.state)?;
+        }
+        if self.is_alive && now_ns >= self.hello_at_ns {
+            self.send_hello()?;
+        }
+        self.send_sample(now_ns)?;
+        let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns());
+        let frame = self.wire.receive(next_ns)?;
+        let now_ns = self.now_ns();
+        self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
+        self.looked_at_ns = now_ns;
+        frame.map_or(Ok(()), |frame| self.take(now_ns, &frame))
+    }
+
+    fn take(&mut self, at_ns: u64, frame: &Frame) -> Result<(), Stop> {
+        let message = match self.receiver.accept(frame) {
+            Ok(Some(message)) if message.kind().sender() == self.tested => message,
+            Ok(_) => return Ok(()),
+            Err(error) => {
+                self.refused.push(error);
+                return Ok(());
+            }
+        };
+        self.heard.push(Heard { at_ns, message });
+        match message {
+            Message::AccelerometerC(c) => self.answer(c.sample),
+            Message::Sensors(sensors) => self.answer(sensors.sample),
+            Message::Force(command) => self.commanded(command.sample),
+            Message::Torque(command) => self.commanded(command.sample),
+            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(request),
+            _ => Ok(()),
+        }
+    }
+
+    /// Answers a sample of the plant.
+    fn answer(&mut self, sample: u16) -> Result<(), Stop> {
+        let (force_x_n, sample) = match self.answers {
+            Answers::None => return Ok(()),
+            Answers::Force(force_n) | Answers::Damaged(force_n, _) => (force_n, sample),
+            Answers::Shifted(force_n, by) => (force_n, sample.wrapping_add_signed(by)),
+            Answers::Always(force_n, sample) => (force_n, sample),
+        };
+        let message = Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample });
+        let frame = match self.answers {
+            Answers::Damaged(_, damage) => {
+                self.damaged += 1;
+                damage.apply(&mut self.ends, self.damaged - 1, |transmitter| transmitter.frame(&message).ok())
+            }
+            _ => {
+                self.ends.before = self.ends.transmitter.clone();
+                self.ends.transmitter.frame(&message).ok()
+            }
+        };
+        if matches!(self.answers, Answers::Force(_)) {
+            self.answered = Some(sample);
+        }
+        match frame {
+            Some(frame) => self.send_frame(&frame),
+            None => inconclusive(format!("the tester can't command {force_x_n} N")),
+        }
+    }
+
+    /// Another transmitter, of a node that isn't the tester.
+    pub fn stranger(&self) -> Transmitter {
+        Transmitter::new(self.network)
+    }
+
+    /// The frames of the node that the protocol refuses, as a failure.
+    pub fn check_frames(&self) -> Result<(), Stop> {
+        match self.refused.first() {
+            None => Ok(()),
+            Some(error) => failed(format!("{} of its frames are refused, the first: {error}", self.refused.len())),
+        }
+    }
+
+    /// The hello that came last.
+    pub fn last_hello(&self) -> Option<Hello> {
+        self.heard.iter().rev().find_map(|heard| match heard.message {
+            Message::PlantHello(hello) | Message::ExciterHello(hello) => Some(hello),
+            _ => None,
+        })
+    }
+}
+
+/// The emergency that a message is, other than that a schedule has slipped.
+pub(super) fn emergency(message: &Message) -> Option<Emergency> {
+    match message {
+        Message::Emergency(emergency) if emergency.code != EmergencyCode::ScheduleSlipped => Some(*emergency),
+        _ => None,
+    }
+}
+
+/// Whether a message is the heartbeat of a state.
+pub(super) fn is_state(message: &Message, state: NodeState) -> bool {
+    matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state == state)
+}
+
+/// A time in ms, as a report shows it.
+pub(super) fn ms(ns: u64) -> String {
+    format!("{:.1} ms", ns as f64 / 1e6).replace(".0 ms", " ms").to_string()
+}

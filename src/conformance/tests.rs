@@ -1,0 +1,99 @@
+//! The cases against this crate's own nodes, in virtual time, and against nodes with one flaw each.
+
+mod device;
+mod flaws;
+
+use std::collections::BTreeSet;
+
+use super::*;
+use crate::protocol::{Profile, SPEC};
+use device::{Device, ExciterDevice, PlantDevice, Virtual};
+
+/// The ids of the marks in the text.
+fn marks(text: &str) -> Vec<&str> {
+    let marked = text.split("[R-").skip(1).filter_map(|rest| rest.split_once(']'));
+    marked.map(|(id, _)| id).filter(|id| id.starts_with(|c: char| c.is_ascii_digit())).collect()
+}
+
+#[test]
+fn every_demand_of_the_specification_is_a_requirement() {
+    let marked = marks(SPEC);
+    let known: BTreeSet<_> = REQUIREMENTS.iter().map(|requirement| &requirement.id[2..]).collect();
+    assert_eq!(marked.iter().copied().collect::<BTreeSet<_>>(), known);
+    assert_eq!((marked.len(), known.len()), (REQUIREMENTS.len(), REQUIREMENTS.len()), "a mark stands once");
+}
+
+#[test]
+fn every_sentence_with_must_has_a_mark() {
+    // A sentence ends at a stop before a space or the end; its mark follows it.
+    let text = SPEC.split_whitespace().collect::<Vec<_>>().join(" ");
+    let sentences = text.replace(". [R-", " [R-").replace("] ", "]. ");
+    for sentence in sentences.split(". ").filter(|sentence| sentence.split(' ').any(|word| word == "must")) {
+        assert!(!marks(sentence).is_empty(), "no mark: {sentence}");
+    }
+}
+
+#[test]
+fn cases_cover_what_they_can_and_name_no_other() {
+    let covered: BTreeSet<_> = Node::ALL.into_iter().flat_map(cases).flat_map(|case| case.requirements).collect();
+    for requirement in &REQUIREMENTS {
+        let by_cases = matches!(requirement.check, Check::Cases);
+        assert_eq!(covered.contains(&requirement.id), by_cases, "{requirement:?}");
+    }
+    assert!(covered.iter().all(|id| REQUIREMENTS.iter().any(|requirement| requirement.id == **id)));
+}
+
+fn settings() -> Settings {
+    Settings { beyond_n: Some(650.0), patience_ns: 2_000_000_000, ..Settings::default() }
+}
+
+/// The findings of all cases, each with a device of its own.
+fn findings(tested: Node, network: Network, make: impl Fn() -> Box<dyn Device>) -> Vec<(&'static str, Finding)> {
+    let run = |case: Case| {
+        let mut wire = Virtual::new(make());
+        (case.id, run(&case, &mut wire, network, settings()).unwrap())
+    };
+    cases(tested).map(run).collect()
+}
+
+fn all_pass(findings: &[(&str, Finding)]) {
+    let others: Vec<_> = findings.iter().filter(|(_, finding)| finding.verdict != Verdict::Passed).collect();
+    assert!(others.is_empty(), "{others:#?}");
+}
+
+#[test]
+fn the_nodes_of_this_crate_pass_in_both_profiles() {
+    for profile in Profile::ALL {
+        let network = Network::default().with_profile(profile);
+        all_pass(&findings(Node::Plant, network, || Box::new(PlantDevice::new(network))));
+        all_pass(&findings(Node::Exciter, network, || Box::new(ExciterDevice::new(network))));
+    }
+}
+
+#[test]
+fn runs_are_the_same_each_time() {
+    let network = Network::default();
+    let plant = || findings(Node::Plant, network, || Box::new(PlantDevice::new(network)));
+    assert_eq!(plant(), plant());
+}
+
+#[test]
+fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
+    let network = Network::default();
+    let case = cases(Node::Plant).find(|case| case.id == "plant-command-timeout").unwrap();
+    let mut wire = Virtual::new(Box::new(PlantDevice::with(network, Some(flaws::Flaw::NoTimeout))));
+    wire.held_up_every = Some(400);
+    let finding = run(&case, &mut wire, network, settings()).unwrap();
+    assert!(matches!(&finding.verdict, Verdict::Inconclusive(text) if text.contains("held up for")), "{finding:?}");
+}
+
+#[test]
+fn an_empty_bus_says_nothing_of_a_node() {
+    for tested in Node::ALL {
+        for case in cases(tested) {
+            let mut wire = Virtual::new(Box::new(device::Nobody));
+            let finding = run(&case, &mut wire, Network::default(), settings()).unwrap();
+            assert!(matches!(finding.verdict, Verdict::Inconclusive(_)), "{}: {finding:?}", case.id);
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Nodes in virtual time, on a wire that steps them.
+
+use std::collections::VecDeque;
+
+use super::super::Wire;
+use super::flaws::Flaw;
+use crate::arm::Load;
+use crate::bus::BusError;
+use crate::control::OpenLoop;
+use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
+use crate::node::{ExciterNode, PlantNode, Timing};
+use crate::protocol::{Frame, Network, NodeState, Transmitter};
+use crate::rig::{Exciter, Measurement, Reading};
+
+pub const RATE_HZ: u16 = 1000;
+const TICK_NS: u64 = 1_000_000;
+
+/// A node as it is seen on a bus.
+pub trait Device {
+    fn hear(&mut self, now_ns: u64, frame: &Frame);
+    fn tick(&mut self, now_ns: u64);
+    fn say(&mut self) -> Option<Frame>;
+}
+
+/// No node.
+pub struct Nobody;
+
+impl Device for Nobody {
+    fn hear(&mut self, _: u64, _: &Frame) {}
+    fn tick(&mut self, _: u64) {}
+    fn say(&mut self) -> Option<Frame> {
+        None
+    }
+}
+
+/// A bus on which frames take no time, with one node on it.
+pub struct Virtual {
+    now_ns: u64,
+    ticked_ns: u64,
+    device: Box<dyn Device>,
+    frames: VecDeque<Frame>,
+    /// The tester is held up for 30 ms at every so many calls.
+    pub held_up_every: Option<u64>,
+    calls: u64,
+}
+
+impl Virtual {
+    pub fn new(device: Box<dyn Device>) -> Virtual {
+        Virtual { now_ns: 0, ticked_ns: 0, device, frames: VecDeque::new(), held_up_every: None, calls: 0 }
+    }
+
+    fn step(&mut self) {
+        self.ticked_ns += TICK_NS;
+        self.device.tick(self.ticked_ns);
+        self.collect();
+    }
+
+    fn collect(&mut self) {
+        self.frames.extend(std::iter::from_fn(|| self.device.say()));
+    }
+}
+
+impl Wire for Virtual {
+    fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.device.hear(self.now_ns, frame);
+        self.collect();
+        Ok(())
+    }
+
+    fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError> {
+        self.calls += 1;
+        if self.held_up_every.is_some_and(|every| self.calls.is_multiple_of(every)) {
+            self.now_ns += 30 * TICK_NS;
+        }
+        while self.frames.is_empty() && self.now_ns < until_ns {
+            self.now_ns = until_ns.min(self.ticked_ns + TICK_NS).max(self.now_ns);
+            while self.ticked_ns + TICK_NS <= self.now_ns {
+                self.step();
+            }
+        }
+        Ok(self.frames.pop_front())
+    }
+}
+
+/// The plant's node with an arm at rest: the head reads the load that is held.
+pub struct PlantDevice {
+    pub network: Network,
+    pub node: PlantNode,
+    pub flaw: Option<Flaw>,
+    pub load: Load,
+    pub unarmed_load: Load,
+    sample: u64,
+    pub said_state: Option<NodeState>,
+    pub counters: [u8; 16],
+    /// Makes what the node believes to have heard.
+    pub transmitter: Transmitter,
+}
+
+impl PlantDevice {
+    pub fn new(network: Network) -> PlantDevice {
+        PlantDevice::with(network, None)
+    }
+
+    pub fn with(network: Network, flaw: Option<Flaw>) -> PlantDevice {
+        let mut timing = Timing::real_time(RATE_HZ);
+        if flaw == Some(Flaw::NoTimeout) {
+            timing.command_timeout_ns = u64::MAX / 2;
+        }
+        let mut node = PlantNode::new(network, RATE_HZ, timing, Exciter::default());
+        node.start(0);
+        PlantDevice {
+            network,
+            node,
+            flaw,
+            load: Load::default(),
+            unarmed_load: Load::default(),
+            sample: 0,
+            said_state: None,
+            counters: [0; 16],
+            transmitter: Transmitter::new(network),
+        }
+    }
+}
+
+impl Device for PlantDevice {
+    fn hear(&mut self, now_ns: u64, frame: &Frame) {
+        for frame in self.alter_heard(frame) {
+            self.node.handle_frame(now_ns, &frame);
+        }
+    }
+
+    fn tick(&mut self, now_ns: u64) {
+        self.node.handle_deadline(now_ns);
+        let reading = |value| Reading { value, clipped: false };
+        let head_force_n = [reading(self.load.force_n.x), reading(self.load.force_n.y)];
+        let measurement = Measurement { sample: self.sample, head_force_n, ..Measurement::default() };
+        self.node.publish(&measurement).unwrap();
+        self.sample += 1;
+        let load = self.node.load();
+        self.load = self.alter_load(load);
+    }
+
+    fn say(&mut self) -> Option<Frame> {
+        loop {
+            let frame = self.node.poll_transmit()?;
+            if let Some(frame) = self.alter_said(frame) {
+                return Some(frame);
+            }
+        }
+    }
+}
+
+/// The exciter's node with a long dwell.
+pub struct ExciterDevice {
+    pub network: Network,
+    pub node: ExciterNode,
+    pub flaw: Option<Flaw>,
+    pub said_state: Option<NodeState>,
+}
+
+impl ExciterDevice {
+    pub fn new(network: Network) -> ExciterDevice {
+        ExciterDevice::with(network, None)
+    }
+
+    pub fn with(network: Network, flaw: Option<Flaw>) -> ExciterDevice {
+        let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+        let profile = Waveform::Dwell { frequency_hz: 15.0, duration_s: 60.0, settle_s: 0.1 };
+        let spec = ExcitationSpec { amplitude, ramp_s: 0.05, profile };
+        let controller = Box::new(OpenLoop::new(Excitation::new(&spec, f64::from(RATE_HZ)).unwrap()));
+        let mut timing = Timing::real_time(RATE_HZ);
+        if flaw == Some(Flaw::NoTimeout) {
+            timing.partner_timeout_ns = u64::MAX / 2;
+        }
+        let mut node = ExciterNode::new(network, RATE_HZ, timing, controller);
+        node.start(0);
+        ExciterDevice { network, node, flaw, said_state: None }
+    }
+}
+
+impl Device for ExciterDevice {
+    fn hear(&mut self, now_ns: u64, frame: &Frame) {
+        if let Some(frame) = self.alter_heard(frame) {
+            self.node.handle_frame(now_ns, &frame);
+        }
+    }
+
+    fn tick(&mut self, now_ns: u64) {
+        self.node.handle_deadline(now_ns);
+    }
+
+    fn say(&mut self) -> Option<Frame> {
+        loop {
+            let frame = self.node.poll_transmit()?;
+            if let Some(frame) = self.alter_said(frame) {
+                return Some(frame);
+            }
+        }
+    }
+}

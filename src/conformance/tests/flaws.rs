@@ -1,0 +1,256 @@
+//! Nodes with one flaw each: what they hear and say is altered. Which cases fail them stands in a table.
+
+use super::super::damage::protect;
+use super::super::*;
+use super::device::{ExciterDevice, PlantDevice, RATE_HZ};
+use super::findings;
+use crate::arm::Load;
+use crate::protocol::{
+    Emergency, Frame, Heartbeat, Hello, Id, Message, MessageKind, NodeState, OperatorCommand, Profile, StateEvent,
+};
+
+/// What a node does wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flaw {
+    /// Takes frames with a wrong CRC.
+    IgnoresCrc,
+    /// Takes any counter.
+    IgnoresCounters,
+    /// Says its state only when it changes.
+    NoHeartbeats,
+    /// Lets go at once in place of the ramp.
+    NoRamp,
+    /// Commands act when it is not armed.
+    ActsUnarmed,
+    /// Waits for its partner for ever.
+    NoTimeout,
+    /// Cuts commands that are too large.
+    Cuts,
+    /// Its hello has another hash.
+    WrongHash,
+    /// Believes in any hello, and in one that was never sent.
+    BelievesHellos,
+    /// Arms out of a fault.
+    NoLatch,
+    /// Doesn't hear that its partner leaves.
+    DeafToLeaving,
+    /// Doesn't hear a second sender of its messages.
+    DeafToItself,
+    /// Doesn't hear what its partner's state is, but for operational.
+    DeafToStates,
+    /// Answers the next sample.
+    AnswersNext,
+    /// Answers the sample before.
+    AnswersLast,
+    /// Sets its counters at random.
+    LosesCount,
+}
+
+#[test]
+fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
+    let starved = [
+        "plant-wrong-crc",
+        "plant-repeated-counter",
+        "plant-counter-jump",
+        "plant-data-id",
+        "plant-other-format",
+        "plant-length",
+        "plant-extended-id",
+        "plant-reserved-bit",
+        "plant-not-available",
+        "plant-old-command",
+        "plant-early-command",
+        "plant-same-sample",
+        "plant-too-large",
+        "plant-command-timeout",
+    ];
+    let table: [(Flaw, &[&str]); 13] = [
+        (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id"]),
+        (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump"]),
+        (Flaw::NoHeartbeats, &["plant-heartbeats"]),
+        (Flaw::NoRamp, &["plant-command-timeout", "plant-disarm"]),
+        (Flaw::ActsUnarmed, &["plant-not-armed", "plant-disarm"]),
+        (Flaw::NoTimeout, &starved),
+        (Flaw::Cuts, &["plant-too-large"]),
+        (Flaw::WrongHash, &["plant-hello"]),
+        (Flaw::BelievesHellos, &["plant-arms-for-a-hello", "plant-exciter-leaves"]),
+        (Flaw::NoLatch, &["plant-states"]),
+        (Flaw::DeafToLeaving, &["plant-exciter-leaves"]),
+        (Flaw::DeafToItself, &["plant-second-sender"]),
+        (Flaw::LosesCount, &["plant-frames"]),
+    ];
+    for (flaw, expected) in table {
+        let network = Network::default();
+        let found = findings(Node::Plant, network, || Box::new(PlantDevice::with(network, Some(flaw))));
+        assert_eq!(failed(&found), expected, "{flaw:?}: {found:#?}");
+    }
+}
+
+#[test]
+fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
+    // The first good sample is answered as the last bad one.
+    let answers_last = [
+        "exciter-answers",
+        "exciter-incomplete",
+        "exciter-wrong-crc",
+        "exciter-repeated-counter",
+        "exciter-data-id",
+        "exciter-not-available",
+    ];
+    let table: [(Flaw, &[&str]); 10] = [
+        (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id"]),
+        (Flaw::NoHeartbeats, &["exciter-heartbeats"]),
+        (Flaw::NoTimeout, &["exciter-sensor-timeout"]),
+        (Flaw::WrongHash, &["exciter-hello"]),
+        (Flaw::BelievesHellos, &["exciter-begins-for-a-hello"]),
+        (Flaw::DeafToStates, &["exciter-plant-faults", "exciter-plant-boots", "exciter-plant-disarmed"]),
+        (Flaw::DeafToLeaving, &["exciter-plant-leaves"]),
+        (Flaw::DeafToItself, &["exciter-second-sender"]),
+        (Flaw::AnswersNext, &["exciter-answers"]),
+        (Flaw::AnswersLast, &answers_last),
+    ];
+    for (flaw, expected) in table {
+        let network = Network::default();
+        let found = findings(Node::Exciter, network, || Box::new(ExciterDevice::with(network, Some(flaw))));
+        assert_eq!(failed(&found), expected, "{flaw:?}: {found:#?}");
+    }
+}
+
+fn failed(found: &[(&'static str, Finding)]) -> Vec<&'static str> {
+    let is_failed = |finding: &Finding| matches!(finding.verdict, Verdict::Failed(_));
+    found.iter().filter(|(_, finding)| is_failed(finding)).map(|(id, _)| *id).collect()
+}
+
+/// A frame with other bytes, and the CRC for them.
+fn rewritten(network: Network, frame: &Frame, change: impl Fn(&mut [u8])) -> Frame {
+    let kind = MessageKind::from_id(network, frame.id()).unwrap();
+    let mut data = frame.data().to_vec();
+    change(&mut data);
+    if let Some(data_id) = kind.data_id(network).filter(|_| matches!(data.len(), 8 | 16 | 32)) {
+        protect(&mut data, data_id);
+    }
+    Frame::new(frame.id(), frame.format(), &data).unwrap()
+}
+
+/// Only frames that the protocol knows under 11 bits are altered.
+fn kind(network: Network, frame: &Frame) -> Option<MessageKind> {
+    MessageKind::from_id(network, frame.id()).filter(|_| matches!(frame.id(), Id::Standard(_)))
+}
+
+/// What a frame says, whatever its counter.
+fn read(network: Network, frame: &Frame) -> Option<Message> {
+    crate::protocol::Receiver::new(network).accept(frame).ok()?
+}
+
+/// A hello with a wrong bit in its hash.
+fn hashed_wrongly(network: Network, frame: Frame) -> Frame {
+    match kind(network, &frame) {
+        Some(MessageKind::PlantHello | MessageKind::ExciterHello) => rewritten(network, &frame, |data| data[3] ^= 1),
+        _ => frame,
+    }
+}
+
+fn says_nothing_new(frame: &Frame, network: Network, said: &mut Option<NodeState>) -> bool {
+    let Some(Message::Heartbeat(Heartbeat { state, .. })) = read(network, frame) else { return false };
+    said.replace(state) == Some(state)
+}
+
+impl PlantDevice {
+    /// What the node hears in place of a frame.
+    pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
+        let network = self.network;
+        let Some(kind) = kind(network, frame) else { return vec![*frame] };
+        let message = read(network, frame);
+        let frame = match (self.flaw, message) {
+            (Some(Flaw::IgnoresCrc), _) if frame.len() == 8 => rewritten(network, frame, |_| {}),
+            (Some(Flaw::IgnoresCounters), Some(_)) if kind.data_id(network).is_some() => {
+                let counter = &mut self.counters[kind as usize];
+                *counter = (*counter + 1) % 15;
+                rewritten(network, frame, |data| data[1] = data[1] & 0xF0 | *counter)
+            }
+            (Some(Flaw::ActsUnarmed), Some(Message::Force(command))) if !self.node.is_armed() => {
+                self.unarmed_load = Load::force_n(command.force_x_n, command.force_y_n);
+                return vec![];
+            }
+            (Some(Flaw::Cuts), Some(Message::Force(command))) if command.force_x_n < -600.0 => {
+                rewritten(network, frame, |data| data[2..4].copy_from_slice(&(-30_000_i16).to_le_bytes()))
+            }
+            (Some(Flaw::BelievesHellos), Some(Message::Operator(_) | Message::ExciterHello(_))) => {
+                let hello = Message::ExciterHello(Hello::new(network.profile(), RATE_HZ));
+                let hello = self.transmitter.frame(&hello).unwrap();
+                return if kind == MessageKind::Operator { vec![hello, *frame] } else { vec![hello] };
+            }
+            (Some(Flaw::NoLatch), Some(Message::Operator(OperatorCommand { request, .. })))
+                if request.event() == StateEvent::Arm && self.node.state() == NodeState::Fault =>
+            {
+                let reset = rewritten(network, frame, |data| data[2] = OperatorRequest::Reset as u8);
+                return vec![reset];
+            }
+            (Some(Flaw::DeafToLeaving), Some(Message::Emergency(Emergency { .. }))) => return vec![],
+            (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Plant => return vec![],
+            _ => *frame,
+        };
+        vec![frame]
+    }
+
+    pub fn alter_load(&self, load: Load) -> Load {
+        match self.flaw {
+            Some(Flaw::NoRamp) if !self.node.is_armed() => Load::default(),
+            Some(Flaw::ActsUnarmed) if !self.node.is_armed() && !self.node.is_ramping() => self.unarmed_load,
+            _ => load,
+        }
+    }
+
+    /// What comes on the bus in place of a frame.
+    pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
+        let network = self.network;
+        match self.flaw {
+            Some(Flaw::WrongHash) => Some(hashed_wrongly(network, frame)),
+            Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => None,
+            Some(Flaw::LosesCount) if kind(network, &frame) == Some(MessageKind::AccelerometerB) => {
+                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | (data[1] * 7 % 15) & 0x0F))
+            }
+            _ => Some(frame),
+        }
+    }
+}
+
+impl ExciterDevice {
+    pub fn alter_heard(&mut self, frame: &Frame) -> Option<Frame> {
+        let network = self.network;
+        let Some(_) = kind(network, frame) else { return Some(*frame) };
+        match (self.flaw, read(network, frame)) {
+            (Some(Flaw::IgnoresCrc), _) if frame.len() == 8 => Some(rewritten(network, frame, |_| {})),
+            (Some(Flaw::BelievesHellos), Some(Message::PlantHello(hello))) => {
+                let own = Hello::new(Profile::Classic, hello.rate_hz);
+                let hash = own.dbc_hash.to_le_bytes();
+                Some(rewritten(network, frame, |data| data[3..6].copy_from_slice(&hash[..3])))
+            }
+            (Some(Flaw::DeafToStates), Some(Message::Heartbeat(heartbeat)))
+                if heartbeat.state != NodeState::Operational =>
+            {
+                None
+            }
+            (Some(Flaw::DeafToLeaving), Some(Message::Emergency(_))) => None,
+            (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Exciter => None,
+            _ => Some(*frame),
+        }
+    }
+
+    pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
+        let network = self.network;
+        let by = match self.flaw {
+            Some(Flaw::WrongHash) => return Some(hashed_wrongly(network, frame)),
+            Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => return None,
+            Some(Flaw::AnswersNext) => 1,
+            Some(Flaw::AnswersLast) => u16::MAX,
+            _ => return Some(frame),
+        };
+        match read(network, &frame) {
+            Some(Message::Force(command)) => Some(rewritten(network, &frame, |data| {
+                data[6..8].copy_from_slice(&command.sample.wrapping_add(by).to_le_bytes());
+            })),
+            _ => Some(frame),
+        }
+    }
+}
