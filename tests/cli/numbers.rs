@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
 /// with little to do.
-const COMMANDS: [(&str, &str); 22] = [
+const COMMANDS: [(&str, &str); 26] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -31,13 +31,20 @@ const COMMANDS: [(&str, &str); 22] = [
     ("identify", "none.mcap"),
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
+    ("protocol dbc", ""),
+    ("protocol decode", "701#00"),
+    ("protocol encode", "PlantHeartbeat state=5"),
+    ("conformance", "--bus vcan999 --role plant"),
     ("doctor", ""),
 ];
 
 /// Value names of numeric flags in the help, and of all others.
 const NUMERIC: [&str; 16] =
     ["N", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "X,Y", "NX,NY", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
-const OTHERS: [&str; 20] = [
+const OTHERS: [&str; 23] = [
+    "ID",
+    "PROFILE",
+    "ROLE",
     "DOMAIN",
     "INPUT",
     "NAME",
