@@ -159,7 +159,9 @@ mod tests {
         }
 
         #[test]
-        fn lines_of_any_length_are_the_plain_sum(values in signal(), more in 0_usize..200, first in 0_usize..400, lines in 1_usize..50) {
+        fn lines_of_any_length_are_the_plain_sum(
+            values in signal(), more in 0_usize..200, first in 0_usize..400, lines in 1_usize..50,
+        ) {
             let period = values.len() + more;
             let found = Lines::new(period, values.len(), first, lines).transform(values.iter().copied());
             prop_assert_eq!(found.len(), lines);

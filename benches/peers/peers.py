@@ -1,9 +1,8 @@
 """Steps per second of the same arm in MuJoCo, in hand-written numba and in Resonarm, and the ratios.
 
-Every one steps irb1600-fitted at beta2 = 60 degrees from the same state, without load, and must arrive at the same state. The
-three are measured in turn, several times over: in each turn the best short round of each counts, and the ratios are the
-medians of those in a turn, because the clock of a shared machine changes between turns.
-"""
+Every one steps irb1600-fitted at beta2 = 60 degrees from the same state, without load, and must arrive at the same
+state. The three are measured in turn, several times over: in each turn the best short round of each counts, and the
+ratios are the medians of those in a turn, because the clock of a shared machine changes between turns. """
 import json
 import math
 import statistics

@@ -1,24 +1,25 @@
 //! How many bits a frame takes on a wire: exactly, with the stuff bits of its content, and at most.
 //!
-//! ISO 11898-1:2015. After five equal bits in a row a sender puts in one of the other level, which counts for the next five.
+//! ISO 11898-1:2015. After five equal bits in a row a sender puts in one of the other level, which counts for the next
+//! five.
 //!
 //! ```text
 //! classical   SOF 1, identifier 11, RTR, IDE, r0, DLC 4, data 8n, CRC 15 | delimiter, ACK 2, EOF 7, intermission 3
 //!             └───────────────────────── stuffed ──────────────────────┘
 //! extended    the identifier is 11 bits, SRR, IDE and 18 bits; then RTR, r1, r0
 //!
-//! FD          SOF 1, identifier 11, RRS, IDE, FDF, res, BRS | ESI, DLC 4, data 8n | count 4, CRC, delimiter | ACK 2, EOF 7 …
+//! FD          SOF 1, identifier 11, RRS, IDE, FDF, res, BRS | ESI, DLC 4, data 8n | count 4, CRC, delimiter | ACK …
 //!             └─────────────────────────── stuffed ────────────────────────────┘
 //!                                                           └─── at the data bit rate, if BRS is set ─────┘
 //! ```
 //!
-//! In an FD frame the count of the stuff bits and the CRC, of 17 bits up to 16 bytes of data and of 21 beyond, have a fixed
-//! stuff bit before their first bit and after every fourth, one at least that no other joins. So the length of an FD frame
-//! does not depend on its CRC, and none is computed.
+//! In an FD frame the count of the stuff bits and the CRC, of 17 bits up to 16 bytes of data and of 21 beyond, have a
+//! fixed stuff bit before their first bit and after every fourth, one at least that no other joins. So the length of an
+//! FD frame does not depend on its CRC, and none is computed.
 //!
-//! The bit rate changes at the sample points of BRS and of the CRC delimiter. With sample points at the same share of both
-//! bit times the frame takes exactly as long as if BRS had the nominal bit time and the delimiter the data bit time, which
-//! is how they are counted.
+//! The bit rate changes at the sample points of BRS and of the CRC delimiter. With sample points at the same share of
+//! both bit times the frame takes exactly as long as if BRS had the nominal bit time and the delimiter the data bit
+//! time, which is how they are counted.
 
 use crate::frame::{Frame, FrameFormat, Id};
 
@@ -109,9 +110,10 @@ const fn fd_check(len: usize) -> u64 {
 
 /// The bits of a frame of `len` bytes, intermission included, without stuff bits or with the most.
 ///
-/// Among s stuffed bits at most one is put in after the first five, and then one after every four: ⌊(s − 1)/4⌋. In an FD
-/// frame FDF, res and BRS differ, so that no five equal bits end among them, and none is put in behind the last bit. Of the
-/// frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis et al. (2007), doi:10.1007/s11241-007-9012-7.
+/// Among s stuffed bits at most one is put in after the first five, and then one after every four: ⌊(s − 1)/4⌋. In an
+/// FD frame FDF, res and BRS differ, so that no five equal bits end among them, and none is put in behind the last bit.
+/// Of the frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis et al. (2007),
+/// doi:10.1007/s11241-007-9012-7.
 pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stuffing) -> Bits {
     let bits = 8 * len as u64;
     let most = match stuffing {

@@ -13,8 +13,8 @@ pub const fn text(profile: Profile) -> &'static str {
     }
 }
 
-/// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It stands for the
-/// layouts, so it is the same whatever the base and the node ids.
+/// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It stands
+/// for the layouts, so it is the same whatever the base and the node ids.
 pub const fn hash(profile: Profile) -> u32 {
     const HASHES: [u32; 2] = [crc32(text(Profile::Classic).as_bytes()), crc32(text(Profile::Fd).as_bytes())];
     HASHES[profile as usize]
@@ -22,8 +22,8 @@ pub const fn hash(profile: Profile) -> u32 {
 
 /// The DBC of a network: [`text`] with the identifiers, node ids and data ids that the network has.
 ///
-/// Identifiers stand after `BO_`, `SG_`, `VAL_` and `SIG_VALTYPE_`, each of which begins a line or follows `CM_` or the name of an
-/// attribute.
+/// Identifiers stand after `BO_`, `SG_`, `VAL_` and `SIG_VALTYPE_`, each of which begins a line or follows `CM_` or the
+/// name of an attribute.
 #[derive(Clone, Copy, Debug)]
 pub struct Dbc(pub Network);
 

@@ -4,8 +4,8 @@ use embedded_can::{ExtendedId, StandardId};
 
 use crate::frame::{Frame, FrameFormat, Id};
 
-/// A driver makes classical frames; a CAN FD frame is made by [`Frame::new`]. Of a CAN FD frame `is_data_frame` holds and
-/// `dlc` gives its length in bytes, as of every frame.
+/// A driver makes classical frames; a CAN FD frame is made by [`Frame::new`]. Of a CAN FD frame `is_data_frame` holds
+/// and `dlc` gives its length in bytes, as of every frame.
 impl embedded_can::Frame for Frame {
     fn new(id: impl Into<embedded_can::Id>, data: &[u8]) -> Option<Frame> {
         Frame::classic(own(id.into()), data).ok()

@@ -131,7 +131,8 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
-    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with the first of `bytes`.
+    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with the first of
+    /// `bytes`.
     pub(crate) fn of_form(id: u16, form: &Form, bytes: &[u8]) -> Frame {
         let mut data = [0; 64];
         data[..form.length].copy_from_slice(&bytes[..form.length]);

@@ -2,7 +2,8 @@
 //!
 //! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware. With the feature
 //! `embedded-can` a [`Frame`] is one that drivers of microcontrollers take.
-//! `SPEC.md` beside this crate is the specification; `resonarm.dbc` and `resonarm-fd.dbc` are the source of truth for layouts.
+//! `SPEC.md` beside this crate is the specification; `resonarm.dbc` and `resonarm-fd.dbc` are the source of truth for
+//! layouts.
 #![no_std]
 #![forbid(unsafe_code)]
 

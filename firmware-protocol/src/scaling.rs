@@ -1,4 +1,5 @@
-//! Physical values of the classic profile as signed 16-bit counts: raw = round(value · counts per unit), value = raw / counts per unit.
+//! Physical values of the classic profile as signed 16-bit counts: raw = round(value · counts per unit),
+//! value = raw / counts per unit.
 //!
 //! Rounding is to nearest, ties to even. Counts go from −32767 to 32767; −32768 is reserved for "not available".
 
@@ -80,8 +81,8 @@ impl Scale {
 
 /// The integer nearest to `x`, ties to even, for |x| ≤ 2⁵¹.
 ///
-/// With c = 2⁵² + 2⁵¹ the sum x + c lies in [2⁵², 2⁵³], where a double has a unit of exactly 1: the addition rounds x to an
-/// integer, nearest and ties to even (c is even), and subtracting c again is exact.
+/// With c = 2⁵² + 2⁵¹ the sum x + c lies in [2⁵², 2⁵³], where a double has a unit of exactly 1: the addition rounds x
+/// to an integer, nearest and ties to even (c is even), and subtracting c again is exact.
 const fn round_ties_even(x: f64) -> f64 {
     const C: f64 = 6_755_399_441_055_744.0;
     (x + C) - C

@@ -3,10 +3,12 @@
 /// Every node sends its heartbeat at least this often, and at once when its state changes.
 pub const HEARTBEAT_PERIOD_NS: u64 = 100_000_000;
 
-/// In real time, of the time listened: a partner without a sign of life for this long is lost: three heartbeats and half a period.
+/// In real time, of the time listened: a partner without a sign of life for this long is lost: three heartbeats and
+/// half a period.
 pub const HEARTBEAT_TIMEOUT_NS: u64 = 350_000_000;
 
-/// Every node sends its hello at least this often, when it boots, and in answer to the first hello of a partner that has booted.
+/// Every node sends its hello at least this often, when it boots, and in answer to the first hello of a partner that
+/// has booted.
 pub const HELLO_PERIOD_NS: u64 = 1_000_000_000;
 
 /// In real time, of the time listened: an operational plant without a valid command for this long has lost its

@@ -24,8 +24,8 @@ impl Transmitter {
         self.network
     }
 
-    /// The frame of a message. Every call takes the next counter of the message, so each frame must be sent, once and in
-    /// order; to send a message again, make another frame.
+    /// The frame of a message. Every call takes the next counter of the message, so each frame must be sent, once and
+    /// in order; to send a message again, make another frame.
     ///
     /// # Errors
     /// [`EncodeError`] if a value can't be sent or the profile has no such message; the counter stays as it was.

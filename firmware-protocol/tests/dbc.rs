@@ -1,4 +1,5 @@
-//! Holds the code to `resonarm.dbc` and `resonarm-fd.dbc`: identifiers, layouts, scaling, ranges, units, protection, names.
+//! Holds the code to `resonarm.dbc` and `resonarm-fd.dbc`: identifiers, layouts, scaling, ranges, units, protection,
+//! names.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -98,7 +99,8 @@ fn messages_are_those_of_the_code() {
     }
 }
 
-/// With another base and other node ids the DBC has the identifiers, node ids and data ids of the code, and nothing else changes.
+/// With another base and other node ids the DBC has the identifiers, node ids and data ids of the code, and nothing
+/// else changes.
 #[test]
 fn the_dbc_of_a_network_is_that_of_the_code() {
     for profile in Profile::ALL {

@@ -44,8 +44,8 @@ fn any_frame() -> impl Strategy<Value = Frame> {
         .prop_map(|(id, (format, data))| Frame::new(id, format, &data).unwrap())
 }
 
-/// The frame with its reserved bytes of zero, where it is one of the FD profile's, and with a CRC that fits its content: so that many
-/// are taken.
+/// The frame with its reserved bytes of zero, where it is one of the FD profile's, and with a CRC that fits its
+/// content: so that many are taken.
 fn mended(profile: Profile, frame: Frame) -> Frame {
     common::with_content(profile, &frame, |data| match data.len() {
         16 => data[6..8].fill(0),
@@ -173,7 +173,9 @@ proptest! {
 
     #[test]
     fn the_sequence_is_judged_as_profile_11_does(
-        fates in prop::collection::vec(prop::sample::select(vec!["arrives", "arrives", "lost", "twice", "boot"]), 1..200),
+        fates in prop::collection::vec(
+            prop::sample::select(vec!["arrives", "arrives", "lost", "twice", "boot"]), 1..200,
+        ),
     ) {
         let (mut transmitter, mut receiver) = (Transmitter::new(Network::default()), Receiver::new(Network::default()));
         let force = Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample: 0 });

@@ -71,7 +71,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn eigenproblem_agrees_with_equation_30(preset in prop::sample::select(&Preset::ALL[..]), beta2_deg in -180.0..180.0) {
+        fn eigenproblem_agrees_with_equation_30(
+            preset in prop::sample::select(&Preset::ALL[..]), beta2_deg in -180.0..180.0,
+        ) {
             let arm = arm(preset, 0.0, beta2_deg);
             for (mode, closed) in modes(&arm).iter().zip(arm.angular_frequencies_rad_s()) {
                 prop_assert!((mode.frequency_hz * TAU / closed - 1.0).abs() < 1e-12, "{mode:?} {closed}");

@@ -122,8 +122,10 @@ proptest! {
 
     /// Elbow up and elbow down: (β2, α, F_y) → (−β2, −α, −F_y) with β1 → −β1 mirrors the arm on the x axis.
     #[test]
-    fn mirrored_arm_moves_mirrored(preset in prop::sample::select(&Preset::ALL[..]), b1 in -180.0..180.0, b2 in -180.0..180.0,
-                                   state in any_state(), load in any_load()) {
+    fn mirrored_arm_moves_mirrored(
+        preset in prop::sample::select(&Preset::ALL[..]), b1 in -180.0..180.0, b2 in -180.0..180.0,
+        state in any_state(), load in any_load(),
+    ) {
         let mirror = |l: &Load| Load { torque_nm: -l.torque_nm, force_n: Vector2::new(l.force_n.x, -l.force_n.y) };
         let mirrored = State { alpha_rad: -state.alpha_rad, alpha_dot_rad_s: -state.alpha_dot_rad_s };
         let a = arm(preset, b1, b2).acceleration(&state, &load);

@@ -1,12 +1,12 @@
 //! Whether a node keeps the protocol: cases that play its partner on a bus.
 //!
 //! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
-//! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are the
-//! demands of `SPEC.md`, and say which no case can see. Only real time is tested, not lockstep.
+//! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are
+//! the demands of `SPEC.md`, and say which no case can see. Only real time is tested, not lockstep.
 //!
-//! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant does
-//! is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself for
-//! longer than its partner puts up with, a failure is inconclusive, and the case is tried again.
+//! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
+//! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
+//! for longer than its partner puts up with, a failure is inconclusive, and the case is tried again.
 
 mod cases;
 mod common_cases;

@@ -51,7 +51,9 @@ fn grid(from_hz: f64, to_hz: f64, points: u32) -> impl Iterator<Item = f64> {
 
 proptest! {
     #[test]
-    fn the_frequency_of_a_logarithmic_sweep_grows_as_a_power(from_hz in 1.0..100.0, to_hz in 1.0..100.0, at in 0.0..0.999) {
+    fn the_frequency_of_a_logarithmic_sweep_grows_as_a_power(
+        from_hz in 1.0..100.0, to_hz in 1.0..100.0, at in 0.0..0.999,
+    ) {
         let profile = Waveform::SweptSine { from_hz, to_hz, duration_s: 10.0, law: SweepLaw::Logarithmic };
         let profile = along_y(0.0, profile).unwrap();
         let n = (at * 9_999.0) as u64;
@@ -63,7 +65,9 @@ proptest! {
     }
 
     #[test]
-    fn noise_has_its_crest_its_band_and_the_bits_of_its_seed(from_hz in 5.0..100.0_f64, width_hz in 20.0..300.0_f64, seed: u64) {
+    fn noise_has_its_crest_its_band_and_the_bits_of_its_seed(
+        from_hz in 5.0..100.0_f64, width_hz in 20.0..300.0_f64, seed: u64,
+    ) {
         let to_hz = from_hz + width_hz;
         let random = |seed| Waveform::Random { from_hz, to_hz, duration_s: 3.0, spectrum: None, seed };
         let profile = along_y(0.0, random(seed)).unwrap();

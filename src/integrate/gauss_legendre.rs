@@ -4,7 +4,7 @@
 //! Applied to x' = v, v' = a with the stage accelerations as slopes,
 //!
 //! ```text
-//! vᵢ = v + h Σⱼ aᵢⱼ Aⱼ      xᵢ = x + cᵢ h v + h² Σⱼ (a²)ᵢⱼ Aⱼ      v⁺ = v + h Σ bⱼ Aⱼ      x⁺ = x + h v + h² Σ (bᵀa)ⱼ Aⱼ
+//! vᵢ = v + h Σⱼ aᵢⱼ Aⱼ     xᵢ = x + cᵢ h v + h² Σⱼ (a²)ᵢⱼ Aⱼ     v⁺ = v + h Σ bⱼ Aⱼ     x⁺ = x + h v + h² Σ (bᵀa)ⱼ Aⱼ
 //! ```
 
 use alloc::vec::Vec;

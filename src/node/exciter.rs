@@ -244,7 +244,8 @@ impl ExciterNode {
         }
     }
 
-    /// A plant says what it speaks; its first hello is answered at once. An exciter that has ended arms none and judges none.
+    /// A plant says what it speaks; its first hello is answered at once. An exciter that has ended arms none and judges
+    /// none.
     fn greet(&mut self, now_ns: u64, hello: Hello) {
         let mismatch = self.link.hello().mismatch(&hello);
         let is_new = self.plant_hello.is_none();

@@ -277,8 +277,8 @@ impl PlantNode {
         link.min(command).min(self.link.partner_deadline_ns())
     }
 
-    /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame, alone or with
-    /// the sample before it.
+    /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame, alone
+    /// or with the sample before it.
     ///
     /// # Errors
     /// [`EncodeError`] if a value is not a number; the frames before it are sent.

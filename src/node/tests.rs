@@ -268,7 +268,9 @@ fn nodes_that_do_not_fit_never_arm() {
 proptest! {
     /// Whatever comes over the bus, an unarmed plant holds no load, and an armed one none beyond the exciter's limits.
     #[test]
-    fn no_frames_get_past_the_gate(frames in prop::collection::vec((0x200_u16..0x208, prop::collection::vec(any::<u8>(), 0..=8)), 0..200)) {
+    fn no_frames_get_past_the_gate(
+        frames in prop::collection::vec((0x200_u16..0x208, prop::collection::vec(any::<u8>(), 0..=8)), 0..200),
+    ) {
         let (mut unarmed, (mut armed, _)) = (plant_node(), armed());
         unarmed.start(0);
         for (id, data) in frames {

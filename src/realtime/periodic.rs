@@ -13,7 +13,7 @@
 //!                |---------|---------|---------|---------|---------|----
 //!  on time       [0]       [1]       [2]       [3]       [4]       [5]
 //!
-//!  long work     [0]       [1----------------------][2-][3][4]     [5]      d2, d3 pass while tick 1 works, d4 in tick 3
+//!  long work     [0]       [1----------------------][2-][3][4]     [5]      d2, d3 pass in tick 1, d4 in tick 3
 //!  missed        0         0                        2   0  1       0        the sum is 3: d2 and d3 told by 2, d4 by 4
 //!  lateness      ε         ε                        1.5 .9 .2      ε        periods; ε is the wake-up latency
 //!

@@ -1,5 +1,5 @@
-"""Runs the demo again and again, beside busy loops or while it is stopped for a while, and says whether every run recorded the
-same states, bit for bit.
+"""Runs the demo again and again, beside busy loops or while it is stopped for a while, and says whether every run
+recorded the same states, bit for bit.
 
     target/venv/bin/python tests/demo/same_bits.py [--runs 20] [--busy 4] [--stops 5] [--speed 1] [--at-once 1]
 

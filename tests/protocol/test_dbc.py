@@ -1,4 +1,5 @@
-"""Holds the protocol to tools that know nothing of its code: cantools reads the DBC files, autosar-e2e computes the CRCs.
+"""Holds the protocol to tools that know nothing of its code: cantools reads the DBC files, autosar-e2e computes the
+CRCs.
 
 A receiver and a sender are built from the two, and must do what the golden frames say.
 """
@@ -254,8 +255,8 @@ def test_the_hellos_of_the_specification_carry_the_hash_of_the_classic_dbc():
 
 
 def test_the_protections_are_those_of_the_golden_values():
-    """Profile 11: both data id modes, eight zero bytes, data id 0x123, as AUTOSAR implementations agree on them. Profile 5: the
-    example of its document."""
+    """Profile 11: both data id modes, eight zero bytes, data id 0x123, as AUTOSAR implementations agree on them.
+    Profile 5: the example of its document."""
     data = bytearray(8)
     e2e_p11_protect(data, 0x123, increment_counter=False)
     assert data[:2] == bytes([0xCC, 0x00])

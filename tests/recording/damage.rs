@@ -67,7 +67,9 @@ proptest! {
 
     /// One byte anywhere: seen, or of no consequence.
     #[test]
-    fn a_wrong_byte_gives_no_wrong_record(flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 100)) {
+    fn a_wrong_byte_gives_no_wrong_record(
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 100),
+    ) {
         let directory = tempfile::tempdir()?;
         let fail = |error: Box<dyn std::error::Error>| TestCaseError::fail(error.to_string());
         let whole = bytes(directory.path()).map_err(fail)?;

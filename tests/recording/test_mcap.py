@@ -80,7 +80,8 @@ def test_states_are_what_was_simulated(messages):
 
 
 def filtered(values, every=10):
-    """Every tenth value through the filter that docs/recording.md states, whose ends go on beyond the ends of the series."""
+    """Every tenth value through the filter that docs/recording.md states, whose ends go on beyond the ends of the
+    series."""
     half = 26 * every
     i = np.arange(-half, half + 1)
     taps = np.kaiser(2 * half + 1, 0.1102 * (80 - 8.7)) * np.sinc(0.9 * i / every)

@@ -1,7 +1,8 @@
-"""The linear arm, from the equations of Gierlak & Warmiński (Appl. Sci. 2023, 13, 11941), without a line of the program.
+"""The linear arm, from the equations of Gierlak & Warmiński (Appl. Sci. 2023, 13, 11941), without a line of the
+program.
 
-For α = Re(A e^{iωt}) the arm linearised in its pose is (K − ω²M + iωD) A = Jᵀ F, and a point with the Jacobian J_P has the
-acceleration −ω² J_P A. Numbers from Table 1 of the paper, but I_S2 = 1.5 kg·m² (fitted) and l2 = 0.6 m (assumed).
+For α = Re(A e^{iωt}) the arm linearised in its pose is (K − ω²M + iωD) A = Jᵀ F, and a point with the Jacobian J_P has
+the acceleration −ω² J_P A. Numbers from Table 1 of the paper, but I_S2 = 1.5 kg·m² (fitted) and l2 = 0.6 m (assumed).
 """
 
 import math
@@ -53,7 +54,8 @@ class LinearArm:
 
 
 def amplitudes(samples, rate_hz, frequency_hz, ringing_hz=()):
-    """Amplitude of a sine in each column of `samples` by least squares, beside an offset and sines of the `ringing_hz`."""
+    """Amplitude of a sine in each column of `samples` by least squares, beside an offset and sines of the
+    `ringing_hz`."""
     t = np.arange(len(samples)) / rate_hz
     columns = [np.ones_like(t)]
     for hz in (frequency_hz, *ringing_hz):

@@ -8,8 +8,8 @@ import tempfile
 import time
 from pathlib import Path
 
-# Until a program that does not end is taken to hang, and what one waits for not to come, s. Machines differ by a factor of ten,
-# and a busy one stops a process again and again.
+# Until a program that does not end is taken to hang, and what one waits for not to come, s. Machines differ by a factor
+# of ten, and a busy one stops a process again and again.
 PATIENCE_S = 300
 
 RESONARM = os.environ.get("RESONARM_BIN", "target/release/resonarm")
@@ -51,8 +51,8 @@ class Program:
         return json.loads(self.stdout)
 
     def settle(self):
-        """Waits until, for half a second, its output has not grown and it has slept, which it does not while it has work: on
-        a busy machine it may have work and no core."""
+        """Waits until, for half a second, its output has not grown and it has slept, which it does not while it has
+        work: on a busy machine it may have work and no core."""
         size, since = -1, time.monotonic()
         while time.monotonic() - since < 0.5:
             if (now := self.paths[0].stat().st_size) != size or not self.asleep():

@@ -13,7 +13,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 STATE = ("alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s")
 LOAD = ("torque1_nm", "torque2_nm", "force_x_n", "force_y_n")
-SENSORS = tuple(f"acceleration_{point}_{axis}_m_s2" for point in "bc" for axis in "xy") + ("head_force_x_n", "head_force_y_n")
+ACCELERATIONS = tuple(f"acceleration_{point}_{axis}_m_s2" for point in "bc" for axis in "xy")
+SENSORS = (*ACCELERATIONS, "head_force_x_n", "head_force_y_n")
 RECEIVED, SENT = 1, 2
 
 

@@ -24,8 +24,8 @@ class Frame:
 
 
 def log(candump):
-    """Everything that a `Programs.candump` has seen, after which it ends. Only classical data frames may be in it, and none
-    may be missing: anything else that candump says is an error."""
+    """Everything that a `Programs.candump` has seen, after which it ends. Only classical data frames may be in it, and
+    none may be missing: anything else that candump says is an error."""
     candump.settle()
     candump.stop()
     frames = []
@@ -37,7 +37,8 @@ def log(candump):
 
 
 def decode(frame):
-    """Name and signals of a frame; cantools refuses what the DBC does not know, and values out of range are an error."""
+    """Name and signals of a frame; cantools refuses what the DBC does not know, and values out of range are an
+    error."""
     message = DBC.get_message_by_frame_id(frame.id)
     assert len(frame.data) == message.length, frame
     signals = message.decode(frame.data, decode_choices=False)

@@ -1,6 +1,6 @@
 /*
- * hold_registers BYTE SWITCHES: fills ymm0 and ymm15 with BYTE, gives the processor away SWITCHES times, and looks at them after each:
- * they must be as they were, whatever other processes have in theirs. Exit status: 0 if so, else 1.
+ * hold_registers BYTE SWITCHES: fills ymm0 and ymm15 with BYTE, gives the processor away SWITCHES times, and looks at
+ * them after each: they must be as they were, whatever other processes have in theirs. Exit status: 0 if so, else 1.
  */
 #include <stdlib.h>
 #include <string.h>

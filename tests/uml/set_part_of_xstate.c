@@ -1,9 +1,11 @@
 /*
- * set_part_of_xstate BYTES: sets the first BYTES of the XSAVE area of a child, as User-Mode Linux does with its buffer, and tells what
- * came of it. What User-Mode Linux meets on a processor with AMX, every processor meets with BYTES shorter than its own area.
+ * set_part_of_xstate BYTES: sets the first BYTES of the XSAVE area of a child, as User-Mode Linux does with its buffer,
+ * and tells what came of it. What User-Mode Linux meets on a processor with AMX, every processor meets with BYTES
+ * shorter than its own area.
  *
- * The child fills ymm0, stops, and tells what is in ymm0 when it goes on. Its lower half, xmm0, lies at byte 160 of the area, its upper
- * half at 576, behind the legacy region (512 bytes) and the header (64). The parent sets xmm0 anew in between.
+ * The child fills ymm0, stops, and tells what is in ymm0 when it goes on. Its lower half, xmm0, lies at byte 160 of the
+ * area, its upper half at 576, behind the legacy region (512 bytes) and the header (64). The parent sets xmm0 anew in
+ * between.
  * Prints `area AREA bytes, set: OUTCOME`, and if it was set `xmm0 OLD→NEW, upper half VALUE`, as bytes of the child.
  */
 #include <elf.h>

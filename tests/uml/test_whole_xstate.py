@@ -1,6 +1,7 @@
 """User-Mode Linux gets floating point right on processors whose registers it doesn't know; whole_xstate.c says how.
 
-What it meets there, a short buffer, is made here on whatever processor this is: the same outcome is asked of all of them.
+What it meets there, a short buffer, is made here on whatever processor this is: the same outcome is asked of all of
+them.
 """
 
 import os

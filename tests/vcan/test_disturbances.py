@@ -86,7 +86,8 @@ def test_garbage_is_refused_and_counted_and_changes_nothing(programs, tmp_path, 
     assert exciter.result()["outcome"] == "finished"
     ended = plant.result()
     recording = Recording.whole(path)
-    # Frames of CAN FD on identifiers of the protocol are refused too; that of 0x205 is of the plant itself, but not from it.
+    # Frames of CAN FD on identifiers of the protocol are refused too; that of 0x205 is of the plant itself, but not
+    # from it.
     assert ended["bus"]["e2e_errors"] == len(refused) + 3
     assert [event.name for event in recording.topics["/events"]].count("state.fault") == 0
     assert np.array_equal(bits(recording.states), bits(undisturbed.states))
@@ -94,7 +95,8 @@ def test_garbage_is_refused_and_counted_and_changes_nothing(programs, tmp_path, 
 
 def test_a_flood_of_foreign_frames_changes_nothing(programs, tmp_path, scenario, undisturbed):
     plant, exciter, path = run_both(programs, tmp_path, scenario)
-    # As fast as a wire of 1 Mbit/s could carry them beside a run, not as fast as a virtual one, which loses frames then.
+    # As fast as a wire of 1 Mbit/s could carry them beside a run, not as fast as a virtual one, which loses frames
+    # then.
     flood = programs.start("cangen", "cangen", "vcan0", "-g", "0.25", "-n", "4000", "-I", "123", "-L", "8")
     assert exciter.result()["outcome"] == "finished"
     assert flood.wait() == 0
@@ -109,7 +111,8 @@ def test_cansend_of_nonsense_to_an_idle_plant(programs):
     plant = programs.resonarm("run", "--bus", "vcan0", "--rate-hz", 100, "--json")
     dump = programs.candump()
     wait_until(lambda: " vcan0 205#" in dump.stdout, "samples")
-    for frame in ("201#", "200#00", "200#FFFFFFFFFFFFFFFF", "207#0102030405060708", "7DF#020105", "123#R8", "12345678#00"):
+    of_the_protocol = ("201#", "200#00", "200#FFFFFFFFFFFFFFFF", "207#0102030405060708")
+    for frame in (*of_the_protocol, "7DF#020105", "123#R8", "12345678#00"):
         run("cansend", "vcan0", frame)
     wait_until(lambda: " vcan0 12345678#00" in dump.stdout, "the last of the nonsense")
     assert plant.stop() == 0

@@ -1,4 +1,5 @@
-"""What happens when one end of a run in real time is killed: SPEC.md, section 8, and the recording up to its last flush."""
+"""What happens when one end of a run in real time is killed: SPEC.md, section 8, and the recording up to its last
+flush."""
 
 import json
 import re
@@ -13,7 +14,8 @@ from recordings import RECEIVED, Recording
 RATE_HZ = 100
 DT_S = 1 / RATE_HZ
 FORCE_N = 100.0
-# The timeout is longer than the 20 ms of the specification, which a virtual machine may hold a controller up for at any time.
+# The timeout is longer than the 20 ms of the specification, which a virtual machine may hold a controller up for at any
+# time.
 COMMAND_TIMEOUT_S, FORCE_RAMP_S, FLUSH_S = 0.2, 0.050, 1.0
 SCHEDULE_SLIPPED = 11
 # Samples after the last controller.
@@ -39,7 +41,8 @@ profile = {{ waveform = "dwell", frequency_hz = 11.3, duration_s = %s, settle_s 
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory):
-    """A controller killed while it shakes the plant, further ones that shall finish, and the plant killed after them."""
+    """A controller killed while it shakes the plant, further ones that shall finish, and the plant killed after
+    them."""
     folder = tmp_path_factory.mktemp("killed")
     long, short = folder / "long.toml", folder / "short.toml"
     long.write_text(SCENARIO % 60)
@@ -66,13 +69,15 @@ def killed(tmp_path_factory):
         wait_until(lambda: len(Recording.cut_off(path).states) >= quiet, "a flush")
         assert plant.running()
         plant.kill()
-        return SimpleNamespace(path=path, frames=wire.log(dump), controllers=controllers, recording=Recording.cut_off(path))
+        frames, recording = wire.log(dump), Recording.cut_off(path)
+        return SimpleNamespace(path=path, frames=frames, controllers=controllers, recording=recording)
 
 
 def test_the_force_is_zero_within_the_time_of_the_specification(killed):
     states, ticks = killed.recording.states, killed.recording.column("/timing/ticks", ["wakeup_ns"])[:, 0] * 1e-9
     fault = killed.recording.event("state.fault")
-    # A frame is handled in the tick that ends its sample period. The last command before the fault is one that was taken.
+    # A frame is handled in the tick that ends its sample period. The last command before the fault is one that was
+    # taken.
     taken = max(f.step for f in killed.recording.frames_of(RECEIVED, 0x201) if f.step < fault.step) + 1
     loads = np.abs(states[:, 4:]).max(axis=1)
     held = taken - 1 + np.flatnonzero(loads[taken - 1 :] == 0)[0]
@@ -137,6 +142,7 @@ def test_a_plant_that_stops_on_disarm_ends_at_a_fault_and_says_it(programs, tmp_
     wait_until(lambda: " vcan0 201#" in dump.stdout, "a command")
     exciter.kill()
     ended = plant.result(code=1)
-    assert (ended["outcome"], ended["fault"]["code"], ended["fault"]["name"]) == ("faulted", 1, "command timeout"), ended
+    fault = ended["fault"]
+    assert (ended["outcome"], fault["code"], fault["name"]) == ("faulted", 1, "command timeout"), ended
     assert "fault of the plant, code 1: no valid command in time" in plant.stderr, plant.stderr
     assert Recording.whole(path).event("state.fault")

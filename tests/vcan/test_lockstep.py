@@ -47,7 +47,8 @@ def test_samples_and_answers_alternate(lockstep):
     answers = order.count("answer")
     # After the last answer come the sample at which the exciter disarms, and those of the ramp.
     assert order == ["head", "b", "c", "answer"] * answers + ["head", "b", "c"] * (lockstep.plant["samples"] - answers)
-    heads, answers = (wire.columns(lockstep.frames, name, "force_x_n")[:, 0] for name in ("ImpedanceHead", "ForceCommand"))
+    names = ("ImpedanceHead", "ForceCommand")
+    heads, answers = (wire.columns(lockstep.frames, name, "force_x_n")[:, 0] for name in names)
     # What was commanded at one sample is in the head at the next, give or take its noise of 0.01 N.
     assert np.abs(heads[1 : len(answers) + 1] - answers).max() < 0.1
 

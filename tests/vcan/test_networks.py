@@ -36,7 +36,8 @@ def flags(bench):
 
 @pytest.fixture(scope="module")
 def side_by_side(tmp_path_factory):
-    """Two benches in lockstep on vcan0 at once: what each came to, its recording and that of a free run, and the log."""
+    """Two benches in lockstep on vcan0 at once: what each came to, its recording and that of a free run, and the
+    log."""
     folder = tmp_path_factory.mktemp("side_by_side")
     benches = []
     with Programs() as programs:

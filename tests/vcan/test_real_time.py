@@ -1,4 +1,5 @@
-"""Real time on vcan. How punctual this machine is, is its own affair; that every tick is accounted for is the program's."""
+"""Real time on vcan. How punctual this machine is, is its own affair; that every tick is accounted for is the
+program's."""
 
 import numpy as np
 from processes import wait_until

@@ -1,4 +1,5 @@
-"""The kernel that these tests run on, often User-Mode Linux, keeps the registers of each process apart: numbers can be trusted."""
+"""The kernel that these tests run on, often User-Mode Linux, keeps the registers of each process apart: numbers can be
+trusted."""
 
 import subprocess
 from pathlib import Path

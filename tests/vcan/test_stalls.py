@@ -1,4 +1,5 @@
-"""One end of a run in real time is stopped for 300 ms by SIGSTOP, as a busy machine may do: SPEC.md, sections 6 and 8."""
+"""One end of a run in real time is stopped for 300 ms by SIGSTOP, as a busy machine may do: SPEC.md, sections 6 and
+8."""
 
 import json
 import signal
@@ -12,8 +13,8 @@ RATE_HZ = 200
 STALL_S = 0.3
 COMMAND_TIMEOUT_S, FORCE_RAMP_S = 0.020, 0.050
 
-# A machine that runs this may hold up either end for more than 20 ms by itself, so the timeout is longer where a fault is no
-# part of the test.
+# A machine that runs this may hold up either end for more than 20 ms by itself, so the timeout is longer where a fault
+# is no part of the test.
 SCENARIO = f"""
 [simulation]
 rate_hz = {RATE_HZ}

@@ -113,7 +113,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn a_classical_frame_has_the_bits_of_its_string(id in id(), data in (0..=8_usize).prop_flat_map(bytes), remote: bool) {
+    fn a_classical_frame_has_the_bits_of_its_string(
+        id in id(), data in (0..=8_usize).prop_flat_map(bytes), remote: bool,
+    ) {
         let format = if remote { FrameFormat::Remote } else { FrameFormat::Classic };
         let frame = Frame::new(id, format, &data).unwrap();
         prop_assert_eq!(of(&frame), Bits { nominal: classical(&frame).len() as u64, data: 0 });
@@ -122,7 +124,8 @@ proptest! {
 
     #[test]
     fn an_fd_frame_has_the_bits_of_its_string_whatever_its_crc(
-        id in id(), data in proptest::sample::select(&LENGTHS[..]).prop_flat_map(bytes), switch: bool, indicator: bool, noise: u32,
+        id in id(), data in proptest::sample::select(&LENGTHS[..]).prop_flat_map(bytes),
+        switch: bool, indicator: bool, noise: u32,
     ) {
         let format = FrameFormat::Fd { bit_rate_switch: switch, error_state_indicator: indicator };
         let frame = Frame::new(id, format, &data).unwrap();

@@ -58,9 +58,9 @@ impl Supervision {
 
     /// Checks the counter of a message whose CRC is right, and says how many messages were lost before it.
     ///
-    /// δ = (counter − last) mod n with the n counters of the profile: 1 is the next, 2 to [`MAX_DELTA_COUNTER`] mean δ − 1 lost,
-    /// 0 is a repetition, more is a wrong sequence. The counter becomes the last one in every case, so the receiver is in step
-    /// again with the message after a wrong sequence.
+    /// δ = (counter − last) mod n with the n counters of the profile: 1 is the next, 2 to [`MAX_DELTA_COUNTER`] mean
+    /// δ − 1 lost, 0 is a repetition, more is a wrong sequence. The counter becomes the last one in every case, so the
+    /// receiver is in step again with the message after a wrong sequence.
     ///
     /// # Errors
     /// [`CounterFault`]: the message must not be used. An invalid counter leaves the supervision as it was.

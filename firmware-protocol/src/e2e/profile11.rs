@@ -1,12 +1,13 @@
-//! AUTOSAR E2E Profile 11, variant 11A, of classical frames: CRC in byte 0, counter in the low nibble of byte 1, the whole 16-bit data id
-//! in the CRC and not on the wire (AUTOSAR FO PRS E2EProtocol, "Profile 11"). The high nibble of byte 1 is payload.
+//! AUTOSAR E2E Profile 11, variant 11A, of classical frames: CRC in byte 0, counter in the low nibble of byte 1, the
+//! whole 16-bit data id in the CRC and not on the wire (AUTOSAR FO PRS E2EProtocol, "Profile 11"). The high nibble of
+//! byte 1 is payload.
 //!
 //! The CRC is the polynomial x⁸ + x⁴ + x³ + x² + 1 (0x1D, SAE J1850), over: data id low byte, data id high byte, bytes
 //! 1 to n−1 of the message. SAE J1850 starts at 0xFF and inverts the result; Profile 11 undoes both (it calls the CRC
 //! with 0xFF as a *continued* start value, which the CRC library inverts to 0x00, and inverts the result again), so
-//! what stands here is the plain remainder: start 0x00, no final XOR. The polynomial is primitive, of period 255 bits, so every
-//! error of one or two bits changes the remainder. So does every burst of up to 7 bits; not of 8, for the CRC stands
-//! before the bytes it covers, and a burst over the end of byte 0 is none to the polynomial.
+//! what stands here is the plain remainder: start 0x00, no final XOR. The polynomial is primitive, of period 255 bits,
+//! so every error of one or two bits changes the remainder. So does every burst of up to 7 bits; not of 8, for the CRC
+//! stands before the bytes it covers, and a burst over the end of byte 0 is none to the polynomial.
 
 /// The remainder of one byte, for each byte.
 const TABLE: [u8; 256] = {

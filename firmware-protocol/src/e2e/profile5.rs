@@ -1,9 +1,10 @@
-//! AUTOSAR E2E Profile 5, of CAN FD frames: CRC-16 in the bytes 0 and 1 (little-endian), counter in byte 2, the 16-bit data
-//! id in the CRC and not on the wire (AUTOSAR FO PRS E2EProtocol, "Profile 5", offset 0).
+//! AUTOSAR E2E Profile 5, of CAN FD frames: CRC-16 in the bytes 0 and 1 (little-endian), counter in byte 2, the 16-bit
+//! data id in the CRC and not on the wire (AUTOSAR FO PRS E2EProtocol, "Profile 5", offset 0).
 //!
-//! The CRC is CRC-16/IBM-3740 (CCITT with start value 0xFFFF): polynomial x¹⁶ + x¹² + x⁵ + 1 (0x1021), most significant bit
-//! first, no final XOR, over: bytes 2 to n−1 of the message, data id low byte, data id high byte. The polynomial has the factor
-//! x + 1, so it finds every odd number of wrong bits; its period of 32767 bits exceeds the longest message, so it finds every two.
+//! The CRC is CRC-16/IBM-3740 (CCITT with start value 0xFFFF): polynomial x¹⁶ + x¹² + x⁵ + 1 (0x1021), most significant
+//! bit first, no final XOR, over: bytes 2 to n−1 of the message, data id low byte, data id high byte. The polynomial
+//! has the factor x + 1, so it finds every odd number of wrong bits; its period of 32767 bits exceeds the longest
+//! message, so it finds every two.
 
 /// The remainder of one byte, for each byte.
 const TABLE: [u16; 256] = {
@@ -22,8 +23,8 @@ const TABLE: [u16; 256] = {
     table
 };
 
-/// The CRC of a message with this data id: over all of `data` but the bytes 0 and 1, where the CRC itself stands, and the data
-/// id.
+/// The CRC of a message with this data id: over all of `data` but the bytes 0 and 1, where the CRC itself stands, and
+/// the data id.
 pub const fn crc(data_id: u16, data: &[u8]) -> u16 {
     let mut crc = 0xFFFF;
     let mut i = 2;

@@ -91,8 +91,8 @@ impl fmt::Display for EmergencyCode {
     }
 }
 
-/// A node tells why it has faulted, or a notice ([`EmergencyCode::is_notice`]). With [`EmergencyCode::Incompatible`] in the
-/// state pre-operational: why it would not arm.
+/// A node tells why it has faulted, or a notice ([`EmergencyCode::is_notice`]). With [`EmergencyCode::Incompatible`] in
+/// the state pre-operational: why it would not arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Emergency {
     /// The node.
@@ -106,7 +106,8 @@ pub struct Emergency {
 }
 
 impl fmt::Display for Emergency {
-    /// Code and detail in words: `plant, code 1: no valid command in time (12 refused, the last because …), at sample 300`.
+    /// Code and detail in words:
+    /// `plant, code 1: no valid command in time (12 refused, the last because …), at sample 300`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Emergency { node, code, detail, sample } = *self;
         write!(f, "{node}, code {}: {code}", code as u16)?;

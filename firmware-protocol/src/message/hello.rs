@@ -42,7 +42,8 @@ pub struct Hello {
     pub rate_hz: u16,
 }
 
-/// Why two nodes don't fit. The discriminant is the `detail` of [`EmergencyCode::Incompatible`](super::EmergencyCode::Incompatible).
+/// Why two nodes don't fit. The discriminant is the `detail` of
+/// [`EmergencyCode::Incompatible`](super::EmergencyCode::Incompatible).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum Mismatch {

@@ -134,9 +134,9 @@ impl MessageKind {
 
     /// The E2E data id, or `None` for a heartbeat, which CANopen leaves unprotected.
     ///
-    /// The low byte is the message's and the high byte the network's: `0x51` and the plant's node id. So a message under the
-    /// identifier of another, and the same message of another network, differ in one byte, and the CRC is always wrong. The
-    /// data ids don't depend on the base identifier.
+    /// The low byte is the message's and the high byte the network's: `0x51` and the plant's node id. So a message
+    /// under the identifier of another, and the same message of another network, differ in one byte, and the CRC is
+    /// always wrong. The data ids don't depend on the base identifier.
     pub const fn data_id(self, network: Network) -> Option<u16> {
         let number = match self {
             MessageKind::Operator => 0x01,
@@ -277,8 +277,8 @@ mod tests {
         }
     }
 
-    /// Data ids that differ in one byte give CRCs that differ, so it is enough that no two are the same and each pair of a
-    /// network differs in its low byte only.
+    /// Data ids that differ in one byte give CRCs that differ, so it is enough that no two are the same and each pair
+    /// of a network differs in its low byte only.
     #[test]
     fn no_two_data_ids_are_the_same() {
         let mut seen = std::collections::BTreeSet::new();

@@ -135,8 +135,8 @@ impl Message {
     /// The message of this kind with the signals that `get` has. Marks that are not given are 0.
     ///
     /// # Errors
-    /// [`SignalError`] if a signal is missing, or a value is none that it can have. Whether physical values can be sent,
-    /// [`Message::check`] says.
+    /// [`SignalError`] if a signal is missing, or a value is none that it can have. Whether physical values can be
+    /// sent, [`Message::check`] says.
     pub fn from_signals(
         kind: MessageKind,
         get: impl FnMut(&'static str) -> Option<f64>,

@@ -1,9 +1,20 @@
 //! A case: what is put on the bus, and what a receiver must make of it.
 
-use resonarm_protocol::{Frame, Message, Network, Node, Profile, Receiver, Transmitter};
+use resonarm_protocol::{Frame, Message, MessageKind, Network, Node, Profile, Receiver, Transmitter};
 use serde_json::{Value, json};
 
 use crate::{common, message_to_json, reason};
+
+/// A case for each message that a profile has.
+pub fn good(profile: Profile) -> Vec<Case> {
+    let kinds = MessageKind::ALL.into_iter().filter(|kind| kind.form(profile).is_some());
+    kinds
+        .map(|kind| {
+            let samples = common::samples().into_iter().filter(|message| message.kind() == kind);
+            samples.fold(Case::new(profile, &format!("good: {kind}")), Case::send)
+        })
+        .collect()
+}
 
 /// One sender, one receiver, and what goes between them.
 pub struct Case {

@@ -1,11 +1,10 @@
 //! The cases that `vectors/classic.json` is made of.
 
-use crate::case::Case;
+use crate::case::{self, Case};
 use crate::common;
 use resonarm_protocol::{
     Acceleration, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id, ImpedanceHead,
-    Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, TorqueCommand,
-    Transmitter, Version,
+    Message, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, TorqueCommand, Transmitter, Version,
 };
 
 const PROFILE: Profile = Profile::Classic;
@@ -40,14 +39,7 @@ pub fn all() -> Vec<Case> {
 }
 
 fn good() -> Vec<Case> {
-    let mut cases: Vec<Case> = MessageKind::ALL
-        .into_iter()
-        .filter(|kind| kind.form(PROFILE).is_some())
-        .map(|kind| {
-            let samples = common::samples().into_iter().filter(|message| message.kind() == kind);
-            samples.fold(new(&format!("good: {kind}")), Case::send)
-        })
-        .collect();
+    let mut cases = case::good(PROFILE);
     let ties = [0.01, 0.03, 0.05, -0.01, -0.03, -0.05, 0.009_999, 0.010_001, 655.349_999, -655.349_999];
     cases.push(ties.into_iter().fold(new("rounding: to nearest, ties to even"), |case, value| {
         case.send(force(value, 0.0, 1)).send(head(0.0, value))

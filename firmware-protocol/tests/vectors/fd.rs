@@ -5,7 +5,7 @@ use resonarm_protocol::{
     NodeState, Profile, SamplesPerFrame, SensorValues, Sensors, TorqueCommand, Transmitter,
 };
 
-use crate::case::Case;
+use crate::case::{self, Case};
 use crate::common;
 
 const PROFILE: Profile = Profile::Fd;
@@ -47,13 +47,7 @@ pub fn all() -> Vec<Case> {
 }
 
 fn good() -> Vec<Case> {
-    let kinds = MessageKind::ALL.into_iter().filter(|kind| kind.form(PROFILE).is_some());
-    let mut cases: Vec<Case> = kinds
-        .map(|kind| {
-            let samples = common::samples().into_iter().filter(|message| message.kind() == kind);
-            samples.fold(new(&format!("good: {kind}")), Case::send)
-        })
-        .collect();
+    let mut cases = case::good(PROFILE);
     let halfway = 1.0 + f64::from(f32::EPSILON) / 2.0;
     let values = [0.1, -0.1, 1e-45, -1e-46, 1e38, halfway, halfway.next_up(), 3.0 * halfway - 2.0, 2500.25];
     cases.push(values.into_iter().fold(new("rounding: to the nearest single, ties to even"), |case, value| {

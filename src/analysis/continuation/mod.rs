@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! ⎡ R_x  R_λ ⎤ ⎡δx⎤     ⎡   R(z)   ⎤
-//! ⎢          ⎥ ⎢  ⎥ = − ⎢          ⎥      by Newton's method, and with (0, 1) on the right at the solution, the next t.
+//! ⎢          ⎥ ⎢  ⎥ = − ⎢          ⎥     by Newton's method, and with (0, 1) on the right at the solution, the next t.
 //! ⎣ t_xᵀ t_λ ⎦ ⎣δλ⎦     ⎣ t·(z−z⁰) ⎦
 //! ```
 //!

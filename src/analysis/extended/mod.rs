@@ -4,7 +4,7 @@
 //! | | |
 //! | --- | --- |
 //! | [`singular`] | folds and period doublings, and their curves in two coordinates |
-//! | [`crossing`] | Neimark–Sacker points, where multipliers cross the unit circle, and branch points, where branches cross |
+//! | [`crossing`] | Neimark–Sacker points, where multipliers cross the unit circle, branch points, where branches do |
 
 pub(super) mod crossing;
 mod singular;

@@ -133,7 +133,9 @@ mod tests {
     proptest! {
         /// For an arm without dampers H is the sum over its modes φφᵀ/(ω_r² − ω²).
         #[test]
-        fn is_the_sum_of_the_modes(preset in prop::sample::select(&Preset::ALL[..]), beta2_deg in -180.0..180.0, f in 0.0..1000.0) {
+        fn is_the_sum_of_the_modes(
+            preset in prop::sample::select(&Preset::ALL[..]), beta2_deg in -180.0..180.0, f in 0.0..1000.0,
+        ) {
             let preset = preset.parameters().unwrap();
             let parameters = Parameters { damping1_nm_s_rad: 0.0, damping2_nm_s_rad: 0.0, ..preset };
             let arm = Arm::new(parameters, Pose { beta1_deg: 0.0, beta2_deg }).unwrap();
@@ -148,7 +150,10 @@ mod tests {
 
         /// Maxwell's reciprocity, for the two pairs of drive and response at the same point.
         #[test]
-        fn is_reciprocal(preset in prop::sample::select(&Preset::ALL[..]), beta1_deg in -180.0..180.0, beta2_deg in -180.0..180.0, f in 0.1..200.0) {
+        fn is_reciprocal(
+            preset in prop::sample::select(&Preset::ALL[..]),
+            beta1_deg in -180.0..180.0, beta2_deg in -180.0..180.0, f in 0.1..200.0,
+        ) {
             let response = FrequencyResponse::new(&arm(preset, beta1_deg, beta2_deg));
             let at = |drive, place| response.at(Quantity::Receptance, drive, place, f).unwrap();
             for (one, other) in [

@@ -3,8 +3,8 @@
 //! - A frame starts when the bus is free. Of those that wait then, the lowest identifier wins; the others try again.
 //! - Each node sends its frames first in, first out, from a few mailboxes; full ones are [`Sent::QueueFull`].
 //! - A frame is received at the end of its last bit, before the three bits of intermission.
-//! - With a bit error rate, a bit error ends a frame at its bit, for all nodes at once, with an error frame of 6 + 8 bits,
-//!   and the frame is sent again. Error counters, the passive state, bus-off and recovery follow ISO 11898-1.
+//! - With a bit error rate, a bit error ends a frame at its bit, for all nodes at once, with an error frame of 6 + 8
+//!   bits, and the frame is sent again. Error counters, the passive state, bus-off and recovery follow ISO 11898-1.
 //! - A frame that nobody else is there to acknowledge is sent again and again, as on a real bus.
 //!
 //! Nodes see a bit at the same time: the wire has no length. Bit rates and sample points have no tolerance.
