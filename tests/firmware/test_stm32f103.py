@@ -1,0 +1,152 @@
+"""The reference controller in C on an emulated STM32F103 shakes the plant in lockstep, over a serial line as CAN
+adapters have it (slcan): no kernel's CAN is needed. While the plant's answer is awaited the controller's time stands
+still, so that it does not matter how fast either of them is. Arbitration, bus off and the time on the wire are not
+emulated."""
+
+import os
+from pathlib import Path
+
+import can
+import labwired
+import numpy as np
+import pytest
+from processes import PATIENCE_S, Programs, wait_until
+from recordings import Recording, bits
+
+FIRMWARE = os.environ.get("RESONARM_STM32F103", "firmware-protocol/c/build/stm32f103.elf")
+SYSTEM = Path(__file__).with_name("stm32f103.yaml")
+# The other end may be slow: the plant waits, by the clock, as long as a program that hangs is waited for.
+PATIENT = f"""
+[network]
+lockstep_timeout_s = {PATIENCE_S}.0
+[arm]
+beta1_deg = 30.0
+"""
+# What main.c of the port plays.
+SINES = """
+[excitation]
+amplitude = { force_x_n = 150.0 }
+ramp_s = 0.2
+profile = { waveform = "sine-list", frequencies_hz = [19.7, 26.0], dwell_s = 0.4, settle_s = 0.1 }
+"""
+# With a stroke of a micrometre it trips.
+SHAKER = """
+[rig.shaker]
+amplifier = "voltage"
+moving_mass_kg = 0.5
+stiffness_n_m = 2000.0
+damping_n_s_m = 10.0
+force_factor_n_a = 20.0
+resistance_ohm = 2.0
+inductance_h = 3e-4
+stroke_m = 1e-6
+current_limit_a = 15.0
+voltage_limit_v = 60.0
+"""
+FORCE_COMMAND, ACCELEROMETER_C, EXCITER_EMERGENCY = 0x201, 0x205, 0x082
+PLANT_HEARTBEAT, EXCITER_HEARTBEAT = 0x701, 0x702
+# Faults of a Cortex-M3 (Configurable Fault Status Register), and frames in bxCAN's FIFO 0.
+CFSR, CAN_RF0R = 0xE000ED28, 0x4000640C
+STEP = "20us"
+# The longest silence of a firmware that lives: a heartbeat's period, and half of one.
+SILENCE_S = 0.15
+
+
+class Firmware:
+    """A controller on an emulated processor; `CFSR` tells in a failure whether it has trapped."""
+
+    def __init__(self, sim):
+        self.sim, self.spoken_s = sim, 0.0
+
+    def step(self):
+        """Goes on for a little time; the frames it sent."""
+        self.sim.run_for(STEP)
+        frames = [frame["payload"] for frame in self.sim.frames()]
+        sent = [frame for frame in frames if frame["direction"] == "tx"]
+        if sent:
+            self.spoken_s = self.sim.time
+        silence_s = self.sim.time - self.spoken_s
+        assert silence_s < SILENCE_S, f"no frame for {silence_s} s, CFSR {self.sim.read_u32(CFSR):#x}"
+        return [can.Message(arbitration_id=frame["id"], data=frame["data"], is_extended_id=False) for frame in sent]
+
+    def has_room(self):
+        """Whether all frames were taken out of the FIFO."""
+        return self.sim.read_u32(CAN_RF0R) & 3 == 0
+
+    def take(self, message):
+        self.sim.inject_can("bxcan1", message.arbitration_id, message.data)
+
+
+def carry(bus, firmware):
+    """Carries frames between plant and controller until the controller has left. While the plant owes a sample, the
+    controller is stepped for the frames alone that come."""
+    is_plants_turn, sent = False, []
+    while not (sent and sent[-1].arbitration_id == EXCITER_EMERGENCY):
+        message = bus.recv(PATIENCE_S if is_plants_turn else 0) if firmware.has_room() else None
+        if message is not None:
+            firmware.take(message)
+            # Of a plant that is no longer armed no sample need come.
+            is_plants_turn &= message.arbitration_id not in (ACCELEROMETER_C, PLANT_HEARTBEAT)
+        for answer in firmware.step():
+            bus.send(answer)
+            sent.append(answer)
+            is_plants_turn |= answer.arbitration_id == FORCE_COMMAND
+    return sent
+
+
+@pytest.fixture
+def programs():
+    with Programs() as programs:
+        yield programs
+
+
+@pytest.fixture
+def null_modem(tmp_path, programs):
+    """The paths of two pseudo-terminals, joined as two serial ports are by a null modem."""
+    ends = [tmp_path / name for name in ("plant", "exciter")]
+    programs.start("socat", "socat", *(f"pty,raw,echo=0,link={end}" for end in ends))
+    wait_until(lambda: all(end.exists() for end in ends), "socat to make the pseudo-terminals")
+    return ends
+
+
+@pytest.fixture
+def firmware():
+    with labwired.Sim(FIRMWARE, system=SYSTEM) as sim:
+        yield Firmware(sim)
+
+
+def drive(programs, null_modem, scenario, recording, firmware):
+    """A plant that the firmware drives until it leaves; the plant's program, and the frames that the firmware sent."""
+    bus = [f"python-can:interface=slcan,channel={null_modem[0]},bitrate=1000000,sleep_after_open=0", "--stop-on-disarm"]
+    lockstep = ["--mode", "lockstep", "--scenario", scenario, "--record", recording, "--json"]
+    plant = programs.resonarm("run", "--bus", *bus, *lockstep)
+    with can.Bus(interface="slcan", channel=str(null_modem[1]), bitrate=1000000, sleep_after_open=0) as bus:
+        return plant, carry(bus, firmware)
+
+
+def states(sent):
+    """What the controller's heartbeats say, each change once."""
+    told = [message.data[0] for message in sent if message.arbitration_id == EXCITER_HEARTBEAT]
+    return [state for state, before in zip(told, [None, *told], strict=False) if state != before]
+
+
+def test_it_gives_the_states_of_the_emulated_controller_bit_for_bit(tmp_path, programs, null_modem, firmware):
+    scenario = tmp_path / "sines.toml"
+    scenario.write_text(PATIENT + SINES)
+    record = ["--record", tmp_path / "free.mcap", "--json"]
+    free = programs.resonarm("run", "--mode", "free", "--scenario", scenario, *record)
+    plant, sent = drive(programs, null_modem, scenario, tmp_path / "stm32.mcap", firmware)
+    assert states(sent) == [0, 127, 5, 127]
+    assert plant.result()["outcome"] == free.result()["outcome"] == "disarmed"
+    stm32, rust = (Recording.whole(tmp_path / f"{name}.mcap") for name in ("stm32", "free"))
+    assert len(rust.states) > 800 and np.abs(rust.states).max(axis=0)[:4].min() > 1e-4
+    assert np.array_equal(bits(stm32.states), bits(rust.states))
+    assert np.array_equal(bits(stm32.samples), bits(rust.samples))
+
+
+def test_a_fault_of_the_plant_ends_it(tmp_path, programs, null_modem, firmware):
+    scenario = tmp_path / "trips.toml"
+    scenario.write_text(PATIENT + SHAKER)
+    plant, sent = drive(programs, null_modem, scenario, tmp_path / "trips.mcap", firmware)
+    assert states(sent) == [0, 127, 5, 4]
+    assert plant.result(code=1)["fault"]["code"] == 14
