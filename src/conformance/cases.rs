@@ -40,12 +40,12 @@ type Row = (&'static str, &'static str, &'static [&'static str], Script);
 use Script::{Damage as Spoilt, Run};
 
 const PLANT: [Row; 26] = [
-    ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(plant_cases::hello)),
+    ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "plant-first-hello",
         "hellos, and one at once for a partner that has booted",
         &["R-6.2", "R-7.1"],
-        Run(plant_cases::first_hello),
+        Run(common_cases::first_hello),
     ),
     ("plant-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
     (
@@ -124,12 +124,12 @@ const PLANT: [Row; 26] = [
 ];
 
 const EXCITER: [Row; 18] = [
-    ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(exciter_cases::hello)),
+    ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "exciter-first-hello",
         "hellos, and one at once for a partner that has booted",
         &["R-6.2", "R-7.1"],
-        Run(exciter_cases::first_hello),
+        Run(common_cases::first_hello),
     ),
     ("exciter-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
     (

@@ -1,87 +1,17 @@
-//! What an exciter must do: hello, samples answered, faults. The tester plays the plant.
+//! What an exciter must do: samples answered, faults. The tester plays the plant.
 
 use alloc::format;
-use alloc::vec::Vec;
 
 use super::damage::{Damage, needs_fd};
+use super::exciter_role::{begin, commands, greet};
 use super::source::Samples;
-use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, ms};
-use crate::protocol::timing::{HEARTBEAT_TIMEOUT_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ, sample_period_ns};
+use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms};
+use crate::protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
 use crate::protocol::{EmergencyCode, Hello, Message, MessageKind, Mismatch, NodeState};
-
-fn is_hello(message: &Message) -> bool {
-    matches!(message, Message::ExciterHello(_))
-}
-
-/// Waits for an exciter and its hello; the tester then speaks at its rate.
-fn meet(t: &mut Tester) -> Result<Hello, Stop> {
-    t.wait_for(t.settings.patience_ns, is_hello)?;
-    let Some(theirs) = t.last_hello() else {
-        return inconclusive("no hello of an exciter came: is it on this bus, and started again after each case?");
-    };
-    t.hello = Hello::new(t.network.profile(), theirs.rate_hz);
-    Ok(theirs)
-}
-
-/// Lets an exciter arm the tester, and waits until it is operational.
-fn begin(t: &mut Tester) -> Result<(), Stop> {
-    meet(t)?;
-    t.boot()?;
-    t.send_hello()?;
-    (t.source.obeys, t.source.samples) = (true, Samples::Steady);
-    if t.wait_for_state(t.settings.patience_ns, NodeState::Operational)?.is_none() {
-        return inconclusive(match t.source.asked {
-            Some(_) => "it doesn't become operational when the plant does",
-            None => "it doesn't arm the plant: is it started again after each case?",
-        });
-    }
-    t.run_ns(100 * MS)
-}
-
-/// The samples that were answered, from a place in the log on.
-fn commands(t: &Tester, from: usize) -> Vec<u16> {
-    let sample = |message: &Message| match message {
-        Message::Force(command) => Some(command.sample),
-        Message::Torque(command) => Some(command.sample),
-        _ => None,
-    };
-    t.heard[from..].iter().filter_map(|heard| sample(&heard.message)).collect()
-}
-
-/// Version, profile, hash and rate of its hello.
-pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
-    let theirs = meet(t)?;
-    if let Some(mismatch) = t.hello.mismatch(&theirs) {
-        return failed(format!("its hello doesn't fit this program's: {mismatch}: {theirs:?}, not {:?}", t.hello));
-    }
-    if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
-        return failed(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
-    }
-    t.note(format!("{} Hz", theirs.rate_hz));
-    Ok(())
-}
-
-/// A plant that has booted is answered at once, and hellos come by themselves.
-pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
-    meet(t)?;
-    if t.wait_for(HELLO_PERIOD_NS + MARGIN_NS, is_hello)?.is_none() {
-        return failed(format!("no hello within {}", ms(HELLO_PERIOD_NS + MARGIN_NS)));
-    }
-    t.boot()?;
-    let asked_ns = t.now_ns();
-    t.send_hello()?;
-    match t.wait_for(MARGIN_NS, is_hello)? {
-        Some(heard) => t.note(format!("answered after {}", ms(heard.at_ns - asked_ns))),
-        None => {
-            return failed(format!("the hello of a partner that has booted isn't answered within {}", ms(MARGIN_NS)));
-        }
-    }
-    Ok(())
-}
 
 /// It doesn't begin without a hello, and faults at one that doesn't fit.
 pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
-    meet(t)?;
+    greet(t)?;
     t.boot()?;
     // No hello: it comes below.
     t.source.samples = Samples::Steady;
@@ -94,7 +24,7 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     match t.wait_for_emergency(MARGIN_NS)? {
         Some((_, e)) if (e.code, e.detail) == (EmergencyCode::Incompatible, Mismatch::DbcHash as u16) => {}
         Some((_, e)) => return failed(format!("at a hello with another DBC hash it says: {e}")),
-        None => return failed("it doesn't mind a hello with another DBC hash"),
+        None => return late("it doesn't mind a hello with another DBC hash"),
     }
     t.run_ns(MARGIN_NS)?;
     refuse_begin(t, from, "for a hello that doesn't fit")
@@ -121,13 +51,13 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     }
     t.note(format!("{} of {sent} samples answered", answered.len()));
     if usize::from(sent) > answered.len() + answered.len() / 4 + 2 {
-        return failed(format!("it answers {} of {sent} samples", answered.len()));
+        return late(format!("it answers {} of {sent} samples", answered.len()));
     }
     t.source.samples = Samples::Off;
     t.run_ns(MARGIN_NS)?;
     match (commands(t, from).last(), t.source.index.wrapping_sub(1)) {
         (Some(answered), sent) if *answered == sent => Ok(()),
-        (answered, sent) => failed(format!("of the samples up to {sent} the last that it answers is {answered:?}")),
+        (answered, sent) => late(format!("of the samples up to {sent} the last that it answers is {answered:?}")),
     }
 }
 
@@ -153,7 +83,7 @@ fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     }
     match answered.iter().any(|sample| sample.wrapping_sub(good) < now.wrapping_sub(good)) {
         true => Ok(()),
-        false => failed("it doesn't go on with the samples after them"),
+        false => late("it doesn't go on with the samples after them"),
     }
 }
 
@@ -198,7 +128,7 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     let most_ns = HEARTBEAT_TIMEOUT_NS + period_ns + MARGIN_NS;
     let from = t.heard.len();
     let Some((heard, e)) = t.wait_for_emergency(most_ns)? else {
-        return failed(format!("no emergency {} after the last sample", ms(most_ns)));
+        return late(format!("no emergency {} after the last sample", ms(most_ns)));
     };
     let after_ns = heard.at_ns - silent_ns;
     if e.code != EmergencyCode::SensorTimeout {
@@ -272,7 +202,7 @@ fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Sto
     match t.wait_for_emergency(within_ns)? {
         Some((_, e)) if e.code == code => ends(t, from, NodeState::Fault),
         Some((_, e)) => failed(format!("in place of {code} it says: {e}")),
-        None => failed(format!("no emergency within {}: {code} was to come", ms(within_ns))),
+        None => late(format!("no emergency within {}: {code} was to come", ms(within_ns))),
     }
 }
 
@@ -280,7 +210,7 @@ fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Sto
 fn ends(t: &mut Tester, from: usize, state: NodeState) -> Result<(), Stop> {
     t.run_ns(MARGIN_NS)?;
     let Some(place) = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)) else {
-        return failed(format!("no heartbeat {state} within {}", ms(MARGIN_NS)));
+        return late(format!("no heartbeat {state} within {}", ms(MARGIN_NS)));
     };
     match commands(t, from + place).first() {
         Some(sample) => failed(format!("it commands for sample {sample} after its heartbeat {state}")),

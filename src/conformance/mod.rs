@@ -6,12 +6,14 @@
 //!
 //! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
 //! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
-//! for longer than its partner puts up with, a failure is inconclusive, and the case is tried again.
+//! for longer than its partner puts up with, a failure is inconclusive, and the case is tried again. So is what the
+//! node under test should have done by the clock, if it was silent meanwhile and then went on: it was stopped itself.
 
 mod cases;
 mod common_cases;
 mod damage;
 mod exciter_cases;
+mod exciter_role;
 mod plant_cases;
 mod plant_role;
 mod refusal_cases;
@@ -30,12 +32,12 @@ pub use tester::{MARGIN_NS, Settings};
 pub use wire::{BusWire, Wire};
 
 use crate::bus::BusError;
-use crate::protocol::timing::COMMAND_TIMEOUT_NS;
+use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
 use crate::protocol::{EmergencyCode, Network, Node, OperatorRequest};
 use tester::{Answers, Stop, Tester, ms};
 
 /// How often a case is tried until it says something.
-const TRIES: u32 = 3;
+const TRIES: u32 = 5;
 
 /// What a case says of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,9 +63,11 @@ pub struct Finding {
     pub took_ns: u64,
     /// The longest time for which the tester was held up in the last try, ns.
     pub held_up_ns: u64,
+    /// The longest time in which the node under test said nothing in the last try, between two frames of it, ns.
+    pub silent_ns: u64,
 }
 
-/// Runs a case, again if it can't say anything, up to three times.
+/// Runs a case, again if a hold-up keeps it from saying anything, up to five times.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.
@@ -73,7 +77,8 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
     loop {
         let mut finding = once(case, wire, network, settings)?;
         finding.took_ns = wire.now_ns().saturating_sub(start_ns);
-        let is_held_up = finding.held_up_ns > margin_ns(case.tested);
+        let is_held_up =
+            finding.held_up_ns > held_up_limit_ns(case.tested) || finding.silent_ns > silent_limit_ns(case.tested);
         if !(matches!(finding.verdict, Verdict::Inconclusive(_)) && is_held_up && tries < TRIES) {
             return Ok(finding);
         }
@@ -82,33 +87,64 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
 }
 
 /// How long the tester may be held up before a failure says nothing: a plant faults without commands for 20 ms.
-const fn margin_ns(tested: Node) -> u64 {
+const fn held_up_limit_ns(tested: Node) -> u64 {
     match tested {
         Node::Plant => COMMAND_TIMEOUT_NS / 4,
         Node::Exciter => MARGIN_NS,
     }
 }
 
+/// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples every 10
+/// ms at least; an exciter that has none to answer sends heartbeats. What is shorter the margin of the clock covers.
+const fn silent_limit_ns(tested: Node) -> u64 {
+    match tested {
+        Node::Plant => MARGIN_NS / 3,
+        Node::Exciter => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
+    }
+}
+
 fn once(case: &Case, wire: &mut dyn Wire, network: Network, settings: Settings) -> Result<Finding, BusError> {
     let mut tester = Tester::new(wire, network, case.tested, settings);
-    let result = case.script.run(&mut tester);
-    let held_up_ns = tester.held_up_ns;
-    let verdict = match result {
+    let verdict = match case.script.run(&mut tester) {
         Ok(()) => Verdict::Passed,
-        Err(Stop::Failed(text)) if held_up_ns > margin_ns(case.tested) => {
-            Verdict::Inconclusive(format!("{text}; but the tester was held up for {}", ms(held_up_ns)))
-        }
-        Err(Stop::Failed(text)) => Verdict::Failed(text),
-        Err(Stop::Inconclusive(text)) => Verdict::Inconclusive(text),
-        Err(Stop::Skipped(text)) => Verdict::Skipped(text),
-        Err(Stop::Bus(error)) => return Err(error),
+        Err(stop) => verdict(&mut tester, stop)?,
     };
-    match part(&mut tester) {
-        Ok(()) => {}
-        Err(Stop::Bus(error)) => return Err(error),
-        Err(_) => {}
+    let (held_up_ns, silent_ns) = (tester.held_up_ns, tester.silent_ns);
+    unless_gone(part(&mut tester))?;
+    Ok(Finding { verdict, measured: tester.notes, took_ns: 0, held_up_ns, silent_ns })
+}
+
+/// The verdict of a script that came to a stop.
+fn verdict(tester: &mut Tester, stop: Stop) -> Result<Verdict, BusError> {
+    let (tested, held_up_ns) = (tester.tested, tester.held_up_ns);
+    match stop {
+        Stop::Bus(error) => Err(error),
+        Stop::Skipped(text) => Ok(Verdict::Skipped(text)),
+        Stop::Inconclusive(text) => Ok(Verdict::Inconclusive(text)),
+        Stop::Failed(text) | Stop::Late(text) if held_up_ns > held_up_limit_ns(tested) => {
+            Ok(Verdict::Inconclusive(format!("{text}; but the tester was held up for {}", ms(held_up_ns))))
+        }
+        Stop::Failed(text) => Ok(Verdict::Failed(text)),
+        Stop::Late(text) => {
+            let goes_on = unless_gone(tester.goes_on())?.unwrap_or(false);
+            let silent_ns = tester.silent_ns;
+            Ok(match goes_on && silent_ns > silent_limit_ns(tested) {
+                true => {
+                    Verdict::Inconclusive(format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns)))
+                }
+                false => Verdict::Failed(text),
+            })
+        }
     }
-    Ok(Finding { verdict, measured: tester.notes, took_ns: 0, held_up_ns })
+}
+
+/// Only a bus that is gone ends the verdicts.
+fn unless_gone<T>(result: Result<T, Stop>) -> Result<Option<T>, BusError> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(Stop::Bus(error)) => Err(error),
+        Err(_) => Ok(None),
+    }
 }
 
 /// Leaves the node under test in peace.

@@ -1,48 +1,14 @@
-//! What a plant must do: hello, state table, times, commands that act.
+//! What a plant must do: samples, state table, times, commands that act.
 
 use alloc::format;
 use alloc::vec::Vec;
 
-use super::plant_role::{arm, drive, forces, greet, hold, meet, samples, timeout_ns};
-use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, ms};
-use crate::protocol::timing::{
-    COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_TIMEOUT_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ,
-};
+use super::plant_role::{arm, drive, forces, hold, meet, run_samples, samples, timeout_ns};
+use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms};
+use crate::protocol::timing::{COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_TIMEOUT_NS};
 use crate::protocol::{
     EmergencyCode, Heartbeat, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorRequest, Profile,
 };
-
-/// Version, profile, hash and rate of its hello.
-pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
-    let theirs = greet(t)?;
-    if let Some(mismatch) = t.hello.mismatch(&theirs) {
-        return failed(format!("its hello doesn't fit this program's: {mismatch:?}: {theirs:?}, not {:?}", t.hello));
-    }
-    if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
-        return failed(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
-    }
-    t.note(format!("{} Hz", theirs.rate_hz));
-    Ok(())
-}
-
-/// A partner that has booted is answered at once, and hellos come by themselves.
-pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
-    let is_hello = |message: &Message| matches!(message, Message::PlantHello(_) | Message::ExciterHello(_));
-    greet(t)?;
-    if t.wait_for(HELLO_PERIOD_NS + MARGIN_NS, is_hello)?.is_none() {
-        return failed(format!("no hello within {}", ms(HELLO_PERIOD_NS + MARGIN_NS)));
-    }
-    t.boot()?;
-    let asked_ns = t.now_ns();
-    t.send_hello()?;
-    match t.wait_for(MARGIN_NS, is_hello)? {
-        Some(heard) => t.note(format!("answered after {}", ms(heard.at_ns - asked_ns))),
-        None => {
-            return failed(format!("the hello of a partner that has booted isn't answered within {}", ms(MARGIN_NS)));
-        }
-    }
-    Ok(())
-}
 
 /// Every frame passes the protocol's checks; samples are whole and without a gap.
 pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
@@ -57,7 +23,7 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
         Profile::Fd => &[MessageKind::Sensors],
     };
     let Some(first) = parts.iter().position(|(kind, _)| *kind == wanted[0]) else {
-        return failed("no samples within 300 ms");
+        return late("no samples within 300 ms");
     };
     let start = parts[first].1;
     for (n, (kind, index)) in parts[first..].iter().enumerate() {
@@ -115,7 +81,7 @@ fn refuses_to_arm(t: &mut Tester, mismatch: Mismatch) -> Result<(), Stop> {
         Some(e) if (e.code, e.detail) == (EmergencyCode::Incompatible, mismatch as u16) => Ok(()),
         Some(e) => failed(format!("armed with {mismatch:?} it says: {e}")),
         None if word.is_some() => failed(format!("it arms with {mismatch:?}")),
-        None => failed(format!("armed with {mismatch:?} it says nothing within {}", ms(100 * MS + MARGIN_NS))),
+        None => late(format!("armed with {mismatch:?} it says nothing within {}", ms(100 * MS + MARGIN_NS))),
     }
 }
 
@@ -146,7 +112,7 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
 fn becomes(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     match t.wait_for_state(MARGIN_NS, state)? {
         Some(_) => Ok(()),
-        None => failed(format!("no heartbeat {state:?} within {}", ms(MARGIN_NS))),
+        None => late(format!("no heartbeat {state:?} within {}", ms(MARGIN_NS))),
     }
 }
 
@@ -203,7 +169,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     t.answers = Answers::None;
     let (from, last) = (t.heard.len(), t.answered.unwrap_or(0));
     let Some((_, e)) = t.wait_for_emergency(timeout_ns(t))? else {
-        return failed(format!("no emergency {} after the last command", ms(timeout_ns(t))));
+        return late(format!("no emergency {} after the last command", ms(timeout_ns(t))));
     };
     if e.code != EmergencyCode::CommandTimeout {
         return failed(format!("without commands it says: {e}"));
@@ -220,10 +186,10 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
 }
 
 fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
-    t.run_ns(2 * FORCE_RAMP_NS)?;
+    run_samples(t, samples(t, 2 * FORCE_RAMP_NS))?;
     match t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Fault)) {
         true => Ok(()),
-        false => failed("no heartbeat fault after its emergency"),
+        false => late("no heartbeat fault after its emergency"),
     }
 }
 
@@ -233,10 +199,10 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     t.request(OperatorRequest::Disarm)?;
     if t.wait_for_state(MARGIN_NS, NodeState::PreOperational)?.is_none() {
-        return failed(format!("no heartbeat pre-operational within {}", ms(MARGIN_NS)));
+        return late(format!("no heartbeat pre-operational within {}", ms(MARGIN_NS)));
     }
     let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else { return failed("no force is measured") };
-    t.run_ns(2 * FORCE_RAMP_NS)?;
+    run_samples(t, samples(t, 2 * FORCE_RAMP_NS))?;
     ramps(t, from, left_at)
 }
 
@@ -272,7 +238,7 @@ pub(super) fn partner_fault(t: &mut Tester) -> Result<(), Stop> {
         match t.wait_for_emergency(MARGIN_NS)? {
             Some((_, e)) if e.code == EmergencyCode::PartnerFault => {}
             Some((_, e)) => return failed(format!("after the exciter's heartbeat {state:?} it says: {e}")),
-            None => return failed(format!("no emergency after the exciter's heartbeat {state:?}")),
+            None => return late(format!("no emergency after the exciter's heartbeat {state:?}")),
         }
         if t.wait_for_emergency(HEARTBEAT_TIMEOUT_NS)?.is_some() {
             return failed("it tells its fault more than once");
@@ -289,8 +255,10 @@ pub(super) fn exciter_leaves(t: &mut Tester) -> Result<(), Stop> {
     let word = t.wait_for(MARGIN_NS, |message| {
         is_state(message, NodeState::PreOperational) || is_state(message, NodeState::Fault)
     })?;
-    if !word.is_some_and(|heard| is_state(&heard.message, NodeState::PreOperational)) {
-        return failed("it isn't disarmed when the exciter leaves");
+    match word {
+        Some(heard) if is_state(&heard.message, NodeState::PreOperational) => {}
+        Some(_) => return failed("it faults when the exciter leaves"),
+        None => return late("it isn't disarmed when the exciter leaves"),
     }
     refuses_to_arm(t, Mismatch::NoHello)
 }
@@ -305,6 +273,6 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
     match t.wait_for_emergency(MARGIN_NS)? {
         Some((_, e)) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
         Some((_, e)) => failed(format!("hearing its own hello from another node it says: {e}")),
-        None => failed("it doesn't mind its own hello from another node"),
+        None => late("it doesn't mind its own hello from another node"),
     }
 }

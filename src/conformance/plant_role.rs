@@ -2,7 +2,7 @@
 
 use alloc::format;
 
-use super::tester::{Answers, Heard, MARGIN_NS, MS, Stop, Tester, emergency, inconclusive};
+use super::tester::{Answers, GONE_NS, Heard, MARGIN_NS, MS, Stop, Tester, emergency, inconclusive};
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_TIMEOUT_NS};
 use crate::protocol::{Hello, Message, NodeState, OperatorRequest};
 
@@ -12,7 +12,8 @@ pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
     while t.now_ns() < give_up_ns {
         t.boot()?;
         t.send_hello()?;
-        let heard = t.wait_for(1000 * MS, |message| matches!(message, Message::PlantHello(_)))?;
+        let heard =
+            t.wait_for(t.settings.patience_ns.min(1000 * MS), |message| matches!(message, Message::PlantHello(_)))?;
         if let Some(Heard { message: Message::PlantHello(hello), .. }) = heard {
             // A new tester speaks as the plant does.
             t.hello = Hello::new(t.network.profile(), hello.rate_hz);
@@ -56,14 +57,27 @@ pub(super) fn drive(t: &mut Tester) -> Result<(), Stop> {
     hold(t)
 }
 
-/// Lets the plant hold what it is told for 60 ms, and at least 10 samples.
+/// Lets the plant hold what it is told for 60 ms, and at least 10 samples, by its own samples.
 pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
-    t.run_ns((60 * MS).max(10 * period_ns(t)))?;
+    run_samples(t, samples(t, 60 * MS).max(10))?;
     match t.heard[from..].iter().find_map(|heard| emergency(&heard.message)) {
         Some(emergency) => inconclusive(format!("it faults while it is answered: {emergency}")),
         None => Ok(()),
     }
+}
+
+/// Lets the plant make so many samples.
+pub(super) fn run_samples(t: &mut Tester, n: u16) -> Result<(), Stop> {
+    let (from, period_ns) = (t.heard.len(), period_ns(t));
+    let give_up_ns = t.now_ns() + u64::from(n) * period_ns + GONE_NS;
+    while forces(t, from).count() < usize::from(n) {
+        if t.now_ns() >= give_up_ns {
+            return inconclusive(format!("only {} of {n} samples came", forces(t, from).count()));
+        }
+        t.run_ns(period_ns)?;
+    }
+    Ok(())
 }
 
 pub(super) fn period_ns(t: &Tester) -> u64 {

@@ -19,6 +19,9 @@ pub(super) const MS: u64 = 1_000_000;
 /// What a machine may hold a process up for, ns: the margin of everything that is judged on the clock.
 pub const MARGIN_NS: u64 = 150 * MS;
 
+/// No machine stops a process for so long, ns: a node that says nothing for it is gone.
+pub(super) const GONE_NS: u64 = 1000 * MS;
+
 /// The tester looks at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
 
@@ -45,8 +48,10 @@ impl Default for Settings {
 /// What ends a case before its end.
 #[derive(Debug)]
 pub(super) enum Stop {
-    /// The node does what it must not, or not what it must.
+    /// The node does what it must not, whenever it does it.
     Failed(String),
+    /// The node doesn't do by the clock what it must: a node that is stopped does so, too.
+    Late(String),
     /// It can't be said.
     Inconclusive(String),
     /// It is not to be tried, or can't be here.
@@ -65,6 +70,10 @@ pub(super) fn failed<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Failed(text.into()))
 }
 
+pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Late(text.into()))
+}
+
 pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Inconclusive(text.into()))
 }
@@ -74,6 +83,13 @@ pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
 pub(super) struct Heard {
     pub at_ns: u64,
     pub message: Message,
+}
+
+/// What a look at the bus found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Looked {
+    FrameCame,
+    NothingCame,
 }
 
 /// How the tester, as the exciter, answers the samples of a plant.
@@ -114,6 +130,10 @@ pub(super) struct Tester<'w> {
     looked_at_ns: u64,
     /// The longest time between two looks beyond what was meant, ns.
     pub held_up_ns: u64,
+    /// When the node under test was heard last, ns, if it was.
+    heard_at_ns: Option<u64>,
+    /// The longest time between two frames of the node under test, ns.
+    pub silent_ns: u64,
     /// The tester as a plant: its samples.
     pub source: super::source::Source,
     pub notes: Vec<String>,
@@ -141,6 +161,8 @@ impl<'w> Tester<'w> {
             refused: Vec::new(),
             looked_at_ns: now_ns,
             held_up_ns: 0,
+            heard_at_ns: None,
+            silent_ns: 0,
             source: super::source::Source::default(),
             notes: Vec::new(),
         }
@@ -212,14 +234,11 @@ impl<'w> Tester<'w> {
 
     /// Lets time pass, doing what is due.
     pub fn run_ns(&mut self, duration_ns: u64) -> Result<(), Stop> {
-        let end_ns = self.now_ns() + duration_ns;
-        while self.now_ns() < end_ns {
-            self.look(end_ns)?;
-        }
-        Ok(())
+        self.wait_for(duration_ns, |_| false).map(|_| ())
     }
 
-    /// The first message that comes from now on, and for which this holds, within a time.
+    /// The first message that comes from now on, and for which this holds, within a time. What waits on the bus at the
+    /// end of the time has come within it: the tester may have been stopped.
     pub fn wait_for(&mut self, within_ns: u64, holds: impl Fn(&Message) -> bool) -> Result<Option<Heard>, Stop> {
         let end_ns = self.now_ns() + within_ns;
         let mut seen = self.heard.len();
@@ -228,10 +247,10 @@ impl<'w> Tester<'w> {
                 return Ok(Some(*heard));
             }
             seen = self.heard.len();
-            if self.now_ns() >= end_ns {
+            let is_over = self.now_ns() >= end_ns;
+            if self.look(end_ns)? == Looked::NothingCame && is_over {
                 return Ok(None);
             }
-            self.look(end_ns)?;
         }
     }
 
@@ -247,7 +266,7 @@ impl<'w> Tester<'w> {
     }
 
     /// Does what is due, and takes in at most one frame, at the latest at `until_ns`.
-    fn look(&mut self, until_ns: u64) -> Result<(), Stop> {
+    fn look(&mut self, until_ns: u64) -> Result<Looked, Stop> {
         let now_ns = self.now_ns();
         if self.is_alive && now_ns >= self.heartbeat_at_ns {
             self.send_state(self.state)?;
@@ -261,7 +280,10 @@ impl<'w> Tester<'w> {
         let now_ns = self.now_ns();
         self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
         self.looked_at_ns = now_ns;
-        frame.map_or(Ok(()), |frame| self.take(now_ns, &frame))
+        match frame {
+            Some(frame) => self.take(now_ns, &frame).map(|()| Looked::FrameCame),
+            None => Ok(Looked::NothingCame),
+        }
     }
 
     fn take(&mut self, at_ns: u64, frame: &Frame) -> Result<(), Stop> {
@@ -273,6 +295,8 @@ impl<'w> Tester<'w> {
                 return Ok(());
             }
         };
+        self.silent_ns = self.silent_ns.max(at_ns - self.heard_at_ns.unwrap_or(at_ns));
+        self.heard_at_ns = Some(at_ns);
         self.heard.push(Heard { at_ns, message });
         match message {
             Message::AccelerometerC(c) => self.answer(c.sample),
@@ -310,6 +334,12 @@ impl<'w> Tester<'w> {
             Some(frame) => self.send_frame(&frame),
             None => inconclusive(format!("the tester can't command {force_x_n} N")),
         }
+    }
+
+    /// Whether the node under test says something again, without having booted: it was stopped.
+    pub fn goes_on(&mut self) -> Result<bool, Stop> {
+        let word = self.wait_for(GONE_NS, |_| true)?;
+        Ok(word.is_some_and(|heard| !is_state(&heard.message, NodeState::BootUp)))
     }
 
     /// Another transmitter, of a node that isn't the tester.

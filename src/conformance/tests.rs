@@ -88,6 +88,28 @@ fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
 }
 
 #[test]
+fn a_node_that_is_stopped_again_and_again_is_never_failed() {
+    let network = Network::default();
+    for tested in Node::ALL {
+        for every_ms in [450, 500, 530, 570, 610, 1010] {
+            for case in cases(tested) {
+                let mut wire = Virtual::new(match tested {
+                    Node::Plant => Box::new(PlantDevice::new(network)),
+                    Node::Exciter => Box::new(ExciterDevice::new(network)),
+                });
+                wire.stopped_every_ns = Some(every_ms * 1_000_000);
+                let Finding { verdict, .. } = run(&case, &mut wire, network, settings()).unwrap();
+                assert!(
+                    !matches!(verdict, Verdict::Failed(_)),
+                    "{}, stopped every {every_ms} ms: {verdict:?}",
+                    case.id
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn an_empty_bus_says_nothing_of_a_node() {
     for tested in Node::ALL {
         for case in cases(tested) {

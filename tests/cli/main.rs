@@ -4,6 +4,7 @@
 mod backbone;
 mod bad_input;
 mod compare;
+mod conformance;
 mod documents;
 mod experiment;
 mod figures;

@@ -10,10 +10,11 @@ use super::failure::{Failure, Verdict};
 use super::output;
 use super::protocol::NetworkFlags;
 use super::session::seconds;
-use crate::bus::{self, BusAddress};
+use crate::bus::{self, BusAddress, BusError};
 use crate::conformance::{self, BusWire, Case, Settings};
-use crate::protocol::Node;
+use crate::protocol::{Network, Node};
 use crate::seed;
+use report::Row;
 
 /// Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what it does wrong.
 /// It makes a plant shake its arm and fault. Real time only.
@@ -73,26 +74,44 @@ impl Conformance {
         let (settings, cases) = (self.settings()?, self.cases()?);
         self.overwrite.check(self.junit.clone())?;
         let mut bus = bus::open(&address)?;
-        let mut rows = Vec::new();
+        let (rows, ended) = self.rows(&cases, &mut BusWire::new(bus.as_mut()), network, settings)?;
+        let document = report::Document::new(self.role.into(), rows);
+        self.tell(&document)?;
+        ended.map_or_else(|| bus.close(), Err)?;
+        Ok(Verdict::of(document.is_positive()))
+    }
+
+    /// What the cases found, and what became of the bus if it was lost: the cases after that are not run.
+    fn rows(
+        &self,
+        cases: &[Case],
+        wire: &mut BusWire,
+        network: Network,
+        settings: Settings,
+    ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
+        let (mut rows, mut lost) = (Vec::new(), None);
         for case in cases {
-            let finding = conformance::run(&case, &mut BusWire::new(bus.as_mut()), network, settings)?;
-            let row = report::Row::new(&case, &finding);
+            let row = match lost {
+                Some(_) => Row::not_run(case),
+                None => match conformance::run(case, wire, network, settings) {
+                    Ok(finding) => Row::new(case, &finding),
+                    Err(error) => Row::lost(case, lost.insert(error)),
+                },
+            };
             if !self.json {
                 output::print(&row.text())?;
             }
             rows.push(row);
         }
-        bus.close()?;
-        let document = report::Document::new(self.role.into(), rows);
+        Ok((rows, lost))
+    }
+
+    /// Prints and writes the report.
+    fn tell(&self, document: &report::Document) -> Result<(), Failure> {
         if let Some(path) = &self.junit {
             output::write(path.clone(), &document.junit())?;
         }
-        if self.json {
-            output::print_json(&document)?
-        } else {
-            output::print(&document.summary())?
-        }
-        Ok(Verdict::of(document.failed == 0))
+        if self.json { output::print_json(document) } else { output::print(&document.summary()) }
     }
 
     fn settings(&self) -> Result<Settings, Failure> {

@@ -4,6 +4,7 @@ use core::fmt::Write;
 
 use serde::Serialize;
 
+use crate::bus::BusError;
 use crate::conformance::{Case, Check, Finding, REQUIREMENTS, Verdict};
 use crate::protocol::Node;
 
@@ -18,7 +19,11 @@ pub(super) struct Row {
     measured: Vec<String>,
     took_s: f64,
     held_up_ms: f64,
+    silent_ms: f64,
 }
+
+/// The verdict on a case for which there was no bus any more.
+const NOT_RUN: &str = "not run";
 
 impl Row {
     pub fn new(case: &Case, finding: &Finding) -> Row {
@@ -29,14 +34,33 @@ impl Row {
             Verdict::Skipped(reason) => ("skipped", Some(reason.clone())),
         };
         Row {
-            case: case.id,
-            title: case.title,
-            requirements: case.requirements,
             verdict,
             reason,
             measured: finding.measured.clone(),
             took_s: finding.took_ns as f64 * 1e-9,
             held_up_ms: finding.held_up_ns as f64 * 1e-6,
+            silent_ms: finding.silent_ns as f64 * 1e-6,
+            ..Row::not_run(case)
+        }
+    }
+
+    /// The case in which the bus was lost.
+    pub fn lost(case: &Case, error: &BusError) -> Row {
+        Row { verdict: "inconclusive", reason: Some(error.to_string()), ..Row::not_run(case) }
+    }
+
+    /// A case after that.
+    pub fn not_run(case: &Case) -> Row {
+        Row {
+            case: case.id,
+            title: case.title,
+            requirements: case.requirements,
+            verdict: NOT_RUN,
+            reason: Some(String::from("the bus was lost before")),
+            measured: Vec::new(),
+            took_s: 0.0,
+            held_up_ms: 0.0,
+            silent_ms: 0.0,
         }
     }
 
@@ -76,9 +100,10 @@ fn escaped(text: &str) -> String {
 pub(super) struct Document {
     role: &'static str,
     passed: usize,
-    pub failed: usize,
+    failed: usize,
     inconclusive: usize,
     skipped: usize,
+    not_run: usize,
     cases: Vec<Row>,
     /// Demands that no case can see.
     untested: Vec<Untested>,
@@ -108,15 +133,21 @@ impl Document {
             failed: count("failed"),
             inconclusive: count("inconclusive"),
             skipped: count("skipped"),
+            not_run: count(NOT_RUN),
             untested: untested.collect(),
             cases,
         }
     }
 
+    /// Whether every case that could be tried was passed: an empty bus passes none.
+    pub fn is_positive(&self) -> bool {
+        self.failed + self.inconclusive + self.not_run == 0
+    }
+
     pub fn summary(&self) -> String {
         format!(
-            "{} passed, {} failed, {} inconclusive, {} skipped\n",
-            self.passed, self.failed, self.inconclusive, self.skipped
+            "{} passed, {} failed, {} inconclusive, {} skipped, {} not run\n",
+            self.passed, self.failed, self.inconclusive, self.skipped, self.not_run
         )
     }
 
@@ -128,7 +159,7 @@ impl Document {
             self.role,
             self.cases.len(),
             self.failed,
-            self.inconclusive + self.skipped
+            self.inconclusive + self.skipped + self.not_run
         );
         self.cases.iter().for_each(|row| text.push_str(&row.junit()));
         text.push_str("  </testsuite>\n</testsuites>\n");

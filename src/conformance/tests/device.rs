@@ -14,6 +14,7 @@ use crate::rig::{Exciter, Measurement, Reading};
 
 pub const RATE_HZ: u16 = 1000;
 const TICK_NS: u64 = 1_000_000;
+const STOP_NS: u64 = 150 * TICK_NS;
 
 /// A node as it is seen on a bus.
 pub trait Device {
@@ -42,15 +43,37 @@ pub struct Virtual {
     /// The tester is held up for 30 ms at every so many calls.
     pub held_up_every: Option<u64>,
     calls: u64,
+    /// The node is stopped for 150 ms at the end of each such time, ns; what it is sent meanwhile waits.
+    pub stopped_every_ns: Option<u64>,
+    waiting: Vec<Frame>,
 }
 
 impl Virtual {
     pub fn new(device: Box<dyn Device>) -> Virtual {
-        Virtual { now_ns: 0, ticked_ns: 0, device, frames: VecDeque::new(), held_up_every: None, calls: 0 }
+        Virtual {
+            now_ns: 0,
+            ticked_ns: 0,
+            device,
+            frames: VecDeque::new(),
+            held_up_every: None,
+            calls: 0,
+            stopped_every_ns: None,
+            waiting: Vec::new(),
+        }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stopped_every_ns.is_some_and(|every_ns| self.ticked_ns % every_ns >= every_ns - STOP_NS)
     }
 
     fn step(&mut self) {
         self.ticked_ns += TICK_NS;
+        if self.is_stopped() {
+            return;
+        }
+        for frame in self.waiting.drain(..) {
+            self.device.hear(self.ticked_ns, &frame);
+        }
         self.device.tick(self.ticked_ns);
         self.collect();
     }
@@ -66,6 +89,10 @@ impl Wire for Virtual {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        if self.is_stopped() {
+            self.waiting.push(*frame);
+            return Ok(());
+        }
         self.device.hear(self.now_ns, frame);
         self.collect();
         Ok(())
@@ -160,6 +187,7 @@ pub struct ExciterDevice {
     pub node: ExciterNode,
     pub flaw: Option<Flaw>,
     pub said_state: Option<NodeState>,
+    pub is_dead: bool,
 }
 
 impl ExciterDevice {
@@ -178,7 +206,7 @@ impl ExciterDevice {
         }
         let mut node = ExciterNode::new(network, RATE_HZ, timing, controller);
         node.start(0);
-        ExciterDevice { network, node, flaw, said_state: None }
+        ExciterDevice { network, node, flaw, said_state: None, is_dead: false }
     }
 }
 

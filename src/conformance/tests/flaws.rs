@@ -44,6 +44,8 @@ pub enum Flaw {
     AnswersLast,
     /// Sets its counters at random.
     LosesCount,
+    /// Says nothing more when its partner faults.
+    Dies,
 }
 
 #[test]
@@ -97,7 +99,7 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
         "exciter-data-id",
         "exciter-not-available",
     ];
-    let table: [(Flaw, &[&str]); 10] = [
+    let table: [(Flaw, &[&str]); 11] = [
         (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id"]),
         (Flaw::NoHeartbeats, &["exciter-heartbeats"]),
         (Flaw::NoTimeout, &["exciter-sensor-timeout"]),
@@ -106,6 +108,7 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
         (Flaw::DeafToStates, &["exciter-plant-faults", "exciter-plant-boots", "exciter-plant-disarmed"]),
         (Flaw::DeafToLeaving, &["exciter-plant-leaves"]),
         (Flaw::DeafToItself, &["exciter-second-sender"]),
+        (Flaw::Dies, &["exciter-plant-faults"]),
         (Flaw::AnswersNext, &["exciter-answers"]),
         (Flaw::AnswersLast, &answers_last),
     ];
@@ -226,6 +229,10 @@ impl ExciterDevice {
                 let hash = own.dbc_hash.to_le_bytes();
                 Some(rewritten(network, frame, |data| data[3..6].copy_from_slice(&hash[..3])))
             }
+            (Some(Flaw::Dies), Some(Message::Heartbeat(heartbeat))) => {
+                self.is_dead |= heartbeat.state == NodeState::Fault;
+                Some(*frame)
+            }
             (Some(Flaw::DeafToStates), Some(Message::Heartbeat(heartbeat)))
                 if heartbeat.state != NodeState::Operational =>
             {
@@ -240,6 +247,7 @@ impl ExciterDevice {
     pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
         let network = self.network;
         let by = match self.flaw {
+            Some(Flaw::Dies) if self.is_dead => return None,
             Some(Flaw::WrongHash) => return Some(hashed_wrongly(network, frame)),
             Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => return None,
             Some(Flaw::AnswersNext) => 1,

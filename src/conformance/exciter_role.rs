@@ -1,0 +1,42 @@
+//! What the cases about an exciter do again and again: meet it, let it begin, read what it commands.
+
+use alloc::vec::Vec;
+
+use super::source::Samples;
+use super::tester::{MS, Stop, Tester, inconclusive};
+use crate::protocol::{Hello, Message, NodeState};
+
+/// Waits for an exciter and its hello; the tester then speaks at its rate.
+pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
+    t.wait_for(t.settings.patience_ns, |message| matches!(message, Message::ExciterHello(_)))?;
+    let Some(theirs) = t.last_hello() else {
+        return inconclusive("no hello of an exciter came: is it on this bus, and started again after each case?");
+    };
+    t.hello = Hello::new(t.network.profile(), theirs.rate_hz);
+    Ok(theirs)
+}
+
+/// Lets an exciter arm the tester, and waits until it is operational.
+pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    t.send_hello()?;
+    (t.source.obeys, t.source.samples) = (true, Samples::Steady);
+    if t.wait_for_state(t.settings.patience_ns, NodeState::Operational)?.is_none() {
+        return inconclusive(match t.source.asked {
+            Some(_) => "it doesn't become operational when the plant does",
+            None => "it doesn't arm the plant: is it started again after each case?",
+        });
+    }
+    t.run_ns(100 * MS)
+}
+
+/// The samples that were answered, from a place in the log on.
+pub(super) fn commands(t: &Tester, from: usize) -> Vec<u16> {
+    let sample = |message: &Message| match message {
+        Message::Force(command) => Some(command.sample),
+        Message::Torque(command) => Some(command.sample),
+        _ => None,
+    };
+    t.heard[from..].iter().filter_map(|heard| sample(&heard.message)).collect()
+}

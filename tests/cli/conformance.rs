@@ -1,0 +1,133 @@
+//! `conformance`: its flags, and a bus that isn't there. What it says of nodes stands in `tests/vcan`.
+
+use std::path::Path;
+
+use insta::assert_snapshot;
+
+use crate::{complaint, resonarm};
+
+fn conformance(code: i32, arguments: &[&str]) -> String {
+    complaint(Path::new("."), code, &[&["conformance", "--role", "plant"], arguments].concat())
+}
+
+#[test]
+fn help_names_each_flag() {
+    let help = resonarm(Path::new("."), &["conformance", "--help"]);
+    assert_eq!((help.code, help.stderr.as_str()), (0, ""));
+    assert_snapshot!(help.stdout, @r"
+    Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what
+    it does wrong. It makes a plant shake its arm and fault. Real time only
+
+    Usage: resonarm conformance [OPTIONS] --bus <BUS> --role <ROLE>
+
+    Options:
+          --bus <BUS>          The bus: vcan0, can0, python-can:interface=I,channel=C
+      -v, --verbose...         Log more: -v for what happens, -vv for every detail
+          --role <ROLE>        The node under test. An exciter must be started again whenever it ends,
+                               as by a loop in a shell [possible values: plant, exciter]
+          --base <ID>          Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default: 0x200]
+          --plant-id <N>       Node id of the plant, 1 to 127 [default: 1]
+          --exciter-id <N>     Node id of the exciter, 1 to 127 [default: 2]
+          --profile <PROFILE>  Frames of commands and samples [default: classic] [possible values:
+                               classic, fd]
+          --case <NAME>        Only the cases whose names begin so, such as plant-hello; may be given
+                               more than once
+          --force-n <N>        Force that a plant is commanded along x, both ways, N [default: 5]
+          --beyond-n <N>       A force that the plant must refuse for its size, N [default: none is
+                               tried]. A plant that takes it applies it
+          --patience-s <S>     How long the node under test is waited for, s [default: 10]
+          --seed <N>           Which bit of the first damaged frame is wrong; the next has the next one
+                               wrong [default: 0]
+          --json               Print one JSON document
+          --junit <FILE>       Write the report as JUnit XML, too
+          --overwrite          Write over files that are there
+      -h, --help               Print help
+    ");
+}
+
+#[test]
+fn flags_that_cannot_be() {
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--force-n", "0"]), @"resonarm: --force-n must be a number above 0 N");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--beyond-n", "nan"]), @r"
+    error: invalid value 'nan' for '--beyond-n <N>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--patience-s", "-1"]), @"resonarm: --patience-s is -1: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--seed", "1.5"]), @r"
+    error: invalid value '1.5' for '--seed <N>': a seed is a whole number from 0 to 18446744073709551615, or hexadecimal as 0x1F
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
+    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender"#);
+}
+
+#[test]
+fn files_that_are_there_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("report.xml"), "kept").unwrap();
+    let arguments = ["conformance", "--role", "plant", "--bus", "vcan0", "--junit", "report.xml"];
+    assert_snapshot!(complaint(folder.path(), 2, &arguments), @"resonarm: report.xml already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_eq!(std::fs::read_to_string(folder.path().join("report.xml")).unwrap(), "kept");
+}
+
+/// There is no interface of this name, or no CAN at all.
+#[test]
+fn no_bus_is_said_by_its_exit_code() {
+    let said = complaint(Path::new("."), 3, &["conformance", "--role", "plant", "--bus", "nobody0"]);
+    assert!(said.starts_with("resonarm: "), "{said}");
+}
+
+/// A bus inside this process alone.
+#[cfg(feature = "python-can")]
+mod on_an_empty_bus {
+    use super::*;
+    use crate::{document, names};
+
+    const EMPTY: [&str; 9] = [
+        "conformance",
+        "--bus",
+        "python-can:interface=virtual,channel=conformance",
+        "--patience-s",
+        "0.05",
+        "--role",
+        "plant",
+        "--case",
+        "plant-hello",
+    ];
+
+    #[test]
+    fn nothing_is_passed() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = document(folder.path(), 1, &[&EMPTY[..], &["--json", "--junit", "report.xml"]].concat());
+        let counts = ["passed", "failed", "inconclusive", "skipped", "not_run"].map(|name| said[name].as_u64());
+        assert_eq!(counts, [0, 0, 1, 0, 0].map(Some));
+        assert_snapshot!(names(&said).join(" "), @"cases failed inconclusive not_run passed role skipped untested");
+        assert_snapshot!(names(&said["cases"][0]).join(" "), @"case held_up_ms measured reason requirements silent_ms title took_s verdict");
+        assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant came: is it on this bus, with this base, these node ids and this profile?");
+        assert_eq!(said["untested"][0]["requirement"], "R-1.1");
+        let junit = std::fs::read_to_string(folder.path().join("report.xml")).unwrap();
+        let took = junit.split("time=\"").nth(1).unwrap().split('"').next().unwrap();
+        assert_snapshot!(junit.replace(took, "TIME"), @r#"
+        <?xml version="1.0" encoding="UTF-8"?>
+        <testsuites>
+          <testsuite name="resonarm conformance plant" tests="1" failures="0" skipped="1">
+            <testcase classname="resonarm" name="plant-hello" time="TIME"><skipped message="inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile?"/></testcase>
+          </testsuite>
+        </testsuites>
+        "#);
+    }
+
+    #[test]
+    fn people_are_told_the_same() {
+        let outcome = resonarm(Path::new("."), &EMPTY);
+        assert_eq!((outcome.code, outcome.stderr.as_str()), (1, ""));
+        assert_snapshot!(outcome.stdout, @r"
+        inconclusive  plant-hello                version, profile, DBC hash and rate in its hello
+                      no hello of a plant came: is it on this bus, with this base, these node ids and this profile?  R-6.5
+        0 passed, 0 failed, 1 inconclusive, 0 skipped, 0 not run
+        ");
+    }
+}
