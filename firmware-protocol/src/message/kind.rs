@@ -112,6 +112,30 @@ impl MessageKind {
         MessageKind::ExciterCapabilities,
     ];
 
+    /// Those of the identifiers from the base on.
+    const BLOCK: [MessageKind; 12] = [
+        MessageKind::Operator,
+        MessageKind::Force,
+        MessageKind::Torque,
+        MessageKind::Head,
+        MessageKind::AccelerometerB,
+        MessageKind::AccelerometerC,
+        MessageKind::PlantHello,
+        MessageKind::ExciterHello,
+        MessageKind::Sensors,
+        MessageKind::SensorPair,
+        MessageKind::PlantCapabilities,
+        MessageKind::ExciterCapabilities,
+    ];
+
+    /// Those of the identifiers with a node id.
+    const OF_NODES: [MessageKind; 4] = [
+        MessageKind::PlantHeartbeat,
+        MessageKind::ExciterHeartbeat,
+        MessageKind::PlantEmergency,
+        MessageKind::ExciterEmergency,
+    ];
+
     /// The 11-bit identifier of its frames.
     pub const fn id(self, network: Network) -> u16 {
         let of_node = network.node_id(self.sender()) as u16;
@@ -129,7 +153,8 @@ impl MessageKind {
     /// The kind of the frames with this identifier, if it is one of the protocol's.
     pub fn from_id(network: Network, id: Id) -> Option<MessageKind> {
         let Id::Standard(id) = id else { return None };
-        MessageKind::ALL.into_iter().find(|kind| kind.id(network) == id)
+        let in_block = id.checked_sub(network.base()).and_then(|offset| MessageKind::BLOCK.get(usize::from(offset)));
+        in_block.or_else(|| MessageKind::OF_NODES.iter().find(|kind| kind.id(network) == id)).copied()
     }
 
     /// The E2E data id, or `None` for a heartbeat, which CANopen leaves unprotected.
