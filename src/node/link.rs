@@ -93,7 +93,7 @@ impl Link {
         let Some(to) = self.state.next(event) else { return false };
         let from = core::mem::replace(&mut self.state, to);
         if from == NodeState::Operational {
-            self.outbox.clear_commands();
+            self.outbox.clear_command();
         }
         self.events.push(NodeEvent::State { from, to });
         self.send_heartbeat(now_ns);

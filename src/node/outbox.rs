@@ -1,8 +1,8 @@
 //! What a node has yet to send.
 //!
 //! A message becomes a frame only when it is sent, so that its counter is that of the frames that left, whatever was
-//! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands and of
-//! each sensor message only the latest waits, so that after a jam the bus gets news.
+//! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of force or
+//! torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
 
 use resonarm_protocol::{Message, MessageKind};
 
@@ -11,16 +11,19 @@ use super::queue::Queue;
 /// Messages that wait in the queue. None waits twice in a row, so this is many changes of state.
 const CONTROL: usize = 32;
 
-/// The messages of which only the latest waits, in the order in which they go.
-const LATEST: [MessageKind; 7] = [
-    MessageKind::Force,
-    MessageKind::Torque,
-    MessageKind::Head,
-    MessageKind::AccelerometerB,
-    MessageKind::AccelerometerC,
-    MessageKind::Sensors,
-    MessageKind::SensorPair,
+/// The messages of which only the latest waits, in the order in which they go. A command sets the whole load, so one of
+/// either kind takes the place of the other.
+const LATEST: [&[MessageKind]; 6] = [
+    &[MessageKind::Force, MessageKind::Torque],
+    &[MessageKind::Head],
+    &[MessageKind::AccelerometerB],
+    &[MessageKind::AccelerometerC],
+    &[MessageKind::Sensors],
+    &[MessageKind::SensorPair],
 ];
+
+/// The place of commands in [`LATEST`].
+const COMMAND: usize = 0;
 
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {
@@ -37,7 +40,7 @@ impl Outbox {
     /// Queues a message. A command or sensor message takes the place of the one before it, if that still waits.
     pub fn push(&mut self, message: Message) {
         let kind = message.kind();
-        if let Some(place) = LATEST.iter().position(|latest| *latest == kind) {
+        if let Some(place) = LATEST.iter().position(|kinds| kinds.contains(&kind)) {
             self.replaced += u64::from(self.latest[place].replace(message).is_some());
         } else if self.control.latest(|waiting| waiting.kind() == kind) != Some(&message) {
             self.control.push(message);
@@ -54,13 +57,9 @@ impl Outbox {
         self.control.pop().or_else(|| self.latest.iter_mut().find_map(Option::take))
     }
 
-    /// Takes back the commands that still wait.
-    pub fn clear_commands(&mut self) {
-        for (latest, kind) in self.latest.iter_mut().zip(LATEST) {
-            if matches!(kind, MessageKind::Force | MessageKind::Torque) {
-                *latest = None;
-            }
-        }
+    /// Takes back the command that still waits.
+    pub fn clear_command(&mut self) {
+        self.latest[COMMAND] = None;
     }
 
     /// Messages that wait.
