@@ -45,7 +45,7 @@ pub fn bits_per_second(streams: impl Iterator<Item = Stream>, stuffing: Stuffing
     })
 }
 
-/// The share of the time for which bits a second take the bus. Above 0.7 single frames wait noticeably, above 1 they
+/// The share of the time for which bits a second take the bus. Above 0.8 single frames wait noticeably, above 1 they
 /// can't all be sent.
 pub fn share(per_second: Bits, rates: BitRates) -> f64 {
     per_second.nominal as f64 / f64::from(rates.nominal_hz) + per_second.data as f64 / f64::from(rates.data_hz)

@@ -7,10 +7,10 @@ use can_dbc::{Dbc, Message as DbcMessage, NumericValue, SignalExtendedValueType,
 use resonarm_protocol::{
     Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, MessageKind, Mismatch, Network, Node, NodeState, PROTOCOL_VERSION,
     Profile, Refusal, SamplesPerFrame, StateEvent, Version,
-    bits::{IdFormat, Stuffing, bounds},
+    bits::{BitRates, IdFormat, Stuffing, bounds},
     dbc, e2e,
     e2e::Protection,
-    load::{bits_per_second, streams},
+    load::{bits_per_second, share, streams},
     timing,
 };
 
@@ -222,7 +222,7 @@ fn the_bus_load_is_that_of_the_code() {
             .map(|stuffing| bounds(IdFormat::Standard, FrameFormat::Classic, len, stuffing).nominal.to_string())
     };
     assert_eq!((&rows[0][1..], &rows[1][1..]), (&bits(8)[..], &bits(1)[..]));
-    for row in &rows[2..] {
+    for row in &rows[2..5] {
         let rate_hz = row[0].strip_suffix(" Hz").unwrap().parse().unwrap();
         let loads = [Stuffing::None, Stuffing::Worst].map(|stuffing| per_second(rate_hz, stuffing));
         assert_eq!(row[1..3], loads.map(|load| load.to_string()));
@@ -236,10 +236,39 @@ fn the_bus_load_is_that_of_the_code() {
         assert!(text.contains(name) && text.contains(&format!("{} and {}", most.nominal, most.data)));
         assert!(text.contains(&format!(" {} ", least.nominal)) && text.contains(&format!(" {}", least.data)));
     }
-    for (rate_hz, stuffing) in [(1573, Stuffing::None), (1293, Stuffing::Worst)] {
-        assert!(per_second(rate_hz, stuffing) <= 700_000 && per_second(rate_hz + 1, stuffing) > 700_000);
-        assert!(words("## 10. Bus load").contains(&format!("{rate_hz} Hz")));
-    }
+}
+
+/// The highest sample rate, Hz, at which the worst stuffing takes at most this share of a bus.
+fn highest_rate_hz(profile: Profile, samples: SamplesPerFrame, rates: BitRates, most: f64) -> u16 {
+    let load = |rate_hz| share(bits_per_second(streams(profile, rate_hz, samples), Stuffing::Worst), rates);
+    (1..=u16::MAX).take_while(|&rate_hz| load(rate_hz) <= most).last().unwrap()
+}
+
+#[test]
+fn the_highest_sample_rates_are_those_of_the_code() {
+    const KBIT: u32 = 1000;
+    let classical = [500, 1000].map(|kbit| (Profile::Classic, BitRates::classical(kbit * KBIT)));
+    let fd = [500, 1000].into_iter().flat_map(|nominal| [1000, 2000, 5000, 8000].map(|data| (nominal, data)));
+    let fd = fd.map(|(nominal, data)| (Profile::Fd, BitRates { nominal_hz: nominal * KBIT, data_hz: data * KBIT }));
+    let kbit = |rate_hz: u32| (rate_hz / KBIT).to_string();
+    let expected: Vec<Vec<String>> = classical
+        .into_iter()
+        .chain(fd)
+        .map(|(profile, rates)| {
+            let data = if profile == Profile::Fd { kbit(rates.data_hz) } else { "–".to_string() };
+            let cells = [SamplesPerFrame::One, SamplesPerFrame::Two].into_iter().flat_map(|samples| {
+                let is_there = profile == Profile::Fd || samples == SamplesPerFrame::One;
+                [0.8, 1.0].map(|most| match is_there {
+                    true => highest_rate_hz(profile, samples, rates, most).to_string(),
+                    false => "–".to_string(),
+                })
+            });
+            [profile.name().to_string(), kbit(rates.nominal_hz), data].into_iter().chain(cells).collect()
+        })
+        .collect();
+    let rows = rows(section("## 10. Bus load"));
+    let table = expected.iter().map(|row| format!("| {} |", row.join(" | "))).collect::<Vec<_>>().join("\n");
+    assert_eq!(rows[5..], expected, "\n{table}\n");
 }
 
 #[test]
