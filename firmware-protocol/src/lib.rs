@@ -18,6 +18,7 @@ mod embedded;
 mod error;
 pub mod frame;
 mod frame_text;
+mod gate;
 pub mod load;
 pub mod message;
 pub mod network;
@@ -30,6 +31,7 @@ mod transmitter;
 pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
 pub use frame_text::FrameTextError;
+pub use gate::{CommandGate, LoadRange};
 pub use message::{
     Acceleration, Capabilities, Cycle, Emergency, EmergencyCode, ForceCommand, Form, Heartbeat, Hello, ImpedanceHead,
     Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SamplesPerFrame, SensorPair,

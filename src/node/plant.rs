@@ -1,8 +1,9 @@
-//! The plant's node: the gate through which every command to the arm passes.
+//! The plant's node: every command to the arm passes its gate.
 
 use resonarm_protocol::{
-    Capabilities, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch, Network, Node,
-    NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues, StateEvent,
+    Capabilities, CommandGate, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, LoadRange, Message,
+    Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair,
+    SensorValues, StateEvent,
 };
 
 use super::hold::Hold;
@@ -17,7 +18,6 @@ use crate::rig::{Exciter, Measurement};
 pub struct PlantNode {
     link: Link,
     timing: Timing,
-    rate_hz: u16,
     exciter: Exciter,
     partner: Option<Hello>,
     /// The most samples in a frame that the exciter takes.
@@ -28,9 +28,8 @@ pub struct PlantNode {
     first: Option<SensorValues>,
     /// The sample measured last.
     sample: u64,
+    gate: CommandGate,
     hold: Hold,
-    /// The sample that the last command taken answers, since arming.
-    answered: Option<u64>,
     /// When the last command was taken, or the plant was armed, of the time listened.
     command_taken_ns: u64,
     refused_since_taken: u64,
@@ -50,15 +49,14 @@ impl PlantNode {
         PlantNode {
             link: Link::new(network, rate_hz, timing, capabilities),
             timing,
-            rate_hz,
             exciter,
             partner: None,
             partner_samples: SamplesPerFrame::One,
             samples_per_frame: SamplesPerFrame::One,
             first: None,
             sample: 0,
+            gate: CommandGate::new(timing.command_age_ns, rate_hz),
             hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
-            answered: None,
             command_taken_ns: 0,
             refused_since_taken: 0,
             refusals: Refusals::default(),
@@ -96,7 +94,7 @@ impl PlantNode {
 
     /// Whether no answer is awaited to the sample measured last: it has been taken, or the sample goes with the next.
     pub fn is_answered(&self) -> bool {
-        self.first.is_some() || self.answered == Some(self.sample)
+        self.first.is_some() || self.gate.answered() == Some(self.sample)
     }
 
     /// Frames of the protocol refused for their checks (E2E, length, values).
@@ -184,7 +182,7 @@ impl PlantNode {
             self.link.send_emergency(self.emergency(EmergencyCode::Incompatible, mismatch as u16));
             return;
         }
-        self.answered = None;
+        self.gate.arm();
         self.samples_per_frame = self.link.samples_per_frame().min(self.partner_samples);
         self.command_taken_ns = self.link.listening.listened_ns();
         self.refused_since_taken = 0;
@@ -214,12 +212,12 @@ impl PlantNode {
         }
     }
 
-    /// The gate: every command is taken here or refused with a reason.
-    fn take(&mut self, sample: u16, load: Load) {
-        match self.check(sample, &load) {
-            Ok(answered) => {
+    /// Every command is taken here or refused with a reason.
+    fn take(&mut self, index: u16, load: Load) {
+        let range = if self.exciter.can_produce(&load) { LoadRange::Within } else { LoadRange::Beyond };
+        match self.gate.take(self.state(), self.sample, index, range) {
+            Ok(()) => {
                 self.hold.take(load);
-                self.answered = Some(answered);
                 self.command_taken_ns = self.link.listening.listened_ns();
                 self.refused_since_taken = 0;
             }
@@ -229,25 +227,6 @@ impl PlantNode {
                 self.link.tell(NodeEvent::Refused(refusal));
             }
         }
-    }
-
-    fn check(&self, sample: u16, load: &Load) -> Result<u64, Refusal> {
-        if !self.is_armed() {
-            return Err(Refusal::NotArmed);
-        }
-        // Modulo 2¹⁶; a sample still to come has an age of nearly 2¹⁶.
-        let age = u64::from((self.sample as u16).wrapping_sub(sample));
-        let limit = self.timing.command_age_ns.saturating_mul(self.rate_hz.into()) / 1_000_000_000;
-        let answered = self.sample.checked_sub(age).filter(|_| age <= limit).ok_or(Refusal::Late)?;
-        match self.answered {
-            Some(last) if answered < last => return Err(Refusal::OutOfOrder),
-            Some(last) if answered == last => return Err(Refusal::Repeated),
-            _ => {}
-        }
-        if !self.exciter.can_produce(load) {
-            return Err(Refusal::OutOfRange);
-        }
-        Ok(answered)
     }
 
     /// Does what is due: heartbeats, hellos, and the timeouts of an armed plant.
