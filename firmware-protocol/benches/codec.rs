@@ -1,5 +1,5 @@
-//! Cost of a frame, made of a message and read again, with E2E protection and counter, of each message of both profiles:
-//! `cargo bench -p resonarm-protocol`.
+//! Cost of a frame, made of a message and read again, with E2E protection and counter, of each message of both
+//! profiles: `cargo bench -p resonarm-protocol`.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a benchmark fails by panicking")]
 
 use divan::counter::ItemsCount;
@@ -9,8 +9,8 @@ use resonarm_protocol::{Frame, Message, MessageKind, Network, Profile, Receiver,
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-/// Frames a turn. A multiple of the 15 and of the 256 values that a counter has, so that each turn goes on where the one
-/// before ended.
+/// Frames a turn. A multiple of the 15 and of the 256 values that a counter has, so that each turn goes on where the
+/// one before ended.
 const FRAMES: usize = 15 * 256;
 
 fn main() {

@@ -1,8 +1,8 @@
 //! What a node has yet to send.
 //!
 //! A message becomes a frame only when it is sent, so that its counter is that of the frames that left, whatever was
-//! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of force or
-//! torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
+//! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of
+//! force or torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
 
 use resonarm_protocol::{Message, MessageKind};
 

@@ -11,8 +11,8 @@
 
 /// `TABLES[k][b]`: the remainder of byte b with k zero bytes behind it.
 ///
-/// A remainder is linear: that of three bytes is the sum, modulo 2, of the remainders of each with zeros in place of the
-/// others. So three bytes are taken at once, and their look-ups don't wait for each other.
+/// A remainder is linear: that of three bytes is the sum, modulo 2, of the remainders of each with zeros in place of
+/// the others. So three bytes are taken at once, and their look-ups don't wait for each other.
 const TABLES: [[u8; 256]; 3] = {
     let mut tables = [[0; 256]; 3];
     let mut byte = 0;
