@@ -2,7 +2,7 @@
 
 use super::damage::Damage;
 use super::tester::{Stop, Tester};
-use super::{common_cases, exciter_cases, plant_cases, refusal_cases};
+use super::{common_cases, exciter_cases, load, pair_cases, plant_cases, refusal_cases, soak_cases};
 use crate::protocol::Node;
 
 /// One case: a script of what is sent, and what must or must not come.
@@ -24,6 +24,7 @@ pub struct Case {
 pub(super) enum Script {
     Run(fn(&mut Tester) -> Result<(), Stop>),
     Damage(fn(&mut Tester, Damage) -> Result<(), Stop>, Damage),
+    Loaded(fn(&mut Tester) -> Result<(), Stop>),
 }
 
 impl Script {
@@ -31,15 +32,16 @@ impl Script {
         match self {
             Script::Run(script) => script(tester),
             Script::Damage(script, damage) => script(tester, damage),
+            Script::Loaded(script) => load::loaded(tester, script),
         }
     }
 }
 
 type Row = (&'static str, &'static str, &'static [&'static str], Script);
 
-use Script::{Damage as Spoilt, Run};
+use Script::{Damage as Spoilt, Loaded, Run};
 
-const PLANT: [Row; 26] = [
+const PLANT: [Row; 31] = [
     ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "plant-first-hello",
@@ -121,9 +123,29 @@ const PLANT: [Row; 26] = [
     ("plant-partner-fault", "a fault and a boot of the exciter", &["R-9.1"], Run(plant_cases::partner_fault)),
     ("plant-exciter-leaves", "the exciter leaves", &["R-8.9"], Run(plant_cases::exciter_leaves)),
     ("plant-second-sender", "another node with its identifiers", &["R-1.4"], Run(plant_cases::second_sender)),
+    ("plant-pairs", "two samples a frame, if its capabilities say that it can", &["R-8.11"], Run(pair_cases::plant)),
+    ("plant-load-hello", "its hello while the bus is loaded", &["R-6.5"], Loaded(common_cases::hello)),
+    (
+        "plant-load-wrong-crc",
+        "commands with a wrong bit while the bus is loaded",
+        &["R-2.4"],
+        Loaded(|t| refusal_cases::damaged(t, Damage::Bit)),
+    ),
+    (
+        "plant-load-states",
+        "the table of states while the bus is loaded",
+        &["R-5.1", "R-5.2"],
+        Loaded(plant_cases::states),
+    ),
+    (
+        "plant-soak",
+        "good and bad commands at random",
+        &["R-2.2", "R-2.4", "R-2.5", "R-8.4", "R-8.5"],
+        Run(soak_cases::plant),
+    ),
 ];
 
-const EXCITER: [Row; 18] = [
+const EXCITER: [Row; 23] = [
     ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "exciter-first-hello",
@@ -182,6 +204,26 @@ const EXCITER: [Row; 18] = [
     ("exciter-plant-disarmed", "the plant is disarmed", &["R-8.10", "R-5.2"], Run(exciter_cases::plant_disarmed)),
     ("exciter-plant-leaves", "the plant leaves", &["R-8.8"], Run(exciter_cases::plant_leaves)),
     ("exciter-second-sender", "another node with its identifiers", &["R-1.4"], Run(exciter_cases::second_sender)),
+    (
+        "exciter-pairs",
+        "two samples a frame, if its capabilities say that it can",
+        &["R-8.12"],
+        Run(pair_cases::exciter),
+    ),
+    ("exciter-load-hello", "its hello while the bus is loaded", &["R-6.5"], Loaded(common_cases::hello)),
+    (
+        "exciter-load-wrong-crc",
+        "samples with a wrong bit while the bus is loaded",
+        &["R-2.4"],
+        Loaded(|t| exciter_cases::damaged(t, Damage::Bit)),
+    ),
+    (
+        "exciter-load-plant-disarmed",
+        "the plant is disarmed while the bus is loaded",
+        &["R-8.10", "R-5.2"],
+        Loaded(exciter_cases::plant_disarmed),
+    ),
+    ("exciter-soak", "good and bad samples at random", &["R-2.2", "R-2.4", "R-2.5", "R-8.2"], Run(soak_cases::exciter)),
 ];
 
 /// The cases for a node, in their order.

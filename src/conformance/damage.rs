@@ -27,6 +27,18 @@ pub(super) enum Damage {
 }
 
 impl Damage {
+    pub const ALL: [Damage; 9] = [
+        Damage::Bit,
+        Damage::Repeated,
+        Damage::Jump,
+        Damage::DataId,
+        Damage::Format,
+        Damage::Length,
+        Damage::ReservedBit,
+        Damage::NotAvailable,
+        Damage::Extended,
+    ];
+
     /// The frame with the damage. `make` makes it with a transmitter, `n` counts the damaged ones.
     pub fn apply(self, ends: &mut Ends, n: u64, make: impl Fn(&mut Transmitter) -> Option<Frame>) -> Option<Frame> {
         match self {

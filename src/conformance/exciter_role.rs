@@ -18,12 +18,17 @@ pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
 
 /// Lets an exciter arm the tester, and waits until it is operational.
 pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
+    begin_with(t, Samples::Steady)
+}
+
+/// The same with samples of another kind.
+pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     greet(t)?;
     t.boot()?;
     t.send_hello()?;
-    (t.source.obeys, t.source.samples) = (true, Samples::Steady);
+    (t.source.obeys, t.source.samples) = (true, samples);
     if t.wait_for_state(t.settings.patience_ns, NodeState::Operational)?.is_none() {
-        return inconclusive(match t.source.asked {
+        return t.unready(match t.source.asked {
             Some(_) => "it doesn't become operational when the plant does",
             None => "it doesn't arm the plant: is it started again after each case?",
         });

@@ -12,21 +12,26 @@
 mod cases;
 mod common_cases;
 mod damage;
+mod evidence;
 mod exciter_cases;
 mod exciter_role;
+mod load;
+mod pair_cases;
 mod plant_cases;
 mod plant_role;
 mod refusal_cases;
 mod requirements;
+mod soak_cases;
 mod source;
 mod tester;
 mod wire;
 
 use alloc::format;
-use alloc::string::String;
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 pub use cases::{Case, cases};
+pub use evidence::Evidence;
 pub use requirements::{Check, REQUIREMENTS, Requirement};
 pub use tester::{MARGIN_NS, Settings};
 pub use wire::{BusWire, Wire};
@@ -65,6 +70,14 @@ pub struct Finding {
     pub held_up_ns: u64,
     /// The longest time in which the node under test said nothing in the last try, between two frames of it, ns.
     pub silent_ns: u64,
+}
+
+impl Finding {
+    /// Of a case in which the bus was lost.
+    pub fn lost(error: &BusError) -> Finding {
+        let verdict = Verdict::Inconclusive(error.to_string());
+        Finding { verdict, measured: Vec::new(), took_ns: 0, held_up_ns: 0, silent_ns: 0 }
+    }
 }
 
 /// Runs a case, again if a hold-up keeps it from saying anything, up to five times.

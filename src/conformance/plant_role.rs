@@ -4,7 +4,7 @@ use alloc::format;
 
 use super::tester::{Answers, GONE_NS, Heard, MARGIN_NS, MS, Stop, Tester, emergency, inconclusive};
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_TIMEOUT_NS};
-use crate::protocol::{Hello, Message, NodeState, OperatorRequest};
+use crate::protocol::{Hello, Message, NodeState, OperatorRequest, SensorPair, SensorValues};
 
 /// The tester boots, and hears what the plant says of itself.
 pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
@@ -46,7 +46,7 @@ pub(super) fn arm(t: &mut Tester, answers: Answers) -> Result<(), Stop> {
     match word.map(|heard| heard.message) {
         Some(Message::Heartbeat(heartbeat)) if heartbeat.state == NodeState::Operational => Ok(()),
         Some(Message::Emergency(emergency)) => inconclusive(format!("it won't be armed: {emergency}")),
-        _ => inconclusive("it doesn't answer the request to arm it"),
+        _ => t.unready("it doesn't answer the request to arm it"),
     }
 }
 
@@ -96,9 +96,16 @@ pub(super) fn timeout_ns(t: &Tester) -> u64 {
 
 /// The forces along x that came from a place in the log on: index of the sample, N.
 pub(super) fn forces(t: &Tester<'_>, from: usize) -> impl Iterator<Item = (u16, f64)> {
-    t.heard[from..].iter().filter_map(|heard| match heard.message {
-        Message::Head(head) => Some((head.sample, head.force_x_n)),
-        Message::Sensors(sensors) => Some((sensors.sample, sensors.values.force_n[0].value)),
-        _ => None,
+    t.heard[from..].iter().flat_map(|heard| {
+        let along_x = |values: SensorValues| values.force_n[0].value;
+        let [first, second] = match heard.message {
+            Message::Head(head) => [Some((head.sample, head.force_x_n)), None],
+            Message::Sensors(sensors) => [Some((sensors.sample, along_x(sensors.values))), None],
+            Message::SensorPair(SensorPair { values: [first, second], sample }) => {
+                [Some((sample, along_x(first))), Some((sample.wrapping_add(1), along_x(second)))]
+            }
+            _ => [None, None],
+        };
+        first.into_iter().chain(second)
     })
 }

@@ -29,7 +29,7 @@ const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Re
 }
 
 /// All of them, in the order of their sections.
-pub const REQUIREMENTS: [Requirement; 39] = [
+pub const REQUIREMENTS: [Requirement; 41] = [
     untested(
         "R-1.1",
         "CAN FD frames are taken with and without bit rate switch",
@@ -91,6 +91,11 @@ pub const REQUIREMENTS: [Requirement; 39] = [
     tested("R-8.8", "an exciter ends when the plant leaves"),
     tested("R-8.9", "a plant disarms when the exciter leaves, and forgets its hello"),
     tested("R-8.10", "an exciter stops when the plant faults, boots, or is disarmed"),
+    tested(
+        "R-8.11",
+        "a plant that can, armed by an exciter that can, sends two samples a frame, the first with an even index",
+    ),
+    tested("R-8.12", "an exciter that can answers the second sample of a frame"),
     tested("R-9.1", "a fault is told once, then the state is fault"),
     untested("R-9.2", "after codes 7 and 14 a plant is started again", "the bus can't make a simulation fail"),
 ];

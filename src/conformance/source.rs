@@ -1,11 +1,14 @@
 //! The tester as a plant: samples at their times, and requests obeyed.
 
+use alloc::collections::BTreeSet;
+use alloc::vec::Vec;
+
 use super::damage::Damage;
 use super::tester::{Stop, Tester};
 use crate::protocol::timing::sample_period_ns;
 use crate::protocol::{
-    Acceleration, Frame, ImpedanceHead, Message, Node, NodeState, OperatorRequest, Profile, SensorValues, Sensors,
-    StateEvent, Transmitter,
+    Acceleration, Frame, ImpedanceHead, Message, Node, NodeState, OperatorRequest, Profile, SensorPair, SensorValues,
+    Sensors, StateEvent, Transmitter,
 };
 
 /// What becomes of the samples.
@@ -22,10 +25,14 @@ pub(super) enum Samples {
     Damaged(Damage),
     /// The index stands still.
     Standing,
+    /// Two a frame while the tester is operational.
+    Pairs,
+    /// Good and bad ones as the soak draws them.
+    Soak,
 }
 
 /// The samples of the tester.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Source {
     pub samples: Samples,
     /// The index of the next sample.
@@ -38,6 +45,12 @@ pub(super) struct Source {
     pub obeys: bool,
     /// A sample that was answered before it was sent.
     pub unsent: Option<u16>,
+    /// Whether the first sample of a pair waits for the second.
+    is_half: bool,
+    /// The indices of the samples that were bad when they were sent last, or are answered.
+    closed: BTreeSet<u16>,
+    /// A sample that was answered although it was closed.
+    pub wrong: Option<u16>,
 }
 
 impl Source {
@@ -59,19 +72,20 @@ impl Tester<'_> {
         if self.source.samples != Samples::Standing {
             self.source.index = index.wrapping_add(1);
         }
-        let messages = sample(self.network.profile(), index);
+        let samples = self.draw(index);
+        let messages = self.messages(samples, index);
         let Some((whole, parts)) = messages.split_last() else { return Ok(()) };
         for part in parts {
             self.send(part)?;
         }
         let make = |transmitter: &mut Transmitter| transmitter.frame(whole).ok();
-        let frame: Option<Frame> = match self.source.samples {
+        let frame: Option<Frame> = match samples {
             Samples::Incomplete | Samples::Off => return Ok(()),
             Samples::Damaged(damage) => {
                 self.source.damaged += 1;
-                damage.apply(&mut self.ends, self.settings.seed + self.source.damaged, make)
+                damage.apply(&mut self.ends, self.settings.seed.wrapping_add(self.source.damaged), make)
             }
-            Samples::Steady | Samples::Standing => {
+            Samples::Steady | Samples::Standing | Samples::Pairs | Samples::Soak => {
                 self.ends.before = self.ends.transmitter.clone();
                 make(&mut self.ends.transmitter)
             }
@@ -79,11 +93,37 @@ impl Tester<'_> {
         frame.map_or(Ok(()), |frame| self.send_frame(&frame))
     }
 
+    /// What becomes of a sample. A bad one is closed to answers.
+    fn draw(&mut self, index: u16) -> Samples {
+        let samples = match (self.source.samples, &mut self.soak) {
+            (Samples::Soak, Some(soak)) => soak.samples(self.network.profile()),
+            (samples, _) => samples,
+        };
+        match samples {
+            Samples::Incomplete | Samples::Damaged(_) => self.source.closed.insert(index),
+            _ => self.source.closed.remove(&index),
+        };
+        samples
+    }
+
+    /// What is sent at a sample: nothing at the first of a pair.
+    fn messages(&mut self, samples: Samples, index: u16) -> Vec<Message> {
+        if core::mem::take(&mut self.source.is_half) {
+            return pair(index.wrapping_sub(1));
+        }
+        let is_armed = self.state == NodeState::Operational;
+        self.source.is_half = samples == Samples::Pairs && is_armed && index.is_multiple_of(2);
+        if self.source.is_half { Vec::new() } else { sample(self.network.profile(), index) }
+    }
+
     /// A command came for a sample.
     pub(super) fn commanded(&mut self, sample: u16) -> Result<(), Stop> {
         // Modulo 2¹⁶, as far ahead as behind.
         if sample.wrapping_sub(self.source.index) < 0x8000 {
             self.source.unsent = Some(sample);
+        }
+        if self.source.samples == Samples::Soak && !self.source.closed.insert(sample) {
+            self.source.wrong = Some(sample);
         }
         Ok(())
     }
@@ -104,8 +144,13 @@ impl Tester<'_> {
     }
 }
 
+/// The message of two samples at rest.
+fn pair(sample: u16) -> Vec<Message> {
+    alloc::vec![Message::SensorPair(SensorPair { values: [SensorValues::default(); 2], sample })]
+}
+
 /// The messages of a sample at rest.
-fn sample(profile: Profile, sample: u16) -> alloc::vec::Vec<Message> {
+fn sample(profile: Profile, sample: u16) -> Vec<Message> {
     let acceleration = Acceleration {
         acceleration_x_m_s2: 0.0,
         acceleration_y_m_s2: 0.0,

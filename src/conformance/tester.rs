@@ -5,6 +5,8 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 use super::damage::{Damage, Ends};
+use super::load::Load;
+use super::soak_cases::Soak;
 use super::wire::Wire;
 use crate::bus::BusError;
 use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
@@ -34,14 +36,25 @@ pub struct Settings {
     pub beyond_n: Option<f64>,
     /// How long a node under test is waited for, ns.
     pub patience_ns: u64,
-    /// Which bit of the first damaged frame is wrong.
+    /// Which bit of the first damaged frame is wrong, and the seed of what is drawn.
     pub seed: u64,
+    /// The bit rate of the bus, Hz, if it is to be loaded.
+    pub bit_rate_hz: Option<u32>,
+    /// How long good and bad frames are drawn at random, ns; 0 is not at all.
+    pub soak_ns: u64,
 }
 
 impl Default for Settings {
-    /// 5 N, none too large, 10 s, the first bit.
+    /// 5 N, none too large, 10 s, the first bit, no load, a soak of 5 s.
     fn default() -> Settings {
-        Settings { force_n: 5.0, beyond_n: None, patience_ns: 10_000 * MS, seed: 0 }
+        Settings {
+            force_n: 5.0,
+            beyond_n: None,
+            patience_ns: 10_000 * MS,
+            seed: 0,
+            bit_rate_hz: None,
+            soak_ns: 5_000 * MS,
+        }
     }
 }
 
@@ -104,6 +117,8 @@ pub(super) enum Answers {
     Shifted(f64, i16),
     /// With this force, for this sample.
     Always(f64, u16),
+    /// With this force, and with what the soak draws before it; samples this much older are too old.
+    Soak(f64, i16),
 }
 
 pub(super) struct Tester<'w> {
@@ -121,6 +136,10 @@ pub(super) struct Tester<'w> {
     heartbeat_at_ns: u64,
     hello_at_ns: u64,
     pub answers: Answers,
+    pub soak: Option<Soak>,
+    pub load: Option<Load>,
+    /// What the tester says that it can, in the FD profile.
+    pub samples_per_frame: SamplesPerFrame,
     damaged: u64,
     /// The sample that was answered last, and with what.
     pub answered: Option<u16>,
@@ -155,6 +174,9 @@ impl<'w> Tester<'w> {
             heartbeat_at_ns: 0,
             hello_at_ns: 0,
             answers: Answers::None,
+            soak: None,
+            load: None,
+            samples_per_frame: SamplesPerFrame::One,
             damaged: settings.seed,
             answered: None,
             heard: Vec::new(),
@@ -179,12 +201,15 @@ impl<'w> Tester<'w> {
     /// Sends a message, protected.
     pub fn send(&mut self, message: &Message) -> Result<(), Stop> {
         match self.ends.transmitter.frame(message) {
-            Ok(frame) => Ok(self.wire.send(&frame)?),
+            Ok(frame) => self.send_frame(&frame),
             Err(error) => inconclusive(format!("the tester can't say this: {error}")),
         }
     }
 
     pub fn send_frame(&mut self, frame: &Frame) -> Result<(), Stop> {
+        if let Some(load) = &mut self.load {
+            load.count(frame);
+        }
         Ok(self.wire.send(frame)?)
     }
 
@@ -211,7 +236,7 @@ impl<'w> Tester<'w> {
         let limit = f32::MAX.into();
         self.send(&Message::Capabilities(Capabilities {
             node,
-            samples_per_frame: SamplesPerFrame::One,
+            samples_per_frame: self.samples_per_frame,
             force_limit_n: limit,
             torque_limit_nm: limit,
         }))
@@ -275,7 +300,9 @@ impl<'w> Tester<'w> {
             self.send_hello()?;
         }
         self.send_sample(now_ns)?;
-        let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns());
+        self.send_load(now_ns)?;
+        let load_ns = self.load.as_ref().map_or(u64::MAX, Load::next_ns);
+        let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns()).min(load_ns);
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
         self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
@@ -287,6 +314,9 @@ impl<'w> Tester<'w> {
     }
 
     fn take(&mut self, at_ns: u64, frame: &Frame) -> Result<(), Stop> {
+        if let Some(load) = &mut self.load {
+            load.count(frame);
+        }
         let message = match self.receiver.accept(frame) {
             Ok(Some(message)) if message.kind().sender() == self.tested => message,
             Ok(_) => return Ok(()),
@@ -301,6 +331,7 @@ impl<'w> Tester<'w> {
         match message {
             Message::AccelerometerC(c) => self.answer(c.sample),
             Message::Sensors(sensors) => self.answer(sensors.sample),
+            Message::SensorPair(pair) => self.answer(pair.sample.wrapping_add(1)),
             Message::Force(command) => self.commanded(command.sample),
             Message::Torque(command) => self.commanded(command.sample),
             Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(request),
@@ -310,24 +341,32 @@ impl<'w> Tester<'w> {
 
     /// Answers a sample of the plant.
     fn answer(&mut self, sample: u16) -> Result<(), Stop> {
-        let (force_x_n, sample) = match self.answers {
-            Answers::None => return Ok(()),
+        let Answers::Soak(force_n, limit) = self.answers else { return self.answer_with(self.answers, sample) };
+        let profile = self.network.profile();
+        let drawn = self.soak.as_mut().map_or_else(Vec::new, |soak| soak.answers(force_n, limit, profile));
+        drawn.into_iter().try_for_each(|answers| self.answer_with(answers, sample))
+    }
+
+    fn answer_with(&mut self, answers: Answers, sample: u16) -> Result<(), Stop> {
+        let (force_x_n, sample) = match answers {
+            Answers::None | Answers::Soak(..) => return Ok(()),
             Answers::Force(force_n) | Answers::Damaged(force_n, _) => (force_n, sample),
             Answers::Shifted(force_n, by) => (force_n, sample.wrapping_add_signed(by)),
             Answers::Always(force_n, sample) => (force_n, sample),
         };
         let message = Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample });
-        let frame = match self.answers {
+        let frame = match answers {
             Answers::Damaged(_, damage) => {
-                self.damaged += 1;
-                damage.apply(&mut self.ends, self.damaged - 1, |transmitter| transmitter.frame(&message).ok())
+                let n = self.damaged;
+                self.damaged = n.wrapping_add(1);
+                damage.apply(&mut self.ends, n, |transmitter| transmitter.frame(&message).ok())
             }
             _ => {
                 self.ends.before = self.ends.transmitter.clone();
                 self.ends.transmitter.frame(&message).ok()
             }
         };
-        if matches!(self.answers, Answers::Force(_)) {
+        if matches!(answers, Answers::Force(_)) {
             self.answered = Some(sample);
         }
         match frame {
@@ -340,6 +379,11 @@ impl<'w> Tester<'w> {
     pub fn goes_on(&mut self) -> Result<bool, Stop> {
         let word = self.wait_for(GONE_NS, |_| true)?;
         Ok(word.is_some_and(|heard| !is_state(&heard.message, NodeState::BootUp)))
+    }
+
+    /// A node that doesn't take part can't be judged. On a loaded bus, though, that is what was to be tried.
+    pub fn unready<T>(&self, text: impl Into<String>) -> Result<T, Stop> {
+        if self.load.is_some() { late(text) } else { inconclusive(text) }
     }
 
     /// Another transmitter, of a node that isn't the tester.

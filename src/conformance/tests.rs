@@ -44,7 +44,13 @@ fn cases_cover_what_they_can_and_name_no_other() {
 }
 
 fn settings() -> Settings {
-    Settings { beyond_n: Some(650.0), patience_ns: 2_000_000_000, ..Settings::default() }
+    Settings {
+        beyond_n: Some(650.0),
+        patience_ns: 2_000_000_000,
+        bit_rate_hz: Some(1_000_000),
+        soak_ns: 2_000_000_000,
+        ..Settings::default()
+    }
 }
 
 /// The findings of all cases, each with a device of its own.
@@ -56,8 +62,14 @@ fn findings(tested: Node, network: Network, make: impl Fn() -> Box<dyn Device>) 
     cases(tested).map(run).collect()
 }
 
-fn all_pass(findings: &[(&str, Finding)]) {
-    let others: Vec<_> = findings.iter().filter(|(_, finding)| finding.verdict != Verdict::Passed).collect();
+/// All pass, apart from what needs the FD profile.
+fn all_pass(findings: &[(&str, Finding)], profile: Profile) {
+    let is_fine = |id: &str, verdict: &Verdict| match verdict {
+        Verdict::Passed => true,
+        Verdict::Skipped(_) => id.ends_with("-pairs") && profile == Profile::Classic,
+        Verdict::Failed(_) | Verdict::Inconclusive(_) => false,
+    };
+    let others: Vec<_> = findings.iter().filter(|(id, finding)| !is_fine(id, &finding.verdict)).collect();
     assert!(others.is_empty(), "{others:#?}");
 }
 
@@ -65,8 +77,8 @@ fn all_pass(findings: &[(&str, Finding)]) {
 fn the_nodes_of_this_crate_pass_in_both_profiles() {
     for profile in Profile::ALL {
         let network = Network::default().with_profile(profile);
-        all_pass(&findings(Node::Plant, network, || Box::new(PlantDevice::new(network))));
-        all_pass(&findings(Node::Exciter, network, || Box::new(ExciterDevice::new(network))));
+        all_pass(&findings(Node::Plant, network, || Box::new(PlantDevice::new(network))), profile);
+        all_pass(&findings(Node::Exciter, network, || Box::new(ExciterDevice::new(network))), profile);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use super::{Case, Evidence, Finding};
 use crate::bus::{Bus, BusError, Sent};
 use crate::protocol::Frame;
 use crate::realtime::{Clock, SystemClock};
@@ -28,12 +29,28 @@ pub trait Wire {
 pub struct BusWire<'b> {
     bus: &'b mut dyn Bus,
     clock: SystemClock,
+    /// What records the frames, if anything does.
+    pub evidence: Option<Evidence>,
 }
 
 impl<'b> BusWire<'b> {
     /// The end of a bus, with the monotonic clock.
-    pub fn new(bus: &'b mut dyn Bus) -> BusWire<'b> {
-        BusWire { bus, clock: SystemClock }
+    pub fn new(bus: &'b mut dyn Bus, evidence: Option<Evidence>) -> BusWire<'b> {
+        BusWire { bus, clock: SystemClock, evidence }
+    }
+
+    /// Records that a case begins.
+    pub fn begin(&mut self, case: &Case) {
+        if let Some(evidence) = &mut self.evidence {
+            evidence.begin(case);
+        }
+    }
+
+    /// Records that it has ended.
+    pub fn end(&mut self, case: &Case, finding: &Finding) {
+        if let Some(evidence) = &mut self.evidence {
+            evidence.end(case, finding);
+        }
     }
 }
 
@@ -48,8 +65,14 @@ impl Wire for BusWire<'_> {
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         let give_up_ns = self.now_ns() + FULL_NS;
         // A frame that can't be sent is lost, as on any bus: the cases say what became of it.
-        while self.bus.send(frame)? == Sent::QueueFull && self.now_ns() < give_up_ns {
+        while self.bus.send(frame)? == Sent::QueueFull {
+            if self.now_ns() >= give_up_ns {
+                return Ok(());
+            }
             self.clock.sleep_until_ns(self.now_ns() + 1_000_000);
+        }
+        if let Some(evidence) = &mut self.evidence {
+            evidence.sent(frame);
         }
         Ok(())
     }
@@ -57,6 +80,9 @@ impl Wire for BusWire<'_> {
     fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError> {
         loop {
             if let Some(received) = self.bus.receive()? {
+                if let Some(evidence) = &mut self.evidence {
+                    evidence.received(received);
+                }
                 return Ok(Some(received.frame));
             }
             let left_ns = until_ns.saturating_sub(self.now_ns());

@@ -1,6 +1,7 @@
 //! The system's clocks, and one of simulated time.
 
 use core::sync::atomic::{AtomicU64, Ordering};
+use core::time::Duration;
 use std::sync::Arc;
 
 use rustix::io::Errno;
@@ -21,6 +22,18 @@ pub trait Clock {
 /// `CLOCK_MONOTONIC`: nanoseconds since boot, without the time the machine was suspended, never set back.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SystemClock;
+
+impl SystemClock {
+    /// When it read 0, ns of the UNIX epoch.
+    pub fn epoch_unix_ns(self) -> u64 {
+        unix_time_ns().saturating_sub(self.now_ns())
+    }
+
+    /// What it reads, as the recorder wants it.
+    pub fn elapsed() -> Duration {
+        Duration::from_nanos(SystemClock.now_ns())
+    }
+}
 
 impl Clock for SystemClock {
     fn now_ns(&self) -> u64 {

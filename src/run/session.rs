@@ -19,7 +19,7 @@ use crate::control::Controller;
 use crate::node::{ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
-use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, VirtualClock, unix_time_ns};
+use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, VirtualClock};
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
 
@@ -330,8 +330,12 @@ impl Session {
         let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
         let dt_s = 1.0 / self.scenario.simulation.rate_hz;
         let mut options = match self.mode {
-            Mode::RealTime => recording::Options::real_time(dt_s, interface, clock_epoch_unix_ns(), monotonic),
-            Mode::Lockstep => recording::Options::lockstep(dt_s, interface, clock_epoch_unix_ns(), monotonic),
+            Mode::RealTime => {
+                recording::Options::real_time(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
+            }
+            Mode::Lockstep => {
+                recording::Options::lockstep(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
+            }
             Mode::Free => recording::Options::virtual_time(dt_s, interface),
         };
         options.existing = *existing;
@@ -351,16 +355,6 @@ fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> R
         return Err(SpeedError::TooSlow { got, period_s, timeout_s, least });
     }
     Ok(())
-}
-
-/// When the monotonic clock read 0, ns of the UNIX epoch.
-fn clock_epoch_unix_ns() -> u64 {
-    unix_time_ns().saturating_sub(SystemClock.now_ns())
-}
-
-/// The monotonic clock, as the recorder wants it.
-fn monotonic() -> Duration {
-    Duration::from_nanos(SystemClock.now_ns())
 }
 
 /// Makes the calling thread a real-time thread, and says what it could not have.

@@ -36,10 +36,16 @@ fn help_names_each_flag() {
           --beyond-n <N>       A force that the plant must refuse for its size, N [default: none is
                                tried]. A plant that takes it applies it
           --patience-s <S>     How long the node under test is waited for, s [default: 10]
-          --seed <N>           Which bit of the first damaged frame is wrong; the next has the next one
-                               wrong [default: 0]
+          --bit-rate-hz <HZ>   Bit rate of the bus, Hz: some cases are tried at 70 % of it, too
+                               [default: they are not]
+          --soak-s <S>         How long good and bad frames at random are sent, s; 0 is not at all
+                               [default: 5]
+          --seed <N>           What is drawn at random; and which bit of the first damaged frame is
+                               wrong, the next has the next one wrong [default: 0]
           --json               Print one JSON document
           --junit <FILE>       Write the report as JUnit XML, too
+          --record <FILE>      Record every frame, and where each case begins and ends, into this MCAP
+                               file
           --overwrite          Write over files that are there
       -h, --help               Print help
     ");
@@ -61,15 +67,28 @@ fn flags_that_cannot_be() {
     ");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
     assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender"#);
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak"#);
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
+    error: invalid value '9600' for '--bit-rate-hz <HZ>': 9600 is not in 10000..=1000000
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--soak-s", "nan"]), @r"
+    error: invalid value 'nan' for '--soak-s <S>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
 }
 
 #[test]
 fn files_that_are_there_are_kept() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("report.xml"), "kept").unwrap();
-    let arguments = ["conformance", "--role", "plant", "--bus", "vcan0", "--junit", "report.xml"];
-    assert_snapshot!(complaint(folder.path(), 2, &arguments), @"resonarm: report.xml already exists: name another place, or allow overwriting it (--overwrite)");
+    for flag in ["--junit", "--record"] {
+        let arguments = ["conformance", "--role", "plant", "--bus", "vcan0", flag, "report.xml"];
+        let said = complaint(folder.path(), 2, &arguments);
+        assert!(said.starts_with("resonarm: report.xml already exists: "), "{said}");
+    }
     assert_eq!(std::fs::read_to_string(folder.path().join("report.xml")).unwrap(), "kept");
 }
 
@@ -104,7 +123,7 @@ mod on_an_empty_bus {
         let said = document(folder.path(), 1, &[&EMPTY[..], &["--json", "--junit", "report.xml"]].concat());
         let counts = ["passed", "failed", "inconclusive", "skipped", "not_run"].map(|name| said[name].as_u64());
         assert_eq!(counts, [0, 0, 1, 0, 0].map(Some));
-        assert_snapshot!(names(&said).join(" "), @"cases failed inconclusive not_run passed role skipped untested");
+        assert_snapshot!(names(&said).join(" "), @"cases failed inconclusive not_run passed recording role skipped untested");
         assert_snapshot!(names(&said["cases"][0]).join(" "), @"case held_up_ms measured reason requirements silent_ms title took_s verdict");
         assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant came: is it on this bus, with this base, these node ids and this profile?");
         assert_eq!(said["untested"][0]["requirement"], "R-1.1");

@@ -3,9 +3,12 @@
 import json
 import time
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
 
 import pytest
+import wire
 from processes import PATIENCE_S, receivers, run, wait_until
+from recordings import RECEIVED, SENT, Recording
 from test_c_controller import controller
 
 RATE_HZ = 200
@@ -18,6 +21,8 @@ amplitude = {{ force_x_n = 20.0 }}
 ramp_s = 0.1
 profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = 60.0, settle_s = 0.2 }}
 """
+
+LOAD = ["--bit-rate-hz", 250_000, "--soak-s", 2]
 
 # A machine that stops a process makes a case inconclusive, never failed, and such a case is run again. With both
 # processes stopped for 150 ms twice a second that is one case in twenty, so after six rounds there is none.
@@ -38,7 +43,9 @@ def passes_every_case(start, run_out=ended):
     for _ in range(ROUNDS):
         report = run_out(start(flags))
         first = first or report
-        assert report["failed"] == report["skipped"] == report["not_run"] == 0, report
+        assert report["failed"] == report["not_run"] == 0, report
+        # What needs the FD profile.
+        assert all(case["case"].endswith("-pairs") for case in report["cases"] if case["verdict"] == "skipped"), report
         left = [case["case"] for case in report["cases"] if case["verdict"] == "inconclusive"]
         if not left:
             return first
@@ -50,13 +57,13 @@ def test_our_plant_passes_every_case(tmp_path, programs):
     scenario, junit = tmp_path / "scenario.toml", tmp_path / "report.xml"
     scenario.write_text(SCENARIO)
     programs.resonarm("run", "--bus", "vcan0", "--scenario", scenario)
-    common = ["--bus", "vcan0", "--role", "plant", "--beyond-n", 650, "--json"]
+    common = ["--bus", "vcan0", "--role", "plant", "--beyond-n", 650, *LOAD, "--json"]
     first = passes_every_case(
         lambda flags: programs.resonarm("conformance", *common, *flags, *([] if flags else ["--junit", junit]))
     )
     suite = ElementTree.parse(junit).getroot().find("testsuite")
     assert len(suite.findall("testcase")) == int(suite.get("tests")) == len(first["cases"])
-    assert len(suite.findall("testcase/skipped")) == int(suite.get("skipped")) == first["inconclusive"]
+    assert len(suite.findall("testcase/skipped")) == int(suite.get("skipped")) == first["inconclusive"] + 1
 
 
 def kept_alive(start):
@@ -83,7 +90,7 @@ def test_our_exciters_pass_every_case(tmp_path, programs, language):
         "rust": lambda: programs.resonarm("exciter", "--bus", "vcan0", "--scenario", scenario),
         "c": lambda: controller(programs, "vcan0", *sine),
     }[language]
-    common = ["--bus", "vcan0", "--role", "exciter", "--json"]
+    common = ["--bus", "vcan0", "--role", "exciter", *LOAD, "--json"]
     passes_every_case(lambda flags: programs.resonarm("conformance", *common, *flags), kept_alive(node))
 
 
@@ -110,3 +117,55 @@ def test_a_bus_that_is_lost_leaves_a_report(tmp_path, programs, interface):
     assert said[0].startswith(f"inconclusive: {interface} is down")
     assert said[1:] == ["not run: the bus was lost before"] * 4
     assert int(suite.get("skipped")) == 5
+
+
+def test_a_recording_is_evidence(tmp_path, programs):
+    scenario, path = tmp_path / "scenario.toml", tmp_path / "evidence.mcap"
+    scenario.write_text(SCENARIO)
+    plant = programs.resonarm("run", "--bus", "vcan0", "--scenario", scenario)
+    dump = programs.candump()
+    cases = ["plant-hello", "plant-states"]
+    flags = [flag for case in cases for flag in ("--case", case)]
+    tool = programs.resonarm(
+        "conformance", "--bus", "vcan0", "--role", "plant", *flags, "--seed", 7, "--record", path, "--json"
+    )
+    report = ended(tool)
+    plant.stop()
+    assert report["recording"]["path"] == str(path) and sum(report["recording"]["lost"].values()) == 0, report
+    recording = Recording.whole(path)
+    # Two events a case: its name, and what it came to.
+    verdicts = [case["verdict"] for case in report["cases"]]
+    events = [(event.name, event.value) for event in recording.topics["/events"]]
+    assert events == [
+        event for n, case in enumerate(cases, 1) for event in ((case, n), (f"verdict.{verdicts[n - 1]}", n))
+    ]
+    said = recording.metadata["resonarm.statistics"]
+    assert [said[case].split(":")[0] for case in cases] == verdicts
+    assert recording.metadata["resonarm.configuration"]["seed"] == "7"
+    # What the tester sent is what an independent listener heard of it, and all that it heard was on the bus.
+    frames = wire.log(dump)
+    ours = [frame.content for frame in frames if wire.DBC.get_message_by_frame_id(frame.id).senders == ["Exciter"]]
+    assert [(frame.id, frame.data) for frame in recording.frames if frame.direction == RECEIVED] == ours
+    heard = Counter((frame.id, frame.data) for frame in recording.frames if frame.direction == SENT)
+    assert heard and heard <= Counter(frame.content for frame in frames)
+    # Each case has frames of both directions, in the order of their times.
+    times = [event.time_ns for event in recording.topics["/events"]]
+    for begin, end in zip(times[::2], times[1::2], strict=True):
+        assert {frame.direction for frame in recording.frames if begin <= frame.time_ns <= end} == {SENT, RECEIVED}
+    assert sorted(frame.time_ns for frame in recording.frames) == [frame.time_ns for frame in recording.frames]
+
+
+def test_two_samples_a_frame(tmp_path, programs):
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(SCENARIO + '[network]\nprofile = "fd"\nsamples_per_frame = 2\n')
+    common = ["--bus", "vcan0", "--profile", "fd", "--json"]
+
+    def start(role):
+        flags = ["--role", role, "--case", f"{role}-pairs"]
+        return lambda _: programs.resonarm("conformance", *common, *flags)
+
+    plant = programs.resonarm("run", "--bus", "vcan0", "--scenario", scenario)
+    assert passes_every_case(start("plant"))["skipped"] == 0
+    plant.stop()
+    node = kept_alive(lambda: programs.resonarm("exciter", "--bus", "vcan0", "--scenario", scenario))
+    assert passes_every_case(start("exciter"), node)["skipped"] == 0

@@ -4,15 +4,16 @@ mod report;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, value_parser};
 
 use super::failure::{Failure, Verdict};
 use super::output;
 use super::protocol::NetworkFlags;
 use super::session::seconds;
 use crate::bus::{self, BusAddress, BusError};
-use crate::conformance::{self, BusWire, Case, Settings};
+use crate::conformance::{self, BusWire, Case, Evidence, Finding, Settings};
 use crate::protocol::{Network, Node};
+use crate::recording::{Existing, RecordingError};
 use crate::seed;
 use report::Row;
 
@@ -40,7 +41,13 @@ pub(super) struct Conformance {
     /// How long the node under test is waited for, s.
     #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
-    /// Which bit of the first damaged frame is wrong; the next has the next one wrong.
+    /// Bit rate of the bus, Hz: some cases are tried at 70 % of it, too [default: they are not].
+    #[arg(long, value_name = "HZ", value_parser = value_parser!(u32).range(10_000..=1_000_000))]
+    bit_rate_hz: Option<u32>,
+    /// How long good and bad frames at random are sent, s; 0 is not at all.
+    #[arg(long, value_name = "S", default_value_t = 5.0, allow_hyphen_values = true)]
+    soak_s: f64,
+    /// What is drawn at random; and which bit of the first damaged frame is wrong, the next has the next one wrong.
     #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
     seed: u64,
     /// Print one JSON document.
@@ -49,6 +56,9 @@ pub(super) struct Conformance {
     /// Write the report as JUnit XML, too.
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// Record every frame, and where each case begins and ends, into this MCAP file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     overwrite: output::OverwriteFlag,
 }
@@ -72,12 +82,19 @@ impl Conformance {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let (address, network): (BusAddress, _) = (self.bus.parse()?, self.network.network()?);
         let (settings, cases) = (self.settings()?, self.cases()?);
-        self.overwrite.check(self.junit.clone())?;
+        self.overwrite.check(self.junit.iter().chain(&self.record).cloned())?;
         let mut bus = bus::open(&address)?;
-        let (rows, ended) = self.rows(&cases, &mut BusWire::new(bus.as_mut()), network, settings)?;
-        let document = report::Document::new(self.role.into(), rows);
+        let evidence = self.evidence(&bus.name(), network, settings)?;
+        let mut wire = BusWire::new(bus.as_mut(), evidence);
+        let (rows, lost) = self.rows(&cases, &mut wire, network, settings)?;
+        let (recording, unrecorded) = match wire.evidence.map(Evidence::finish).transpose() {
+            Ok(recording) => (recording, None),
+            Err(error) => (None, Some(error)),
+        };
+        let document = report::Document::new(self.role.into(), rows, recording);
         self.tell(&document)?;
-        ended.map_or_else(|| bus.close(), Err)?;
+        lost.map_or_else(|| bus.close(), Err)?;
+        unrecorded.map_or(Ok(()), Err)?;
         Ok(Verdict::of(document.is_positive()))
     }
 
@@ -93,10 +110,13 @@ impl Conformance {
         for case in cases {
             let row = match lost {
                 Some(_) => Row::not_run(case),
-                None => match conformance::run(case, wire, network, settings) {
-                    Ok(finding) => Row::new(case, &finding),
-                    Err(error) => Row::lost(case, lost.insert(error)),
-                },
+                None => {
+                    wire.begin(case);
+                    let finding = conformance::run(case, wire, network, settings)
+                        .unwrap_or_else(|error| Finding::lost(lost.insert(error)));
+                    wire.end(case, &finding);
+                    Row::new(case, &finding)
+                }
             };
             if !self.json {
                 output::print(&row.text())?;
@@ -104,6 +124,17 @@ impl Conformance {
             rows.push(row);
         }
         Ok((rows, lost))
+    }
+
+    fn evidence(
+        &self,
+        interface: &str,
+        network: Network,
+        settings: Settings,
+    ) -> Result<Option<Evidence>, RecordingError> {
+        let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let run = (self.role.into(), network, settings);
+        self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
     }
 
     /// Prints and writes the report.
@@ -120,8 +151,17 @@ impl Conformance {
                 return Err(Failure::Usage(format!("{flag} must be a number above 0 N")));
             }
         }
-        let patience_ns = u64::try_from(seconds("--patience-s", self.patience_s)?.as_nanos()).unwrap_or(u64::MAX / 2);
-        Ok(Settings { force_n: self.force_n, beyond_n: self.beyond_n, patience_ns, seed: self.seed })
+        let ns = |flag, given_s| {
+            seconds(flag, given_s).map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).min(u64::MAX / 4))
+        };
+        Ok(Settings {
+            force_n: self.force_n,
+            beyond_n: self.beyond_n,
+            patience_ns: ns("--patience-s", self.patience_s)?,
+            seed: self.seed,
+            bit_rate_hz: self.bit_rate_hz,
+            soak_ns: ns("--soak-s", self.soak_s)?,
+        })
     }
 
     fn cases(&self) -> Result<Vec<Case>, Failure> {

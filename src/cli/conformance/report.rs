@@ -4,9 +4,9 @@ use core::fmt::Write;
 
 use serde::Serialize;
 
-use crate::bus::BusError;
 use crate::conformance::{Case, Check, Finding, REQUIREMENTS, Verdict};
 use crate::protocol::Node;
+use crate::recording::Summary;
 
 /// What one case found.
 #[derive(Serialize)]
@@ -22,7 +22,7 @@ pub(super) struct Row {
     silent_ms: f64,
 }
 
-/// The verdict on a case for which there was no bus any more.
+/// The verdict on a case that was not begun.
 const NOT_RUN: &str = "not run";
 
 impl Row {
@@ -44,12 +44,7 @@ impl Row {
         }
     }
 
-    /// The case in which the bus was lost.
-    pub fn lost(case: &Case, error: &BusError) -> Row {
-        Row { verdict: "inconclusive", reason: Some(error.to_string()), ..Row::not_run(case) }
-    }
-
-    /// A case after that.
+    /// A case for which there was no bus any more.
     pub fn not_run(case: &Case) -> Row {
         Row {
             case: case.id,
@@ -98,13 +93,14 @@ fn escaped(text: &str) -> String {
 /// All cases.
 #[derive(Serialize)]
 pub(super) struct Document {
-    role: &'static str,
+    role: String,
     passed: usize,
     failed: usize,
     inconclusive: usize,
     skipped: usize,
     not_run: usize,
     cases: Vec<Row>,
+    recording: Option<Summary>,
     /// Demands that no case can see.
     untested: Vec<Untested>,
 }
@@ -117,18 +113,14 @@ struct Untested {
 }
 
 impl Document {
-    pub fn new(tested: Node, cases: Vec<Row>) -> Document {
+    pub fn new(tested: Node, cases: Vec<Row>, recording: Option<Summary>) -> Document {
         let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
-        let role = match tested {
-            Node::Plant => "plant",
-            Node::Exciter => "exciter",
-        };
         let untested = REQUIREMENTS.iter().filter_map(|requirement| match requirement.check {
             Check::Cases => None,
             Check::Elsewhere(why) => Some(Untested { requirement: requirement.id, text: requirement.text, why }),
         });
         Document {
-            role,
+            role: tested.to_string(),
             passed: count("passed"),
             failed: count("failed"),
             inconclusive: count("inconclusive"),
@@ -136,6 +128,7 @@ impl Document {
             not_run: count(NOT_RUN),
             untested: untested.collect(),
             cases,
+            recording,
         }
     }
 
@@ -145,10 +138,15 @@ impl Document {
     }
 
     pub fn summary(&self) -> String {
-        format!(
+        let mut text = format!(
             "{} passed, {} failed, {} inconclusive, {} skipped, {} not run\n",
             self.passed, self.failed, self.inconclusive, self.skipped, self.not_run
-        )
+        );
+        if let Some(Summary { path, bytes, lost, .. }) = &self.recording {
+            let lost = lost.values().sum::<u64>();
+            let _infallible = writeln!(text, "recording: {}, {bytes} bytes, {lost} records lost", path.display());
+        }
+        text
     }
 
     pub fn junit(&self) -> String {

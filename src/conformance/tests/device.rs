@@ -3,13 +3,13 @@
 use std::collections::VecDeque;
 
 use super::super::Wire;
-use super::flaws::Flaw;
+use super::flaws::{Ears, Flaw};
 use crate::arm::Load;
 use crate::bus::BusError;
 use crate::control::OpenLoop;
 use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
 use crate::node::{ExciterNode, PlantNode, Timing};
-use crate::protocol::{Frame, Network, NodeState, Transmitter};
+use crate::protocol::{Frame, Network, NodeState, SamplesPerFrame, Transmitter};
 use crate::rig::{Exciter, Measurement, Reading};
 
 pub const RATE_HZ: u16 = 1000;
@@ -125,6 +125,7 @@ pub struct PlantDevice {
     pub counters: [u8; 16],
     /// Makes what the node believes to have heard.
     pub transmitter: Transmitter,
+    pub ears: Ears,
 }
 
 impl PlantDevice {
@@ -137,7 +138,8 @@ impl PlantDevice {
         if flaw == Some(Flaw::NoTimeout) {
             timing.command_timeout_ns = u64::MAX / 2;
         }
-        let mut node = PlantNode::new(network, RATE_HZ, timing, Exciter::default());
+        let mut node =
+            PlantNode::new(network, RATE_HZ, timing, Exciter::default()).with_samples_per_frame(SamplesPerFrame::Two);
         node.start(0);
         PlantDevice {
             network,
@@ -149,6 +151,7 @@ impl PlantDevice {
             said_state: None,
             counters: [0; 16],
             transmitter: Transmitter::new(network),
+            ears: Ears::default(),
         }
     }
 }
@@ -161,6 +164,7 @@ impl Device for PlantDevice {
     }
 
     fn tick(&mut self, now_ns: u64) {
+        self.ears = self.ears.rested();
         self.node.handle_deadline(now_ns);
         let reading = |value| Reading { value, clipped: false };
         let head_force_n = [reading(self.load.force_n.x), reading(self.load.force_n.y)];
@@ -188,6 +192,7 @@ pub struct ExciterDevice {
     pub flaw: Option<Flaw>,
     pub said_state: Option<NodeState>,
     pub is_dead: bool,
+    pub ears: Ears,
 }
 
 impl ExciterDevice {
@@ -206,7 +211,7 @@ impl ExciterDevice {
         }
         let mut node = ExciterNode::new(network, RATE_HZ, timing, controller);
         node.start(0);
-        ExciterDevice { network, node, flaw, said_state: None, is_dead: false }
+        ExciterDevice { network, node, flaw, said_state: None, is_dead: false, ears: Ears::default() }
     }
 }
 
@@ -218,6 +223,7 @@ impl Device for ExciterDevice {
     }
 
     fn tick(&mut self, now_ns: u64) {
+        self.ears = self.ears.rested();
         self.node.handle_deadline(now_ns);
     }
 

@@ -2,11 +2,12 @@
 
 use super::super::damage::protect;
 use super::super::*;
-use super::device::{ExciterDevice, PlantDevice, RATE_HZ};
+use super::device::{Device, ExciterDevice, PlantDevice, RATE_HZ};
 use super::findings;
 use crate::arm::Load;
 use crate::protocol::{
-    Emergency, Frame, Heartbeat, Hello, Id, Message, MessageKind, NodeState, OperatorCommand, Profile, StateEvent,
+    Cycle, Emergency, Frame, Heartbeat, Hello, Id, Message, MessageKind, NodeState, OperatorCommand, Profile,
+    StateEvent,
 };
 
 /// What a node does wrong.
@@ -46,6 +47,45 @@ pub enum Flaw {
     LosesCount,
     /// Says nothing more when its partner faults.
     Dies,
+    /// Hears nothing from a frame of another network to its second tick after it.
+    Distracted,
+    /// Hears no command and no sample any more after 200 that it refused.
+    Clogs,
+    /// Numbers every other pair of samples before the one that it comes after.
+    SwapsPairs,
+    /// Answers the first sample of a pair.
+    AnswersFirst,
+}
+
+/// What a node has heard that a flaw depends on.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Ears {
+    distracted_ticks: u8,
+    refused: u32,
+    has_heard_pair: bool,
+}
+
+impl Ears {
+    /// At the next tick.
+    pub fn rested(self) -> Ears {
+        Ears { distracted_ticks: self.distracted_ticks.saturating_sub(1), ..self }
+    }
+
+    /// Whether the flaw has the node miss this frame.
+    fn misses(&mut self, flaw: Option<Flaw>, network: Network, frame: &Frame) -> bool {
+        let (kind, message) = (kind(network, frame), read(network, frame));
+        let is_of_samples = kind.is_some_and(|kind| kind.cycle() == Cycle::Sample);
+        if matches!(frame.id(), Id::Standard(_)) && kind.is_none() {
+            self.distracted_ticks = 2;
+        }
+        self.refused += u32::from(is_of_samples && message.is_none());
+        self.has_heard_pair |= kind == Some(MessageKind::SensorPair);
+        match flaw {
+            Some(Flaw::Distracted) => self.distracted_ticks > 0,
+            Some(Flaw::Clogs) => is_of_samples && self.refused > 200,
+            _ => false,
+        }
+    }
 }
 
 #[test]
@@ -65,27 +105,40 @@ fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
         "plant-same-sample",
         "plant-too-large",
         "plant-command-timeout",
+        "plant-load-wrong-crc",
     ];
-    let table: [(Flaw, &[&str]); 13] = [
-        (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id"]),
-        (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump"]),
+    let table: [(Flaw, &[&str]); 15] = [
+        (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id", "plant-load-wrong-crc", "plant-soak"]),
+        (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump", "plant-soak"]),
         (Flaw::NoHeartbeats, &["plant-heartbeats"]),
         (Flaw::NoRamp, &["plant-command-timeout", "plant-disarm"]),
         (Flaw::ActsUnarmed, &["plant-not-armed", "plant-disarm"]),
         (Flaw::NoTimeout, &starved),
         (Flaw::Cuts, &["plant-too-large"]),
-        (Flaw::WrongHash, &["plant-hello"]),
+        (Flaw::WrongHash, &["plant-hello", "plant-load-hello"]),
         (Flaw::BelievesHellos, &["plant-arms-for-a-hello", "plant-exciter-leaves"]),
-        (Flaw::NoLatch, &["plant-states"]),
+        (Flaw::NoLatch, &["plant-states", "plant-load-states"]),
         (Flaw::DeafToLeaving, &["plant-exciter-leaves"]),
         (Flaw::DeafToItself, &["plant-second-sender"]),
-        (Flaw::LosesCount, &["plant-frames"]),
+        (Flaw::LosesCount, &["plant-frames", "plant-soak"]),
+        (Flaw::Distracted, &["plant-load-wrong-crc", "plant-load-states"]),
+        (Flaw::Clogs, &["plant-soak"]),
     ];
-    for (flaw, expected) in table {
-        let network = Network::default();
-        let found = findings(Node::Plant, network, || Box::new(PlantDevice::with(network, Some(flaw))));
-        assert_eq!(failed(&found), expected, "{flaw:?}: {found:#?}");
-    }
+    let network = Network::default();
+    let found = table.map(|(flaw, _)| {
+        let plant = || Box::new(PlantDevice::with(network, Some(flaw))) as Box<dyn Device>;
+        (flaw, failed(&findings(Node::Plant, network, plant)))
+    });
+    assert_eq!(found, table.map(|(flaw, expected)| (flaw, expected.to_vec())));
+}
+
+#[test]
+fn a_node_with_a_flaw_in_two_samples_a_frame_is_failed_by_the_case_for_it() {
+    let network = Network::default().with_profile(Profile::Fd);
+    let plant = || Box::new(PlantDevice::with(network, Some(Flaw::SwapsPairs))) as Box<dyn Device>;
+    assert_eq!(failed(&findings(Node::Plant, network, plant)), ["plant-pairs"]);
+    let exciter = || Box::new(ExciterDevice::with(network, Some(Flaw::AnswersFirst))) as Box<dyn Device>;
+    assert_eq!(failed(&findings(Node::Exciter, network, exciter)), ["exciter-pairs"]);
 }
 
 #[test]
@@ -98,25 +151,32 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
         "exciter-repeated-counter",
         "exciter-data-id",
         "exciter-not-available",
+        "exciter-load-wrong-crc",
+        "exciter-soak",
     ];
-    let table: [(Flaw, &[&str]); 11] = [
-        (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id"]),
+    let deaf_to_states =
+        ["exciter-plant-faults", "exciter-plant-boots", "exciter-plant-disarmed", "exciter-load-plant-disarmed"];
+    let table: [(Flaw, &[&str]); 13] = [
+        (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id", "exciter-load-wrong-crc", "exciter-soak"]),
         (Flaw::NoHeartbeats, &["exciter-heartbeats"]),
         (Flaw::NoTimeout, &["exciter-sensor-timeout"]),
-        (Flaw::WrongHash, &["exciter-hello"]),
+        (Flaw::WrongHash, &["exciter-hello", "exciter-load-hello"]),
         (Flaw::BelievesHellos, &["exciter-begins-for-a-hello"]),
-        (Flaw::DeafToStates, &["exciter-plant-faults", "exciter-plant-boots", "exciter-plant-disarmed"]),
+        (Flaw::DeafToStates, &deaf_to_states),
         (Flaw::DeafToLeaving, &["exciter-plant-leaves"]),
         (Flaw::DeafToItself, &["exciter-second-sender"]),
         (Flaw::Dies, &["exciter-plant-faults"]),
-        (Flaw::AnswersNext, &["exciter-answers"]),
+        (Flaw::Distracted, &["exciter-load-wrong-crc", "exciter-load-plant-disarmed"]),
+        (Flaw::Clogs, &["exciter-soak"]),
+        (Flaw::AnswersNext, &["exciter-answers", "exciter-soak"]),
         (Flaw::AnswersLast, &answers_last),
     ];
-    for (flaw, expected) in table {
-        let network = Network::default();
-        let found = findings(Node::Exciter, network, || Box::new(ExciterDevice::with(network, Some(flaw))));
-        assert_eq!(failed(&found), expected, "{flaw:?}: {found:#?}");
-    }
+    let network = Network::default();
+    let found = table.map(|(flaw, _)| {
+        let exciter = || Box::new(ExciterDevice::with(network, Some(flaw))) as Box<dyn Device>;
+        (flaw, failed(&findings(Node::Exciter, network, exciter)))
+    });
+    assert_eq!(found, table.map(|(flaw, expected)| (flaw, expected.to_vec())));
 }
 
 fn failed(found: &[(&'static str, Finding)]) -> Vec<&'static str> {
@@ -129,7 +189,7 @@ fn rewritten(network: Network, frame: &Frame, change: impl Fn(&mut [u8])) -> Fra
     let kind = MessageKind::from_id(network, frame.id()).unwrap();
     let mut data = frame.data().to_vec();
     change(&mut data);
-    if let Some(data_id) = kind.data_id(network).filter(|_| matches!(data.len(), 8 | 16 | 32)) {
+    if let Some(data_id) = kind.data_id(network).filter(|_| matches!(data.len(), 8 | 16 | 32 | 64)) {
         protect(&mut data, data_id);
     }
     Frame::new(frame.id(), frame.format(), &data).unwrap()
@@ -162,6 +222,9 @@ impl PlantDevice {
     /// What the node hears in place of a frame.
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
+        if self.ears.misses(self.flaw, network, frame) {
+            return vec![];
+        }
         let Some(kind) = kind(network, frame) else { return vec![*frame] };
         let message = read(network, frame);
         let frame = match (self.flaw, message) {
@@ -213,6 +276,9 @@ impl PlantDevice {
             Some(Flaw::LosesCount) if kind(network, &frame) == Some(MessageKind::AccelerometerB) => {
                 Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | (data[1] * 7 % 15) & 0x0F))
             }
+            Some(Flaw::SwapsPairs) if kind(network, &frame) == Some(MessageKind::SensorPair) => {
+                Some(rewritten(network, &frame, |data| data[4] ^= 2))
+            }
             _ => Some(frame),
         }
     }
@@ -221,6 +287,9 @@ impl PlantDevice {
 impl ExciterDevice {
     pub fn alter_heard(&mut self, frame: &Frame) -> Option<Frame> {
         let network = self.network;
+        if self.ears.misses(self.flaw, network, frame) {
+            return None;
+        }
         let Some(_) = kind(network, frame) else { return Some(*frame) };
         match (self.flaw, read(network, frame)) {
             (Some(Flaw::IgnoresCrc), _) if frame.len() == 8 => Some(rewritten(network, frame, |_| {})),
@@ -251,12 +320,14 @@ impl ExciterDevice {
             Some(Flaw::WrongHash) => return Some(hashed_wrongly(network, frame)),
             Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => return None,
             Some(Flaw::AnswersNext) => 1,
+            Some(Flaw::AnswersFirst) if self.ears.has_heard_pair => u16::MAX,
             Some(Flaw::AnswersLast) => u16::MAX,
             _ => return Some(frame),
         };
         match read(network, &frame) {
             Some(Message::Force(command)) => Some(rewritten(network, &frame, |data| {
-                data[6..8].copy_from_slice(&command.sample.wrapping_add(by).to_le_bytes());
+                let at = if data.len() == 8 { 6 } else { 4 };
+                data[at..at + 2].copy_from_slice(&command.sample.wrapping_add(by).to_le_bytes());
             })),
             _ => Some(frame),
         }
