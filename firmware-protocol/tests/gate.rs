@@ -94,6 +94,13 @@ fn the_first_reason_is_told() {
     assert_eq!(refused(NodeState::Operational, 2), Refusal::OutOfRange);
 }
 
+/// No frame is as short; a receiver refuses it by its length.
+#[test]
+fn data_without_content_have_the_crc_of_the_data_id() {
+    let crc = |data: &[u8]| resonarm_protocol::e2e::profile5::crc(0x520B, data);
+    assert_eq!([crc(&[]), crc(&[1])], [crc(&[1, 2]); 2]);
+}
+
 proptest! {
     /// Whatever is asked, what is taken is new, of a sample that was sent, and not too old.
     #[test]

@@ -32,7 +32,7 @@ const TABLES: [[u16; 256]; 4] = {
 /// the data id.
 pub const fn crc(data_id: u16, data: &[u8]) -> u16 {
     let mut crc: u16 = 0xFFFF;
-    let (_, mut left) = data.split_at(2);
+    let mut left = if let [_, _, content @ ..] = data { content } else { &[] };
     while let [a, b, c, d, behind @ ..] = left {
         let [high, low] = crc.to_be_bytes();
         crc = TABLES[3][(high ^ *a) as usize]
