@@ -17,14 +17,15 @@ const TABLES: [[u8; 256]; 3] = {
     let mut tables = [[0; 256]; 3];
     let mut byte = 0;
     while byte < 256 {
-        let mut crc = byte as u8;
-        let mut bit = 0;
-        while bit < 24 {
-            crc = if crc & 0x80 != 0 { crc << 1 ^ 0x1D } else { crc << 1 };
-            bit += 1;
-            if bit % 8 == 0 {
-                tables[bit / 8 - 1][byte] = crc;
+        let (mut crc, mut zeros) = (byte as u8, 0);
+        while zeros < tables.len() {
+            let mut bit = 0;
+            while bit < 8 {
+                crc = if crc & 0x80 != 0 { crc << 1 ^ 0x1D } else { crc << 1 };
+                bit += 1;
             }
+            tables[zeros][byte] = crc;
+            zeros += 1;
         }
         byte += 1;
     }

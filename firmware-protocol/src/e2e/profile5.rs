@@ -14,14 +14,15 @@ const TABLES: [[u16; 256]; 4] = {
     let mut tables = [[0; 256]; 4];
     let mut byte = 0;
     while byte < 256 {
-        let mut crc = (byte as u16) << 8;
-        let mut bit = 0;
-        while bit < 32 {
-            crc = if crc & 0x8000 != 0 { crc << 1 ^ 0x1021 } else { crc << 1 };
-            bit += 1;
-            if bit % 8 == 0 {
-                tables[bit / 8 - 1][byte] = crc;
+        let (mut crc, mut zeros) = ((byte as u16) << 8, 0);
+        while zeros < tables.len() {
+            let mut bit = 0;
+            while bit < 8 {
+                crc = if crc & 0x8000 != 0 { crc << 1 ^ 0x1021 } else { crc << 1 };
+                bit += 1;
             }
+            tables[zeros][byte] = crc;
+            zeros += 1;
         }
         byte += 1;
     }
