@@ -1,4 +1,4 @@
-"""Writes what a run starts from into `fuzz/corpus/`: the golden frames, the scenarios and the beginnings of recordings."""
+"""Writes what a run starts from into `fuzz/corpus/`: golden frames, scenarios and the beginnings of recordings."""
 
 import json
 from pathlib import Path
