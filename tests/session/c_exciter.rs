@@ -11,8 +11,8 @@ use resonarm::arm::Load;
 use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm::node::{ExciterNode, Outcome, PlantNode, Timing};
 use resonarm::protocol::{
-    Emergency, EmergencyCode, Frame, Hello, Id, Message, Network, Node, OperatorCommand, OperatorRequest, Profile,
-    Transmitter, timing,
+    Emergency, EmergencyCode, Frame, FrameFormat, Hello, Id, Message, MessageKind, Network, Node, OperatorCommand,
+    OperatorRequest, Profile, SamplesPerFrame, Transmitter, timing,
 };
 use resonarm::rig::{Exciter, Measurement};
 
@@ -43,7 +43,7 @@ impl Controller for Plan {
         } else if n >= self.give_up {
             Answer::Aborted(Abort::HeadClipped { frequency_hz: 1.0 })
         } else if n >= self.beyond {
-            Answer::Hold(Load::force_n(1e6, 0.0))
+            Answer::Hold(Load::force_n(1e39, 0.0))
         } else {
             Answer::Hold(Load::force_n((n % 1000) as f64 * 0.02, 0.0))
         }
@@ -81,14 +81,14 @@ struct Both {
 }
 
 impl Both {
-    fn start(timing: Timing, plan: Plan) -> Both {
+    fn start(network: Network, timing: Timing, plan: Plan) -> Both {
         let mut process = Command::new(program()).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (input, output) = (process.stdin.take(), BufReader::new(process.stdout.take().unwrap()));
-        let node = ExciterNode::new(Network::default(), RATE_HZ, timing, Box::new(plan));
+        let node = ExciterNode::new(network, RATE_HZ, timing, Box::new(plan));
         let mut both = Both { process, input, output, node, is_jammed: false };
         let mode = if timing == Timing::real_time(RATE_HZ) { "real-time" } else { "lockstep" };
-        let Plan { finish, give_up, beyond } = plan;
-        both.ask(&format!("init {mode} {RATE_HZ} {finish} {give_up} {beyond}"));
+        let (Plan { finish, give_up, beyond }, profile) = (plan, network.profile() as u8);
+        both.ask(&format!("init {mode} {profile} {RATE_HZ} {finish} {give_up} {beyond}"));
         both.both("start 0", |node| node.start(0));
         both
     }
@@ -142,7 +142,8 @@ impl Both {
 
     fn frame(&mut self, now_ns: u64, frame: &Frame) -> Vec<Frame> {
         let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
-        let command = format!("frame {now_ns} {:X} {} {data}", frame.id().raw(), frame.len());
+        let format = if matches!(frame.format(), FrameFormat::Fd { .. }) { "f" } else { "c" };
+        let command = format!("frame {now_ns} {format} {:X} {} {data}", frame.id().raw(), frame.len());
         self.both(&command, |node| node.handle_frame(now_ns, frame))
     }
 
@@ -174,10 +175,44 @@ impl Xorshift {
     }
 }
 
+/// What the wire carries: the profile, and in the FD profile the most samples in a frame of the plant's.
+#[derive(Clone, Copy, Debug)]
+enum Wire {
+    Classic,
+    Fd(SamplesPerFrame),
+}
+
+impl Wire {
+    const ALL: [Wire; 3] = [Wire::Classic, Wire::Fd(SamplesPerFrame::One), Wire::Fd(SamplesPerFrame::Two)];
+
+    fn network(self) -> Network {
+        let profile = match self {
+            Wire::Classic => Profile::Classic,
+            Wire::Fd(_) => Profile::Fd,
+        };
+        Network::default().with_profile(profile)
+    }
+
+    fn plant(self, timing: Timing) -> PlantNode {
+        let plant = PlantNode::new(self.network(), RATE_HZ, timing, Exciter::default());
+        match self {
+            Wire::Classic => plant,
+            Wire::Fd(most) => plant.with_samples_per_frame(most),
+        }
+    }
+
+    fn hello(self) -> Hello {
+        Hello::new(self.network().profile(), RATE_HZ)
+    }
+}
+
 /// A plant, both exciters, and the wire between them.
 struct Bench {
     now_ns: u64,
     sample: u64,
+    wire: Wire,
+    /// Whether the plant has sent two samples in a frame.
+    has_pairs: bool,
     timing: Timing,
     plant: PlantNode,
     both: Both,
@@ -185,10 +220,11 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(timing: Timing, plan: Plan, seed: u64) -> Bench {
+    fn new(wire: Wire, timing: Timing, plan: Plan, seed: u64) -> Bench {
         let random = Xorshift(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let both = Both::start(wire.network(), timing, plan);
         let mut bench =
-            Bench { now_ns: 0, sample: 0, timing, plant: plant(timing), both: Both::start(timing, plan), random };
+            Bench { now_ns: 0, sample: 0, wire, has_pairs: false, timing, plant: wire.plant(timing), both, random };
         bench.plant.start(0);
         bench
     }
@@ -214,6 +250,7 @@ impl Bench {
     }
 
     fn deliver(&mut self, frame: &Frame) {
+        self.has_pairs |= frame.id() == Id::Standard(MessageKind::SensorPair.id(self.wire.network()));
         let answers = self.both.frame(self.now_ns, frame);
         self.send_to_plant(&answers);
     }
@@ -238,7 +275,7 @@ impl Bench {
         match self.random.next() % 14 {
             0 => self.plant.leave(now_ns),
             1 => {
-                self.plant = plant(self.timing);
+                self.plant = self.wire.plant(self.timing);
                 self.plant.start(now_ns);
             }
             2 => self.plant.slip(self.random.next() % 500),
@@ -265,8 +302,8 @@ impl Bench {
             12 => self.silence(),
             13 => {
                 // Another exciter, whose frames this one sees too.
-                let hello = Message::ExciterHello(Hello::new(Profile::Classic, RATE_HZ));
-                let frame = Transmitter::new(Network::default()).frame(&hello).unwrap();
+                let hello = Message::ExciterHello(self.wire.hello());
+                let frame = Transmitter::new(self.wire.network()).frame(&hello).unwrap();
                 self.deliver(&frame);
             }
             _ => {}
@@ -283,11 +320,11 @@ impl Bench {
 
     /// A frame that another than the plant has sent: a hello, or an operator's request.
     fn stranger(&mut self) {
-        let mut transmitter = Transmitter::new(Network::default());
+        let (mut transmitter, hello) = (Transmitter::new(self.wire.network()), self.wire.hello());
         let hello = match self.random.next() % 5 {
-            0 => Hello { rate_hz: 500, ..Hello::new(Profile::Classic, RATE_HZ) },
-            1 => Hello { dbc_hash: 0, ..Hello::new(Profile::Classic, RATE_HZ) },
-            _ => Hello::new(Profile::Classic, RATE_HZ),
+            0 => Hello { rate_hz: 500, ..hello },
+            1 => Hello { dbc_hash: 0, ..hello },
+            _ => hello,
         };
         let operator = Message::Operator(OperatorCommand { request: OperatorRequest::Disarm, target: Node::Plant });
         // The counter of the first is out of sequence, that of the second is not.
@@ -312,7 +349,7 @@ impl Bench {
                 2 => {
                     let mut data = frame.data().to_vec();
                     data[0] ^= 1 << (self.random.next() % 8);
-                    self.deliver(&Frame::classic(frame.id(), &data).unwrap());
+                    self.deliver(&Frame::new(frame.id(), frame.format(), &data).unwrap());
                 }
                 _ => self.deliver(&frame),
             }
@@ -324,23 +361,19 @@ impl Bench {
     }
 }
 
-fn plant(timing: Timing) -> PlantNode {
-    PlantNode::new(Network::default(), RATE_HZ, timing, Exciter::default())
-}
-
 fn timings() -> [Timing; 2] {
     [Timing::real_time(RATE_HZ), Timing::lockstep(timing::LOCKSTEP_TIMEOUT_NS)]
 }
 
 #[test]
 fn c_and_rust_end_alike_on_a_faithful_wire() {
-    for timing in timings() {
+    for (wire, timing) in Wire::ALL.into_iter().flat_map(|wire| timings().map(|timing| (wire, timing))) {
         for (plan, expected) in [
             (Plan { finish: 300, give_up: NEVER, beyond: NEVER }, 1),
             (Plan { finish: NEVER, give_up: 20, beyond: NEVER }, 2),
             (Plan { finish: NEVER, give_up: NEVER, beyond: 20 }, 5),
         ] {
-            let mut bench = Bench::new(timing, plan, 1);
+            let mut bench = Bench::new(wire, timing, plan, 1);
             while bench.outcome().is_none() {
                 bench.tick();
                 assert!(bench.now_ns < 1_000_000_000);
@@ -354,7 +387,7 @@ fn c_and_rust_end_alike_on_a_faithful_wire() {
                 Some(Outcome::Faulted(_)) => 5,
                 other => panic!("{other:?}"),
             };
-            assert_eq!(number, expected);
+            assert_eq!((number, bench.has_pairs), (expected, matches!(wire, Wire::Fd(SamplesPerFrame::Two))));
             bench.both.end();
         }
     }
@@ -364,9 +397,9 @@ fn c_and_rust_end_alike_on_a_faithful_wire() {
 #[test]
 fn c_and_rust_do_the_same_whatever_the_wire_does() {
     let (mut outcomes, mut codes) = ([0_u32; 6], [0_u32; 15]);
-    for seed in 1..=60 {
+    for (wire, seed) in Wire::ALL.into_iter().flat_map(|wire| (1..=40).map(move |seed| (wire, seed))) {
         let plan = Plan { finish: 700, give_up: NEVER, beyond: if seed % 8 == 0 { 400 } else { NEVER } };
-        let mut bench = Bench::new(timings()[seed as usize % 2], plan, seed);
+        let mut bench = Bench::new(wire, timings()[seed as usize % 2], plan, seed);
         for _ in 0..1200 {
             let Some(outcome) = bench.outcome() else {
                 bench.rough_tick();
@@ -396,8 +429,8 @@ fn c_and_rust_do_the_same_whatever_the_wire_does() {
 }
 
 /// A bench whose exciters answer samples.
-fn playing() -> Bench {
-    let mut bench = Bench::new(timings()[0], Plan { finish: NEVER, give_up: NEVER, beyond: NEVER }, 1);
+fn playing(wire: Wire) -> Bench {
+    let mut bench = Bench::new(wire, timings()[0], Plan { finish: NEVER, give_up: NEVER, beyond: NEVER }, 1);
     (0..500).for_each(|_| bench.tick());
     assert!(bench.both.node.samples_played() > 400 && bench.outcome().is_none());
     bench
@@ -405,14 +438,16 @@ fn playing() -> Bench {
 
 #[test]
 fn the_window_of_the_sample_index_has_the_same_ends() {
-    for (step, is_fault) in [(350, false), (351, true), (-350, false), (-351, true), (0, false)] {
-        let mut bench = playing();
+    let steps = [(350, false), (351, true), (-350, false), (-351, true), (0, false)];
+    let wires = [Wire::Classic, Wire::Fd(SamplesPerFrame::One)];
+    for (wire, (step, is_fault)) in wires.into_iter().flat_map(|wire| steps.map(|step| (wire, step))) {
+        let mut bench = playing(wire);
         bench.sample = bench.sample.checked_add_signed(step - 1).unwrap();
         bench.tick();
         assert_eq!(bench.outcome().is_some(), is_fault, "{step}");
         bench.both.end();
     }
-    let mut bench = playing();
+    let mut bench = playing(Wire::Classic);
     for again in 1..=10 {
         bench.sample -= 1;
         bench.tick();
@@ -423,7 +458,7 @@ fn the_window_of_the_sample_index_has_the_same_ends() {
 
 #[test]
 fn a_command_that_waits_is_taken_back_when_the_work_ends() {
-    let mut bench = playing();
+    let mut bench = playing(Wire::Classic);
     bench.both.jam(true);
     bench.tick();
     let now_ns = bench.now_ns;

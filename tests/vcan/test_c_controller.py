@@ -70,14 +70,22 @@ def check_points(program, frames, rate_hz, frequencies_hz):
     return found
 
 
-def lockstep(programs, folder, scenario, *arguments):
+def drive(programs, folder, scenario, *arguments):
+    """A run in lockstep, over when the controller has ended."""
     path = folder / "c.mcap"
     common = ["--bus", "vcan0", "--mode", "lockstep", "--scenario", scenario, "--json"]
-    dump = programs.candump()
     plant = programs.resonarm("run", *common, "--stop-on-disarm", "--record", path)
     run = controller(programs, "vcan0", "--lockstep", *arguments)
     run.wait()
-    return Run(path=path, program=run, plant=plant, frames=wire.log(dump))
+    return Run(path=path, program=run, plant=plant)
+
+
+def lockstep(programs, folder, scenario, *arguments):
+    """The same in the classic profile, with every frame."""
+    dump = programs.candump()
+    run = drive(programs, folder, scenario, *arguments)
+    run.frames = wire.log(dump)
+    return run
 
 
 def test_the_force_in_the_head_is_held_in_lockstep(tmp_path, programs):
@@ -95,10 +103,28 @@ def test_the_force_in_the_head_is_held_in_lockstep(tmp_path, programs):
     assert wire.messages(run.frames, "ExciterEmergency")[-1]["code"] == 12
 
 
-def test_the_same_loads_give_the_states_of_the_emulated_controller_bit_for_bit(tmp_path, programs):
-    scenario = tmp_path / "sines.toml"
-    scenario.write_text(
-        """
+FD = ["--profile", "fd", "--base", "0x300", "--plant-id", 3, "--exciter-id", 4]
+FD_NETWORK = """
+[network]
+profile = "fd"
+base_id = 0x300
+plant_id = 3
+exciter_id = 4
+"""
+
+
+def test_the_force_in_the_head_is_held_in_the_fd_profile(tmp_path, programs):
+    scenario = tmp_path / "shaker.toml"
+    scenario.write_text(SHAKER.format(stroke_m=0.0127) + FD_NETWORK)
+    run = drive(programs, tmp_path, scenario, *HELD, *FD)
+    assert run.program.stdout.endswith("\nfinished\n"), run.program.stdout + run.program.stderr
+    assert run.plant.result()["outcome"] == "disarmed"
+    for point in points(run.program):
+        window = run.recording.samples[int(point["first"]) : int(point["end"]), 4]
+        assert fundamental(window, 1000.0, point["frequency_hz"]) == pytest.approx(FORCE_N, rel=0.005), point
+
+
+SINES = """
 [arm]
 beta1_deg = 30.0
 [excitation]
@@ -106,15 +132,32 @@ amplitude = { force_x_n = 150.0 }
 ramp_s = 0.5
 profile = { waveform = "sine-list", frequencies_hz = [12.0, 19.7, 26.0], dwell_s = 2.0, settle_s = 0.5 }
 """
-    )
-    emulated = session(tmp_path, "vcan0", "vcan0", scenario)
-    sines = ["--open-loop", "--frequencies-hz", "12,19.7,26", "--amplitude-n", 150, "--dwell-s", 2, "--ramp-s", 0.5]
-    run = lockstep(programs, tmp_path, scenario, *sines)
+PLAYED = ["--open-loop", "--frequencies-hz", "12,19.7,26", "--amplitude-n", 150, "--dwell-s", 2, "--ramp-s", 0.5]
+
+
+def play(programs, folder, network="", flags=()):
+    """The same sines, by the controller in C and by the emulated one."""
+    scenario = folder / "sines.toml"
+    scenario.write_text(SINES + network)
+    emulated = session(folder, "vcan0", "vcan0", scenario)
+    run = drive(programs, folder, scenario, *PLAYED, *flags)
     assert run.program.wait() == 0, run.program.stdout + run.program.stderr
     assert run.plant.wait() == 0
     assert np.abs(run.recording.states).max(axis=0)[:4].min() > 1e-4
-    assert np.array_equal(bits(run.recording.states), bits(emulated.recording.states))
-    assert np.array_equal(bits(run.recording.samples), bits(emulated.recording.samples))
+    return run.recording, emulated.recording
+
+
+def test_the_same_loads_give_the_states_of_the_emulated_controller_bit_for_bit(tmp_path, programs):
+    run, emulated = play(programs, tmp_path)
+    assert np.array_equal(bits(run.states), bits(emulated.states))
+    assert np.array_equal(bits(run.samples), bits(emulated.samples))
+
+
+def test_the_same_sines_give_the_same_states_in_the_fd_profile(tmp_path, programs):
+    run, emulated = play(programs, tmp_path, FD_NETWORK, FD)
+    # Near their zeros singles resolve the last digits of the two programs' sines.
+    difference = np.abs(run.states - emulated.states).max(axis=0)
+    assert np.all(difference <= 1e-9 * np.abs(emulated.states).max(axis=0)), difference
 
 
 # A virtual machine may hold the controller up for longer than the 20 ms that the specification allows.
@@ -188,6 +231,7 @@ def test_whoever_ends_first_is_told(tmp_path, programs, end, status, said):
         (["vcan0", "--frequencies-hz", "100"], 2, "--frequencies-hz: above 0.001 Hz and at most a twelfth of the rate"),
         (["vcan0", *HELD, "--base", "0x201"], 2, "--base: a multiple of 0x10 from 0x180 to 0x570"),
         (["vcan0", *HELD, "--plant-id", "2"], 2, "--plant-id, --exciter-id: two numbers from 1 to 127"),
+        (["vcan0", *HELD, "--profile", "can-fd"], 2, "--profile: classic or fd"),
         (["vcan0", *HELD, "--bse", "0x200"], 2, "no such option, or not a whole number"),
         (["vcan0", *HELD, "--limit-n", "1"], 2, "--amplitude-n: up to --limit-n, which is up to 655.34"),
         (HELD, 2, "no interface"),

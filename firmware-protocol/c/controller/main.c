@@ -83,6 +83,7 @@ int main(int count, char **arguments)
         .timing = read.timing,
         .answer = read.is_open_loop ? open_loop_answer : held_answer,
         .context = read.is_open_loop ? (void *)&played : (void *)&controller,
+        .capabilities = {.samples_per_frame = 1, .force_limit_n = read.spec.limit_n},
     };
     resonarm_exciter_init(&exciter, &config);
     const loop_end end = loop_run(&exciter, (uint64_t)(read.patience_s * 1e9));

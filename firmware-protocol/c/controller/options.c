@@ -13,6 +13,7 @@ const char options_usage[] =
     "  --ramp-s, --settle-s, --window-s, --dwell-s N\n"
     "                          ramps (0.5), settling before a reading (1), reading (2), step in open loop (4)\n"
     "  --base ID               base identifier (0x200)\n"
+    "  --profile P             classic or fd (classic)\n"
     "  --plant-id, --exciter-id N\n"
     "                          node ids (1, 2)\n"
     "  --patience-s N          how long to wait until a plant is armed (60)\n"
@@ -58,6 +59,11 @@ static bool read_whole(const char *text, unsigned long max, unsigned long *numbe
 static const char *read_network(resonarm_network *network, const char *name, const char *value)
 {
     unsigned long number;
+    if (strcmp(name, "--profile") == 0) {
+        network->profile = strcmp(value, "fd") == 0 ? RESONARM_PROFILE_FD : RESONARM_PROFILE_CLASSIC;
+        const bool is_known = network->profile == RESONARM_PROFILE_FD || strcmp(value, "classic") == 0;
+        return is_known ? NULL : "--profile: classic or fd";
+    }
     if (strcmp(name, "--base") == 0 && read_whole(value, UINT16_MAX, &number)) {
         network->base = (uint16_t)number;
     } else if (strcmp(name, "--plant-id") == 0 && read_whole(value, UINT8_MAX, &number)) {
@@ -72,7 +78,8 @@ static const char *read_network(resonarm_network *network, const char *name, con
 
 static const char *check_network(resonarm_network *network)
 {
-    switch (resonarm_network_init(network, network->base, network->plant_id, network->exciter_id)) {
+    const resonarm_network asked = *network;
+    switch (resonarm_network_init(network, asked.base, asked.plant_id, asked.exciter_id, asked.profile)) {
     case RESONARM_NETWORK_VALID:
         return NULL;
     case RESONARM_NODE_ID_OUT_OF_RANGE:
@@ -131,7 +138,7 @@ static uint64_t nanoseconds(double seconds, uint64_t otherwise_ns)
 const char *options_read(options *read, int count, char **arguments)
 {
     double command_timeout_s = 0.0, partner_timeout_s = 0.0;
-    *read = (options){.network = {RESONARM_BASE_DEFAULT, 1, 2}, .patience_s = 60.0};
+    *read = (options){.network = {RESONARM_BASE_DEFAULT, 1, 2, RESONARM_PROFILE_CLASSIC}, .patience_s = 60.0};
     read->spec = (stepped_sine_spec){
         .rate_hz = 1000.0, .limit_n = 655.34, .ramp_s = 0.5, .settle_s = 1.0, .window_s = 2.0, .dwell_s = 4.0};
     const numeric numbers[] = {

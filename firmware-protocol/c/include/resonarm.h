@@ -1,11 +1,12 @@
 /**
  * @file resonarm.h
- * @brief The Resonarm protocol, classic profile: messages in SI units to CAN frames and back, with E2E protection.
+ * @brief The Resonarm protocol in both profiles: messages in SI units to CAN frames and back, with E2E protection.
  *
  * C99, no allocation, no state of its own: everything lives in structures of the caller's. "Section" means a section of
  * SPEC.md, which is the specification.
  *
- * A double must be an IEEE 754 binary64, computed without excess precision and without -ffast-math.
+ * A double must be an IEEE 754 binary64 and a float a binary32, computed without excess precision, without -ffast-math,
+ * and rounded to nearest.
  */
 #ifndef RESONARM_H
 #define RESONARM_H
@@ -20,8 +21,10 @@ extern "C" {
 
 /** Version of the protocol: major in the high nibble, minor in the low one (section 4, hello). */
 #define RESONARM_PROTOCOL_VERSION 0x12u
-/** Low 24 bits of the CRC-32 of resonarm.dbc, as a hello carries them (section 4). */
-#define RESONARM_DBC_HASH 0x066600u
+/** Low 24 bits of the CRC-32 of resonarm.dbc, as a hello of the classic profile carries them (section 4). */
+#define RESONARM_DBC_HASH_CLASSIC 0x066600u
+/** The same of resonarm-fd.dbc, for the FD profile. */
+#define RESONARM_DBC_HASH_FD 0x6AD351u
 
 /** @name Times of section 6, ns */
 /**@{*/
@@ -55,11 +58,15 @@ uint16_t resonarm_sample_window(uint16_t rate_hz);
 #define RESONARM_NODE_ID_MAX 127u
 /**@}*/
 
-/** The identifiers of a network; make one with resonarm_network_init(). */
+/** The frames of a network's commands and samples. */
+typedef enum { RESONARM_PROFILE_CLASSIC = 0, RESONARM_PROFILE_FD = 1 } resonarm_profile;
+
+/** The identifiers and the profile of a network; make one with resonarm_network_init(). */
 typedef struct {
     uint16_t base;      /**< First identifier of the block. */
     uint8_t plant_id;   /**< Node id of the plant. */
     uint8_t exciter_id; /**< Node id of the exciter. */
+    resonarm_profile profile;
 } resonarm_network;
 
 /** Whether a network is possible. */
@@ -73,7 +80,7 @@ typedef enum {
 
 /** Checks a base identifier and two node ids, by default 1 and 2, and makes the network of them if it is possible. */
 resonarm_network_check resonarm_network_init(
-    resonarm_network *network, uint16_t base, uint8_t plant_id, uint8_t exciter_id);
+    resonarm_network *network, uint16_t base, uint8_t plant_id, uint8_t exciter_id, resonarm_profile profile);
 
 /** A node; the value is the number that stands for it in messages, whatever its node id. */
 typedef enum { RESONARM_PLANT = 1, RESONARM_EXCITER = 2 } resonarm_node;
@@ -106,9 +113,9 @@ resonarm_node resonarm_sender(resonarm_kind kind);
 uint16_t resonarm_identifier(resonarm_network network, resonarm_kind kind);
 /** The E2E data id of this kind; 0 for a heartbeat, which is not protected. */
 uint16_t resonarm_data_id(resonarm_network network, resonarm_kind kind);
-/** Bytes in a message of this kind; 0 if the classic profile has no such message. */
-uint8_t resonarm_length(resonarm_kind kind);
-/** The name of this kind in resonarm.dbc. */
+/** Bytes in a message of this kind; 0 if the profile has no such message. */
+uint8_t resonarm_length(resonarm_profile profile, resonarm_kind kind);
+/** The name of this kind in the DBC. */
 const char *resonarm_name(resonarm_kind kind);
 
 /** The format of an identifier (ISO 11898-1). */
@@ -118,7 +125,10 @@ typedef enum { RESONARM_FRAME_CLASSIC, RESONARM_FRAME_REMOTE, RESONARM_FRAME_FD 
 /** Most bytes in a frame. */
 #define RESONARM_FRAME_BYTES 64
 
-/** A CAN frame. */
+/** The format of the frames of this kind in a profile. */
+resonarm_frame_format resonarm_format(resonarm_profile profile, resonarm_kind kind);
+
+/** A CAN frame. One of CAN FD is sent with bit rate switch, and taken with and without. */
 typedef struct {
     uint32_t id; /**< 11 or 29 bits. */
     resonarm_id_format id_format;
@@ -148,8 +158,6 @@ resonarm_state resonarm_next_state(resonarm_state state, resonarm_event event);
 
 /** What an OperatorCommand asks. */
 typedef enum { RESONARM_ARM = 1, RESONARM_DISARM = 2, RESONARM_RESET = 3 } resonarm_request;
-/** The frames that a node speaks. */
-typedef enum { RESONARM_PROFILE_CLASSIC = 0, RESONARM_PROFILE_FD = 1 } resonarm_profile;
 /** Codes of emergencies (section 9). */
 typedef enum {
     RESONARM_COMMAND_TIMEOUT = 1,
@@ -182,13 +190,13 @@ typedef struct {
     resonarm_request request;
     resonarm_node target;
 } resonarm_operator_command;
-/** ForceCommand: the force on point C, ±655.34 N in steps of 0.02 N. */
+/** ForceCommand: the force on point C, ±655.34 N in steps of 0.02 N; FD: a single. */
 typedef struct {
     double force_x_n;
     double force_y_n;
     uint16_t sample; /**< Index of the sample answered, modulo 65536. */
 } resonarm_force_command;
-/** TorqueCommand: the torques at the joints, ±1638.35 N·m in steps of 0.05 N·m. */
+/** TorqueCommand: the torques at the joints, ±1638.35 N·m in steps of 0.05 N·m; FD: a single. */
 typedef struct {
     double torque1_nm;
     double torque2_nm;
@@ -225,6 +233,41 @@ typedef struct {
     uint16_t sample; /**< Index of the sample at which it was found, modulo 65536. */
 } resonarm_emergency;
 
+/** What the instruments measure at a sample; the names are those of the DBC. */
+typedef enum {
+    RESONARM_FORCE_X_N,
+    RESONARM_FORCE_Y_N,
+    RESONARM_ACCELERATION_B_X_M_S2,
+    RESONARM_ACCELERATION_B_Y_M_S2,
+    RESONARM_ACCELERATION_C_X_M_S2,
+    RESONARM_ACCELERATION_C_Y_M_S2
+} resonarm_reading;
+/** How many there are. */
+#define RESONARM_READINGS 6
+
+/** What the instruments read at one sample, each at its place in resonarm_reading. A sender cuts and flags what lies
+ * beyond the range of a single. */
+typedef struct {
+    double values[RESONARM_READINGS];
+    bool saturated[RESONARM_READINGS];
+} resonarm_readings;
+/** Sensors. */
+typedef struct {
+    resonarm_readings readings;
+    uint16_t sample; /**< Index of the sample, modulo 65536. */
+} resonarm_sensors;
+/** SensorPair: two samples in a row. */
+typedef struct {
+    resonarm_readings readings[2];
+    uint16_t sample; /**< Index of the first, modulo 65536. */
+} resonarm_sensor_pair;
+/** PlantCapabilities, ExciterCapabilities: what a node takes (plant) or commands (exciter). */
+typedef struct {
+    uint8_t samples_per_frame; /**< The most that the plant sends, or the exciter takes: 1 or 2. */
+    double force_limit_n;      /**< Largest force along one axis, from 0. */
+    double torque_limit_nm;    /**< Largest torque at one joint, from 0. */
+} resonarm_capabilities;
+
 /** A message; `kind` says which member of `content` it has. */
 typedef struct {
     resonarm_kind kind;
@@ -237,11 +280,14 @@ typedef struct {
         resonarm_hello hello;               /**< Of both nodes. */
         resonarm_state state;               /**< Of both heartbeats. */
         resonarm_emergency emergency;       /**< Of both nodes. */
+        resonarm_sensors sensors;
+        resonarm_sensor_pair pair;
+        resonarm_capabilities capabilities; /**< Of both nodes. */
     } content;
 } resonarm_message;
 
-/** The hello of this code at a sample rate in Hz. */
-resonarm_hello resonarm_own_hello(uint16_t rate_hz);
+/** The hello of this code in a profile, at a sample rate in Hz. */
+resonarm_hello resonarm_own_hello(resonarm_profile profile, uint16_t rate_hz);
 /** Why a node with the hello `own` does not fit one with `partner` (section 5). */
 resonarm_mismatch resonarm_compare_hellos(const resonarm_hello *own, const resonarm_hello *partner);
 
@@ -251,13 +297,15 @@ typedef enum {
     RESONARM_NOT_FINITE,   /**< A value is not a number, or infinite. */
     RESONARM_OUT_OF_RANGE, /**< A commanded value rounds beyond the range of its signal; it is never cut (section 3). */
     RESONARM_INVALID,      /**< A whole number is not one that the signal can have. */
-    RESONARM_NOT_SENT      /**< The classic profile has no such message. */
+    RESONARM_NEGATIVE,     /**< A limit is less than zero. */
+    RESONARM_NOT_SENT      /**< The profile has no such message. */
 } resonarm_encode_reason;
 
 /** Why a message can't be sent. */
 typedef struct {
     resonarm_encode_reason reason;
-    const char *signal; /**< Name of the signal as in resonarm.dbc; NULL if none is at fault. */
+    /** Name of the signal as in the DBC, of a pair of samples without the place; NULL if none is at fault. */
+    const char *signal;
     double got;         /**< The value, in the unit of the signal. */
     double min;         /**< The smallest value that can be sent; of a value that is not finite, too. */
     double max;         /**< The largest value that can be sent. */
@@ -281,15 +329,17 @@ void resonarm_frame_taken(resonarm_transmitter *transmitter, resonarm_kind kind)
 typedef enum {
     RESONARM_ACCEPTED,
     RESONARM_IGNORED, /**< Not a frame of this protocol. */
-    RESONARM_NOT_IN_PROFILE, /**< The classic profile has no such message. */
+    RESONARM_NOT_IN_PROFILE, /**< The profile has no such message. */
     RESONARM_BAD_FORMAT,
     RESONARM_BAD_LENGTH,
     RESONARM_BAD_CRC,
     RESONARM_REPEATED,        /**< The counter of the frame before. */
     RESONARM_WRONG_SEQUENCE,  /**< The counter steps by more than 4. */
-    RESONARM_INVALID_COUNTER, /**< The counter is 15. */
+    RESONARM_INVALID_COUNTER, /**< The counter is 15, classical frames. */
     RESONARM_RESERVED,        /**< A bit without a signal is set. */
     RESONARM_NOT_AVAILABLE,   /**< A physical signal has the count -32768. */
+    RESONARM_VALUE_NOT_FINITE,/**< A single is not a finite number. */
+    RESONARM_VALUE_NEGATIVE, /**< A limit is less than zero. */
     RESONARM_UNKNOWN_VALUE    /**< A signal has a value without a meaning. */
 } resonarm_verdict;
 
@@ -297,7 +347,7 @@ typedef enum {
 typedef struct {
     resonarm_verdict verdict;
     resonarm_kind kind; /**< The message of the identifier; of no meaning if ignored. */
-    /** Name of the signal that is not available or unknown, else NULL. */
+    /** Name of the signal whose value is refused, as in resonarm_encoding; else NULL. */
     const char *signal;
     /** Length, CRC, counter, reserved bits or value received. */
     uint16_t got;

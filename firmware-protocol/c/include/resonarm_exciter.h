@@ -23,7 +23,7 @@ extern "C" {
 
 /** Time between two tries to arm or disarm the plant, ns (section 7). */
 #define RESONARM_RETRY_NS UINT64_C(100000000)
-/** Emergencies, heartbeats, hellos and requests that can wait; none waits twice in a row. */
+/** Emergencies, heartbeats, hellos, capabilities and requests that can wait; none waits twice in a row. */
 #define RESONARM_OUTBOX_MESSAGES 32
 
 /** How long the node waits for what. */
@@ -57,9 +57,9 @@ typedef enum {
 /** The answer to a sample: a load to hold until the next, or the end. */
 typedef struct {
     resonarm_action action;
-    double force_x_n;  /**< ±655.34 N; beyond, the node faults (command out of range). */
+    double force_x_n;  /**< ±655.34 N, FD the range of a single; beyond, the node faults (command out of range). */
     double force_y_n;  /**< As `force_x_n`. */
-    double torque1_nm; /**< ±1638.35 N·m; beyond, the node faults (command out of range). */
+    double torque1_nm; /**< ±1638.35 N·m, FD the range of a single; beyond, as `force_x_n`. */
     double torque2_nm; /**< As `torque1_nm`. */
 } resonarm_answer;
 
@@ -92,18 +92,27 @@ typedef struct {
 } resonarm_report;
 
 /** @cond the members of resonarm_exciter */
+/* Bytes in the longest message of an exciter. */
+#define RESONARM_EXCITER_BYTES_ 16
+
 typedef struct {
     uint64_t look_period_ns;
     uint64_t looked_at_ns;
     uint64_t listened_ns;
 } resonarm_listening_;
 
+/* A message that waits, without counter and CRC. */
 typedef struct {
-    resonarm_message control[RESONARM_OUTBOX_MESSAGES];
+    resonarm_kind kind;
+    uint8_t content[RESONARM_EXCITER_BYTES_];
+} resonarm_waiting_;
+
+typedef struct {
+    resonarm_waiting_ control[RESONARM_OUTBOX_MESSAGES];
     size_t first;
     size_t count;
     bool has_command;
-    resonarm_message command;
+    resonarm_waiting_ command;
     uint32_t unsent;
 } resonarm_outbox_;
 
@@ -114,6 +123,7 @@ typedef struct {
     resonarm_listening_ listening;
     resonarm_timing timing;
     resonarm_hello hello;
+    resonarm_capabilities capabilities;
     resonarm_state state;
     uint64_t heartbeat_at_ns;
     uint64_t hello_at_ns;
@@ -167,6 +177,9 @@ typedef struct {
     resonarm_timing timing;
     resonarm_answer_function answer;
     void *context; /**< First argument of `answer`. */
+    /** FD: what the node takes and commands. With two samples a frame `answer` is called for both, and what it commands
+     * at the second is held for two sample periods. */
+    resonarm_capabilities capabilities;
 } resonarm_exciter_config;
 
 /** A node in the state boot-up. */

@@ -30,7 +30,8 @@ static void stop(int number)
 
 static int set_up(int descriptor, unsigned interface)
 {
-    /* Frames of CAN FD come in too, so that they are refused and counted; bus off comes as an error frame. */
+    /* Frames of CAN FD go and come too; those of the other profile are refused and counted. Bus off comes as an error
+     * frame. */
     const int on = 1;
     const can_err_mask_t errors = CAN_ERR_BUSOFF;
     struct sockaddr_can address;
@@ -109,12 +110,15 @@ port_result port_receive(resonarm_frame *frame)
 
 port_result port_send(const resonarm_frame *frame)
 {
-    struct can_frame sent;
+    /* What a classical frame has stands at the same places in one of CAN FD, which is longer. */
+    const size_t bytes = frame->format == RESONARM_FRAME_FD ? CANFD_MTU : CAN_MTU;
+    struct canfd_frame sent;
     memset(&sent, 0, sizeof sent);
     sent.can_id = frame->id;
-    sent.can_dlc = frame->length;
+    sent.len = frame->length;
+    sent.flags = frame->format == RESONARM_FRAME_FD ? CANFD_BRS : 0;
     memcpy(sent.data, frame->data, frame->length);
-    return write(can_socket, &sent, sizeof sent) == (ssize_t)sizeof sent ? PORT_DONE : result_of(errno);
+    return write(can_socket, &sent, bytes) == (ssize_t)bytes ? PORT_DONE : result_of(errno);
 }
 
 void port_wait(uint64_t until_ns)

@@ -1,6 +1,7 @@
 #include "axes.h"
 #include "bytes.h"
 #include "e2e.h"
+#include "fd.h"
 #include "resonarm.h"
 #include "scaling.h"
 
@@ -116,7 +117,8 @@ static resonarm_receipt decode_emergency(resonarm_kind kind, const uint8_t *data
     return receipt;
 }
 
-static resonarm_receipt decode_content(resonarm_kind kind, const uint8_t *data, resonarm_message *message)
+/* The content of a classical frame. */
+static resonarm_receipt decode_classic(resonarm_kind kind, const uint8_t *data, resonarm_message *message)
 {
     switch (kind) {
     case RESONARM_OPERATOR_COMMAND:
@@ -135,17 +137,23 @@ static resonarm_receipt decode_content(resonarm_kind kind, const uint8_t *data, 
     }
 }
 
-/* The checks of Profile 11: CRC, then counter. */
-static resonarm_receipt check_protection(resonarm_receiver *receiver, resonarm_kind kind, const uint8_t *data)
+/* CRC, then counter. */
+static resonarm_receipt check_protection(
+    resonarm_receiver *receiver, resonarm_kind kind, const uint8_t *data, size_t length)
 {
-    const uint8_t crc = e2e_p11_crc(resonarm_data_id(receiver->network, kind), data);
-    if (crc != data[0]) {
-        return (resonarm_receipt){RESONARM_BAD_CRC, kind, NULL, data[0], crc};
+    const resonarm_network network = receiver->network;
+    const bool is_fd = resonarm_format(network.profile, kind) == RESONARM_FRAME_FD;
+    const uint16_t data_id = resonarm_data_id(network, kind);
+    const uint16_t crc = is_fd ? e2e_p5_crc(data_id, data, length) : e2e_p11_crc(data_id, data);
+    const uint16_t got = is_fd ? get_u16(data) : data[0];
+    if (crc != got) {
+        return (resonarm_receipt){RESONARM_BAD_CRC, kind, NULL, got, crc};
     }
     uint8_t lost;
     resonarm_supervision *supervision = &receiver->supervisions[kind];
-    const uint8_t last = supervision->last, counter = data[1] & 0xFu;
-    const resonarm_verdict verdict = e2e_p11_supervise(supervision, counter, &lost);
+    const uint8_t last = supervision->last, counter = is_fd ? data[2] : data[1] & 0xFu;
+    const uint8_t counter_max = is_fd ? E2E_P5_COUNTER_MAX : E2E_P11_COUNTER_MAX;
+    const resonarm_verdict verdict = e2e_supervise(supervision, counter, counter_max, &lost);
     receiver->lost += lost;
     return (resonarm_receipt){verdict, kind, NULL, counter, verdict == RESONARM_WRONG_SEQUENCE ? last : 0};
 }
@@ -181,23 +189,28 @@ resonarm_receipt resonarm_accept(resonarm_receiver *receiver, const resonarm_fra
         return (resonarm_receipt){RESONARM_IGNORED, RESONARM_OPERATOR_COMMAND, NULL, 0, 0};
     }
     const resonarm_kind kind = (resonarm_kind)found;
-    if (resonarm_length(kind) == 0) {
+    const resonarm_profile profile = receiver->network.profile;
+    const resonarm_frame_format format = resonarm_format(profile, kind);
+    const uint8_t length = resonarm_length(profile, kind);
+    if (length == 0) {
         return (resonarm_receipt){RESONARM_NOT_IN_PROFILE, kind, NULL, 0, 0};
     }
-    if (frame->format != RESONARM_FRAME_CLASSIC) {
+    if (frame->format != format) {
         return (resonarm_receipt){RESONARM_BAD_FORMAT, kind, NULL, 0, 0};
     }
-    if (frame->length != resonarm_length(kind)) {
-        return (resonarm_receipt){RESONARM_BAD_LENGTH, kind, NULL, frame->length, resonarm_length(kind)};
+    if (frame->length != length) {
+        return (resonarm_receipt){RESONARM_BAD_LENGTH, kind, NULL, frame->length, length};
     }
     if (resonarm_data_id(receiver->network, kind) != 0) {
-        const resonarm_receipt protection = check_protection(receiver, kind, frame->data);
+        const resonarm_receipt protection = check_protection(receiver, kind, frame->data, length);
         if (protection.verdict != RESONARM_ACCEPTED) {
             return protection;
         }
     }
     resonarm_message decoded = {.kind = kind};
-    const resonarm_receipt receipt = decode_content(kind, frame->data, &decoded);
+    const bool is_fd = format == RESONARM_FRAME_FD;
+    const resonarm_receipt receipt =
+        is_fd ? fd_decode(kind, frame->data, &decoded) : decode_classic(kind, frame->data, &decoded);
     if (receipt.verdict != RESONARM_ACCEPTED) {
         return receipt;
     }

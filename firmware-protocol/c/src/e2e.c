@@ -23,19 +23,43 @@ uint8_t e2e_p11_crc(uint16_t data_id, const uint8_t *data)
     return crc;
 }
 
-uint8_t e2e_p11_counter_after(uint8_t counter)
+/*
+ * The polynomial is x^16 + x^12 + x^5 + 1, most significant bit first, start 0xFFFF, no final XOR. Four bits at a time:
+ * with the remainder r = 4096 h + l, h of four bits, r x^4 = h x^16 + 16 l, and h x^16 mod P is h (x^12 + x^5 + 1).
+ */
+static uint16_t crc16_of(uint16_t crc, uint8_t byte)
 {
-    return counter >= E2E_COUNTER_MAX ? 0 : (uint8_t)(counter + 1);
+    unsigned remainder = (unsigned)crc ^ (unsigned)byte << 8;
+    for (int half = 0; half < 2; half++) {
+        const unsigned high = remainder >> 12;
+        remainder = ((remainder << 4) & 0xFFFFu) ^ (high << 12 | high << 5 | high);
+    }
+    return (uint16_t)remainder;
 }
 
-resonarm_verdict e2e_p11_supervise(resonarm_supervision *supervision, uint8_t counter, uint8_t *lost)
+uint16_t e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t length)
+{
+    uint16_t crc = 0xFFFFu;
+    for (size_t i = 2; i < length; i++) {
+        crc = crc16_of(crc, data[i]);
+    }
+    return crc16_of(crc16_of(crc, (uint8_t)(data_id & 0xFFu)), (uint8_t)(data_id >> 8));
+}
+
+uint8_t e2e_counter_after(uint8_t counter, uint8_t counter_max)
+{
+    return counter >= counter_max ? 0 : (uint8_t)(counter + 1);
+}
+
+resonarm_verdict e2e_supervise(
+    resonarm_supervision *supervision, uint8_t counter, uint8_t counter_max, uint8_t *lost)
 {
     *lost = 0;
-    if (counter > E2E_COUNTER_MAX) {
+    if (counter > counter_max) {
         return RESONARM_INVALID_COUNTER;
     }
     const bool first = !supervision->started;
-    const unsigned modulus = E2E_COUNTER_MAX + 1;
+    const unsigned modulus = counter_max + 1u;
     const unsigned delta = (counter + modulus - supervision->last) % modulus;
     supervision->started = true;
     supervision->last = counter;

@@ -1,7 +1,9 @@
+#include "encode.h"
+
 #include "axes.h"
 #include "bytes.h"
 #include "e2e.h"
-#include "resonarm.h"
+#include "fd.h"
 #include "scaling.h"
 
 static const resonarm_encoding sendable = {RESONARM_SENDABLE, NULL, 0.0, 0.0, 0.0};
@@ -94,33 +96,61 @@ static resonarm_encoding encode_emergency(const resonarm_emergency *emergency, u
     return check("code", (uint32_t)emergency->code, RESONARM_COMMAND_TIMEOUT, RESONARM_EXCITER_TRIPPED);
 }
 
-static resonarm_encoding encode_content(const resonarm_message *message, uint8_t *data)
+/* The content of a classical frame. */
+static resonarm_encoding encode_classic(const resonarm_message *message, uint8_t *content)
 {
     switch (message->kind) {
     case RESONARM_OPERATOR_COMMAND:
-        return encode_operator(&message->content.operator_command, data);
-    case RESONARM_FORCE_COMMAND:
-    case RESONARM_TORQUE_COMMAND:
-    case RESONARM_IMPEDANCE_HEAD:
-    case RESONARM_ACCELEROMETER_B:
-    case RESONARM_ACCELEROMETER_C:
-        return encode_axes(message, data);
+        return encode_operator(&message->content.operator_command, content);
     case RESONARM_PLANT_HELLO:
     case RESONARM_EXCITER_HELLO:
-        return encode_hello(&message->content.hello, data);
+        return encode_hello(&message->content.hello, content);
     case RESONARM_PLANT_HEARTBEAT:
     case RESONARM_EXCITER_HEARTBEAT:
-        return encode_heartbeat(message->content.state, data);
+        return encode_heartbeat(message->content.state, content);
     case RESONARM_PLANT_EMERGENCY:
     case RESONARM_EXCITER_EMERGENCY:
-        return encode_emergency(&message->content.emergency, data);
-    case RESONARM_SENSORS:
-    case RESONARM_SENSOR_PAIR:
-    case RESONARM_PLANT_CAPABILITIES:
-    case RESONARM_EXCITER_CAPABILITIES:
+        return encode_emergency(&message->content.emergency, content);
+    default:
+        return encode_axes(message, content);
+    }
+}
+
+resonarm_encoding encode_content(resonarm_profile profile, const resonarm_message *message, uint8_t *content)
+{
+    const resonarm_kind kind = message->kind;
+    if ((unsigned)kind >= RESONARM_KINDS) {
+        return (resonarm_encoding){RESONARM_INVALID, "kind", kind, 0, RESONARM_KINDS - 1};
+    }
+    if (resonarm_length(profile, kind) == 0) {
         return (resonarm_encoding){RESONARM_NOT_SENT, NULL, 0.0, 0.0, 0.0};
     }
-    return (resonarm_encoding){RESONARM_INVALID, "kind", message->kind, 0, RESONARM_KINDS - 1};
+    const bool is_fd = resonarm_format(profile, kind) == RESONARM_FRAME_FD;
+    return is_fd ? fd_encode(message, content) : encode_classic(message, content);
+}
+
+void encode_frame(
+    const resonarm_transmitter *transmitter, resonarm_kind kind, const uint8_t *content, resonarm_frame *frame)
+{
+    const resonarm_network network = transmitter->network;
+    const uint16_t data_id = resonarm_data_id(network, kind);
+    const uint8_t counter = transmitter->counters[kind];
+    *frame = (resonarm_frame){
+        .id = resonarm_identifier(network, kind),
+        .id_format = RESONARM_ID_STANDARD,
+        .format = resonarm_format(network.profile, kind),
+        .length = resonarm_length(network.profile, kind),
+    };
+    for (size_t i = 0; i < frame->length; i++) {
+        frame->data[i] = content[i];
+    }
+    if (frame->format == RESONARM_FRAME_FD) {
+        frame->data[2] = counter;
+        put_u16(frame->data, e2e_p5_crc(data_id, frame->data, frame->length));
+    } else if (data_id != 0) {
+        frame->data[1] |= counter;
+        frame->data[0] = e2e_p11_crc(data_id, frame->data);
+    }
 }
 
 void resonarm_transmitter_init(resonarm_transmitter *transmitter, resonarm_network network)
@@ -131,22 +161,17 @@ void resonarm_transmitter_init(resonarm_transmitter *transmitter, resonarm_netwo
 resonarm_encoding resonarm_encode(
     const resonarm_transmitter *transmitter, const resonarm_message *message, resonarm_frame *frame)
 {
-    *frame = (resonarm_frame){.id_format = RESONARM_ID_STANDARD, .format = RESONARM_FRAME_CLASSIC};
-    const resonarm_encoding encoding = encode_content(message, frame->data);
-    if (encoding.reason != RESONARM_SENDABLE) {
-        return encoding;
-    }
-    frame->id = resonarm_identifier(transmitter->network, message->kind);
-    frame->length = resonarm_length(message->kind);
-    const uint16_t data_id = resonarm_data_id(transmitter->network, message->kind);
-    if (data_id != 0) {
-        frame->data[1] |= transmitter->counters[message->kind];
-        frame->data[0] = e2e_p11_crc(data_id, frame->data);
+    uint8_t content[RESONARM_FRAME_BYTES] = {0};
+    const resonarm_encoding encoding = encode_content(transmitter->network.profile, message, content);
+    if (encoding.reason == RESONARM_SENDABLE) {
+        encode_frame(transmitter, message->kind, content, frame);
     }
     return encoding;
 }
 
 void resonarm_frame_taken(resonarm_transmitter *transmitter, resonarm_kind kind)
 {
-    transmitter->counters[kind] = e2e_p11_counter_after(transmitter->counters[kind]);
+    const bool is_fd = resonarm_format(transmitter->network.profile, kind) == RESONARM_FRAME_FD;
+    const uint8_t counter_max = is_fd ? E2E_P5_COUNTER_MAX : E2E_P11_COUNTER_MAX;
+    transmitter->counters[kind] = e2e_counter_after(transmitter->counters[kind], counter_max);
 }

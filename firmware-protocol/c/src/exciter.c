@@ -3,6 +3,7 @@
 #include "link.h"
 #include "listening.h"
 #include "outbox.h"
+#include "readings.h"
 #include "sequence.h"
 
 resonarm_timing resonarm_real_time(uint16_t rate_hz)
@@ -177,74 +178,90 @@ static void heed(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_emer
     }
 }
 
-static bool command(resonarm_exciter *exciter, const resonarm_answer *answer, uint16_t sample)
+static void command(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_answer *answer, uint16_t index)
 {
     resonarm_message message;
     if (answer->action == RESONARM_HOLD_TORQUE) {
         message.kind = RESONARM_TORQUE_COMMAND;
-        message.content.torque = (resonarm_torque_command){answer->torque1_nm, answer->torque2_nm, sample};
+        message.content.torque = (resonarm_torque_command){answer->torque1_nm, answer->torque2_nm, index};
     } else {
         message.kind = RESONARM_FORCE_COMMAND;
-        message.content.force = (resonarm_force_command){answer->force_x_n, answer->force_y_n, sample};
+        message.content.force = (resonarm_force_command){answer->force_x_n, answer->force_y_n, index};
     }
-    return link_send(&exciter->link, &message);
-}
-
-static void answer(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
-{
-    resonarm_sample sample = {.head = exciter->head, .b = exciter->b, .c = *c};
-    sample.sample = exciter->samples_answered - 1;
-    exciter->sample_heard_ns = exciter->link.listening.listened_ns;
-    const resonarm_answer given = exciter->answer(exciter->context, &sample);
-    switch (given.action) {
-    case RESONARM_FINISH:
-        disarm(exciter, now_ns, RESONARM_FINISHED);
-        break;
-    case RESONARM_GIVE_UP:
-        disarm(exciter, now_ns, RESONARM_GAVE_UP);
-        break;
-    case RESONARM_HOLD_FORCE:
-    case RESONARM_HOLD_TORQUE:
-        if (!command(exciter, &given, c->sample)) {
-            fault(exciter, now_ns, RESONARM_COMMAND_OUT_OF_RANGE, 0);
-        }
-        break;
+    if (!link_send(&exciter->link, &message)) {
+        fault(exciter, now_ns, RESONARM_COMMAND_OUT_OF_RANGE, 0);
     }
 }
 
-static void place_and_answer(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
+/* Whether the sample of this index is a new one. */
+static bool is_fresh(resonarm_exciter *exciter, uint64_t now_ns, uint16_t index)
 {
     uint16_t ahead;
-    switch (sequence_judge(&exciter->sequence, c->sample, &ahead)) {
+    switch (sequence_judge(&exciter->sequence, index, &ahead)) {
     case SEQUENCE_STALE:
-        break;
+        return false;
     case SEQUENCE_BROKEN:
-        fault(exciter, now_ns, RESONARM_SAMPLE_SEQUENCE, c->sample);
-        break;
+        fault(exciter, now_ns, RESONARM_SAMPLE_SEQUENCE, index);
+        return false;
     case SEQUENCE_FIRST:
         exciter->samples_answered = 1;
-        answer(exciter, now_ns, c);
         break;
     case SEQUENCE_AHEAD:
         exciter->samples_answered += ahead;
         exciter->missed_samples += ahead - 1u;
-        answer(exciter, now_ns, c);
         break;
+    }
+    exciter->sample_heard_ns = exciter->link.listening.listened_ns;
+    return true;
+}
+
+/* The answer to a whole sample of this index; false if nothing is to be commanded. */
+static bool answer(
+    resonarm_exciter *exciter, uint64_t now_ns, resonarm_sample *sample, uint16_t index, resonarm_answer *given)
+{
+    if (exciter->phase == RESONARM_DISARMING_) {
+        /* The plant still sends samples, in lockstep for want of an answer: the request may have been lost. */
+        request(exciter, RESONARM_DISARM);
+    }
+    if (exciter->phase != RESONARM_PLAYING_ || !is_fresh(exciter, now_ns, index)) {
+        return false;
+    }
+    sample->sample = exciter->samples_answered - 1;
+    *given = exciter->answer(exciter->context, sample);
+    if (given->action == RESONARM_FINISH) {
+        disarm(exciter, now_ns, RESONARM_FINISHED);
+    } else if (given->action == RESONARM_GIVE_UP) {
+        disarm(exciter, now_ns, RESONARM_GAVE_UP);
+    }
+    return exciter->phase == RESONARM_PLAYING_;
+}
+
+/* In the classic profile a sample is whole with its last frame, accelerometer C. */
+static void complete_sample(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
+{
+    resonarm_answer given;
+    const bool is_whole = exciter->has_head && exciter->head.sample == c->sample && exciter->has_b &&
+                          exciter->b.sample == c->sample;
+    resonarm_sample sample = {.head = exciter->head, .b = exciter->b, .c = *c};
+    exciter->has_head = false;
+    exciter->has_b = false;
+    if (is_whole && answer(exciter, now_ns, &sample, c->sample, &given)) {
+        command(exciter, now_ns, &given, c->sample);
     }
 }
 
-/* A sample is whole with its last frame, accelerometer C. */
-static void complete_sample(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
+/* In the FD profile a frame has one or two whole samples, the first of this index. The last of them is answered: a
+ * command for the first of two would come too late. */
+static void take_samples(
+    resonarm_exciter *exciter, uint64_t now_ns, const resonarm_readings *readings, size_t count, uint16_t first)
 {
-    const bool is_whole = exciter->has_head && exciter->head.sample == c->sample && exciter->has_b &&
-                          exciter->b.sample == c->sample;
-    exciter->has_head = false;
-    exciter->has_b = false;
-    if (is_whole && exciter->phase == RESONARM_PLAYING_) {
-        place_and_answer(exciter, now_ns, c);
-    } else if (is_whole && exciter->phase == RESONARM_DISARMING_) {
-        /* The plant still sends samples, in lockstep for want of an answer: the request may have been lost. */
-        request(exciter, RESONARM_DISARM);
+    for (size_t i = 0; i < count; i++) {
+        resonarm_answer given;
+        const uint16_t index = (uint16_t)(first + i);
+        resonarm_sample sample = readings_sample(&readings[i], index);
+        if (answer(exciter, now_ns, &sample, index, &given) && i + 1 == count) {
+            command(exciter, now_ns, &given, index);
+        }
     }
 }
 
@@ -299,6 +316,12 @@ void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, c
         break;
     case RESONARM_ACCELEROMETER_C:
         complete_sample(exciter, now_ns, &message.content.acceleration);
+        break;
+    case RESONARM_SENSORS:
+        take_samples(exciter, now_ns, &message.content.sensors.readings, 1, message.content.sensors.sample);
+        break;
+    case RESONARM_SENSOR_PAIR:
+        take_samples(exciter, now_ns, message.content.pair.readings, 2, message.content.pair.sample);
         break;
     default:
         break;

@@ -1,12 +1,12 @@
 #include "resonarm.h"
 
-resonarm_hello resonarm_own_hello(uint16_t rate_hz)
+resonarm_hello resonarm_own_hello(resonarm_profile profile, uint16_t rate_hz)
 {
     const resonarm_hello hello = {
         .version_major = RESONARM_PROTOCOL_VERSION >> 4,
         .version_minor = RESONARM_PROTOCOL_VERSION & 0xFu,
-        .dbc_hash = RESONARM_DBC_HASH,
-        .profile = RESONARM_PROFILE_CLASSIC,
+        .dbc_hash = profile == RESONARM_PROFILE_FD ? RESONARM_DBC_HASH_FD : RESONARM_DBC_HASH_CLASSIC,
+        .profile = profile,
         .rate_hz = rate_hz,
     };
     return hello;

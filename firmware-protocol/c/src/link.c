@@ -1,5 +1,6 @@
 #include "link.h"
 
+#include "encode.h"
 #include "listening.h"
 #include "outbox.h"
 
@@ -25,7 +26,8 @@ void link_init(resonarm_link_ *link, const resonarm_exciter_config *config)
 {
     *link = (resonarm_link_){.timing = config->timing, .state = RESONARM_BOOT_UP};
     link->listening.look_period_ns = config->timing.look_period_ns;
-    link->hello = resonarm_own_hello(config->rate_hz);
+    link->hello = resonarm_own_hello(config->network.profile, config->rate_hz);
+    link->capabilities = config->capabilities;
     resonarm_transmitter_init(&link->transmitter, config->network);
     resonarm_receiver_init(&link->receiver, config->network);
 }
@@ -75,11 +77,16 @@ bool link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *fr
 
 bool link_send(resonarm_link_ *link, const resonarm_message *message)
 {
-    resonarm_frame frame;
-    if (resonarm_encode(&link->transmitter, message, &frame).reason != RESONARM_SENDABLE) {
+    uint8_t content[RESONARM_FRAME_BYTES] = {0};
+    resonarm_waiting_ waiting = {.kind = message->kind};
+    const resonarm_profile profile = link->transmitter.network.profile;
+    if (encode_content(profile, message, content).reason != RESONARM_SENDABLE) {
         return false;
     }
-    outbox_push(&link->outbox, message);
+    for (size_t i = 0; i < RESONARM_EXCITER_BYTES_; i++) {
+        waiting.content[i] = content[i];
+    }
+    outbox_push(&link->outbox, &waiting);
     if (!link->is_waiting) {
         link->is_waiting = true;
         link->waiting_since_ns = link->listening.listened_ns;
@@ -93,6 +100,11 @@ void link_send_hello(resonarm_link_ *link, uint64_t now_ns)
     message.content.hello = link->hello;
     link->hello_at_ns = saturating_sum(now_ns, early_ns(link, RESONARM_HELLO_PERIOD_NS));
     (void)link_send(link, &message);
+    if (link->hello.profile == RESONARM_PROFILE_FD) {
+        message = (resonarm_message){.kind = RESONARM_EXCITER_CAPABILITIES};
+        message.content.capabilities = link->capabilities;
+        (void)link_send(link, &message);
+    }
 }
 
 void link_handle_deadline(resonarm_link_ *link, uint64_t now_ns)
@@ -125,13 +137,17 @@ uint16_t link_not_sent(const resonarm_link_ *link)
 
 bool link_next_frame(const resonarm_link_ *link, resonarm_frame *frame)
 {
-    const resonarm_message *message = outbox_front(&link->outbox);
-    return message != NULL && resonarm_encode(&link->transmitter, message, frame).reason == RESONARM_SENDABLE;
+    const resonarm_waiting_ *message = outbox_front(&link->outbox);
+    if (message == NULL) {
+        return false;
+    }
+    encode_frame(&link->transmitter, message->kind, message->content, frame);
+    return true;
 }
 
 void link_frame_sent(resonarm_link_ *link)
 {
-    const resonarm_message *message = outbox_front(&link->outbox);
+    const resonarm_waiting_ *message = outbox_front(&link->outbox);
     if (message == NULL) {
         return;
     }

@@ -20,7 +20,7 @@ bool link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *fr
 /** Queues a message; false if it can't be sent. */
 bool link_send(resonarm_link_ *link, const resonarm_message *message);
 
-/** Queues the hello. */
+/** Queues the hello, in the FD profile with the capabilities behind it. */
 void link_send_hello(resonarm_link_ *link, uint64_t now_ns);
 
 /** Looks at the clock, and queues the heartbeat and the hello that are due. */

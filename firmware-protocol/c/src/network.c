@@ -1,30 +1,30 @@
 #include "resonarm.h"
 
-/* What section 1 says of each kind: its name, the low byte of its data id, its sender, its length. */
+/* What section 1 says of each kind: its name, the low byte of its data id, its sender, its length in each profile. */
 typedef struct {
     const char *name;
     uint8_t data_id;
-    uint8_t length;
+    uint8_t lengths[2];
     resonarm_node sender;
 } kind_row;
 
 static const kind_row kinds[RESONARM_KINDS] = {
-    {"OperatorCommand", 0x01, 8, RESONARM_EXCITER},
-    {"ForceCommand", 0x02, 8, RESONARM_EXCITER},
-    {"TorqueCommand", 0x03, 8, RESONARM_EXCITER},
-    {"ImpedanceHead", 0x04, 8, RESONARM_PLANT},
-    {"AccelerometerB", 0x05, 8, RESONARM_PLANT},
-    {"AccelerometerC", 0x06, 8, RESONARM_PLANT},
-    {"PlantHello", 0x07, 8, RESONARM_PLANT},
-    {"ExciterHello", 0x08, 8, RESONARM_EXCITER},
-    {"PlantHeartbeat", 0, 1, RESONARM_PLANT},
-    {"ExciterHeartbeat", 0, 1, RESONARM_EXCITER},
-    {"PlantEmergency", 0x09, 8, RESONARM_PLANT},
-    {"ExciterEmergency", 0x0A, 8, RESONARM_EXCITER},
-    {"Sensors", 0x0B, 0, RESONARM_PLANT},
-    {"SensorPair", 0x0C, 0, RESONARM_PLANT},
-    {"PlantCapabilities", 0x0D, 0, RESONARM_PLANT},
-    {"ExciterCapabilities", 0x0E, 0, RESONARM_EXCITER},
+    {"OperatorCommand", 0x01, {8, 8}, RESONARM_EXCITER},
+    {"ForceCommand", 0x02, {8, 16}, RESONARM_EXCITER},
+    {"TorqueCommand", 0x03, {8, 16}, RESONARM_EXCITER},
+    {"ImpedanceHead", 0x04, {8, 0}, RESONARM_PLANT},
+    {"AccelerometerB", 0x05, {8, 0}, RESONARM_PLANT},
+    {"AccelerometerC", 0x06, {8, 0}, RESONARM_PLANT},
+    {"PlantHello", 0x07, {8, 8}, RESONARM_PLANT},
+    {"ExciterHello", 0x08, {8, 8}, RESONARM_EXCITER},
+    {"PlantHeartbeat", 0, {1, 1}, RESONARM_PLANT},
+    {"ExciterHeartbeat", 0, {1, 1}, RESONARM_EXCITER},
+    {"PlantEmergency", 0x09, {8, 8}, RESONARM_PLANT},
+    {"ExciterEmergency", 0x0A, {8, 8}, RESONARM_EXCITER},
+    {"Sensors", 0x0B, {0, 32}, RESONARM_PLANT},
+    {"SensorPair", 0x0C, {0, 64}, RESONARM_PLANT},
+    {"PlantCapabilities", 0x0D, {0, 16}, RESONARM_PLANT},
+    {"ExciterCapabilities", 0x0E, {0, 16}, RESONARM_EXCITER},
 };
 
 static bool is_node_id(uint8_t id)
@@ -33,7 +33,7 @@ static bool is_node_id(uint8_t id)
 }
 
 resonarm_network_check resonarm_network_init(
-    resonarm_network *network, uint16_t base, uint8_t plant_id, uint8_t exciter_id)
+    resonarm_network *network, uint16_t base, uint8_t plant_id, uint8_t exciter_id, resonarm_profile profile)
 {
     if (base < RESONARM_BASE_MIN || base > RESONARM_BASE_MAX) {
         return RESONARM_BASE_OUT_OF_RANGE;
@@ -47,7 +47,7 @@ resonarm_network_check resonarm_network_init(
     if (plant_id == exciter_id) {
         return RESONARM_SAME_NODE_ID;
     }
-    *network = (resonarm_network){base, plant_id, exciter_id};
+    *network = (resonarm_network){base, plant_id, exciter_id, profile};
     return RESONARM_NETWORK_VALID;
 }
 
@@ -82,9 +82,14 @@ uint16_t resonarm_data_id(resonarm_network network, resonarm_kind kind)
     return (uint16_t)(number == 0 ? 0 : (0x51u + network.plant_id) << 8 | number);
 }
 
-uint8_t resonarm_length(resonarm_kind kind)
+uint8_t resonarm_length(resonarm_profile profile, resonarm_kind kind)
 {
-    return kinds[kind].length;
+    return kinds[kind].lengths[profile];
+}
+
+resonarm_frame_format resonarm_format(resonarm_profile profile, resonarm_kind kind)
+{
+    return resonarm_length(profile, kind) > 8 ? RESONARM_FRAME_FD : RESONARM_FRAME_CLASSIC;
 }
 
 const char *resonarm_name(resonarm_kind kind)

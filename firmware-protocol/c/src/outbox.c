@@ -1,32 +1,26 @@
 #include "outbox.h"
 
-/* Whether two messages of one kind have the same bytes. */
-static bool are_equal(const resonarm_message *one, const resonarm_message *other)
+/* Whether two messages of one kind say the same. */
+static bool are_equal(const resonarm_waiting_ *one, const resonarm_waiting_ *other)
 {
-    const resonarm_transmitter transmitter = {.network = {RESONARM_BASE_DEFAULT, 1, 2}};
-    resonarm_frame of_one, of_other;
-    if (resonarm_encode(&transmitter, one, &of_one).reason != RESONARM_SENDABLE ||
-        resonarm_encode(&transmitter, other, &of_other).reason != RESONARM_SENDABLE) {
-        return false;
-    }
-    for (size_t i = 0; i < of_one.length; i++) {
-        if (of_one.data[i] != of_other.data[i]) {
+    for (size_t i = 0; i < RESONARM_EXCITER_BYTES_; i++) {
+        if (one->content[i] != other->content[i]) {
             return false;
         }
     }
     return true;
 }
 
-static resonarm_message *place(resonarm_outbox_ *outbox, size_t at)
+static resonarm_waiting_ *place(resonarm_outbox_ *outbox, size_t at)
 {
     return &outbox->control[(outbox->first + at) % RESONARM_OUTBOX_MESSAGES];
 }
 
 /* Whether the latest message of this kind that waits says the same. */
-static bool is_said(resonarm_outbox_ *outbox, const resonarm_message *message)
+static bool is_said(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
 {
     for (size_t at = outbox->count; at > 0; at--) {
-        const resonarm_message *waiting = place(outbox, at - 1);
+        const resonarm_waiting_ *waiting = place(outbox, at - 1);
         if (waiting->kind == message->kind) {
             return are_equal(waiting, message);
         }
@@ -34,7 +28,7 @@ static bool is_said(resonarm_outbox_ *outbox, const resonarm_message *message)
     return false;
 }
 
-void outbox_push(resonarm_outbox_ *outbox, const resonarm_message *message)
+void outbox_push(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
 {
     if (message->kind == RESONARM_FORCE_COMMAND || message->kind == RESONARM_TORQUE_COMMAND) {
         outbox->unsent += outbox->has_command ? 1 : 0;
@@ -50,7 +44,7 @@ void outbox_push(resonarm_outbox_ *outbox, const resonarm_message *message)
     }
 }
 
-const resonarm_message *outbox_front(const resonarm_outbox_ *outbox)
+const resonarm_waiting_ *outbox_front(const resonarm_outbox_ *outbox)
 {
     if (outbox->count > 0) {
         return &outbox->control[outbox->first];

@@ -1,8 +1,9 @@
 /*
  * The codec on standard input and output, a line a command, for a test that holds it to another codec.
  *
- *   network BASE PLANT EXCITER    a new sender and receiver of a network     valid | base | unaligned | node-id | same
- *   encode KIND V...              the sender's next frame of a message        frame ID DATA | refused REASON SIGNAL
+ *   network BASE PLANT EXCITER FD a new sender and receiver of a network     valid | base | unaligned | node-id | same
+ *   encode KIND V...              the sender's next frame of a message        frame ID c|f DATA |
+ *                                                                             refused REASON SIGNAL
  *   accept s|e c|r|f ID LEN DATA  what the receiver makes of a frame          ignored | accepted KIND V... |
  *                                                                             refused REASON KIND SIGNAL GOT EXPECTED
  *   lost                          frames that the receiver counts as lost     N
@@ -11,7 +12,8 @@
  *   window RATE                   window and period of a rate                 SAMPLES NS
  *   constants                     the constants of the header                 N...
  *
- * A V is a double as the hexadecimal digits of its bits; they stand in the order of the structures' members.
+ * FD is 0 or 1. A V is a double as the hexadecimal digits of its bits; they stand in the order of the structures'
+ * members.
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -63,6 +65,28 @@ static resonarm_hello next_hello(void)
     return hello;
 }
 
+static resonarm_readings next_readings(void)
+{
+    resonarm_readings readings;
+    for (int i = 0; i < RESONARM_READINGS; i++) {
+        readings.values[i] = next_value();
+    }
+    for (int i = 0; i < RESONARM_READINGS; i++) {
+        readings.saturated[i] = next_value() > 0.0;
+    }
+    return readings;
+}
+
+static void say_readings(const resonarm_readings *readings)
+{
+    for (int i = 0; i < RESONARM_READINGS; i++) {
+        say_value(readings->values[i]);
+    }
+    for (int i = 0; i < RESONARM_READINGS; i++) {
+        say_value(readings->saturated[i]);
+    }
+}
+
 static void read_axes(resonarm_message *message)
 {
     const double x = next_value(), y = next_value();
@@ -106,9 +130,19 @@ static resonarm_message read_message(void)
         message.content.emergency.sample = (uint16_t)next_value();
         break;
     case RESONARM_SENSORS:
+        message.content.sensors.readings = next_readings();
+        message.content.sensors.sample = (uint16_t)next_value();
+        break;
     case RESONARM_SENSOR_PAIR:
+        message.content.pair.readings[0] = next_readings();
+        message.content.pair.readings[1] = next_readings();
+        message.content.pair.sample = (uint16_t)next_value();
+        break;
     case RESONARM_PLANT_CAPABILITIES:
     case RESONARM_EXCITER_CAPABILITIES:
+        message.content.capabilities.samples_per_frame = (uint8_t)next_value();
+        message.content.capabilities.force_limit_n = next_value();
+        message.content.capabilities.torque_limit_nm = next_value();
         break;
     default:
         read_axes(&message);
@@ -163,7 +197,20 @@ static void say_message(const resonarm_message *message)
     case RESONARM_EXCITER_EMERGENCY:
         say_axes(emergency->code, emergency->detail, emergency->sample);
         break;
-    default:
+    case RESONARM_SENSORS:
+        say_readings(&message->content.sensors.readings);
+        say_value(message->content.sensors.sample);
+        break;
+    case RESONARM_SENSOR_PAIR:
+        say_readings(&message->content.pair.readings[0]);
+        say_readings(&message->content.pair.readings[1]);
+        say_value(message->content.pair.sample);
+        break;
+    case RESONARM_PLANT_CAPABILITIES:
+    case RESONARM_EXCITER_CAPABILITIES:
+        say_value(message->content.capabilities.samples_per_frame);
+        say_value(message->content.capabilities.force_limit_n);
+        say_value(message->content.capabilities.torque_limit_nm);
         break;
     }
     printf("\n");
@@ -171,7 +218,7 @@ static void say_message(const resonarm_message *message)
 
 static void encode(void)
 {
-    static const char *const reasons[] = {"sendable", "not-finite", "out-of-range", "invalid", "profile"};
+    static const char *const reasons[] = {"sendable", "not-finite", "out-of-range", "invalid", "negative", "profile"};
     const resonarm_message message = read_message();
     resonarm_frame frame;
     const resonarm_encoding encoding = resonarm_encode(&transmitter, &message, &frame);
@@ -184,7 +231,7 @@ static void encode(void)
         return;
     }
     resonarm_frame_taken(&transmitter, message.kind);
-    printf("frame %" PRIX32 " ", frame.id);
+    printf("frame %" PRIX32 " %c ", frame.id, frame.format == RESONARM_FRAME_FD ? 'f' : 'c');
     for (int i = 0; i < frame.length; i++) {
         printf("%02X", frame.data[i]);
     }
@@ -211,7 +258,7 @@ static void accept(void)
 {
     static const char *const verdicts[] = {
         "accepted",       "ignored",         "profile",  "format",        "length",       "crc", "repeated",
-        "wrong-sequence", "invalid-counter", "reserved", "not-available", "unknown-value",
+        "wrong-sequence", "invalid-counter", "reserved", "not-available", "not-finite",   "negative", "unknown-value",
     };
     const resonarm_frame frame = read_frame();
     resonarm_message message;
@@ -232,7 +279,8 @@ static void begin(void)
     resonarm_network network;
     const uint16_t base = (uint16_t)next_number(10);
     const uint8_t plant_id = (uint8_t)next_number(10), exciter_id = (uint8_t)next_number(10);
-    const resonarm_network_check check = resonarm_network_init(&network, base, plant_id, exciter_id);
+    const resonarm_profile profile = next_number(10) == 0 ? RESONARM_PROFILE_CLASSIC : RESONARM_PROFILE_FD;
+    const resonarm_network_check check = resonarm_network_init(&network, base, plant_id, exciter_id, profile);
     if (check == RESONARM_NETWORK_VALID) {
         resonarm_transmitter_init(&transmitter, network);
         resonarm_receiver_init(&receiver, network);
@@ -243,7 +291,8 @@ static void begin(void)
 static void constants(void)
 {
     const uint64_t all[] = {
-        RESONARM_PROTOCOL_VERSION, RESONARM_DBC_HASH, RESONARM_BASE_DEFAULT, RESONARM_BASE_MIN, RESONARM_BASE_MAX,
+        RESONARM_PROTOCOL_VERSION, RESONARM_DBC_HASH_CLASSIC, RESONARM_DBC_HASH_FD, RESONARM_BASE_DEFAULT,
+        RESONARM_BASE_MIN, RESONARM_BASE_MAX,
         RESONARM_KINDS, RESONARM_HEARTBEAT_PERIOD_NS, RESONARM_HEARTBEAT_TIMEOUT_NS, RESONARM_HELLO_PERIOD_NS,
         RESONARM_COMMAND_TIMEOUT_NS, RESONARM_COMMAND_AGE_NS, RESONARM_FORCE_RAMP_NS, RESONARM_LOCKSTEP_TIMEOUT_NS,
         RESONARM_LOCKSTEP_LOOK_NS, RESONARM_REAL_TIME_RATE_MIN_HZ, RESONARM_STALE_SAMPLES_LIMIT,
@@ -283,7 +332,7 @@ static void obey(const char *command)
 
 int main(void)
 {
-    char line[512];
+    char line[1024];
     while (fgets(line, sizeof line, stdin) != NULL) {
         line[strcspn(line, "\n")] = 0;
         const char *command = strtok(line, " ");

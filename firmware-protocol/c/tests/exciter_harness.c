@@ -1,15 +1,17 @@
 /*
  * The exciter's node on standard input and output, a line a command, for a test in virtual time.
  *
- *   init real-time|lockstep RATE FINISH GIVE_UP BEYOND   a node that answers sample n with n mod 1000 counts of force
+ *   init real-time|lockstep FD RATE FINISH GIVE_UP BEYOND
+ *                                                        a node that answers sample n with n mod 1000 counts of force
  *                                                        along x and ends, gives up, or asks too much at these samples
  *   start NOW | deadline NOW | bus-lost NOW | stop NOW | leave NOW | rearm NOW
- *   frame NOW ID LEN DATA                                a classical data frame comes in
+ *   frame NOW c|f ID LEN DATA                            a data frame comes in, classical or CAN FD
  *   jam | flow                                           from now on the bus takes no frame, or all
  *
- * Every answer: the frames sent since, ID#DATA each, then "| next NS |" and what the node reports, in the order of the
- * members of resonarm_report.
+ * Every answer: the frames sent since, ID#DATA or ID##1DATA each, then "| next NS |" and what the node reports, in the
+ * order of the members of resonarm_report.
  */
+#include <float.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -36,7 +38,7 @@ static resonarm_answer answer(void *context, const resonarm_sample *sample)
     } else if (sample->sample >= what->give_up) {
         given.action = RESONARM_GIVE_UP;
     } else if (sample->sample >= what->beyond) {
-        given.force_x_n = 1e6;
+        given.force_x_n = 1e39;
     } else {
         given.force_x_n = (double)(sample->sample % 1000) * 0.02;
     }
@@ -52,23 +54,27 @@ static uint64_t next_number(int base)
 static void init(void)
 {
     const char *mode = strtok(NULL, " ");
+    const resonarm_profile profile = next_number(10) == 0 ? RESONARM_PROFILE_CLASSIC : RESONARM_PROFILE_FD;
     const uint16_t rate_hz = (uint16_t)next_number(10);
     resonarm_exciter_config config = {.rate_hz = rate_hz, .answer = answer, .context = &the_plan};
     the_plan.finish = next_number(10);
     the_plan.give_up = next_number(10);
     the_plan.beyond = next_number(10);
+    config.capabilities = (resonarm_capabilities){.samples_per_frame = 2, .force_limit_n = FLT_MAX};
     is_jammed = false;
     config.timing = mode != NULL && mode[0] == 'l' ? resonarm_lockstep() : resonarm_real_time(rate_hz);
-    if (resonarm_network_init(&config.network, RESONARM_BASE_DEFAULT, 1, 2) == RESONARM_NETWORK_VALID) {
+    if (resonarm_network_init(&config.network, RESONARM_BASE_DEFAULT, 1, 2, profile) == RESONARM_NETWORK_VALID) {
         resonarm_exciter_init(&exciter, &config);
     }
 }
 
 static resonarm_frame next_frame(void)
 {
+    const char *format = strtok(NULL, " ");
     resonarm_frame frame = {.id = (uint32_t)next_number(16), .length = (uint8_t)next_number(10)};
     const char *data = strtok(NULL, " ");
-    for (size_t i = 0; data != NULL && i < 8 && 2 * i + 1 < strlen(data); i++) {
+    frame.format = format != NULL && format[0] == 'f' ? RESONARM_FRAME_FD : RESONARM_FRAME_CLASSIC;
+    for (size_t i = 0; data != NULL && i < RESONARM_FRAME_BYTES && 2 * i + 1 < strlen(data); i++) {
         const char digits[3] = {data[2 * i], data[2 * i + 1], 0};
         frame.data[i] = (uint8_t)strtoul(digits, NULL, 16);
     }
@@ -79,7 +85,7 @@ static void say(void)
 {
     resonarm_frame frame;
     while (!is_jammed && resonarm_exciter_next_frame(&exciter, &frame)) {
-        printf("%03" PRIX32 "#", frame.id);
+        printf("%03" PRIX32 "%s", frame.id, frame.format == RESONARM_FRAME_FD ? "##1" : "#");
         for (size_t i = 0; i < frame.length; i++) {
             printf("%02X", frame.data[i]);
         }
@@ -128,7 +134,7 @@ static void obey(const char *command)
 
 int main(void)
 {
-    char line[256];
+    char line[512];
     while (fgets(line, sizeof line, stdin) != NULL) {
         line[strcspn(line, "\n")] = 0;
         const char *command = strtok(line, " ");

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bytes.h"
 #include "e2e.h"
 #include "resonarm.h"
 
@@ -23,22 +24,58 @@ static uint32_t random_word(void)
     return (uint32_t)((random_state * UINT64_C(2685821657736338717)) >> 32);
 }
 
+/* Bits without a signal are zero most of the time, lest no long frame passes. */
+static void clear_reserved(resonarm_kind kind, resonarm_frame *frame)
+{
+    const size_t begin = kind == RESONARM_SENSOR_PAIR ? 7 : 6;
+    if (frame->format != RESONARM_FRAME_FD || random_word() % 8 == 0) {
+        return;
+    }
+    memset(frame->data + begin, 0, 8 - begin);
+    memset(frame->data + 56, 0, 8);
+    if (kind == RESONARM_FORCE_COMMAND || kind == RESONARM_TORQUE_COMMAND) {
+        frame->data[3] = 0;
+    } else if (kind == RESONARM_PLANT_CAPABILITIES || kind == RESONARM_EXCITER_CAPABILITIES) {
+        frame->data[3] &= 3;
+        memset(frame->data + 4, 0, 2);
+    } else {
+        frame->data[3] &= 0x3F;
+        frame->data[6] &= 0x3F;
+    }
+}
+
+static void protect(resonarm_network network, resonarm_kind kind, resonarm_frame *frame)
+{
+    const uint16_t data_id = resonarm_data_id(network, kind);
+    if (resonarm_format(network.profile, kind) == RESONARM_FRAME_FD) {
+        const uint16_t crc = e2e_p5_crc(data_id, frame->data, resonarm_length(network.profile, kind));
+        put_u16(frame->data, crc);
+    } else if (data_id != 0) {
+        frame->data[0] = e2e_p11_crc(data_id, frame->data);
+    }
+}
+
 static resonarm_frame random_frame(resonarm_network network)
 {
-    static const uint8_t lengths[] = {8, 8, 8, 8, 1, 0, 7, 64, 255};
-    resonarm_frame frame = {.length = lengths[random_word() % sizeof lengths]};
+    static const uint8_t lengths[] = {8, 1, 0, 7, 16, 64, 255};
     const resonarm_kind kind = (resonarm_kind)(random_word() % RESONARM_KINDS);
+    resonarm_frame frame = {.length = resonarm_length(network.profile, kind)};
     const bool is_known = random_word() % 8 != 0;
     frame.id = is_known ? resonarm_identifier(network, kind) : random_word() & 0x1FFFFFFFu;
     frame.id_format = random_word() % 16 == 0 ? RESONARM_ID_EXTENDED : RESONARM_ID_STANDARD;
-    frame.format = random_word() % 16 == 0 ? (resonarm_frame_format)(random_word() % 3) : RESONARM_FRAME_CLASSIC;
-    for (size_t i = 0; i < 8; i++) {
+    frame.format = resonarm_format(network.profile, kind);
+    if (random_word() % 8 == 0) {
+        frame.format = (resonarm_frame_format)(random_word() % 3);
+        frame.length = lengths[random_word() % sizeof lengths];
+    }
+    for (size_t i = 0; i < RESONARM_FRAME_BYTES; i++) {
         /* Small numbers often, for most enumerations are small. */
         const uint32_t word = random_word();
         frame.data[i] = (uint8_t)(word % 2 == 0 ? word >> 8 : (word >> 8) % 14);
     }
-    if (is_known && random_word() % 4 != 0 && resonarm_data_id(network, kind) != 0) {
-        frame.data[0] = e2e_p11_crc(resonarm_data_id(network, kind), frame.data);
+    clear_reserved(kind, &frame);
+    if (is_known && random_word() % 4 != 0) {
+        protect(network, kind, &frame);
     }
     return frame;
 }
@@ -48,7 +85,11 @@ static bool is_sent_as(resonarm_network network, const resonarm_message *message
     resonarm_transmitter transmitter;
     resonarm_frame again;
     resonarm_transmitter_init(&transmitter, network);
-    transmitter.counters[message->kind] = resonarm_data_id(network, message->kind) == 0 ? 0 : frame->data[1] & 0xFu;
+    if (frame->format == RESONARM_FRAME_FD) {
+        transmitter.counters[message->kind] = frame->data[2];
+    } else if (resonarm_data_id(network, message->kind) != 0) {
+        transmitter.counters[message->kind] = frame->data[1] & 0xFu;
+    }
     if (resonarm_encode(&transmitter, message, &again).reason != RESONARM_SENDABLE) {
         return false;
     }
@@ -69,6 +110,72 @@ static bool survives(resonarm_network network, const resonarm_message *message)
     return resonarm_accept(&receiver, &frame, &received).verdict == RESONARM_ACCEPTED;
 }
 
+/* A message whose numbers may be anything. */
+static resonarm_message random_message(void)
+{
+    static const resonarm_kind kinds[] = {
+        RESONARM_FORCE_COMMAND, RESONARM_TORQUE_COMMAND,     RESONARM_IMPEDANCE_HEAD,       RESONARM_ACCELEROMETER_B,
+        RESONARM_SENSORS,       RESONARM_SENSOR_PAIR,        RESONARM_EXCITER_CAPABILITIES, RESONARM_ACCELEROMETER_C,
+    };
+    double numbers[2 * RESONARM_READINGS];
+    resonarm_message message = {.kind = kinds[random_word() % (sizeof kinds / sizeof kinds[0])]};
+    for (size_t i = 0; i < 2 * RESONARM_READINGS; i++) {
+        const uint64_t bits = (uint64_t)random_word() << 32 | random_word();
+        if (random_word() % 2 == 0) {
+            memcpy(&numbers[i], &bits, sizeof bits);
+        } else {
+            numbers[i] = (double)(int32_t)(bits % 4000000) * 1e-3 - 2000.0;
+        }
+    }
+    if (message.kind == RESONARM_SENSORS || message.kind == RESONARM_SENSOR_PAIR) {
+        memcpy(&message.content.pair.readings[0].values, numbers, sizeof message.content.pair.readings[0].values);
+        memcpy(&message.content.pair.readings[1].values, numbers + RESONARM_READINGS,
+               sizeof message.content.pair.readings[1].values);
+    } else if (message.kind == RESONARM_EXCITER_CAPABILITIES) {
+        message.content.capabilities =
+            (resonarm_capabilities){(uint8_t)(random_word() % 4), numbers[0], numbers[1]};
+    } else if (message.kind == RESONARM_IMPEDANCE_HEAD) {
+        message.content.head = (resonarm_impedance_head){numbers[0], numbers[1], true, false, 3};
+    } else if (message.kind == RESONARM_FORCE_COMMAND || message.kind == RESONARM_TORQUE_COMMAND) {
+        message.content.force = (resonarm_force_command){numbers[0], numbers[1], (uint16_t)random_word()};
+    } else {
+        message.content.acceleration = (resonarm_acceleration){numbers[0], numbers[1], false, true, 5};
+    }
+    return message;
+}
+
+/* How many of the frames were accepted; -1 if something does not hold. */
+static long run(resonarm_profile profile, unsigned long rounds)
+{
+    long accepted = 0;
+    resonarm_network network;
+    resonarm_receiver receiver;
+    if (resonarm_network_init(&network, RESONARM_BASE_DEFAULT, 1, 2, profile) != RESONARM_NETWORK_VALID) {
+        return -1;
+    }
+    for (unsigned long round = 0; round < rounds; round++) {
+        /* Now and then a new one, which takes any counter. */
+        if (round == 0 || random_word() % 2 == 0) {
+            resonarm_receiver_init(&receiver, network);
+        }
+        const resonarm_frame frame = random_frame(network);
+        resonarm_message message;
+        if (resonarm_accept(&receiver, &frame, &message).verdict == RESONARM_ACCEPTED) {
+            accepted++;
+            if (!is_sent_as(network, &message, &frame)) {
+                fprintf(stderr, "round %lu: a frame was accepted that no sender sends\n", round);
+                return -1;
+            }
+        }
+        message = random_message();
+        if (!survives(network, &message)) {
+            fprintf(stderr, "round %lu: a message was sent that no receiver accepts\n", round);
+            return -1;
+        }
+    }
+    return accepted;
+}
+
 int main(int count, char **arguments)
 {
     if (count != 3) {
@@ -77,34 +184,7 @@ int main(int count, char **arguments)
     }
     random_state = strtoull(arguments[1], NULL, 10) | 1u;
     const unsigned long rounds = strtoul(arguments[2], NULL, 10);
-    unsigned long accepted = 0;
-    resonarm_network network;
-    resonarm_receiver receiver;
-    if (resonarm_network_init(&network, RESONARM_BASE_DEFAULT, 1, 2) != RESONARM_NETWORK_VALID) {
-        return 1;
-    }
-    resonarm_receiver_init(&receiver, network);
-    for (unsigned long round = 0; round < rounds; round++) {
-        const resonarm_frame frame = random_frame(network);
-        resonarm_message message;
-        if (resonarm_accept(&receiver, &frame, &message).verdict == RESONARM_ACCEPTED) {
-            accepted++;
-            if (!is_sent_as(network, &message, &frame)) {
-                fprintf(stderr, "round %lu: a frame was accepted that no sender sends\n", round);
-                return 1;
-            }
-        }
-        uint32_t words[sizeof message / sizeof(uint32_t)];
-        for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
-            words[i] = random_word();
-        }
-        memcpy(&message.content, words, sizeof message.content);
-        message.kind = (resonarm_kind)(RESONARM_FORCE_COMMAND + (int)(random_word() % 2));
-        if (!survives(network, &message)) {
-            fprintf(stderr, "round %lu: a message was sent that no receiver accepts\n", round);
-            return 1;
-        }
-    }
-    printf("%lu frames, %lu accepted\n", rounds, accepted);
-    return accepted > 0 ? 0 : 1;
+    const long classic = run(RESONARM_PROFILE_CLASSIC, rounds), fd = run(RESONARM_PROFILE_FD, rounds);
+    printf("%ld classic and %ld FD frames of %lu each accepted\n", classic, fd, rounds);
+    return classic > 0 && fd > 0 ? 0 : 1;
 }

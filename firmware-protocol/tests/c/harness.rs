@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use resonarm_protocol::e2e::CounterFault;
 use resonarm_protocol::{
-    DecodeError, EncodeError, Frame, FrameFormat, Id, Message, Network, Node, Receiver, Transmitter,
+    DecodeError, EncodeError, Frame, FrameFormat, Id, Message, Network, Node, Profile, Receiver, Transmitter,
 };
 
 /// Builds one of the programs in `c/tests`; its path.
@@ -25,6 +25,13 @@ pub fn build(name: &str) -> PathBuf {
 /// The numbers of a message, in the order of the members of the C structures.
 pub fn values(message: &Message) -> Vec<f64> {
     let signals = super::common::signals(message);
+    let readings = |prefix: &str| {
+        let names =
+            ["force_x", "force_y", "acceleration_b_x", "acceleration_b_y", "acceleration_c_x", "acceleration_c_y"];
+        let units = ["n", "n", "m_s2", "m_s2", "m_s2", "m_s2"];
+        let values = names.iter().zip(units).map(|(name, unit)| signals[&format!("{prefix}{name}_{unit}")]);
+        values.chain(names.iter().map(|name| signals[&format!("{prefix}{name}_saturated")])).collect::<Vec<_>>()
+    };
     let names: &[&str] = match message {
         Message::Operator(_) => &["request", "target"],
         Message::Force(_) => &["force_x_n", "force_y_n", "sample"],
@@ -38,8 +45,11 @@ pub fn values(message: &Message) -> Vec<f64> {
         }
         Message::Heartbeat(_) => &["state"],
         Message::Emergency(_) => &["code", "detail", "sample"],
-        // The classic profile does not have them.
-        Message::Sensors(_) | Message::SensorPair(_) | Message::Capabilities(_) => return Vec::new(),
+        Message::Sensors(_) => return [readings(""), vec![signals["sample"]]].concat(),
+        Message::SensorPair(_) => {
+            return [readings("first_"), readings("second_"), vec![signals["sample"]]].concat();
+        }
+        Message::Capabilities(_) => &["samples_per_frame", "force_limit_n", "torque_limit_nm"],
     };
     assert_eq!(names.len(), signals.len());
     names.iter().map(|name| signals[*name]).collect()
@@ -54,7 +64,12 @@ fn encoded(result: Result<Frame, EncodeError>) -> String {
     match result {
         Ok(frame) => {
             let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
-            format!("frame {:X} {data}", frame.id().raw())
+            let format = match frame.format() {
+                FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false } => "f",
+                FrameFormat::Classic => "c",
+                other => panic!("{other:?} is not sent"),
+            };
+            format!("frame {:X} {format} {data}", frame.id().raw())
         }
         Err(EncodeError::NotFinite { signal, got, .. }) => format!("refused not-finite {signal}{}", bits(&[got])),
         Err(EncodeError::OutOfRange { signal, got, limit, .. }) => {
@@ -64,7 +79,7 @@ fn encoded(result: Result<Frame, EncodeError>) -> String {
             format!("refused invalid {signal}{}", bits(&[got, min, max].map(f64::from)))
         }
         Err(EncodeError::OtherProfile { .. }) => format!("refused profile -{}", bits(&[0.0; 3])),
-        Err(EncodeError::Negative { .. }) => panic!("the classic profile has no limits"),
+        Err(EncodeError::Negative { signal, got, .. }) => format!("refused negative {signal}{}", bits(&[got])),
     }
 }
 
@@ -87,7 +102,8 @@ fn accepted(result: Result<Option<Message>, DecodeError>) -> String {
         DecodeError::Reserved { byte, got, .. } => ("reserved", "-", got.into(), byte as u16),
         DecodeError::NotAvailable { signal, .. } => ("not-available", signal, 0, 0),
         DecodeError::UnknownValue { signal, got, .. } => ("unknown-value", signal, got, 0),
-        DecodeError::NotFinite { .. } | DecodeError::Negative { .. } => panic!("the classic profile has no singles"),
+        DecodeError::NotFinite { signal, .. } => ("not-finite", signal, 0, 0),
+        DecodeError::Negative { signal, .. } => ("negative", signal, 0, 0),
     };
     format!("refused {reason} {} {signal} {got} {expected}", error.kind() as u8)
 }
@@ -102,13 +118,13 @@ pub struct Harness {
 }
 
 impl Harness {
-    /// A harness of its own, of a program that is built once.
-    pub fn start() -> Harness {
+    /// A harness of its own, of a program that is built once, for a profile.
+    pub fn start(profile: Profile) -> Harness {
         static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
         let program = PROGRAM.get_or_init(|| build("codec_harness"));
         let mut process = Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (input, output) = (process.stdin.take(), BufReader::new(process.stdout.take().unwrap()));
-        let network = Network::default();
+        let network = super::common::network(profile);
         let (transmitter, receiver) = (Transmitter::new(network), Receiver::new(network));
         let mut harness = Harness { process, input, output, transmitter, receiver };
         harness.begin(network);
@@ -128,7 +144,8 @@ impl Harness {
     pub fn begin(&mut self, network: Network) {
         (self.transmitter, self.receiver) = (Transmitter::new(network), Receiver::new(network));
         let (base, [plant, exciter]) = (network.base(), Node::ALL.map(|node| network.node_id(node)));
-        assert_eq!(self.ask(&format!("network {base} {plant} {exciter}")), "valid");
+        let profile = network.profile() as u8;
+        assert_eq!(self.ask(&format!("network {base} {plant} {exciter} {profile}")), "valid");
     }
 
     /// Both senders make a frame of a message.
@@ -137,7 +154,7 @@ impl Harness {
         let expected = self.transmitter.frame(message);
         match expected {
             // The range that C tells beside it is no part of the verdict.
-            Err(EncodeError::NotFinite { .. }) => {
+            Err(EncodeError::NotFinite { .. } | EncodeError::Negative { .. }) => {
                 assert!(answer.starts_with(&encoded(expected)), "{answer}: {message:?}")
             }
             _ => assert_eq!(answer, encoded(expected), "{message:?}"),

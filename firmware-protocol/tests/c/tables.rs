@@ -10,9 +10,10 @@ use super::harness::bits;
 
 #[test]
 fn the_constants_are_equal() {
-    let expected: [u64; 18] = [
+    let expected: [u64; 19] = [
         PROTOCOL_VERSION.into(),
         (dbc::hash(Profile::Classic) & Hello::DBC_HASH_MASK).into(),
+        (dbc::hash(Profile::Fd) & Hello::DBC_HASH_MASK).into(),
         DEFAULT_BASE.into(),
         network::BASE_MIN.into(),
         network::BASE_MAX.into(),
@@ -30,7 +31,7 @@ fn the_constants_are_equal() {
         timing::SAMPLE_WINDOW_MIN.into(),
         network::NODE_ID_MAX.into(),
     ];
-    let mut both = Harness::start();
+    let mut both = Harness::start(Profile::Classic);
     let found: Vec<u64> = both.ask("constants").split(' ').map(|word| word.parse().unwrap()).collect();
     assert_eq!(found, expected);
     both.end();
@@ -38,7 +39,7 @@ fn the_constants_are_equal() {
 
 #[test]
 fn the_tables_are_equal() {
-    let mut both = Harness::start();
+    let mut both = Harness::start(Profile::Classic);
     for state in NodeState::ALL {
         for (number, event) in StateEvent::ALL.into_iter().enumerate() {
             let to = state.next(event).unwrap_or(state).heartbeat_byte();
@@ -66,7 +67,7 @@ fn the_tables_are_equal() {
             Err(NetworkError::NodeId { .. }) => "node-id",
             Err(NetworkError::SameNodeId { .. }) => "same",
         };
-        assert_eq!(both.ask(&format!("network {base} {plant} {exciter}")), expected, "{base:#X} {plant} {exciter}");
+        assert_eq!(both.ask(&format!("network {base} {plant} {exciter} 0")), expected, "{base:#X} {plant} {exciter}");
     }
     both.end();
 }
@@ -75,7 +76,7 @@ fn the_tables_are_equal() {
 fn hellos_are_compared_alike() {
     let own = Hello::new(Profile::Classic, 1000);
     let version = |major, minor| Version { major, minor };
-    let mut both = Harness::start();
+    let mut both = Harness::start(Profile::Classic);
     for partner in [
         own,
         Hello { version: version(1, 9), ..own },

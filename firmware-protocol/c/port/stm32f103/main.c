@@ -24,7 +24,8 @@ int main(void)
         .answer = open_loop_answer,
         .context = &controller,
     };
-    if (resonarm_network_init(&config.network, RESONARM_BASE_DEFAULT, 1, 2) != RESONARM_NETWORK_VALID) {
+    if (resonarm_network_init(&config.network, RESONARM_BASE_DEFAULT, 1, 2, RESONARM_PROFILE_CLASSIC) !=
+        RESONARM_NETWORK_VALID) {
         return 1;
     }
     open_loop_init(&controller, &spec);

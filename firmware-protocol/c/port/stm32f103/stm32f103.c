@@ -144,6 +144,9 @@ port_result port_receive(resonarm_frame *frame)
 /* One mailbox of the three, so that the frames keep their order. */
 port_result port_send(const resonarm_frame *frame)
 {
+    if (frame->format != RESONARM_FRAME_CLASSIC) {
+        return PORT_FAILED; /* bxCAN knows no other. */
+    }
     if (is_bus_off()) {
         return PORT_BUS_OFF;
     }

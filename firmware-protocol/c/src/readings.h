@@ -1,0 +1,11 @@
+/** @file readings.h
+ * @brief A sample of the FD profile as the messages that it is in the classic profile. */
+#ifndef RESONARM_READINGS_H
+#define RESONARM_READINGS_H
+
+#include "resonarm_exciter.h"
+
+/** The sample of this index, not yet counted. */
+resonarm_sample readings_sample(const resonarm_readings *readings, uint16_t index);
+
+#endif
