@@ -164,10 +164,11 @@ impl ExciterNode {
         matches!(self.phase, Phase::Done(_)) && !self.link.has_frames()
     }
 
-    /// Ends the work now: disarms the plant. The outcome is there when the plant has answered.
+    /// Ends the work now: disarms the plant, also one that was only asked to arm. The outcome is there when it has answered.
     pub fn stop(&mut self, now_ns: u64) {
         match self.phase {
             Phase::Playing => self.disarm(now_ns, Outcome::Stopped),
+            Phase::Arming if self.plant_hello.is_some() => self.disarm(now_ns, Outcome::Stopped),
             Phase::Arming => self.phase = Phase::Done(Outcome::Stopped),
             Phase::Disarming(_) | Phase::Done(_) => {}
         }

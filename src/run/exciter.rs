@@ -129,11 +129,14 @@ impl<C: Clock> Run<'_, C> {
         Ok(true)
     }
 
-    /// Leaves the bus, and sends what is left, the disarm above all.
+    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet.
     fn send_rest(&mut self) -> Result<(), RunError> {
         self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;
-        while !self.transmit()? && self.now_ns() < end_ns {
+        while !(self.transmit()? && self.node.is_quiet()) && self.now_ns() < end_ns {
+            while let Some(received) = self.bus.receive()? {
+                self.node.handle_frame(self.now_ns(), &received.frame);
+            }
             // Not the bus's own wait, which unread frames end at once.
             self.clock.sleep_until_ns(self.clock.now_ns() + RETRY_NS);
         }

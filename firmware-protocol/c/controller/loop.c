@@ -39,12 +39,17 @@ static port_result take_in(resonarm_exciter *exciter, uint64_t now_ns)
     return received;
 }
 
-/* Tells that it leaves, and sends what is left. */
+/* Tells that it leaves, and sends what is left; a plant that was asked to arm is disarmed before, and answers. */
 static void leave(resonarm_exciter *exciter)
 {
     const uint64_t end_ns = port_now_ns() + SEND_LIMIT_NS;
     resonarm_exciter_leave(exciter, port_now_ns());
-    while (transmit(exciter) == PORT_EMPTY && port_now_ns() < end_ns) {
+    while (port_now_ns() < end_ns) {
+        const port_result received = take_in(exciter, port_now_ns());
+        const port_result result = received == PORT_EMPTY ? transmit(exciter) : received;
+        if (result == PORT_BUS_OFF || result == PORT_FAILED || resonarm_exciter_is_quiet(exciter)) {
+            return;
+        }
         port_wait(port_now_ns() + RETRY_NS);
     }
 }

@@ -198,7 +198,7 @@ bool resonarm_exciter_next_frame(const resonarm_exciter *exciter, resonarm_frame
 void resonarm_exciter_frame_sent(resonarm_exciter *exciter);
 /** The CAN controller is bus off: a node at work faults, another waits for the bus to come back (section 8). */
 void resonarm_exciter_bus_lost(resonarm_exciter *exciter, uint64_t now_ns);
-/** Ends the work now: disarms the plant. */
+/** Ends the work now: disarms the plant, also one that was only asked to arm. */
 void resonarm_exciter_stop(resonarm_exciter *exciter, uint64_t now_ns);
 /** Leaves the bus: stops, and then tells that it leaves. It has left when resonarm_exciter_is_quiet(). */
 void resonarm_exciter_leave(resonarm_exciter *exciter, uint64_t now_ns);

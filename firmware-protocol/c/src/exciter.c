@@ -394,7 +394,9 @@ void resonarm_exciter_bus_lost(resonarm_exciter *exciter, uint64_t now_ns)
 
 void resonarm_exciter_stop(resonarm_exciter *exciter, uint64_t now_ns)
 {
-    if (exciter->phase == RESONARM_PLAYING_) {
+    /* A plant that has said hello was asked to arm, and may be armed before it says so. */
+    const bool is_asked = exciter->phase == RESONARM_ARMING_ && exciter->has_plant_hello;
+    if (exciter->phase == RESONARM_PLAYING_ || is_asked) {
         disarm(exciter, now_ns, RESONARM_STOPPED);
     } else if (exciter->phase == RESONARM_ARMING_) {
         end(exciter, RESONARM_STOPPED);

@@ -113,6 +113,19 @@ fn a_controller_that_leaves_disarms_the_plant_first() {
 }
 
 #[test]
+fn a_controller_stopped_before_it_has_heard_that_the_plant_is_armed_disarms_it() {
+    let mut bench = Bench::new(10.0);
+    bench.exchange();
+    assert!(bench.plant.is_armed());
+    let exciter = bench.exciter.as_mut().unwrap();
+    exciter.stop(bench.now_ns);
+    assert_eq!((exciter.state(), exciter.outcome()), (NodeState::PreOperational, None));
+    bench.run(60);
+    assert_eq!(bench.outcome(), Some(Outcome::Stopped));
+    assert_eq!((bench.plant.state(), bench.plant.latched_fault()), (NodeState::PreOperational, None));
+}
+
+#[test]
 fn an_armed_plant_whose_controller_says_no_more_than_that_it_leaves_disarms_with_a_ramp() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
