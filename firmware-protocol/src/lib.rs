@@ -19,6 +19,7 @@ mod error;
 pub mod frame;
 mod frame_text;
 mod gate;
+pub mod header;
 pub mod load;
 pub mod message;
 pub mod network;

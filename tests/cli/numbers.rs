@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
 /// with little to do.
-const COMMANDS: [(&str, &str); 26] = [
+const COMMANDS: [(&str, &str); 27] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -32,6 +32,7 @@ const COMMANDS: [(&str, &str); 26] = [
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
     ("protocol dbc", ""),
+    ("protocol header", ""),
     ("protocol decode", "701#00"),
     ("protocol encode", "PlantHeartbeat state=5"),
     ("conformance", "--bus vcan999 --role plant"),

@@ -82,9 +82,15 @@ fn the_documents_are_those_of_the_crate() {
     assert_eq!(printed(&["protocol", "spec"]), file("SPEC.md"));
     assert_eq!(printed(&["protocol", "dbc"]), file("resonarm.dbc"));
     assert_eq!(printed(&["protocol", "dbc", "--profile", "fd"]), file("resonarm-fd.dbc"));
+    assert_eq!(printed(&["protocol", "header"]), file("c/include/resonarm_config.h"));
     let moved = printed(&["protocol", "dbc", "--base", "0x300", "--plant-id", "3"]);
     assert!(moved.contains("\nBO_ 769 ForceCommand: 8 Exciter\n") && moved.contains("\nBA_ \"NodeId\" BU_ Plant 3;\n"));
     assert!(moved.contains("\nBO_ 1795 PlantHeartbeat: 1 Plant\n"));
+    let moved = printed(&["protocol", "header", "--base", "0x300", "--plant-id", "3", "--profile", "fd"]);
+    assert!(
+        moved.contains("\n#define RESONARM_FORCE_COMMAND_ID 0x301u\n#define RESONARM_FORCE_COMMAND_DATA_ID 0x5402u\n")
+    );
+    assert!(moved.contains("\n#define RESONARM_FORCE_COMMAND_BYTES 16u\n"));
 }
 
 #[test]
@@ -93,6 +99,7 @@ fn says_what_is_wrong() {
     assert_snapshot!(said(&["decode", "201#0"]), @r#"resonarm: "201#0": the data must be pairs of hexadecimal digits"#);
     assert_snapshot!(said(&["decode", "201#00", "--base", "0x205"]), @"resonarm: base identifier 0x205 is not a multiple of 0x10: take 0x200");
     assert_snapshot!(said(&["dbc", "--plant-id", "2"]), @"resonarm: plant and exciter can't both have the node id 2");
+    assert_snapshot!(said(&["header", "--base", "0x600"]), @"resonarm: base identifier 0x600 is outside 0x180 to 0x570");
     assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: there is no message "Force", only OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
     assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand needs force_y_n");
     assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: state has no value 3");

@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use resonarm::arm::Load;
 use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm::node::{ExciterNode, Outcome, PlantNode, Timing};
+use resonarm::protocol::header::Header;
 use resonarm::protocol::{
     Emergency, EmergencyCode, Frame, FrameFormat, Hello, Id, Message, MessageKind, Network, Node, OperatorCommand,
     OperatorRequest, Profile, SamplesPerFrame, Transmitter, timing,
@@ -58,14 +59,18 @@ impl Controller for Plan {
     }
 }
 
-fn program() -> &'static Path {
-    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| {
-        let out = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        let program = out.join("exciter_harness");
+/// The node in C for the network of a profile, built with the header that the crate writes for it.
+fn program(network: Network) -> &'static Path {
+    static PROGRAMS: [OnceLock<PathBuf>; 2] = [OnceLock::new(), OnceLock::new()];
+    PROGRAMS[network.profile() as usize].get_or_init(|| {
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("exciter-{}", network.profile()));
+        let (config, program) = (out.join("resonarm_config.h"), out.join("exciter_harness"));
+        std::fs::create_dir_all(&out).unwrap();
+        std::fs::write(&config, Header(network).to_string()).unwrap();
         let mut make = Command::new("make");
         make.args(["--silent", "--directory", concat!(env!("CARGO_MANIFEST_DIR"), "/firmware-protocol/c")]);
-        let output = make.arg(format!("OUT={}", out.display())).arg(&program).output().unwrap();
+        make.arg(format!("OUT={}", out.display())).arg(format!("CONFIG={}", config.display()));
+        let output = make.arg(&program).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         program
     })
@@ -82,13 +87,13 @@ struct Both {
 
 impl Both {
     fn start(network: Network, timing: Timing, plan: Plan) -> Both {
-        let mut process = Command::new(program()).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut process = Command::new(program(network)).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (input, output) = (process.stdin.take(), BufReader::new(process.stdout.take().unwrap()));
         let node = ExciterNode::new(network, RATE_HZ, timing, Box::new(plan));
         let mut both = Both { process, input, output, node, is_jammed: false };
         let mode = if timing == Timing::real_time(RATE_HZ) { "real-time" } else { "lockstep" };
-        let (Plan { finish, give_up, beyond }, profile) = (plan, network.profile() as u8);
-        both.ask(&format!("init {mode} {profile} {RATE_HZ} {finish} {give_up} {beyond}"));
+        let Plan { finish, give_up, beyond } = plan;
+        both.ask(&format!("init {mode} {RATE_HZ} {finish} {give_up} {beyond}"));
         both.both("start 0", |node| node.start(0));
         both
     }
@@ -176,7 +181,7 @@ impl Xorshift {
 }
 
 /// What the wire carries: the profile, and in the FD profile the most samples in a frame of the plant's.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wire {
     Classic,
     Fd(SamplesPerFrame),
@@ -186,11 +191,10 @@ impl Wire {
     const ALL: [Wire; 3] = [Wire::Classic, Wire::Fd(SamplesPerFrame::One), Wire::Fd(SamplesPerFrame::Two)];
 
     fn network(self) -> Network {
-        let profile = match self {
-            Wire::Classic => Profile::Classic,
-            Wire::Fd(_) => Profile::Fd,
-        };
-        Network::default().with_profile(profile)
+        match self {
+            Wire::Classic => Network::default(),
+            Wire::Fd(_) => Network::new(0x300).unwrap().with_node_ids(3, 4).unwrap().with_profile(Profile::Fd),
+        }
     }
 
     fn plant(self, timing: Timing) -> PlantNode {
@@ -380,7 +384,10 @@ fn c_and_rust_end_alike_on_a_faithful_wire() {
             }
             let now_ns = bench.now_ns;
             let sent = bench.both.both(&format!("leave {now_ns}"), |node| node.leave(now_ns));
-            assert_eq!(sent.last().map(Frame::id), Some(Id::Standard(0x082)));
+            assert_eq!(
+                sent.last().map(Frame::id),
+                Some(Id::Standard(0x080 + if wire == Wire::Classic { 2 } else { 4 }))
+            );
             let number = match bench.outcome() {
                 Some(Outcome::Finished) => 1,
                 Some(Outcome::Aborted(_)) => 2,

@@ -12,10 +12,8 @@ const char options_usage[] =
     "  --limit-n N             largest amplitude of the command (655.34)\n"
     "  --ramp-s, --settle-s, --window-s, --dwell-s N\n"
     "                          ramps (0.5), settling before a reading (1), reading (2), step in open loop (4)\n"
-    "  --base ID               base identifier (0x200)\n"
-    "  --profile P             classic or fd (classic)\n"
-    "  --plant-id, --exciter-id N\n"
-    "                          node ids (1, 2)\n"
+    "  --base ID, --plant-id N, --exciter-id N, --profile classic|fd\n"
+    "                          the network (that of resonarm_config.h)\n"
     "  --patience-s N          how long to wait until a plant is armed (60)\n"
     "  --command-timeout-s, --partner-timeout-s N\n"
     "                          in place of the times of the specification\n"
@@ -138,7 +136,7 @@ static uint64_t nanoseconds(double seconds, uint64_t otherwise_ns)
 const char *options_read(options *read, int count, char **arguments)
 {
     double command_timeout_s = 0.0, partner_timeout_s = 0.0;
-    *read = (options){.network = {RESONARM_BASE_DEFAULT, 1, 2, RESONARM_PROFILE_CLASSIC}, .patience_s = 60.0};
+    *read = (options){.network = resonarm_own_network(), .patience_s = 60.0};
     read->spec = (stepped_sine_spec){
         .rate_hz = 1000.0, .limit_n = 655.34, .ramp_s = 0.5, .settle_s = 1.0, .window_s = 2.0, .dwell_s = 4.0};
     const numeric numbers[] = {

@@ -3,7 +3,8 @@
  * @brief The Resonarm protocol in both profiles: messages in SI units to CAN frames and back, with E2E protection.
  *
  * C99, no allocation, no state of its own: everything lives in structures of the caller's. "Section" means a section of
- * SPEC.md, which is the specification.
+ * SPEC.md, which is the specification. The numbers of the protocol are in resonarm_config.h, with those of a network;
+ * `resonarm protocol header` writes that file for any network.
  *
  * A double must be an IEEE 754 binary64 and a float a binary32, computed without excess precision, without -ffast-math,
  * and rounded to nearest.
@@ -15,48 +16,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "resonarm_config.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/** Version of the protocol: major in the high nibble, minor in the low one (section 4, hello). */
-#define RESONARM_PROTOCOL_VERSION 0x12u
-/** Low 24 bits of the CRC-32 of resonarm.dbc, as a hello of the classic profile carries them (section 4). */
-#define RESONARM_DBC_HASH_CLASSIC 0x066600u
-/** The same of resonarm-fd.dbc, for the FD profile. */
-#define RESONARM_DBC_HASH_FD 0x6AD351u
-
-/** @name Times of section 6, ns */
-/**@{*/
-#define RESONARM_HEARTBEAT_PERIOD_NS UINT64_C(100000000)
-#define RESONARM_HEARTBEAT_TIMEOUT_NS UINT64_C(350000000)
-#define RESONARM_HELLO_PERIOD_NS UINT64_C(1000000000)
-#define RESONARM_COMMAND_TIMEOUT_NS UINT64_C(20000000)
-#define RESONARM_COMMAND_AGE_NS UINT64_C(20000000)
-#define RESONARM_FORCE_RAMP_NS UINT64_C(50000000)
-#define RESONARM_LOCKSTEP_TIMEOUT_NS UINT64_C(1000000000)
-#define RESONARM_LOCKSTEP_LOOK_NS UINT64_C(20000000)
-/**@}*/
-/** Lowest sample rate in real time, Hz (section 6). */
-#define RESONARM_REAL_TIME_RATE_MIN_HZ 100u
-/** How many samples of a repeated or older index make a fault, counted from arming (section 8). */
-#define RESONARM_STALE_SAMPLES_LIMIT 10u
-/** Smallest window of the sample index, samples (section 8). */
-#define RESONARM_SAMPLE_WINDOW_MIN 16u
 
 /** A sample period, rounded down, ns; of a rate of 0 that of 1 Hz. */
 uint64_t resonarm_sample_period_ns(uint16_t rate_hz);
 
 /** How far the index of a sample may be from the last one answered, samples: the window w of section 8. */
 uint16_t resonarm_sample_window(uint16_t rate_hz);
-
-/** @name Network (section 1) */
-/**@{*/
-#define RESONARM_BASE_DEFAULT 0x200u
-#define RESONARM_BASE_MIN 0x180u
-#define RESONARM_BASE_MAX 0x570u
-#define RESONARM_NODE_ID_MAX 127u
-/**@}*/
 
 /** The frames of a network's commands and samples. */
 typedef enum { RESONARM_PROFILE_CLASSIC = 0, RESONARM_PROFILE_FD = 1 } resonarm_profile;
@@ -81,6 +51,9 @@ typedef enum {
 /** Checks a base identifier and two node ids, by default 1 and 2, and makes the network of them if it is possible. */
 resonarm_network_check resonarm_network_init(
     resonarm_network *network, uint16_t base, uint8_t plant_id, uint8_t exciter_id, resonarm_profile profile);
+
+/** The network of resonarm_config.h. */
+resonarm_network resonarm_own_network(void);
 
 /** A node; the value is the number that stands for it in messages, whatever its node id. */
 typedef enum { RESONARM_PLANT = 1, RESONARM_EXCITER = 2 } resonarm_node;

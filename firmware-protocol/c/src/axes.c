@@ -4,9 +4,9 @@
 
 const axes_coding *axes_coding_of(resonarm_kind kind)
 {
-    static const axes_coding force = {{"force_x_n", "force_y_n"}, COUNTS_PER_N};
-    static const axes_coding torque = {{"torque1_nm", "torque2_nm"}, COUNTS_PER_NM};
-    static const axes_coding acceleration = {{"acceleration_x_m_s2", "acceleration_y_m_s2"}, COUNTS_PER_M_S2};
+    static const axes_coding force = {{"force_x_n", "force_y_n"}, RESONARM_COUNTS_PER_N};
+    static const axes_coding torque = {{"torque1_nm", "torque2_nm"}, RESONARM_COUNTS_PER_NM};
+    static const axes_coding acceleration = {{"acceleration_x_m_s2", "acceleration_y_m_s2"}, RESONARM_COUNTS_PER_M_S2};
     switch (kind) {
     case RESONARM_FORCE_COMMAND:
     case RESONARM_IMPEDANCE_HEAD:

@@ -69,7 +69,7 @@ resonarm_verdict e2e_supervise(
     if (delta == 0) {
         return RESONARM_REPEATED;
     }
-    if (delta > E2E_MAX_DELTA_COUNTER) {
+    if (delta > RESONARM_MAX_DELTA_COUNTER) {
         return RESONARM_WRONG_SEQUENCE;
     }
     *lost = (uint8_t)(delta - 1);

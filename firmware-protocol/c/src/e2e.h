@@ -10,8 +10,6 @@
 #define E2E_P11_COUNTER_MAX 14u
 /** The largest counter of Profile 5; the next is 0. */
 #define E2E_P5_COUNTER_MAX 255u
-/** The largest step of the counter that is accepted. */
-#define E2E_MAX_DELTA_COUNTER 4u
 /** Bytes in a frame under Profile 11. */
 #define E2E_P11_BYTES 8u
 

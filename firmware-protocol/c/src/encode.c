@@ -14,7 +14,7 @@ static resonarm_encoding encode_axes(const resonarm_message *message, uint8_t *d
     const axes_coding *coding = axes_coding_of(message->kind);
     const bool is_measured = axes_are_measured(message->kind);
     const axes values = axes_of(message);
-    const double limit = value_of(COUNT_MAX, coding->counts_per_unit);
+    const double limit = value_of(RESONARM_COUNT_MAX, coding->counts_per_unit);
     for (size_t axis = 0; axis < 2; axis++) {
         int16_t count;
         const double got = values.values[axis];

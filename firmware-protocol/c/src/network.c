@@ -51,6 +51,11 @@ resonarm_network_check resonarm_network_init(
     return RESONARM_NETWORK_VALID;
 }
 
+resonarm_network resonarm_own_network(void)
+{
+    return (resonarm_network){RESONARM_BASE, RESONARM_PLANT_ID, RESONARM_EXCITER_ID, RESONARM_PROFILE};
+}
+
 resonarm_node resonarm_sender(resonarm_kind kind)
 {
     return kinds[kind].sender;

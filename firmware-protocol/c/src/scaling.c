@@ -34,12 +34,12 @@ count_range count_of(double value, int counts_per_unit, int16_t *count)
         return COUNT_NOT_FINITE;
     }
     const double scaled = value * counts_per_unit;
-    if (scaled >= COUNT_MAX + 0.5) {
-        *count = COUNT_MAX;
+    if (scaled >= RESONARM_COUNT_MAX + 0.5) {
+        *count = RESONARM_COUNT_MAX;
         return COUNT_BEYOND;
     }
-    if (scaled <= -COUNT_MAX - 0.5) {
-        *count = -COUNT_MAX;
+    if (scaled <= -RESONARM_COUNT_MAX - 0.5) {
+        *count = -RESONARM_COUNT_MAX;
         return COUNT_BEYOND;
     }
     *count = (int16_t)nearest(scaled);

@@ -5,16 +5,10 @@
 
 #include <stdint.h>
 
-/** The largest count; the smallest is its negative. */
-#define COUNT_MAX 32767
+#include "resonarm_config.h"
+
 /** The count that stands for "not available". */
 #define COUNT_NOT_AVAILABLE (-32768)
-/** Counts per newton. */
-#define COUNTS_PER_N 50
-/** Counts per newton metre. */
-#define COUNTS_PER_NM 20
-/** Counts per m/s^2. */
-#define COUNTS_PER_M_S2 20
 
 /** Whether a value has a count. */
 typedef enum { COUNT_IN_RANGE, COUNT_BEYOND, COUNT_NOT_FINITE } count_range;

@@ -1,9 +1,9 @@
 /*
  * The exciter's node on standard input and output, a line a command, for a test in virtual time.
  *
- *   init real-time|lockstep FD RATE FINISH GIVE_UP BEYOND
- *                                                        a node that answers sample n with n mod 1000 counts of force
- *                                                        along x and ends, gives up, or asks too much at these samples
+ *   init real-time|lockstep RATE FINISH GIVE_UP BEYOND   a node of resonarm_config.h's network that answers sample n
+ *                                                        with n mod 1000 counts of force along x and ends, gives up,
+ *                                                        or asks too much at these samples
  *   start NOW | deadline NOW | bus-lost NOW | stop NOW | leave NOW | rearm NOW
  *   frame NOW c|f ID LEN DATA                            a data frame comes in, classical or CAN FD
  *   jam | flow                                           from now on the bus takes no frame, or all
@@ -54,18 +54,15 @@ static uint64_t next_number(int base)
 static void init(void)
 {
     const char *mode = strtok(NULL, " ");
-    const resonarm_profile profile = next_number(10) == 0 ? RESONARM_PROFILE_CLASSIC : RESONARM_PROFILE_FD;
     const uint16_t rate_hz = (uint16_t)next_number(10);
-    resonarm_exciter_config config = {.rate_hz = rate_hz, .answer = answer, .context = &the_plan};
+    resonarm_exciter_config config = {.network = resonarm_own_network(), .rate_hz = rate_hz, .answer = answer, .context = &the_plan};
     the_plan.finish = next_number(10);
     the_plan.give_up = next_number(10);
     the_plan.beyond = next_number(10);
     config.capabilities = (resonarm_capabilities){.samples_per_frame = 2, .force_limit_n = FLT_MAX};
     is_jammed = false;
     config.timing = mode != NULL && mode[0] == 'l' ? resonarm_lockstep() : resonarm_real_time(rate_hz);
-    if (resonarm_network_init(&config.network, RESONARM_BASE_DEFAULT, 1, 2, profile) == RESONARM_NETWORK_VALID) {
-        resonarm_exciter_init(&exciter, &config);
-    }
+    resonarm_exciter_init(&exciter, &config);
 }
 
 static resonarm_frame next_frame(void)

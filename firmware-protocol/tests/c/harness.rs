@@ -6,6 +6,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::OnceLock;
 
 use resonarm_protocol::e2e::CounterFault;
+use resonarm_protocol::header::Header;
 use resonarm_protocol::{
     DecodeError, EncodeError, Frame, FrameFormat, Id, Message, Network, Node, Profile, Receiver, Transmitter,
 };
@@ -13,13 +14,27 @@ use resonarm_protocol::{
 /// Builds one of the programs in `c/tests`; its path.
 pub fn build(name: &str) -> PathBuf {
     let out = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let program = out.join(name);
+    make(out, &out.join(name), &[])
+}
+
+/// Builds one of the programs for a network, with the header that this crate writes; its path.
+pub fn build_for(network: Network, name: &str) -> PathBuf {
+    let [plant, exciter] = Node::ALL.map(|node| network.node_id(node));
+    let folder = format!("{:x}-{plant}-{exciter}-{}", network.base(), network.profile());
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    let config = out.join("resonarm_config.h");
+    std::fs::create_dir_all(&out).unwrap();
+    std::fs::write(&config, Header(network).to_string()).unwrap();
+    make(&out, &out.join(name), &[format!("CONFIG={}", config.display())])
+}
+
+fn make(out: &Path, program: &Path, settings: &[String]) -> PathBuf {
     let mut make = Command::new("make");
     make.args(["--silent", "--directory", concat!(env!("CARGO_MANIFEST_DIR"), "/c")]);
-    make.arg(format!("OUT={}", out.display())).arg(&program);
+    make.arg(format!("OUT={}", out.display())).args(settings).arg(program);
     let output = make.output().expect("a C compiler and make: apt-get install build-essential");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    program
+    program.to_path_buf()
 }
 
 /// The numbers of a message, in the order of the members of the C structures.

@@ -1,20 +1,22 @@
 //! Constants, the table of states, hellos, windows and bases.
 
+use std::process::Command;
+
+use resonarm_protocol::header::Header;
 use resonarm_protocol::{
-    DEFAULT_BASE, Hello, MessageKind, Mismatch, Network, NetworkError, NodeState, PROTOCOL_VERSION, Profile,
-    StateEvent, Version, dbc, network, timing,
+    Hello, MessageKind, Mismatch, Network, NetworkError, NodeState, PROTOCOL_VERSION, Profile, StateEvent, Version,
+    dbc, network, timing,
 };
 
 use super::Harness;
-use super::harness::bits;
+use super::harness::{bits, build_for};
 
 #[test]
 fn the_constants_are_equal() {
-    let expected: [u64; 19] = [
+    let expected: [u64; 18] = [
         PROTOCOL_VERSION.into(),
         (dbc::hash(Profile::Classic) & Hello::DBC_HASH_MASK).into(),
         (dbc::hash(Profile::Fd) & Hello::DBC_HASH_MASK).into(),
-        DEFAULT_BASE.into(),
         network::BASE_MIN.into(),
         network::BASE_MAX.into(),
         MessageKind::COUNT as u64,
@@ -70,6 +72,22 @@ fn the_tables_are_equal() {
         assert_eq!(both.ask(&format!("network {base} {plant} {exciter} 0")), expected, "{base:#X} {plant} {exciter}");
     }
     both.end();
+}
+
+#[test]
+fn the_header_in_the_tree_is_that_of_the_default_network() {
+    assert_eq!(include_str!("../../c/include/resonarm_config.h"), Header(Network::default()).to_string());
+}
+
+#[test]
+fn the_library_has_the_numbers_of_the_header_it_is_built_with() {
+    for (base, plant, exciter, profile) in
+        [(0x200, 1, 2, Profile::Classic), (0x300, 3, 4, Profile::Fd), (0x570, 127, 1, Profile::Classic)]
+    {
+        let network = Network::new(base).unwrap().with_node_ids(plant, exciter).unwrap().with_profile(profile);
+        let output = Command::new(build_for(network, "config")).output().unwrap();
+        assert!(output.status.success(), "{network:?}: {}", String::from_utf8_lossy(&output.stdout));
+    }
 }
 
 #[test]

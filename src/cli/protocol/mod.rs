@@ -1,4 +1,4 @@
-//! `resonarm protocol`: the wire's documents, and its frames explained and made.
+//! `resonarm protocol`: the wire's documents and C header, and its frames explained and made.
 
 mod decode;
 mod encode;
@@ -8,9 +8,9 @@ use clap::{Args, Subcommand};
 
 use super::failure::{Failure, Verdict};
 use super::{flags, output};
-use crate::protocol::{DEFAULT_BASE, Network, Node, Profile, SPEC, dbc};
+use crate::protocol::{DEFAULT_BASE, Network, Node, Profile, SPEC, dbc, header};
 
-/// The wire: its specification and DBC, and its frames explained and made.
+/// The wire: its specification, DBC and C header, and its frames explained and made.
 #[derive(Debug, Args)]
 pub(super) struct Protocol {
     #[command(subcommand)]
@@ -23,6 +23,8 @@ enum Part {
     Spec,
     /// Prints the DBC of a network, for cantools, SavvyCAN, Vector's tools and the like.
     Dbc(NetworkFlags),
+    /// Prints the C header of a network: identifiers, data ids, lengths, scaling, times, hash of the DBC.
+    Header(NetworkFlags),
     Decode(decode::Decode),
     Encode(encode::Encode),
 }
@@ -77,6 +79,9 @@ impl Protocol {
         match &self.part {
             Part::Spec => output::print(SPEC).map(|()| Verdict::Positive),
             Part::Dbc(flags) => output::print(&dbc::Dbc(flags.network()?).to_string()).map(|()| Verdict::Positive),
+            Part::Header(flags) => {
+                output::print(&header::Header(flags.network()?).to_string()).map(|()| Verdict::Positive)
+            }
             Part::Decode(decode) => decode.execute(),
             Part::Encode(encode) => encode.execute(),
         }

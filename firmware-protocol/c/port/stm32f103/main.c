@@ -18,16 +18,13 @@ int main(void)
 {
     static resonarm_exciter exciter;
     static open_loop controller;
-    resonarm_exciter_config config = {
+    const resonarm_exciter_config config = {
+        .network = resonarm_own_network(),
         .rate_hz = 1000,
         .timing = resonarm_lockstep(),
         .answer = open_loop_answer,
         .context = &controller,
     };
-    if (resonarm_network_init(&config.network, RESONARM_BASE_DEFAULT, 1, 2, RESONARM_PROFILE_CLASSIC) !=
-        RESONARM_NETWORK_VALID) {
-        return 1;
-    }
     open_loop_init(&controller, &spec);
     resonarm_exciter_init(&exciter, &config);
     return loop_run(&exciter, PATIENCE_NS) == LOOP_ENDED ? 0 : 1;
