@@ -9,8 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bytes.h"
-#include "e2e.h"
+#include "protect.h"
 #include "resonarm.h"
 
 static uint64_t random_state;
@@ -41,17 +40,6 @@ static void clear_reserved(resonarm_kind kind, resonarm_frame *frame)
     } else {
         frame->data[3] &= 0x3F;
         frame->data[6] &= 0x3F;
-    }
-}
-
-static void protect(resonarm_network network, resonarm_kind kind, resonarm_frame *frame)
-{
-    const uint16_t data_id = resonarm_data_id(network, kind);
-    if (resonarm_format(network.profile, kind) == RESONARM_FRAME_FD) {
-        const uint16_t crc = e2e_p5_crc(data_id, frame->data, resonarm_length(network.profile, kind));
-        put_u16(frame->data, crc);
-    } else if (data_id != 0) {
-        frame->data[0] = e2e_p11_crc(data_id, frame->data);
     }
 }
 
@@ -148,11 +136,9 @@ static resonarm_message random_message(void)
 static long run(resonarm_profile profile, unsigned long rounds)
 {
     long accepted = 0;
-    resonarm_network network;
+    resonarm_network network = resonarm_own_network();
     resonarm_receiver receiver;
-    if (resonarm_network_init(&network, RESONARM_BASE_DEFAULT, 1, 2, profile) != RESONARM_NETWORK_VALID) {
-        return -1;
-    }
+    network.profile = profile;
     for (unsigned long round = 0; round < rounds; round++) {
         /* Now and then a new one, which takes any counter. */
         if (round == 0 || random_word() % 2 == 0) {
