@@ -164,7 +164,7 @@ impl ExciterNode {
         matches!(self.phase, Phase::Done(_)) && !self.link.has_frames()
     }
 
-    /// Ends the work now: disarms the plant, also one that was only asked to arm. The outcome is there when it has answered.
+    /// Ends the work now: disarms the plant, also one only asked to arm. The outcome is there when it has answered.
     pub fn stop(&mut self, now_ns: u64) {
         match self.phase {
             Phase::Playing => self.disarm(now_ns, Outcome::Stopped),

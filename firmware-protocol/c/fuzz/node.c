@@ -1,5 +1,5 @@
 /*
- * The receiver and the exciter's node under any frames and times, for libFuzzer and AFL: `make OUT/fuzz_node` with clang.
+ * The receiver and the exciter's node under any frames and times, for libFuzzer and what has its interface.
  *
  * An input: a byte whose lowest bit is the profile, then records of 5 bytes and the data: milliseconds since the one
  * before, flags (bits 0 and 1 the format, bit 2 a 29-bit identifier, bit 3 the CRC is made right), identifier (2),

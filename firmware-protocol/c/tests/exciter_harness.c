@@ -55,7 +55,8 @@ static void init(void)
 {
     const char *mode = strtok(NULL, " ");
     const uint16_t rate_hz = (uint16_t)next_number(10);
-    resonarm_exciter_config config = {.network = resonarm_own_network(), .rate_hz = rate_hz, .answer = answer, .context = &the_plan};
+    resonarm_exciter_config config = {
+        .network = resonarm_own_network(), .rate_hz = rate_hz, .answer = answer, .context = &the_plan};
     the_plan.finish = next_number(10);
     the_plan.give_up = next_number(10);
     the_plan.beyond = next_number(10);
