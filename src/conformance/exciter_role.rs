@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use super::source::Samples;
 use super::tester::{MS, Stop, Tester, inconclusive};
-use crate::protocol::{Hello, Message, NodeState};
+use crate::protocol::{Hello, Message, Node, NodeState, OperatorCommand, OperatorRequest};
 
 /// Waits for an exciter and its hello; the tester then speaks at its rate.
 pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
@@ -27,13 +27,22 @@ pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     t.boot()?;
     t.send_hello()?;
     (t.source.obeys, t.source.samples) = (true, samples);
-    if t.wait_for_state(t.settings.patience_ns, NodeState::Operational)?.is_none() {
-        return t.unready(match t.source.asked {
-            Some(_) => "it doesn't become operational when the plant does",
-            None => "it doesn't arm the plant: is it started again after each case?",
-        });
+    // An exciter that was here before and was stopped meanwhile may still say that it is operational; it arms no more.
+    let patience_ns = t.settings.patience_ns;
+    if t.wait_for(patience_ns, is_arm)?.is_none() {
+        return t.unready("it doesn't arm the plant: is it started again after each case?");
     }
-    t.run_ns(100 * MS)
+    if t.wait_for_state(patience_ns, NodeState::Operational)?.is_none() {
+        return t.unready("it doesn't become operational when the plant does");
+    }
+    t.run_ns(100 * MS)?;
+    // Nor do its answers count.
+    (t.source.unsent, t.source.wrong) = (None, None);
+    Ok(())
+}
+
+fn is_arm(message: &Message) -> bool {
+    matches!(message, Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant }))
 }
 
 /// The samples that were answered, from a place in the log on.

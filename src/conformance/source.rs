@@ -39,8 +39,6 @@ pub(super) struct Source {
     pub index: u16,
     due_ns: u64,
     damaged: u64,
-    /// The request that came last.
-    pub asked: Option<OperatorRequest>,
     /// Whether the request to arm is obeyed.
     pub obeys: bool,
     /// A sample that was answered before it was sent.
@@ -130,7 +128,6 @@ impl Tester<'_> {
 
     /// What a plant does with a request.
     pub(super) fn obey(&mut self, request: OperatorRequest) -> Result<(), Stop> {
-        self.source.asked = Some(request);
         let event = match request {
             OperatorRequest::Arm if self.source.obeys => StateEvent::Arm,
             OperatorRequest::Disarm => StateEvent::Disarm,

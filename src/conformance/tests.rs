@@ -6,7 +6,7 @@ mod flaws;
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::protocol::{Profile, SPEC};
+use crate::protocol::{ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter};
 use device::{Device, ExciterDevice, PlantDevice, Virtual};
 
 /// The ids of the marks in the text.
@@ -118,6 +118,24 @@ fn a_node_that_is_stopped_again_and_again_is_never_failed() {
                 );
             }
         }
+    }
+}
+
+/// An exciter that was stopped in the case before comes to its end in this one.
+#[test]
+fn what_an_exciter_of_the_case_before_still_says_is_not_judged() {
+    let network = Network::default();
+    for case in cases(Node::Exciter) {
+        let mut before = Transmitter::new(network);
+        let late = [
+            Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample: 49 }),
+            Message::Heartbeat(Heartbeat { node: Node::Exciter, state: NodeState::Operational }),
+            Message::Heartbeat(Heartbeat { node: Node::Exciter, state: NodeState::PreOperational }),
+        ];
+        let frames = late.map(|message| before.frame(&message).unwrap());
+        let mut wire = Virtual::with_waiting(Box::new(ExciterDevice::new(network)), frames);
+        let Finding { verdict, .. } = run(&case, &mut wire, network, settings()).unwrap();
+        assert!(matches!(verdict, Verdict::Passed | Verdict::Skipped(_)), "{}: {verdict:?}", case.id);
     }
 }
 

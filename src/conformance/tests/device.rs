@@ -49,6 +49,11 @@ pub struct Virtual {
 }
 
 impl Virtual {
+    /// With frames that were on their way before.
+    pub fn with_waiting(device: Box<dyn Device>, frames: impl IntoIterator<Item = Frame>) -> Virtual {
+        Virtual { frames: frames.into_iter().collect(), ..Virtual::new(device) }
+    }
+
     pub fn new(device: Box<dyn Device>) -> Virtual {
         Virtual {
             now_ns: 0,
