@@ -67,6 +67,17 @@ impl Angle<f64> {
         Angle { base_rad, length: 1.0, sine, cosine }
     }
 
+    /// Length times (cos(base + small) − cos(base)), with all its digits at small angles: t z q − h S, and beyond their
+    /// limit −2 sin(α/2) sin(β + α/2). `FAR` as [`Angle::sincos`] has it.
+    #[inline(always)]
+    pub fn cosine_change<const FAR: bool>(&self, small_rad: f64) -> f64 {
+        if FAR && !within_reach(small_rad) {
+            return -2.0 * self.length * libm::sin(0.5 * small_rad) * libm::sin(self.base_rad + 0.5 * small_rad);
+        }
+        let (sine, versed) = small(small_rad);
+        self.cosine * versed - self.sine * sine
+    }
+
     /// The same angle with sine and cosine times `length`.
     pub fn times(self, length: f64) -> Angle<f64> {
         Angle { length: self.length * length, sine: self.sine * length, cosine: self.cosine * length, ..self }
@@ -80,16 +91,30 @@ impl<T: Real> Angle<T> {
         T::where_within(small_rad, LIMIT_RAD, self.near(small_rad), [self.base_rad, self.length], far)
     }
 
+    /// The same. With `FAR` at every angle; without it only where [`within_reach`] says so, to the same bits, and without
+    /// a branch or a call.
+    #[inline(always)]
+    pub fn sincos<const FAR: bool>(&self, small_rad: T) -> (T, T) {
+        if FAR { self.sincos_plus(small_rad) } else { self.near(small_rad) }
+    }
+
     /// The same where [`within_reach`] says so, and meaningless elsewhere; without a branch or a call.
     #[inline(always)]
-    pub fn near(&self, small_rad: T) -> (T, T) {
+    fn near(&self, small_rad: T) -> (T, T) {
         let (h, t) = (self.sine, self.cosine);
-        let z = small_rad * small_rad;
-        let z2 = z * z;
-        let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
-        let (sine, cosine) = (small_rad + (z * small_rad) * p, T::splat(1.0) + z * q);
+        let (sine, versed) = small(small_rad);
+        let cosine = T::splat(1.0) + versed;
         (h * cosine + t * sine, t * cosine - h * sine)
     }
+}
+
+/// S and z q: sin α and cos α − 1 where the polynomials hold.
+#[inline(always)]
+fn small<T: Real>(alpha_rad: T) -> (T, T) {
+    let z = alpha_rad * alpha_rad;
+    let z2 = z * z;
+    let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
+    (alpha_rad + (z * alpha_rad) * p, z * q)
 }
 
 /// Whether the polynomials hold for this angle.

@@ -13,6 +13,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::angle::Angle;
+use super::kernel::{Coefficients, Loads, Motion};
 use super::{Arm, ArmError, InverseDynamics, Load, State};
 
 /// A mass on a spring and a damper to the ground that follows the tip along one direction.
@@ -33,6 +34,9 @@ pub struct Attachment {
 pub(super) struct Attached {
     pub(super) attachment: Attachment,
     direction: Vector2<f64>,
+    /// The links' angles at rest against the direction, with the links' lengths: their cosines are Q and P, their sines
+    /// −Q' and −P'.
+    links: [Angle<f64>; 2],
 }
 
 /// The motion of the tip along the direction.
@@ -57,34 +61,71 @@ impl Along {
 }
 
 impl Attached {
-    /// s, with all its digits at small angles: cos(θ + α) − cos θ = −2 sin(α/2) sin(θ + α/2), and the sine likewise.
-    fn displacement_m(&self, arm: &Arm, alpha_rad: &Vector2<f64>) -> f64 {
-        let (c, both_rad) = (&arm.coefficients, alpha_rad.x + alpha_rad.y);
-        let chord = |link: &Angle<f64>, length_m: f64, turn_rad: f64| {
-            let (sine, cosine) = link.sincos_plus(0.5 * turn_rad);
-            let along = self.direction.y * cosine - self.direction.x * sine;
-            2.0 * length_m * libm::sin(0.5 * turn_rad) * along
-        };
-        chord(&c.link1, c.l[0], alpha_rad.x) + chord(&c.link2, c.l[1], both_rad)
+    fn new(attachment: Attachment, c: &Coefficients<f64>) -> Attached {
+        let direction_rad = attachment.direction_deg.to_radians();
+        let (sine, cosine) = libm::sincos(direction_rad);
+        let link = |angle: &Angle<f64>, length_m: f64| Angle::new(angle.base_rad - direction_rad).times(length_m);
+        Attached {
+            attachment,
+            direction: Vector2::new(cosine, sine),
+            links: [link(&c.link1, c.l[0]), link(&c.link2, c.l[1])],
+        }
     }
 
-    fn along(&self, arm: &Arm, state: &State) -> Along {
-        let (points, v) = (arm.points(&state.alpha_rad), &state.alpha_dot_rad_s);
-        let (first, second) = (points.b_m, points.c_m - points.b_m);
-        let turned = Vector2::new(self.direction.y, -self.direction.x);
-        // e·(link turned by 90°) is (e turned back)·link.
-        let (q, p) = (self.direction.dot(&first), self.direction.dot(&second));
-        let (q_turned, p_turned) = (turned.dot(&first), turned.dot(&second));
+    fn along(&self, state: &State) -> Along {
+        self.along_with::<true>(state)
+    }
+
+    /// With `FAR` at every angle; without it only at small ones, without a branch.
+    #[inline(always)]
+    fn along_with<const FAR: bool>(&self, state: &State) -> Along {
+        let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+        let [link1, link2] = &self.links;
+        let turn2_rad = x.x + x.y;
+        let ((sine1, q), (sine2, p)) = (link1.sincos::<FAR>(x.x), link2.sincos::<FAR>(turn2_rad));
+        let (q_turned, p_turned) = (-sine1, -sine2);
         let w_m = Vector2::new(q_turned + p_turned, p_turned);
         let (square1, square2) = (v.x * v.x, (v.x + v.y) * (v.x + v.y));
         Along {
             w_m,
             gradient_m: -Matrix2::new(q + p, p, p, p),
-            displacement_m: self.displacement_m(arm, &state.alpha_rad),
-            velocity_m_s: w_m.dot(v),
+            displacement_m: link1.cosine_change::<FAR>(x.x) + link2.cosine_change::<FAR>(turn2_rad),
+            velocity_m_s: w_m.x * v.x + w_m.y * v.y,
             drift_m_s2: -(q * square1 + p * square2),
             drift_by_alpha: -Vector2::new(q_turned * square1 + p_turned * square2, p_turned * square2),
         }
+    }
+
+    /// α̈: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0. The force's share of r is w times what
+    /// of it acts along the direction, and (Q + P, P) times what acts across.
+    #[inline(always)]
+    fn acceleration<const FAR: bool>(&self, c: &Coefficients<f64>, state: &State, load: &Load) -> Vector2<f64> {
+        let motion: Motion<f64> = state.into();
+        let (along, mass_kg) = (self.along_with::<FAR>(state), self.attachment.mass_kg);
+        let (h, t) = c.coupling::<FAR>(motion.x[1]);
+        let torques = Loads { u: load.torque_nm.into(), f: [0.0; 2], pulls: false };
+        let force = if c.heavy {
+            c.external_force::<FAR, true>(motion.x, &torques)
+        } else {
+            c.external_force::<FAR, false>(motion.x, &torques)
+        };
+        let r = c.torques(&motion, h, force);
+        let (w, e) = (&along.w_m, &self.direction);
+        let across_n = e.x * load.force_n.y - e.y * load.force_n.x;
+        let along_n = e.x * load.force_n.x + e.y * load.force_n.y - along.force_n(&self.attachment, &Vector2::zeros());
+        let r = Vector2::new(
+            r[0] + w.x * along_n - along.gradient_m.m11 * across_n,
+            r[1] + w.y * along_n - along.gradient_m.m22 * across_n,
+        );
+        let m12 = c.a3 + t + mass_kg * w.x * w.y;
+        let mass = Matrix2::new(c.a1 + (t + t) + mass_kg * w.x * w.x, m12, m12, c.a3 + mass_kg * w.y * w.y);
+        solved(&mass, &r)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn far_acceleration(&self, c: &Coefficients<f64>, state: &State, load: &Load) -> Vector2<f64> {
+        self.acceleration::<true>(c, state, load)
     }
 }
 
@@ -105,9 +146,7 @@ impl Arm {
             let expected = "from -360 to 360 degrees";
             return Err(ArmError::Attachment { name: "direction_deg", got: direction_deg, expected });
         }
-        let (sine, cosine) = libm::sincos(direction_deg.to_radians());
-        let direction = Vector2::new(cosine, sine);
-        self.attached = Some(Attached { attachment, direction });
+        self.attached = Some(Attached::new(attachment, &self.coefficients));
         Ok(self)
     }
 
@@ -127,7 +166,7 @@ impl Arm {
     /// m/M), with m the attachment's mass and M the effective mass of the tip along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ
     /// d; 1 without an attachment.
     pub fn high_frequency_force_share(&self) -> f64 {
-        let Some(Attached { attachment, direction }) = &self.attached else { return 1.0 };
+        let Some(Attached { attachment, direction, .. }) = &self.attached else { return 1.0 };
         let rest = Vector2::zeros();
         let alone = self.clone().without_attachment();
         let moment = alone.tip_jacobian(&rest).transpose() * direction;
@@ -139,7 +178,7 @@ impl Arm {
     /// without one.
     pub fn attachment_motion(&self, state: &State) -> (f64, f64) {
         self.attached.as_ref().map_or((0.0, 0.0), |attached| {
-            let along = attached.along(self, state);
+            let along = attached.along(state);
             (along.displacement_m, along.velocity_m_s)
         })
     }
@@ -147,7 +186,7 @@ impl Arm {
     /// The force that the attachment takes out of the arm at the tip, N; zero without one.
     pub fn attachment_force_n(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
         self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
-            attached.direction * attached.along(self, state).force_n(&attached.attachment, acceleration_rad_s2)
+            attached.direction * attached.along(state).force_n(&attached.attachment, acceleration_rad_s2)
         })
     }
 
@@ -160,7 +199,7 @@ impl Arm {
     pub(super) fn attached_at(&self, alpha_rad: &Vector2<f64>, factor: impl Fn(&Attachment) -> f64) -> Matrix2<f64> {
         self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
             let state = State { alpha_rad: *alpha_rad, ..State::default() };
-            let w = attached.along(self, &state).w_m;
+            let w = attached.along(&state).w_m;
             w * w.transpose() * factor(&attached.attachment)
         })
     }
@@ -168,7 +207,7 @@ impl Arm {
     /// k (wwᵀ + s G), N·m/rad: what the attachment's spring adds to the stiffness at a deflection; zero without one.
     pub(super) fn attached_stiffness(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
-            let along = attached.along(self, &State { alpha_rad: *alpha_rad, ..State::default() });
+            let along = attached.along(&State { alpha_rad: *alpha_rad, ..State::default() });
             let inner = along.w_m * along.w_m.transpose() + along.gradient_m * along.displacement_m;
             inner * attached.attachment.stiffness_n_m
         })
@@ -192,7 +231,7 @@ impl Arm {
     /// w f: what the attachment adds to the unbalanced torque, N·m.
     pub(super) fn attached_unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
         self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
-            let along = attached.along(self, state);
+            let along = attached.along(state);
             along.w_m * along.force_n(&attached.attachment, acceleration_rad_s2)
         })
     }
@@ -206,7 +245,7 @@ impl Arm {
         sum: InverseDynamics,
     ) -> InverseDynamics {
         let Some(attached) = &self.attached else { return sum };
-        let (along, a) = (attached.along(self, state), &attached.attachment);
+        let (along, a) = (attached.along(state), &attached.attachment);
         let force_n = along.force_n(a, acceleration_rad_s2);
         let (w, g) = (&along.w_m, &along.gradient_m);
         let turning = g * state.alpha_dot_rad_s;
@@ -222,16 +261,15 @@ impl Arm {
         }
     }
 
-    /// α̈ with an attachment, rad/s², `None` without one: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f
-    /// at α̈ = 0.
+    /// α̈ with an attachment, rad/s², `None` without one.
+    #[inline(always)]
     pub(super) fn attached_acceleration(&self, state: &State, load: &Load) -> Option<Vector2<f64>> {
-        let attached = self.attached.as_ref()?;
-        let (along, attachment) = (attached.along(self, state), &attached.attachment);
-        let (_, t) = self.coefficients.coupling::<true>(state.alpha_rad.y);
-        let mass = self.mass_matrix_at(t) + along.w_m * along.w_m.transpose() * attachment.mass_kg;
-        let at_zero = Vector2::zeros();
-        let lacking = self.unbalance_of_arm_nm(state, &at_zero, load) + along.w_m * along.force_n(attachment, &at_zero);
-        Some(solved(&mass, &-lacking))
+        let (attached, c) = (self.attached.as_ref()?, &self.coefficients);
+        Some(if c.within_reach::<true>(state.alpha_rad.into()) {
+            attached.acceleration::<false>(c, state, load)
+        } else {
+            attached.far_acceleration(c, state, load)
+        })
     }
 }
 

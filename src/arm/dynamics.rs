@@ -65,9 +65,9 @@ impl Arm {
         let (c, load) = (&self.coefficients, Loads::from(load));
         let motion = Motion::from(state);
         if c.needs_links(&load) {
-            c.acceleration::<true, true>(&motion, &load).into()
+            c.acceleration_anywhere::<true>(&motion, &load).into()
         } else {
-            c.acceleration::<true, false>(&motion, &load).into()
+            c.acceleration_anywhere::<false>(&motion, &load).into()
         }
     }
 

@@ -152,8 +152,8 @@ impl<T: Real> Coefficients<T> {
         if !LINKS {
             return [r1, r2];
         }
-        let (s1, c1) = sincos::<T, FAR>(&self.link1, x[0]);
-        let (s12, c12) = sincos::<T, FAR>(&self.link2, x[0] + x[1]);
+        let (s1, c1) = self.link1.sincos::<FAR>(x[0]);
+        let (s12, c12) = self.link2.sincos::<FAR>(x[0] + x[1]);
         // JᵀF, Eq. (28): F crossed with the arm's vectors from the joints to the tip.
         let [fx, fy] = load.f;
         let second = self.l[1] * (fy * c12 - fx * s12);
@@ -182,7 +182,7 @@ impl<T: Real> Coefficients<T> {
     /// a2 sin(β2+α2) and a2 cos(β2+α2), kg·m².
     #[inline(always)]
     pub fn coupling<const FAR: bool>(&self, alpha2_rad: T) -> (T, T) {
-        sincos::<T, FAR>(&self.elbow, alpha2_rad)
+        self.elbow.sincos::<FAR>(alpha2_rad)
     }
 
     /// Whether a force at the tip or weight acts on any of the arms, so that it matters where the links point.
@@ -200,14 +200,25 @@ impl<T: Real> Coefficients<T> {
         self.solve_mass(t, r)
     }
 
+    /// The same at every angle, and fast at small ones.
+    #[inline(always)]
+    pub fn acceleration_anywhere<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+        if self.within_reach::<LINKS>(motion.x) {
+            self.acceleration::<false, LINKS>(motion, load)
+        } else {
+            self.far_acceleration::<LINKS>(motion, load)
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn far_acceleration<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+        self.acceleration::<true, LINKS>(motion, load)
+    }
+
     /// Whether every angle that the acceleration asks for is a small one.
     #[inline(always)]
     pub fn within_reach<const LINKS: bool>(&self, x: [T; 2]) -> bool {
         within_reach(x[1]) & (!LINKS || (within_reach(x[0]) & within_reach(x[0] + x[1])))
     }
-}
-
-#[inline(always)]
-fn sincos<T: Real, const FAR: bool>(angle: &Angle<T>, small_rad: T) -> (T, T) {
-    if FAR { angle.sincos_plus(small_rad) } else { angle.near(small_rad) }
 }

@@ -1,6 +1,6 @@
-//! One number or eight at once: what the equation of motion is written in.
+//! One number or several at once: what the equation of motion is written in.
 //!
-//! The same source computes a single arm and eight arms side by side, so both give the same bits: each lane sees the
+//! The same source computes a single arm and several motions side by side, so both give the same bits: each lane sees the
 //! same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -21,6 +21,8 @@ pub(crate) trait Real:
     fn all_within(self, limit: f64) -> bool;
     /// Whether every lane is zero.
     fn all_zero(self) -> bool;
+    /// The magnitudes.
+    fn abs(self) -> Self;
     /// Lane by lane: `value` where `key` is not zero, else `other`.
     fn where_nonzero(key: Self, value: Self, other: Self) -> Self;
     /// Lane by lane: `near` where |key| ≤ `limit`, else `far(constants, key)`.
@@ -62,6 +64,11 @@ impl Real for f64 {
     }
 
     #[inline(always)]
+    fn abs(self) -> f64 {
+        libm::fabs(self)
+    }
+
+    #[inline(always)]
     fn where_nonzero(key: f64, value: f64, other: f64) -> f64 {
         if key != 0.0 { value } else { other }
     }
@@ -81,17 +88,17 @@ impl Real for f64 {
 /// How many arms go side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
 pub(crate) const LANES: usize = 8;
 
-/// Eight numbers that take every operation together.
+/// N numbers that take every operation together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
-pub(crate) struct Lanes(pub [f64; LANES]);
+pub(crate) struct Lanes<const N: usize = LANES>(pub [f64; N]);
 
 // Plain loops: the compiler must see all eight together wherever this is inlined.
-impl Lanes {
+impl<const N: usize> Lanes<N> {
     #[inline(always)]
-    fn zip(self, other: Lanes, f: impl Fn(f64, f64) -> f64) -> Lanes {
+    fn zip(self, other: Lanes<N>, f: impl Fn(f64, f64) -> f64) -> Lanes<N> {
         let mut result = self;
-        for i in 0..LANES {
+        for i in 0..N {
             result.0[i] = f(self.0[i], other.0[i]);
         }
         result
@@ -101,14 +108,14 @@ impl Lanes {
     #[cold]
     #[inline(never)]
     fn mend(
-        key: Lanes,
+        key: Lanes<N>,
         limit: f64,
-        near: (Lanes, Lanes),
-        constants: [Lanes; 2],
+        near: (Lanes<N>, Lanes<N>),
+        constants: [Lanes<N>; 2],
         far: fn([f64; 2], f64) -> (f64, f64),
-    ) -> (Lanes, Lanes) {
+    ) -> (Lanes<N>, Lanes<N>) {
         let mut mixed = near;
-        for i in 0..LANES {
+        for i in 0..N {
             if !key.0[i].all_within(limit) {
                 (mixed.0.0[i], mixed.1.0[i]) = far(constants.map(|lanes| lanes.0[i]), key.0[i]);
             }
@@ -117,52 +124,52 @@ impl Lanes {
     }
 }
 
-impl Add for Lanes {
-    type Output = Lanes;
+impl<const N: usize> Add for Lanes<N> {
+    type Output = Lanes<N>;
     #[inline(always)]
-    fn add(self, other: Lanes) -> Lanes {
+    fn add(self, other: Lanes<N>) -> Lanes<N> {
         self.zip(other, |a, b| a + b)
     }
 }
 
-impl Sub for Lanes {
-    type Output = Lanes;
+impl<const N: usize> Sub for Lanes<N> {
+    type Output = Lanes<N>;
     #[inline(always)]
-    fn sub(self, other: Lanes) -> Lanes {
+    fn sub(self, other: Lanes<N>) -> Lanes<N> {
         self.zip(other, |a, b| a - b)
     }
 }
 
-impl Mul for Lanes {
-    type Output = Lanes;
+impl<const N: usize> Mul for Lanes<N> {
+    type Output = Lanes<N>;
     #[inline(always)]
-    fn mul(self, other: Lanes) -> Lanes {
+    fn mul(self, other: Lanes<N>) -> Lanes<N> {
         self.zip(other, |a, b| a * b)
     }
 }
 
-impl Div for Lanes {
-    type Output = Lanes;
+impl<const N: usize> Div for Lanes<N> {
+    type Output = Lanes<N>;
     #[inline(always)]
-    fn div(self, other: Lanes) -> Lanes {
+    fn div(self, other: Lanes<N>) -> Lanes<N> {
         self.zip(other, |a, b| a / b)
     }
 }
 
-impl Neg for Lanes {
-    type Output = Lanes;
+impl<const N: usize> Neg for Lanes<N> {
+    type Output = Lanes<N>;
     #[inline(always)]
-    fn neg(self) -> Lanes {
+    fn neg(self) -> Lanes<N> {
         self.zip(self, |a, _| -a)
     }
 }
 
-impl Real for Lanes {
-    const WIDTH: usize = LANES;
+impl<const N: usize> Real for Lanes<N> {
+    const WIDTH: usize = N;
 
     #[inline(always)]
-    fn gather(of: impl Fn(usize) -> f64) -> Lanes {
-        let mut result = [0.0; LANES];
+    fn gather(of: impl Fn(usize) -> f64) -> Lanes<N> {
+        let mut result = [0.0; N];
         for (i, value) in result.iter_mut().enumerate() {
             *value = of(i);
         }
@@ -175,15 +182,15 @@ impl Real for Lanes {
     }
 
     #[inline(always)]
-    fn splat(value: f64) -> Lanes {
-        Lanes([value; LANES])
+    fn splat(value: f64) -> Lanes<N> {
+        Lanes([value; N])
     }
 
     #[inline(always)]
     fn all_within(self, limit: f64) -> bool {
         // Without a short cut, so that the lanes stay together.
         let mut all = true;
-        for i in 0..LANES {
+        for i in 0..N {
             all &= self.0[i].all_within(limit);
         }
         all
@@ -192,16 +199,21 @@ impl Real for Lanes {
     #[inline(always)]
     fn all_zero(self) -> bool {
         let mut all = true;
-        for i in 0..LANES {
+        for i in 0..N {
             all &= self.0[i] == 0.0;
         }
         all
     }
 
     #[inline(always)]
-    fn where_nonzero(key: Lanes, value: Lanes, other: Lanes) -> Lanes {
+    fn abs(self) -> Lanes<N> {
+        self.zip(self, |a, _| libm::fabs(a))
+    }
+
+    #[inline(always)]
+    fn where_nonzero(key: Lanes<N>, value: Lanes<N>, other: Lanes<N>) -> Lanes<N> {
         let mut result = other;
-        for i in 0..LANES {
+        for i in 0..N {
             result.0[i] = if key.0[i] != 0.0 { value.0[i] } else { other.0[i] };
         }
         result
@@ -209,12 +221,12 @@ impl Real for Lanes {
 
     #[inline(always)]
     fn where_within(
-        key: Lanes,
+        key: Lanes<N>,
         limit: f64,
-        near: (Lanes, Lanes),
-        constants: [Lanes; 2],
+        near: (Lanes<N>, Lanes<N>),
+        constants: [Lanes<N>; 2],
         far: fn([f64; 2], f64) -> (f64, f64),
-    ) -> (Lanes, Lanes) {
+    ) -> (Lanes<N>, Lanes<N>) {
         if key.all_within(limit) { near } else { Lanes::mend(key, limit, near, constants, far) }
     }
 }

@@ -28,7 +28,7 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Collocation, LEVELS, Matrix, Step, least_level};
+use super::collocation::{Coefficients, Collocation, LEVELS, Step, least_level};
 use super::double_double::DoubleDouble;
 use super::gauss_legendre::GL6;
 use crate::arm::{Arm, Load, State};
@@ -132,40 +132,46 @@ fn identity() -> Block {
     array::from_fn(|i| array::from_fn(|j| DoubleDouble::new(if i == j { 1.0 } else { 0.0 })))
 }
 
-/// The matrices of a step from the exponentials at its nodes and its end.
+/// The step from the exponentials at its nodes and its end.
 fn step(nodes: [&Block; STAGES], end: &Block, h_s: f64, unit_rad_s: f64) -> Step<STAGES> {
-    let slopes = |block: &Block| array::from_fn(|j| slope_matrix(block, j, h_s * unit_rad_s, unit_rad_s));
-    Step {
+    let factors: [[DoubleDouble; STAGES]; STAGES] = array::from_fn(|j| slope_factors(j, h_s * unit_rad_s));
+    Step::new(&Coefficients {
         h_s,
-        c: GL6.c().map(|node| node.high),
-        b: GL6.b().map(|weight| weight.high),
-        start: nodes.map(|block| state_matrix(block, unit_rad_s)),
-        stage: nodes.map(slopes),
-        end: state_matrix(end, unit_rad_s),
-        weights: slopes(end),
-    }
+        c: GL6.c(),
+        b: GL6.b(),
+        start: |i: usize, row, column| state_entry(nodes[i], row, column, unit_rad_s),
+        stage: |i: usize, j: usize, row, column| slope_entry(nodes[i], &factors[j], row, column, unit_rad_s),
+        end: |row, column| state_entry(end, row, column, unit_rad_s),
+        weight: |j: usize, row, column| slope_entry(end, &factors[j], row, column, unit_rad_s),
+    })
 }
 
-/// e^{τL} − I, back in rad and rad/s.
-fn state_matrix(block: &Block, unit_rad_s: f64) -> Matrix<4> {
+/// An entry of e^{τL} − I, back in rad and rad/s.
+fn state_entry(block: &Block, row: usize, column: usize, unit_rad_s: f64) -> DoubleDouble {
     let unit = [1.0, 1.0, unit_rad_s, unit_rad_s];
-    Matrix::new(|row, column| {
-        let own = DoubleDouble::new(if row == column { 1.0 } else { 0.0 });
-        (block[row][column] - own) * DoubleDouble::new(unit[row] / unit[column])
-    })
+    let own = DoubleDouble::new(if row == column { 1.0 } else { 0.0 });
+    (block[row][column] - own) * DoubleDouble::new(unit[row] / unit[column])
 }
 
-/// ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ λⱼₘ m! (ωh)⁻ᵐ times
-/// block m.
-fn slope_matrix(block: &Block, j: usize, phase: f64, unit_rad_s: f64) -> Matrix<2> {
-    let lambda = lagrange(&GL6.c(), j);
+/// An entry of ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ of the
+/// factors times block m.
+fn slope_entry(
+    block: &Block,
+    factors: &[DoubleDouble; STAGES],
+    row: usize,
+    column: usize,
+    unit_rad_s: f64,
+) -> DoubleDouble {
     let unit = [unit_rad_s * unit_rad_s, unit_rad_s * unit_rad_s, unit_rad_s, unit_rad_s];
+    let terms = (0..STAGES).map(|m| factors[m] * block[row][4 + 2 * m + column]);
+    terms.fold(DoubleDouble::default(), |sum, term| sum + term) / DoubleDouble::new(unit[row])
+}
+
+/// λⱼₘ m! (ωh)⁻ᵐ of every m, with ℓⱼ = Σ λⱼₘ sᵐ.
+fn slope_factors(j: usize, phase: f64) -> [DoubleDouble; STAGES] {
+    let lambda = lagrange(&GL6.c(), j);
     let [phase, two] = [phase, 2.0].map(DoubleDouble::new);
-    let factors = [lambda[0], lambda[1] / phase, two * lambda[2] / (phase * phase)];
-    Matrix::new(|row, column| {
-        let terms = (0..STAGES).map(|m| factors[m] * block[row][4 + 2 * m + column]);
-        terms.fold(DoubleDouble::default(), |sum, term| sum + term) / DoubleDouble::new(unit[row])
-    })
+    [lambda[0], lambda[1] / phase, two * lambda[2] / (phase * phase)]
 }
 
 /// Coefficients of ℓⱼ(s) = (s − a)(s − b)/((cⱼ − a)(cⱼ − b)), a and b the other nodes, from s⁰ up.

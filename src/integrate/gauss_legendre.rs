@@ -10,7 +10,7 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Collocation, LEVELS, Matrix, Step, least_level};
+use super::collocation::{Coefficients, Collocation, LEVELS, Step, least_level};
 use super::double_double::DoubleDouble;
 use crate::arm::Arm;
 
@@ -85,26 +85,27 @@ impl<const S: usize> Tableau<S> {
         let (b, c) = (self.b(), self.c());
         let h = DoubleDouble::new(h_s);
         let sum = |term: &dyn Fn(usize) -> DoubleDouble| (0..S).map(term).fold(DoubleDouble::default(), |s, x| s + x);
-        let stage = |i: usize, j: usize| slope(h * h * sum(&|k| a[i][k] * a[k][j]), h * a[i][j]);
-        Step {
+        let stages: [[[DoubleDouble; 2]; S]; S] =
+            array::from_fn(|i| array::from_fn(|j| [h * h * sum(&|k| a[i][k] * a[k][j]), h * a[i][j]]));
+        let weights: [[DoubleDouble; 2]; S] = array::from_fn(|j| [h * h * sum(&|i| b[i] * a[i][j]), h * b[j]]);
+        Step::new(&Coefficients {
             h_s,
-            c: c.map(|node| node.high),
-            b: b.map(|weight| weight.high),
-            start: c.map(|node| drift(node * h)),
-            stage: array::from_fn(|i| array::from_fn(|j| stage(i, j))),
-            end: drift(h),
-            weights: array::from_fn(|j| slope(h * h * sum(&|i| b[i] * a[i][j]), h * b[j])),
-        }
+            c,
+            b,
+            start: |i: usize, row, column| drift(c[i] * h, row, column),
+            stage: |i: usize, j: usize, row, column| slope(stages[i][j], row, column),
+            end: |row, column| drift(h, row, column),
+            weight: |j: usize, row, column| slope(weights[j], row, column),
+        })
     }
 }
 
-/// What time changes of a motion without acceleration: x by t v.
-fn drift(t: DoubleDouble) -> Matrix<4> {
-    Matrix::new(|row, column| if column == row + 2 { t } else { DoubleDouble::default() })
+/// What the time t changes of a motion without acceleration: x by t v.
+fn drift(t: DoubleDouble, row: usize, column: usize) -> DoubleDouble {
+    if column == row + 2 { t } else { DoubleDouble::default() }
 }
 
-/// What a slope adds: `x` times it to the angles, `v` times it to the velocities.
-fn slope(x: DoubleDouble, v: DoubleDouble) -> Matrix<2> {
-    let factor = |row: usize| if row < 2 { x } else { v };
-    Matrix::new(|row, column| if row % 2 == column { factor(row) } else { DoubleDouble::default() })
+/// What a slope adds: the first factor times it to the angles, the second to the velocities.
+fn slope(factors: [DoubleDouble; 2], row: usize, column: usize) -> DoubleDouble {
+    if row % 2 == column { factors[row / 2] } else { DoubleDouble::default() }
 }
