@@ -5,6 +5,7 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::control::ModeModel;
+use crate::control::fourier_filter::unit;
 use crate::excitation::Phasor;
 
 /// The mode as it was found at one amplitude.
@@ -20,15 +21,42 @@ struct Finding {
     deviation: f64,
 }
 
+/// The arm's other mode, small and linear.
+#[derive(Clone, Copy, Debug, Default)]
+struct OtherMode {
+    mass: f64,
+    omega: f64,
+    zeta: f64,
+}
+
+impl OtherMode {
+    fn new(model: &ModeModel) -> OtherMode {
+        OtherMode {
+            mass: model.other_modal_mass,
+            omega: model.other_angular_frequency_rad_s,
+            zeta: model.other_damping_ratio,
+        }
+    }
+
+    /// R at an angular frequency.
+    fn compliance(&self, omega_rad_s: f64) -> Phasor {
+        let square = self.omega * self.omega - omega_rad_s * omega_rad_s;
+        (Phasor::new(square, 2.0 * self.zeta * self.omega * omega_rad_s) * self.mass).inv()
+    }
+}
+
 /// ω₀²(A²) and κ(A²) from the findings so far.
 ///
-/// In steady state U/a = m(ω₀² − ω²) + iκω, with the amplitude U of the load and a of the angle: ω₀² = ω² + Re(U/a)/m
-/// and κ = Im(U/a)/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked
+/// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's own dynamic stiffness is
+/// D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to the
+/// angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² + Re D/m
+/// and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked
 /// for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings weigh
 /// more.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BackboneModel {
     mass: f64,
+    other: OtherMode,
     findings: Vec<Finding>,
 }
 
@@ -52,7 +80,7 @@ impl BackboneModel {
         let damping = 2.0 * model.damping_ratio * omega * model.modal_mass;
         let mut all = Vec::with_capacity(MOST_FINDINGS);
         all.push(Finding { square: 0.0, stiffness: omega * omega, damping, deviation: THEORY });
-        BackboneModel { mass: model.modal_mass, findings: all }
+        BackboneModel { mass: model.modal_mass, other: OtherMode::new(model), findings: all }
     }
 
     /// Back to what theory says.
@@ -66,12 +94,18 @@ impl BackboneModel {
         if self.findings.len() == MOST_FINDINGS {
             self.findings.remove(1);
         }
+        let own = self.own(dynamic_stiffness, omega_rad_s);
         self.findings.push(Finding {
             square: amplitude_rad * amplitude_rad,
-            stiffness: omega_rad_s * omega_rad_s + dynamic_stiffness.re / self.mass,
-            damping: dynamic_stiffness.im / omega_rad_s,
+            stiffness: omega_rad_s * omega_rad_s + own.re / self.mass,
+            damping: own.im / omega_rad_s,
             deviation,
         });
+    }
+
+    /// D of U/a.
+    fn own(&self, dynamic_stiffness: Phasor, omega_rad_s: f64) -> Phasor {
+        (dynamic_stiffness.inv() - self.other.compliance(omega_rad_s)).inv()
     }
 
     /// (ω₀², κ) at the amplitude.
@@ -85,7 +119,8 @@ impl BackboneModel {
     /// U/a at the amplitude and an angular frequency.
     pub fn dynamic_stiffness(&self, amplitude_rad: f64, omega_rad_s: f64) -> Phasor {
         let (stiffness, damping) = self.at(amplitude_rad);
-        Phasor::new(self.mass * (stiffness - omega_rad_s * omega_rad_s), damping * omega_rad_s)
+        let own = Phasor::new(self.mass * (stiffness - omega_rad_s * omega_rad_s), damping * omega_rad_s);
+        (own.inv() + self.other.compliance(omega_rad_s)).inv()
     }
 
     /// The value at `square` by weighted least squares.
@@ -110,20 +145,24 @@ impl BackboneModel {
         normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
     }
 
-    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`:
-    /// A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m, solved by iteration from `near`.
+    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved by
+    /// iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it U/a =
+    /// F e^{iφ}/A gives D, whose parts are A Im D = F sin φ and Re D = Im D cot φ no more, but hardly change with A.
     pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
         const ITERATIONS: usize = 50;
         let (mut amplitude, mut omega) = near;
-        let (sine, cosine) = libm::sincos(lag_rad);
+        // A Im D/F and Re D/Im D.
+        let (mut sine, mut cotangent) = (libm::sin(lag_rad), 1.0 / libm::tan(lag_rad));
         for _ in 0..ITERATIONS {
             let (stiffness, damping) = self.at(amplitude);
             amplitude = load * sine / (damping * omega);
-            let square = stiffness - damping * omega * cosine / (sine * self.mass);
+            let square = stiffness - damping * omega * cotangent / self.mass;
             if !(square > 0.0 && amplitude.is_finite()) {
                 return (f64::NAN, f64::NAN);
             }
             omega = libm::sqrt(square);
+            let own = self.own(unit(lag_rad) * (load / amplitude), omega);
+            (sine, cotangent) = (amplitude * own.im / load, own.re / own.im);
         }
         (amplitude, omega)
     }
@@ -135,7 +174,8 @@ mod tests {
     use crate::arm::{Arm, Load, Pose, Preset};
     use crate::control::ModeNumber;
 
-    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², lead to the points between them.
+    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², beside which the other mode moves, lead to the points between
+    /// them.
     #[test]
     fn findings_lead_to_the_next_point() {
         let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
@@ -143,8 +183,11 @@ mod tests {
         let model = ModeModel::new(&arm, &Load::torque_nm(1.0, 0.0), ModeNumber::First);
         let (w1, m) = (model.angular_frequency_rad_s, model.modal_mass);
         let (softening, damping) = (2.0e3, 2.0 * model.damping_ratio * w1 * m);
-        let stiffness =
-            |a: f64, omega: f64| Phasor::new(m * (w1 * w1 - softening * a * a - omega * omega), damping * omega);
+        let other = OtherMode::new(&model);
+        let stiffness = |a: f64, omega: f64| {
+            let own = Phasor::new(m * (w1 * w1 - softening * a * a - omega * omega), damping * omega);
+            (own.inv() + other.compliance(omega)).inv()
+        };
         let mut backbone = BackboneModel::new(&model);
         for (a, omega) in [(0.01, w1), (0.02, w1), (0.03, w1), (0.04, w1 - 0.02)] {
             backbone.add(a, omega, stiffness(a, omega), 1e-4);
