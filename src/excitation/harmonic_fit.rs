@@ -20,7 +20,10 @@ pub type SineFit<const N: usize> = HarmonicFit<N, 3>;
 #[derive(Clone, Debug)]
 pub struct HarmonicFit<const N: usize, const P: usize> {
     samples: u64,
-    normals: [SMatrix<f64, P, P>; N],
+    /// Σ w p pᵀ of all samples.
+    normal: SMatrix<f64, P, P>,
+    /// The same of a channel that lacks some.
+    own_normals: [Option<SMatrix<f64, P, P>>; N],
     moments: [SVector<f64, P>; N],
     /// Σ w y².
     squares: [f64; N],
@@ -29,7 +32,13 @@ pub struct HarmonicFit<const N: usize, const P: usize> {
 impl<const N: usize, const P: usize> HarmonicFit<N, P> {
     /// A fit over a window of `samples` samples.
     pub fn new(samples: u64) -> HarmonicFit<N, P> {
-        HarmonicFit { samples, normals: [SMatrix::zeros(); N], moments: [SVector::zeros(); N], squares: [0.0; N] }
+        HarmonicFit {
+            samples,
+            normal: SMatrix::zeros(),
+            own_normals: [None; N],
+            moments: [SVector::zeros(); N],
+            squares: [0.0; N],
+        }
     }
 
     /// Takes in the sample number `k` of the window (0 is the first), at the phase `phase_cycles` of the drive. A
@@ -45,11 +54,23 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         }
         let square = basis * basis.transpose() * weight;
         for (channel, value) in values.iter().enumerate() {
-            let Some(value) = value else { continue };
-            self.normals[channel] += square;
+            let own_normal = &mut self.own_normals[channel];
+            let Some(value) = value else {
+                own_normal.get_or_insert(self.normal);
+                continue;
+            };
+            if let Some(own_normal) = own_normal {
+                *own_normal += square;
+            }
             self.moments[channel] += basis * (weight * value);
             self.squares[channel] += weight * value * value;
         }
+        self.normal += square;
+    }
+
+    /// Σ w p pᵀ of a channel.
+    fn normal(&self, channel: usize) -> &SMatrix<f64, P, P> {
+        self.own_normals[channel].as_ref().unwrap_or(&self.normal)
     }
 
     /// The phasors of each channel's fundamental; `None` if the samples do not determine them.
@@ -61,8 +82,8 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
     pub fn harmonics<const ORDERS: usize>(&self) -> Option<[[Phasor; ORDERS]; N]> {
         const { assert!(2 * ORDERS < P, "more harmonics than are fitted") };
         let mut all = [[Phasor::new(0.0, 0.0); ORDERS]; N];
-        for ((harmonics, normal), moment) in all.iter_mut().zip(&self.normals).zip(&self.moments) {
-            let x = normal.cholesky()?.solve(moment);
+        for (channel, (harmonics, moment)) in all.iter_mut().zip(&self.moments).enumerate() {
+            let x = self.normal(channel).cholesky()?.solve(moment);
             *harmonics = core::array::from_fn(|index| phasor(&x, index + 1));
         }
         Some(all)
@@ -70,7 +91,7 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
 
     /// The root mean square of what the fit leaves of a channel: √((Σ w y² − xᵀ Σ w y p)/Σ w).
     pub fn residual_rms(&self, channel: usize) -> Option<f64> {
-        let (normal, moment) = (&self.normals[channel], &self.moments[channel]);
+        let (normal, moment) = (self.normal(channel), &self.moments[channel]);
         let x = normal.cholesky()?.solve(moment);
         Some(libm::sqrt(((self.squares[channel] - x.dot(moment)) / normal[(0, 0)]).max(0.0)))
     }

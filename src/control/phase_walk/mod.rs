@@ -55,8 +55,8 @@ const DRIFT_TOLERANCE: f64 = 5e-4;
 /// the angle changes by a hundred times less than from one point to the next.
 const RAMP: f64 = 3.0;
 const RAMP_AGAIN: f64 = 1.0;
-const SETTLE: f64 = 6.0;
-const SETTLE_AGAIN: f64 = 4.0;
+const SETTLE: f64 = 4.0;
+const SETTLE_AGAIN: f64 = 3.0;
 const READ: f64 = 5.0;
 /// How much longer a reading becomes with each try, as part of its length.
 const RETRY: f64 = 0.25;
