@@ -57,6 +57,8 @@ const RAMP: f64 = 3.0;
 const RAMP_AGAIN: f64 = 1.0;
 const SETTLE: f64 = 4.0;
 const SETTLE_AGAIN: f64 = 3.0;
+/// What is commanded to cancel a harmonic may set the other mode ringing, near that harmonic.
+const SETTLE_CANCELLING: f64 = 6.0;
 const READ: f64 = 5.0;
 /// How much longer a reading becomes with each try, as part of its length.
 const RETRY: f64 = 0.25;
@@ -256,7 +258,7 @@ impl PhaseWalk {
         }
         let change = (to.amplitude_rad - from.amplitude_rad).abs();
         let spare = 0.5 * (self.limit - self.plan.load());
-        let ramp = if self.tries == 0 { RAMP } else { RAMP_AGAIN };
+        let ramp = if self.is_near() { RAMP_AGAIN } else { RAMP };
         let seconds = (4.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(ramp / self.gain_1_s);
 
         let beat_s = TAU / (self.model.other_angular_frequency_rad_s - to.omega_rad_s).abs();
@@ -305,7 +307,17 @@ impl PhaseWalk {
     }
 
     fn settle_s(&self) -> f64 {
-        (if self.tries == 0 { SETTLE } else { SETTLE_AGAIN }) / self.gain_1_s
+        let constants = match self.cancellation {
+            Some(_) => SETTLE_CANCELLING,
+            None if self.is_near() => SETTLE_AGAIN,
+            None => SETTLE,
+        };
+        constants / self.gain_1_s
+    }
+
+    /// Whether the next motion is all but the one before: another try of its point, with the same harmonics.
+    fn is_near(&self) -> bool {
+        self.tries > 0 && self.cancellation.is_none()
     }
 
     /// A point was read: reports it, or tries again.
