@@ -3,8 +3,7 @@
 //! Every motion goes as if it were alone: the step is the same source as
 //! [`Integrator::step`](crate::integrate::Integrator::step) makes with `dop853`, generic over one number or eight, so
 //! the states are the same bit for bit, whatever the processor offers. The implicit schemes, the default among them,
-//! don't go side by side: the number of Newton's iterations, the pivots and the division of a step differ from motion
-//! to motion.
+//! don't go side by side: the number of iterations, the pivots and the division of a step differ from motion to motion.
 
 use crate::arm::Load;
 use crate::arm::kernel::{Coefficients, Loads, Motion};
