@@ -10,7 +10,7 @@ import can
 import labwired
 import numpy as np
 import pytest
-from processes import PATIENCE_S, Programs, wait_until
+from processes import PATIENCE_S, Programs
 from recordings import Recording, bits
 
 FIRMWARE = os.environ.get("RESONARM_STM32F103", "firmware-protocol/c/build/stm32f103.elf")
@@ -102,11 +102,7 @@ def programs():
 
 @pytest.fixture
 def null_modem(tmp_path, programs):
-    """The paths of two pseudo-terminals, joined as two serial ports are by a null modem."""
-    ends = [tmp_path / name for name in ("plant", "exciter")]
-    programs.start("socat", "socat", *(f"pty,raw,echo=0,link={end}" for end in ends))
-    wait_until(lambda: all(end.exists() for end in ends), "socat to make the pseudo-terminals")
-    return ends
+    return programs.null_modem(tmp_path)
 
 
 @pytest.fixture

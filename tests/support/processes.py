@@ -110,6 +110,13 @@ class Programs:
         wait_until(lambda: interface in receivers(), "candump to listen")
         return dump
 
+    def null_modem(self, folder):
+        """The paths of two pseudo-terminals, joined as two serial ports are by a null modem."""
+        ends = [folder / name for name in ("plant", "exciter")]
+        self.start("socat", "socat", *(f"pty,raw,echo=0,link={end}" for end in ends))
+        wait_until(lambda: all(end.exists() for end in ends), "socat to make the pseudo-terminals")
+        return ends
+
 
 def receivers():
     """The interfaces on which somebody receives every frame, as the kernel tells."""

@@ -5,7 +5,6 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 from conftest import free, session
-from processes import wait_until
 from recordings import bits
 
 SCENARIO = """
@@ -35,11 +34,7 @@ def native(tmp_path_factory, scenario):
 
 @pytest.fixture
 def null_modem(tmp_path, programs):
-    """The paths of two pseudo-terminals, joined as two serial ports are by a null modem."""
-    ends = [tmp_path / name for name in ("plant", "exciter")]
-    programs.start("socat", "socat", *(f"pty,raw,echo=0,link={end}" for end in ends))
-    wait_until(lambda: all(end.exists() for end in ends), "socat to make the pseudo-terminals")
-    return ends
+    return programs.null_modem(tmp_path)
 
 
 def ends_like(run, native):

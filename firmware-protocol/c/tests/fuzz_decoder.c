@@ -10,18 +10,8 @@
 #include <string.h>
 
 #include "protect.h"
+#include "random.h"
 #include "resonarm.h"
-
-static uint64_t random_state;
-
-/* xorshift64* (S. Vigna 2016, ACM Trans. Math. Softw. 42, 30). */
-static uint32_t random_word(void)
-{
-    random_state ^= random_state >> 12;
-    random_state ^= random_state << 25;
-    random_state ^= random_state >> 27;
-    return (uint32_t)((random_state * UINT64_C(2685821657736338717)) >> 32);
-}
 
 /* Bits without a signal are zero most of the time, lest no long frame passes. */
 static void clear_reserved(resonarm_kind kind, resonarm_frame *frame)

@@ -6,19 +6,9 @@
 #include <stdio.h>
 
 #include "../fuzz/node.c"
+#include "random.h"
 
 #define LONGEST 8192u
-
-static uint64_t random_state;
-
-/* xorshift64* (S. Vigna 2016, ACM Trans. Math. Softw. 42, 30). */
-static uint32_t random_word(void)
-{
-    random_state ^= random_state >> 12;
-    random_state ^= random_state << 25;
-    random_state ^= random_state >> 27;
-    return (uint32_t)((random_state * UINT64_C(2685821657736338717)) >> 32);
-}
 
 int main(int count, char **arguments)
 {
