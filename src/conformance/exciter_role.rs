@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::source::Samples;
-use super::tester::{MS, Stop, Tester, inconclusive};
+use super::tester::{MS, Stop, Tester, inconclusive, is_state};
 use crate::protocol::{Hello, Message, Node, NodeState, OperatorCommand, OperatorRequest};
 
 /// Waits for an exciter and its hello; the tester then speaks at its rate.
@@ -45,12 +45,13 @@ fn is_arm(message: &Message) -> bool {
     matches!(message, Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant }))
 }
 
-/// The samples that were answered, from a place in the log on.
+/// The samples that were answered, from a place in the log on, until it boots: then it is another exciter.
 pub(super) fn commands(t: &Tester, from: usize) -> Vec<u16> {
     let sample = |message: &Message| match message {
         Message::Force(command) => Some(command.sample),
         Message::Torque(command) => Some(command.sample),
         _ => None,
     };
-    t.heard[from..].iter().filter_map(|heard| sample(&heard.message)).collect()
+    let until_boot = t.heard[from..].iter().take_while(|heard| !is_state(&heard.message, NodeState::BootUp));
+    until_boot.filter_map(|heard| sample(&heard.message)).collect()
 }

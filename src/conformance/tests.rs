@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use super::*;
 use crate::protocol::{ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter};
-use device::{Device, ExciterDevice, PlantDevice, Virtual};
+use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Virtual};
 
 /// The ids of the marks in the text.
 fn marks(text: &str) -> Vec<&str> {
@@ -136,6 +136,20 @@ fn what_an_exciter_of_the_case_before_still_says_is_not_judged() {
         let mut wire = Virtual::with_waiting(Box::new(ExciterDevice::new(network)), frames);
         let Finding { verdict, .. } = run(&case, &mut wire, network, settings()).unwrap();
         assert!(matches!(verdict, Verdict::Passed | Verdict::Skipped(_)), "{}: {verdict:?}", case.id);
+    }
+}
+
+/// Where an exciter takes its time to begin, that which follows it may answer samples before the case is over.
+#[test]
+fn what_an_exciter_that_is_started_again_says_is_not_that_of_the_one_before() {
+    let network = Network::default();
+    // Later than this a hello that doesn't fit would go unanswered for too long.
+    for late_ms in (0..=300).step_by(50) {
+        for case in cases(Node::Exciter) {
+            let mut wire = Virtual::new(Box::new(StartedAgain::new(network, late_ms * 1_000_000)));
+            let Finding { verdict, .. } = run(&case, &mut wire, network, settings()).unwrap();
+            assert!(!matches!(verdict, Verdict::Failed(_)), "{}, {late_ms} ms late: {verdict:?}", case.id);
+        }
     }
 }
 

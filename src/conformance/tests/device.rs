@@ -241,3 +241,41 @@ impl Device for ExciterDevice {
         }
     }
 }
+
+/// An exciter that takes in nothing until a time, and is started again whenever it has ended.
+pub struct StartedAgain {
+    exciter: ExciterDevice,
+    listens_from_ns: u64,
+    waiting: Vec<Frame>,
+}
+
+impl StartedAgain {
+    pub fn new(network: Network, listens_from_ns: u64) -> StartedAgain {
+        StartedAgain { exciter: ExciterDevice::new(network), listens_from_ns, waiting: Vec::new() }
+    }
+}
+
+impl Device for StartedAgain {
+    fn hear(&mut self, now_ns: u64, frame: &Frame) {
+        match now_ns < self.listens_from_ns {
+            true => self.waiting.push(*frame),
+            false => self.exciter.hear(now_ns, frame),
+        }
+    }
+
+    fn tick(&mut self, now_ns: u64) {
+        if now_ns >= self.listens_from_ns {
+            for frame in self.waiting.drain(..) {
+                self.exciter.hear(now_ns, &frame);
+            }
+        }
+        if self.exciter.node.outcome().is_some() {
+            self.exciter = ExciterDevice::new(self.exciter.network);
+        }
+        self.exciter.tick(now_ns);
+    }
+
+    fn say(&mut self) -> Option<Frame> {
+        self.exciter.say()
+    }
+}
