@@ -47,10 +47,10 @@ impl OtherMode {
 
 /// ω₀²(A²) and κ(A²) from the findings so far.
 ///
-/// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's own dynamic stiffness is
-/// D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to the
-/// angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² + Re D/m
-/// and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked
+/// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's own dynamic stiffness
+/// is D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to the
+/// angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² +
+/// Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked
 /// for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings weigh
 /// more.
 #[derive(Clone, Debug, Default)]
@@ -145,8 +145,8 @@ impl BackboneModel {
         normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
     }
 
-    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved by
-    /// iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it U/a =
+    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved
+    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it U/a =
     /// F e^{iφ}/A gives D, whose parts are A Im D = F sin φ and Re D = Im D cot φ no more, but hardly change with A.
     pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
         const ITERATIONS: usize = 50;

@@ -132,9 +132,9 @@ fn columns<T, const C: usize>(entry: impl Fn(usize, usize) -> T) -> Columns<T, C
 #[inline(always)]
 fn add_product<T: Real, const C: usize>(sum: &mut [T; 4], matrix: &Columns<T, C>, y: &[f64; C]) {
     let pair = |row: usize, n: usize| matrix[n][row] * T::splat(y[n]) + matrix[n + 1][row] * T::splat(y[n + 1]);
-    for row in 0..4 {
+    for (row, sum) in sum.iter_mut().enumerate() {
         let product = if C == 4 { pair(row, 0) + pair(row, 2) } else { pair(row, 0) };
-        sum[row] = sum[row] + product;
+        *sum = *sum + product;
     }
 }
 

@@ -1,7 +1,7 @@
 //! Newton's method for the stages of a step.
 //!
-//! Its matrix has the blocks δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It takes what is stiff exactly, so it converges where fixed-point
-//! iteration does not.
+//! Its matrix has the blocks δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It takes what is stiff exactly, so it converges where
+//! fixed-point iteration does not.
 
 use core::array;
 
@@ -55,12 +55,11 @@ fn iterate<const S: usize>(stages: &Stages<S>, slopes: &mut Slopes<S>) -> Option
             let lambda = &stages.linear[row];
             let by_y = [p[(row, 0)], p[(row, 1)], q[(row, 0)], q[(row, 1)]];
             let by_y: [f64; 4] = array::from_fn(|n| by_y[n] - lambda[n]);
-            for j in 0..S {
-                for column in 0..2 {
-                    let block = &stages.step.rounded[j][column];
-                    let slope: f64 = (0..4).map(|n| by_y[n] * block[n].lane(i)).sum();
+            for (j, (entries, columns)) in matrix[i][row].iter_mut().zip(&stages.step.rounded).enumerate() {
+                for (column, (entry, block)) in entries.iter_mut().zip(columns).enumerate() {
+                    let slope: f64 = by_y.iter().zip(block).map(|(by, entry)| by * entry.lane(i)).sum();
                     let unit = if i == j && row == column { 1.0 } else { 0.0 };
-                    matrix[i][row][j][column] = unit - slope;
+                    *entry = unit - slope;
                 }
             }
         }
