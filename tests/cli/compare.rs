@@ -127,7 +127,7 @@ fn dwells_in_open_loop_lie_on_the_branch_of_the_force_that_acted() {
 fn says_why_a_recording_can_t_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/lockstep-dwell.mcap");
+    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/another-dbc.mcap");
     fs::copy(old, folder.join("old.mcap")).unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version refuses the recorded plant (another DBC): read it with the version that recorded it");
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";

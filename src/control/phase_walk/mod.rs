@@ -51,14 +51,9 @@ const LAG_TOLERANCE_RAD: f64 = 0.01;
 const AMPLITUDE_TOLERANCE: f64 = 1e-3;
 /// How much the angle may change while a point is read, relative.
 const DRIFT_TOLERANCE: f64 = 5e-4;
-/// Lengths of ramp (at least), wait and reading, in time constants 1/g of the loop. To the next try of the same point
-/// the angle changes by a hundred times less than from one point to the next.
+/// Lengths of ramp (at least), wait and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
-const RAMP_AGAIN: f64 = 1.0;
 const SETTLE: f64 = 4.0;
-const SETTLE_AGAIN: f64 = 3.0;
-/// What is commanded to cancel a harmonic may set the other mode ringing, near that harmonic.
-const SETTLE_CANCELLING: f64 = 6.0;
 const READ: f64 = 5.0;
 /// How much longer a reading becomes with each try, as part of its length.
 const RETRY: f64 = 0.25;
@@ -247,10 +242,8 @@ impl PhaseWalk {
         self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
     }
 
-    /// A change of amplitude takes the load 2ωm Ȧ; the ramp's steepest slope is twice the mean. Half of what the exciter
-    /// has beyond the walk's own load is taken for it. At the published damping that load is a hundred times the walk's
-    /// own, and would set the other mode ringing, which shifts the frequency of this one: so the ramp lasts a whole
-    /// number of beats between the two.
+    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of what the
+    /// exciter has beyond the walk's own load is taken for it.
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
         if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude_rad > 0.0) {
@@ -258,11 +251,7 @@ impl PhaseWalk {
         }
         let change = (to.amplitude_rad - from.amplitude_rad).abs();
         let spare = 0.5 * (self.limit - self.plan.load());
-        let ramp = if self.is_near() { RAMP_AGAIN } else { RAMP };
-        let seconds = (4.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(ramp / self.gain_1_s);
-
-        let beat_s = TAU / (self.model.other_angular_frequency_rad_s - to.omega_rad_s).abs();
-        let seconds = libm::ceil(seconds / beat_s) * beat_s;
+        let seconds = (3.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(RAMP / self.gain_1_s);
         self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
     }
 
@@ -286,7 +275,7 @@ impl PhaseWalk {
                 let more = self.point < self.plan.points();
                 self.stage = if more { Stage::Settle { since: n } } else { Stage::Done(None) };
             }
-            Stage::Settle { since } if n >= since + self.samples_in(self.settle_s()) => {
+            Stage::Settle { since } if n >= since + self.samples_in(SETTLE / self.gain_1_s) => {
                 let period_s = TAU / self.target.omega_rad_s;
                 let patience = self.read_factor * (1.0 + RETRY * f64::from(self.tries));
                 let periods = libm::ceil(patience * READ / self.gain_1_s / period_s);
@@ -304,20 +293,6 @@ impl PhaseWalk {
             }
             _ => {}
         }
-    }
-
-    fn settle_s(&self) -> f64 {
-        let constants = match self.cancellation {
-            Some(_) => SETTLE_CANCELLING,
-            None if self.is_near() => SETTLE_AGAIN,
-            None => SETTLE,
-        };
-        constants / self.gain_1_s
-    }
-
-    /// Whether the next motion is all but the one before: another try of its point, with the same harmonics.
-    fn is_near(&self) -> bool {
-        self.tries > 0 && self.cancellation.is_none()
     }
 
     /// A point was read: reports it, or tries again.
@@ -418,11 +393,10 @@ impl PhaseWalk {
     }
 }
 
-/// Share of a ramp's change done at its part `x`, and the slope: s = x − sin(2πx)/2π. A ramp over a whole number of
-/// periods of a beat has no part at the beat's frequency, as the window of Hann has none.
+/// A ramp's way, smoothly from 0 to 1, and its slope, at the part `x` of its length.
 fn ramped(x: f64) -> (f64, f64) {
-    let (sine, cosine) = libm::sincos(TAU * x);
-    (x - sine / TAU, 1.0 - cosine)
+    let x = x.min(1.0);
+    (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x))
 }
 
 impl Controller for PhaseWalk {
