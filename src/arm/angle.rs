@@ -91,8 +91,8 @@ impl<T: Real> Angle<T> {
         T::where_within(small_rad, LIMIT_RAD, self.near(small_rad), [self.base_rad, self.length], far)
     }
 
-    /// The same. With `FAR` at every angle; without it only where [`within_reach`] says so, to the same bits, and without
-    /// a branch or a call.
+    /// The same. With `FAR` at every angle; without it only where [`within_reach`] says so, to the same bits, and
+    /// without a branch or a call.
     #[inline(always)]
     pub fn sincos<const FAR: bool>(&self, small_rad: T) -> (T, T) {
         if FAR { self.sincos_plus(small_rad) } else { self.near(small_rad) }

@@ -96,8 +96,8 @@ impl Attached {
         }
     }
 
-    /// α̈: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0. The force's share of r is w times what
-    /// of it acts along the direction, and (Q + P, P) times what acts across.
+    /// α̈: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0. The force's share of r is w times
+    /// what of it acts along the direction, and (Q + P, P) times what acts across.
     #[inline(always)]
     fn acceleration<const FAR: bool>(&self, c: &Coefficients<f64>, state: &State, load: &Load) -> Vector2<f64> {
         let motion: Motion<f64> = state.into();

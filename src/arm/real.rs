@@ -1,7 +1,7 @@
 //! One number or several at once: what the equation of motion is written in.
 //!
-//! The same source computes a single arm and several motions side by side, so both give the same bits: each lane sees the
-//! same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
+//! The same source computes a single arm and several motions side by side, so both give the same bits: each lane sees
+//! the same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -48,11 +48,11 @@ impl OtherMode {
 /// ω₀²(A²) and κ(A²) from the findings so far.
 ///
 /// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's own dynamic stiffness
-/// is D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to the
-/// angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² +
-/// Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are asked
-/// for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings weigh
-/// more.
+/// is D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to
+/// the angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² +
+/// Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are
+/// asked for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings
+/// weigh more.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BackboneModel {
     mass: f64,
@@ -146,8 +146,9 @@ impl BackboneModel {
     }
 
     /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved
-    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it U/a =
-    /// F e^{iφ}/A gives D, whose parts are A Im D = F sin φ and Re D = Im D cot φ no more, but hardly change with A.
+    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it
+    /// U/a = F e^{iφ}/A gives D, whose parts are A Im D = F sin φ and Re D = Im D cot φ no more, but hardly change with
+    /// A.
     pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
         const ITERATIONS: usize = 50;
         let (mut amplitude, mut omega) = near;
@@ -174,8 +175,8 @@ mod tests {
     use crate::arm::{Arm, Load, Pose, Preset};
     use crate::control::ModeNumber;
 
-    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², beside which the other mode moves, lead to the points between
-    /// them.
+    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², beside which the other mode moves, lead to the points
+    /// between them.
     #[test]
     fn findings_lead_to_the_next_point() {
         let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
