@@ -86,8 +86,9 @@ fn a_recording_of_format_1_is_read_as_it_was() -> Outcome {
     let origin = recording.origin();
     assert_eq!((origin.format, origin.time, origin.start_unix_ns), (1, RunTime::Simulated, None));
     assert_eq!((recording.integrity(), recording.summary().clipped_samples), (&Integrity::Complete, None));
+    // Its last digits are those of another arithmetic: the motions are the same to rounding.
     let verdict = resimulate(&recording)?;
-    assert!(verdict.identical && verdict.samples == 151, "{verdict:?}");
+    assert!(verdict.samples == 151 && verdict.max_drift_rad < 1e-15, "{verdict:?}");
     for sample in recording.samples()? {
         assert_eq!(sample?.clipped, None);
     }
