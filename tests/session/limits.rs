@@ -84,7 +84,7 @@ fn stuck_and_dropped_out_axes_do_not_move() {
 
 #[test]
 fn noise_in_the_head_s_cable_distorts_the_force() {
-    let noise = "instrument = 'impedance_head'\naxis = 'x'\nkind = 'noise'\nrms_n = 60\nfrom_s = 1";
+    let noise = "instrument = 'impedance_head'\naxis = 'x'\nkind = 'noise'\nrms_n = 20\nfrom_s = 1";
     let abort = abort(FORCE_WALK, "distortion = 0.05", noise);
     assert!(matches!(abort, Abort::Distorted { got, limit: 0.05, .. } if got > 0.05 && got < 1.0), "{abort}");
     let abort = Abort::Distorted { got: 0.23361, limit: 0.05, frequency_hz: 22.08731, time_s: 9.692 };
