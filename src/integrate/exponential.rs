@@ -28,7 +28,7 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Coefficients, Collocation, LEVELS, Step, least_level};
+use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
 use super::gauss_legendre::GL6;
 use crate::arm::{Arm, Load, State};
@@ -135,7 +135,7 @@ fn identity() -> Block {
 /// The step from the exponentials at its nodes and its end.
 fn step(nodes: [&Block; STAGES], end: &Block, h_s: f64, unit_rad_s: f64) -> Step<STAGES> {
     let factors: [[DoubleDouble; STAGES]; STAGES] = array::from_fn(|j| slope_factors(j, h_s * unit_rad_s));
-    Step::new(&Coefficients {
+    Step::new(&MethodCoefficients {
         h_s,
         c: GL6.c(),
         b: GL6.b(),

@@ -10,7 +10,7 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Coefficients, Collocation, LEVELS, Step, least_level};
+use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
 use crate::arm::Arm;
 
@@ -88,7 +88,7 @@ impl<const S: usize> Tableau<S> {
         let stages: [[[DoubleDouble; 2]; S]; S] =
             array::from_fn(|i| array::from_fn(|j| [h * h * sum(&|k| a[i][k] * a[k][j]), h * a[i][j]]));
         let weights: [[DoubleDouble; 2]; S] = array::from_fn(|j| [h * h * sum(&|i| b[i] * a[i][j]), h * b[j]]);
-        Step::new(&Coefficients {
+        Step::new(&MethodCoefficients {
             h_s,
             c,
             b,

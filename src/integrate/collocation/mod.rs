@@ -58,7 +58,7 @@ pub(super) struct Step<const S: usize> {
 }
 
 /// What a method sets for a step length, by stage, row and column.
-pub(super) struct Coefficients<const S: usize, Start, Stage, End, Weight> {
+pub(super) struct MethodCoefficients<const S: usize, Start, Stage, End, Weight> {
     /// h, s.
     pub h_s: f64,
     /// Nodes and weights of the quadrature under the method.
@@ -76,7 +76,7 @@ pub(super) struct Coefficients<const S: usize, Start, Stage, End, Weight> {
 
 impl<const S: usize> Step<S> {
     pub fn new(
-        of: &Coefficients<
+        of: &MethodCoefficients<
             S,
             impl Fn(usize, usize, usize) -> DoubleDouble,
             impl Fn(usize, usize, usize, usize) -> DoubleDouble,
