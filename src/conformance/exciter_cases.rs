@@ -127,9 +127,8 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     let period_ns = sample_period_ns(t.hello.rate_hz);
     let most_ns = HEARTBEAT_TIMEOUT_NS + period_ns + MARGIN_NS;
     let from = t.heard.len();
-    let Some((heard, e)) = t.wait_for_emergency(most_ns)? else {
-        return late(format!("no emergency {} after the last sample", ms(most_ns)));
-    };
+    let text = format!("no emergency {} after the last sample", ms(most_ns));
+    let (heard, e) = t.expect_emergency(most_ns, EmergencyCode::SensorTimeout, text)?;
     let after_ns = heard.at_ns - silent_ns;
     if e.code != EmergencyCode::SensorTimeout {
         return failed(format!("without samples it says: {e}"));
@@ -199,10 +198,10 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
 /// It says the code, and then that it is in fault, and commands no more.
 fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Stop> {
     let from = t.heard.len();
-    match t.wait_for_emergency(within_ns)? {
-        Some((_, e)) if e.code == code => ends(t, from, NodeState::Fault),
-        Some((_, e)) => failed(format!("in place of {code} it says: {e}")),
-        None => late(format!("no emergency within {}: {code} was to come", ms(within_ns))),
+    let text = format!("no emergency within {}: {code} was to come", ms(within_ns));
+    match t.expect_emergency(within_ns, code, text)? {
+        (_, e) if e.code == code => ends(t, from, NodeState::Fault),
+        (_, e) => failed(format!("in place of {code} it says: {e}")),
     }
 }
 

@@ -110,10 +110,7 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
 }
 
 fn becomes(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
-    match t.wait_for_state(MARGIN_NS, state)? {
-        Some(_) => Ok(()),
-        None => late(format!("no heartbeat {state:?} within {}", ms(MARGIN_NS))),
-    }
+    t.expect_state(MARGIN_NS, state, format!("no heartbeat {state} within {}", ms(MARGIN_NS)))
 }
 
 fn stays(t: &mut Tester, state: NodeState, requests: &[OperatorRequest]) -> Result<(), Stop> {
@@ -168,9 +165,8 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     t.answers = Answers::None;
     let (from, last) = (t.heard.len(), t.answered.unwrap_or(0));
-    let Some((_, e)) = t.wait_for_emergency(timeout_ns(t))? else {
-        return late(format!("no emergency {} after the last command", ms(timeout_ns(t))));
-    };
+    let text = format!("no emergency {} after the last command", ms(timeout_ns(t)));
+    let (_, e) = t.expect_emergency(timeout_ns(t), EmergencyCode::CommandTimeout, text)?;
     if e.code != EmergencyCode::CommandTimeout {
         return failed(format!("without commands it says: {e}"));
     }
@@ -198,9 +194,7 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
     t.request(OperatorRequest::Disarm)?;
-    if t.wait_for_state(MARGIN_NS, NodeState::PreOperational)?.is_none() {
-        return late(format!("no heartbeat pre-operational within {}", ms(MARGIN_NS)));
-    }
+    becomes(t, NodeState::PreOperational)?;
     let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else { return failed("no force is measured") };
     run_samples(t, samples(t, 2 * FORCE_RAMP_NS))?;
     ramps(t, from, left_at)
@@ -235,10 +229,10 @@ pub(super) fn partner_fault(t: &mut Tester) -> Result<(), Stop> {
         meet(t)?;
         arm(t, Answers::Force(0.0))?;
         t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state }))?;
-        match t.wait_for_emergency(MARGIN_NS)? {
-            Some((_, e)) if e.code == EmergencyCode::PartnerFault => {}
-            Some((_, e)) => return failed(format!("after the exciter's heartbeat {state:?} it says: {e}")),
-            None => return late(format!("no emergency after the exciter's heartbeat {state:?}")),
+        let text = format!("no emergency after the exciter's heartbeat {state:?}");
+        let (_, e) = t.expect_emergency(MARGIN_NS, EmergencyCode::PartnerFault, text)?;
+        if e.code != EmergencyCode::PartnerFault {
+            return failed(format!("after the exciter's heartbeat {state:?} it says: {e}"));
         }
         if t.wait_for_emergency(HEARTBEAT_TIMEOUT_NS)?.is_some() {
             return failed("it tells its fault more than once");
@@ -270,9 +264,9 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
     let Ok(frame) = t.stranger().frame(&hello) else { return inconclusive("the tester can't make a hello") };
     t.send_frame(&frame)?;
     let identifier = MessageKind::PlantHello.id(t.network);
-    match t.wait_for_emergency(MARGIN_NS)? {
-        Some((_, e)) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
-        Some((_, e)) => failed(format!("hearing its own hello from another node it says: {e}")),
-        None => late("it doesn't mind its own hello from another node"),
+    let text = "it doesn't mind its own hello from another node";
+    match t.expect_emergency(MARGIN_NS, EmergencyCode::SecondSender, text)? {
+        (_, e) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
+        (_, e) => failed(format!("hearing its own hello from another node it says: {e}")),
     }
 }

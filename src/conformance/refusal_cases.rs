@@ -4,7 +4,7 @@ use alloc::format;
 
 use super::damage::{Damage, needs_fd};
 use super::plant_role::{arm, drive, forces, meet, samples, timeout_ns};
-use super::tester::{Answers, Stop, Tester, failed, late, ms};
+use super::tester::{Answers, Stop, Tester, failed, ms};
 use crate::protocol::timing::COMMAND_AGE_NS;
 use crate::protocol::{Emergency, EmergencyCode, Refusal};
 
@@ -69,15 +69,15 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
 /// The plant faults for want of commands, and what it is sent meanwhile doesn't act.
 fn starves(t: &mut Tester, from: usize) -> Result<Emergency, Stop> {
     let within_ns = timeout_ns(t);
-    let word = t.wait_for_emergency(within_ns)?;
+    let text = format!("it feeds the timeout: no fault within {}", ms(within_ns));
+    let word = t.expect_emergency(within_ns, EmergencyCode::CommandTimeout, text);
     let acted = forces(t, from).find(|(_, read_n)| *read_n < -0.5 * t.settings.force_n);
     if let Some((sample, read_n)) = acted {
         return failed(format!("it acts: the head reads {read_n:.2} N at sample {sample}"));
     }
-    match word {
-        Some((_, e)) if e.code == EmergencyCode::CommandTimeout => Ok(e),
-        Some((_, e)) => failed(format!("in place of a command timeout it says: {e}")),
-        None => late(format!("it feeds the timeout: no fault within {}", ms(within_ns))),
+    match word? {
+        (_, e) if e.code == EmergencyCode::CommandTimeout => Ok(e),
+        (_, e) => failed(format!("in place of a command timeout it says: {e}")),
     }
 }
 

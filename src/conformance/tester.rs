@@ -65,6 +65,8 @@ pub(super) enum Stop {
     Failed(String),
     /// The node doesn't do by the clock what it must: a node that is stopped does so, too.
     Late(String),
+    /// The node does what it must, but after its time: it may have been stopped often, each time too briefly to be seen.
+    Slow(String),
     /// It can't be said.
     Inconclusive(String),
     /// It is not to be tried, or can't be here.
@@ -85,6 +87,11 @@ pub(super) fn failed<T>(text: impl Into<String>) -> Result<T, Stop> {
 
 pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Late(text.into()))
+}
+
+/// What must have come, in words, came so much later.
+fn slow<T>(text: impl Into<String>, late_ns: u64) -> Result<T, Stop> {
+    Err(Stop::Slow(format!("{}, but {} later", text.into(), ms(late_ns))))
 }
 
 pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
@@ -288,6 +295,36 @@ impl<'w> Tester<'w> {
     pub fn wait_for_emergency(&mut self, within_ns: u64) -> Result<Option<(Heard, Emergency)>, Stop> {
         let heard = self.wait_for(within_ns, |message| emergency(message).is_some())?;
         Ok(heard.and_then(|heard| Some((heard, emergency(&heard.message)?))))
+    }
+
+    /// The emergency that must come within a time. Another code than this may come, for the case to judge; none is late,
+    /// with these words, or slow if this code comes after all.
+    pub fn expect_emergency(
+        &mut self,
+        within_ns: u64,
+        code: EmergencyCode,
+        text: impl Into<String>,
+    ) -> Result<(Heard, Emergency), Stop> {
+        let end_ns = self.now_ns() + within_ns;
+        if let Some(word) = self.wait_for_emergency(within_ns)? {
+            return Ok(word);
+        }
+        match self.wait_for_emergency(GONE_NS)? {
+            Some((heard, e)) if e.code == code => slow(text, heard.at_ns - end_ns),
+            _ => late(text),
+        }
+    }
+
+    /// The heartbeat of a state that must come within a time: none is late, with these words, or slow if it comes after.
+    pub fn expect_state(&mut self, within_ns: u64, state: NodeState, text: impl Into<String>) -> Result<(), Stop> {
+        let end_ns = self.now_ns() + within_ns;
+        if self.wait_for_state(within_ns, state)?.is_some() {
+            return Ok(());
+        }
+        match self.wait_for_state(GONE_NS, state)? {
+            Some(heard) => slow(text, heard.at_ns - end_ns),
+            None => late(text),
+        }
     }
 
     /// Does what is due, and takes in at most one frame, at the latest at `until_ns`.

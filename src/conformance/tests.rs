@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use super::*;
 use crate::protocol::{ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter};
-use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Virtual};
+use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Stops, Virtual};
 
 /// The ids of the marks in the text.
 fn marks(text: &str) -> Vec<&str> {
@@ -109,7 +109,8 @@ fn a_node_that_is_stopped_again_and_again_is_never_failed() {
                     Node::Plant => Box::new(PlantDevice::new(network)),
                     Node::Exciter => Box::new(ExciterDevice::new(network)),
                 });
-                wire.stopped_every_ns = Some(every_ms * 1_000_000);
+                let every_ns = every_ms * 1_000_000;
+                wire.stops = Some(Stops { for_ns: 150_000_000, every_ns, until_ns: u64::MAX });
                 let Finding { verdict, .. } = run(&case, &mut wire, network, settings()).unwrap();
                 assert!(
                     !matches!(verdict, Verdict::Failed(_)),
@@ -119,6 +120,28 @@ fn a_node_that_is_stopped_again_and_again_is_never_failed() {
             }
         }
     }
+}
+
+/// Many short stops, none of which is seen as a silence, make an exciter slow.
+#[test]
+fn an_exciter_that_is_slow_in_one_try_is_not_failed_and_one_that_is_slow_each_time_is() {
+    let network = Network::default();
+    let case = cases(Node::Exciter).find(|case| case.id == "exciter-sensor-timeout").unwrap();
+    let verdict = |flaw: Option<flaws::Flaw>, until_ns: u64| {
+        let mut wire = Virtual::new(Box::new(StartedAgain::new(ExciterDevice::with(network, flaw), 0)));
+        wire.stops = Some(Stops { for_ns: 40_000_000, every_ns: 70_000_000, until_ns });
+        run(&case, &mut wire, network, settings()).unwrap().verdict
+    };
+    insta::assert_debug_snapshot!(verdict(None, 1_000_000_000), @r#"
+    Inconclusive(
+        "no emergency 501 ms after the last sample, but 328 ms later, in 1 of 2 tries",
+    )
+    "#);
+    insta::assert_debug_snapshot!(verdict(Some(flaws::Flaw::SlowTimeout), 0), @r#"
+    Failed(
+        "no emergency 501 ms after the last sample, but 199 ms later",
+    )
+    "#);
 }
 
 /// An exciter that was stopped in the case before comes to its end in this one.
@@ -146,7 +169,7 @@ fn what_an_exciter_that_is_started_again_says_is_not_that_of_the_one_before() {
     // Later than this a hello that doesn't fit would go unanswered for too long.
     for late_ms in (0..=300).step_by(50) {
         for case in cases(Node::Exciter) {
-            let mut wire = Virtual::new(Box::new(StartedAgain::new(network, late_ms * 1_000_000)));
+            let mut wire = Virtual::new(Box::new(StartedAgain::new(ExciterDevice::new(network), late_ms * 1_000_000)));
             let Finding { verdict, .. } = run(&case, &mut wire, network, settings()).unwrap();
             assert!(!matches!(verdict, Verdict::Failed(_)), "{}, {late_ms} ms late: {verdict:?}", case.id);
         }

@@ -14,7 +14,15 @@ use crate::rig::{Exciter, Measurement, Reading};
 
 pub const RATE_HZ: u16 = 1000;
 const TICK_NS: u64 = 1_000_000;
-const STOP_NS: u64 = 150 * TICK_NS;
+
+/// The node is stopped for this long at the end of each such time, ns; what it is sent meanwhile waits.
+#[derive(Clone, Copy)]
+pub struct Stops {
+    pub for_ns: u64,
+    pub every_ns: u64,
+    /// They come to an end.
+    pub until_ns: u64,
+}
 
 /// A node as it is seen on a bus.
 pub trait Device {
@@ -43,8 +51,7 @@ pub struct Virtual {
     /// The tester is held up for 30 ms at every so many calls.
     pub held_up_every: Option<u64>,
     calls: u64,
-    /// The node is stopped for 150 ms at the end of each such time, ns; what it is sent meanwhile waits.
-    pub stopped_every_ns: Option<u64>,
+    pub stops: Option<Stops>,
     waiting: Vec<Frame>,
 }
 
@@ -62,13 +69,15 @@ impl Virtual {
             frames: VecDeque::new(),
             held_up_every: None,
             calls: 0,
-            stopped_every_ns: None,
+            stops: None,
             waiting: Vec::new(),
         }
     }
 
     fn is_stopped(&self) -> bool {
-        self.stopped_every_ns.is_some_and(|every_ns| self.ticked_ns % every_ns >= every_ns - STOP_NS)
+        self.stops.is_some_and(|Stops { for_ns, every_ns, until_ns }| {
+            self.ticked_ns < until_ns && self.ticked_ns % every_ns >= every_ns - for_ns
+        })
     }
 
     fn step(&mut self) {
@@ -211,8 +220,10 @@ impl ExciterDevice {
         let spec = ExcitationSpec { amplitude, ramp_s: 0.05, profile };
         let controller = Box::new(OpenLoop::new(Excitation::new(&spec, f64::from(RATE_HZ)).unwrap()));
         let mut timing = Timing::real_time(RATE_HZ);
-        if flaw == Some(Flaw::NoTimeout) {
-            timing.partner_timeout_ns = u64::MAX / 2;
+        match flaw {
+            Some(Flaw::NoTimeout) => timing.partner_timeout_ns = u64::MAX / 2,
+            Some(Flaw::SlowTimeout) => timing.partner_timeout_ns *= 2,
+            _ => {}
         }
         let mut node = ExciterNode::new(network, RATE_HZ, timing, controller);
         node.start(0);
@@ -250,8 +261,8 @@ pub struct StartedAgain {
 }
 
 impl StartedAgain {
-    pub fn new(network: Network, listens_from_ns: u64) -> StartedAgain {
-        StartedAgain { exciter: ExciterDevice::new(network), listens_from_ns, waiting: Vec::new() }
+    pub fn new(exciter: ExciterDevice, listens_from_ns: u64) -> StartedAgain {
+        StartedAgain { exciter, listens_from_ns, waiting: Vec::new() }
     }
 }
 
@@ -270,7 +281,7 @@ impl Device for StartedAgain {
             }
         }
         if self.exciter.node.outcome().is_some() {
-            self.exciter = ExciterDevice::new(self.exciter.network);
+            self.exciter = ExciterDevice::with(self.exciter.network, self.exciter.flaw);
         }
         self.exciter.tick(now_ns);
     }

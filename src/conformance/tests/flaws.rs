@@ -25,6 +25,8 @@ pub enum Flaw {
     ActsUnarmed,
     /// Waits for its partner for ever.
     NoTimeout,
+    /// Waits for its partner for twice as long as it must.
+    SlowTimeout,
     /// Cuts commands that are too large.
     Cuts,
     /// Its hello has another hash.
