@@ -185,7 +185,9 @@ fn run(error: &RunError) -> Exit {
         | RunError::PlantSpec(_)
         | RunError::Rate(_)
         | RunError::Speed(_)
-        | RunError::FreeHasNoBus => Exit::Usage,
+        | RunError::FreeHasNoBus
+        | RunError::BitErrors { .. }
+        | RunError::TimedInRealTime { .. } => Exit::Usage,
         RunError::NoPlant { .. } | RunError::PlantNotArmed { .. } | RunError::Histogram(_) => Exit::Environment,
         RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
     }

@@ -10,7 +10,7 @@ use crate::realtime::{HistogramError, PeriodicError, RateError};
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
 
-use super::SpeedError;
+use super::{Mode, SpeedError};
 
 /// Why a run can't begin, or ended early.
 #[derive(Debug, Error)]
@@ -31,6 +31,27 @@ pub enum RunError {
     /// A bus was given to a run without one.
     #[error("the mode free has no bus: plant and exciter run in one loop; take the mode lockstep")]
     FreeHasNoBus,
+    /// Bit errors were asked of a bus that can't be made to have them.
+    #[error(
+        "network.bit_error_rate is {bit_error_rate}: the bus of the mode {mode} has the bit errors that it has; leave it out, \
+         take --mode free, where they are simulated, or corrupt frames by [[network.faults]]",
+        bit_error_rate = short(.bit_error_rate)
+    )]
+    BitErrors {
+        /// The probability that a bit is not what was sent.
+        bit_error_rate: f64,
+        /// The mode of the run.
+        mode: Mode,
+    },
+    /// A bit rate was asked of the bus that both nodes of a run in real time share.
+    #[error(
+        "network.bit_rate_hz is {bit_rate_hz}: in real time plant and exciter of one process share a bus in memory, on which \
+         frames take no time; leave it out, or take the mode free or lockstep"
+    )]
+    TimedInRealTime {
+        /// Bits a second of arbitration.
+        bit_rate_hz: u32,
+    },
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),

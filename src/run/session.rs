@@ -74,7 +74,7 @@ impl Default for Options {
     }
 }
 
-/// What lies between the nodes of a free run.
+/// What lies between the nodes of a run that has both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Network {
     /// A bus on which every frame is there at once: each sample is answered before the next.
@@ -115,6 +115,9 @@ impl Session {
     /// [`RunError`] says what in scenario or options is impossible.
     pub fn new(scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
         scenario.wire_rate_hz()?;
+        if let (Mode::RealTime | Mode::Lockstep, Some(bit_error_rate)) = (mode, scenario.network.bit_error_rate) {
+            return Err(RunError::BitErrors { bit_error_rate, mode });
+        }
         let network = match (scenario.timed_bus()?, scenario.network.faults.is_empty()) {
             (None, true) => Network::Ideal,
             (timed, _) => Network::Real(timed),
@@ -209,26 +212,44 @@ impl Session {
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
     }
 
-    /// Runs both: in the mode free in one loop, else on a memory bus, the plant on the calling thread and the exciter
-    /// on one of its own. The run ends with the exciter's work.
+    /// Runs both: in the mode free in one loop, else on a bus inside this process, the plant on the calling thread and
+    /// the exciter on one of its own. The run ends with the exciter's work.
+    ///
+    /// In lockstep frames take their time by the clock if the scenario names the bit rate of its bus.
     ///
     /// # Errors
-    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    /// [`RunError`] if the run can't begin: also in real time with a bit rate. What ends it early is in the report.
     pub fn both(&self, signals: &Signals, on_event: impl FnMut(RunEvent)) -> Result<BothReport, RunError> {
         let mut session = self.clone();
         session.ending.on_disarm = true;
-        if self.mode == Mode::Free {
-            return session.free(session.recorder("none")?, signals, on_event);
+        match (self.mode, self.network) {
+            (Mode::Free, _) => session.free(session.recorder("none")?, signals, on_event),
+            (Mode::Lockstep, Network::Real(Some(spec))) => {
+                session.on_threads(timed::pair(&spec, &SystemClock), signals, on_event)
+            }
+            // The ends of a timed bus share a lock, for which a real-time thread must not wait.
+            (Mode::RealTime, Network::Real(Some(timed::Spec { rates, .. }))) => {
+                Err(RunError::TimedInRealTime { bit_rate_hz: rates.nominal_hz })
+            }
+            (Mode::RealTime | Mode::Lockstep, _) => session.on_threads(memory::pair(BUS_CAPACITY), signals, on_event),
         }
-        let mut node = session.exciter_node()?;
-        let [mut near, far] = memory::pair(BUS_CAPACITY);
+    }
+
+    /// The plant on the calling thread at the first end, the exciter on a thread of its own at the other.
+    fn on_threads<B: Bus + Send>(
+        &self,
+        [mut near, far]: [B; 2],
+        signals: &Signals,
+        on_event: impl FnMut(RunEvent),
+    ) -> Result<BothReport, RunError> {
+        let mut node = self.exciter_node()?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
-            let patience = Patience { wait: session.options.patience, rearm: session.options.rearm };
+            let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
             // The plant keeps the count of samples; the exciter only listens for the stop.
             let controller = scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, signals));
-            let plant = session.plant(&mut near, signals, on_event);
+            let plant = self.plant(&mut near, signals, on_event);
             if plant.is_err() {
                 signals.stop();
             }

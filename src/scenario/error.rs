@@ -11,6 +11,7 @@ use crate::excitation::{ExcitationError, LoadFileError};
 use crate::number::short;
 use crate::plant::PlantSpecError;
 use crate::protocol::NetworkError;
+use crate::protocol::bits::BitRates;
 use crate::toml_error::TomlError;
 
 /// Why a scenario can't be used.
@@ -79,22 +80,22 @@ pub enum ScenarioError {
     },
     /// The bus can't carry the samples.
     #[error(
-        "simulation.rate_hz is {rate_hz}: with heartbeats that is up to {bits_per_second} bit/s, {percent:.1} % of what \
-         network.bit_rate_hz, {bit_rate_hz}, carries; lower the rate to {most_hz}, or raise the bit rate to {least_hz}"
+        "simulation.rate_hz is {rate_hz}: with heartbeats that is up to {bits_per_second} bit/s, {percent:.1} % of what {} \
+         lower the rate to {most_hz}{}", carried(*.rates), raised(*.enough)
     )]
     Overload {
         /// Samples a second.
         rate_hz: u16,
         /// Bits a second with the most stuff bits that there can be.
         bits_per_second: u64,
-        /// Bits a second of arbitration.
-        bit_rate_hz: u32,
+        /// The bit rates of the bus.
+        rates: BitRates,
         /// The load, %.
         percent: f64,
         /// The largest sample rate that fits, Hz.
         most_hz: f64,
-        /// The least bit rate that does, with the same ratio to that of the data.
-        least_hz: f64,
+        /// The bit rate that alone would have to be larger, if one within its range does, and the least that does, Hz.
+        enough: Option<(&'static str, f64)>,
     },
     /// The sample rate is too low for real time.
     #[error(
@@ -164,4 +165,16 @@ pub enum ScenarioError {
     /// The recording says nothing of a scenario.
     #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
     NotInRecording,
+}
+
+fn carried(BitRates { nominal_hz, data_hz }: BitRates) -> String {
+    if nominal_hz == data_hz {
+        format!("network.bit_rate_hz, {nominal_hz}, carries;")
+    } else {
+        format!("network.bit_rate_hz, {nominal_hz}, and data_bit_rate_hz, {data_hz}, carry;")
+    }
+}
+
+fn raised(enough: Option<(&str, f64)>) -> String {
+    enough.map_or(String::new(), |(name, least_hz)| format!(", or raise {name} to {least_hz}"))
 }

@@ -83,13 +83,29 @@ fn check<S: Iterator<Item = Stream>>(
     }
     let rest = load(per_second(0));
     let most_hz = libm::floor((1.0 - rest) / (load(bits) - rest) * f64::from(rate_hz)).max(0.0);
-    let least_hz = libm::ceil(f64::from(rates.nominal_hz) * load(bits));
     Err(ScenarioError::Overload {
         rate_hz,
         bits_per_second: bits.total(),
-        bit_rate_hz: rates.nominal_hz,
+        rates,
         percent: 100.0 * load(bits),
         most_hz,
-        least_hz,
+        enough: enough(bits, rates),
     })
+}
+
+/// The bit rate that, raised alone, carries so many bits a second, if one within its range does: that of the data
+/// beside what arbitration leaves, else that of arbitration.
+fn enough(per_second: Bits, rates: BitRates) -> Option<(&'static str, f64)> {
+    let (nominal, data) = (per_second.nominal as f64, per_second.data as f64);
+    let beside = |bits: f64, other: f64, other_hz: u32| {
+        let left = 1.0 - other / f64::from(other_hz);
+        if left > 0.0 { libm::ceil(bits / left) } else { f64::INFINITY }
+    };
+    let data_hz = beside(data, nominal, rates.nominal_hz);
+    if data > 0.0 && data_hz <= f64::from(DATA_BIT_RATE_MAX_HZ) {
+        return Some(("network.data_bit_rate_hz", data_hz));
+    }
+    let nominal_hz = beside(nominal, data, rates.data_hz);
+    let most_hz = f64::from(if data > 0.0 { rates.data_hz } else { *BIT_RATE_HZ.end() }.min(*BIT_RATE_HZ.end()));
+    (nominal_hz <= most_hz).then_some(("network.bit_rate_hz", nominal_hz))
 }

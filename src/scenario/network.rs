@@ -31,8 +31,8 @@ pub struct NetworkSection {
     pub partner_timeout_s: f64,
     /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
     pub lockstep_timeout_s: f64,
-    /// Bits a second of the bus, from 10000 to 1000000: what it can't carry is refused, and a free run's frames take
-    /// their time. `None` is a bus without limits.
+    /// Bits a second of the bus, from 10000 to 1000000: what it can't carry is refused, and frames of a free run
+    /// take their time, as those of both nodes of one process in lockstep. `None` is a bus without limits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bit_rate_hz: Option<u32>,
     /// Bits a second of the data phase of FD frames, from `bit_rate_hz`, the default, to 8000000.

@@ -14,3 +14,4 @@ mod no_alloc;
 mod real_time_alloc;
 mod scenarios;
 mod soak;
+mod wire;

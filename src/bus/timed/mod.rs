@@ -9,7 +9,8 @@
 //!
 //! Nodes see a bit at the same time: the wire has no length. Bit rates and sample points have no tolerance.
 //!
-//! The ends share one state behind a lock, for a run in simulated time: one loop holds all ends and never waits for it.
+//! The ends share one state behind a lock. In a free run one loop holds all ends and never waits for it; in lockstep two
+//! threads do. It is not for a real-time loop.
 
 mod controller;
 mod wire;
