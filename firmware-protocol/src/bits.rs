@@ -146,27 +146,58 @@ pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stu
 
 /// The bits that `frame` takes, with its own stuff bits and the intermission.
 pub fn of(frame: &Frame) -> Bits {
-    let mut line = Line::default();
-    line.put(0, 1);
+    let Line { bits, head, .. } = Line::of(frame, None);
     match frame.format() {
-        FrameFormat::Classic => line.classical(frame, 0),
-        FrameFormat::Remote => line.classical(frame, 1),
-        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
-            line.identifier(frame.id(), 0);
-            // IDE of an 11-bit identifier, FDF, res, BRS; a 29-bit one has had its IDE.
-            match frame.id() {
-                Id::Standard(_) => line.put(0b0100 | u32::from(bit_rate_switch), 4),
-                Id::Extended(_) => line.put(0b100 | u32::from(bit_rate_switch), 3),
-            }
-            let head = line.bits;
-            line.put(u32::from(error_state_indicator), 1);
-            line.put(fd_length_code(frame.len()), 4);
-            frame.data().iter().for_each(|byte| line.put(u32::from(*byte), 8));
-            // Behind the last bit there is a fixed stuff bit, and no other.
-            let data = line.bits - head - u64::from(line.is_behind_stuff) + fd_check(frame.len());
-            split(bit_rate_switch, head + FD_TAIL + INTERMISSION, data)
+        FrameFormat::Classic | FrameFormat::Remote => Bits { nominal: bits + CLASSICAL_TAIL + INTERMISSION, data: 0 },
+        FrameFormat::Fd { bit_rate_switch, .. } => {
+            split(bit_rate_switch, head + FD_TAIL + INTERMISSION, bits - head + fd_check(frame.len()))
         }
     }
+}
+
+/// The level of a bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// 0: the level of the bus if any node sends it.
+    Dominant,
+    /// 1: the level of the idle bus.
+    Recessive,
+}
+
+/// How many bits behind bit `k` of `frame`, counted from SOF as 0, a receiver sees an error, if bit `k` is not what was
+/// sent and all behind it have the level `behind`, as those of an error flag; 0 is at bit `k`. `None` if it sees none:
+/// of SOF alone, where behind it the bus is idle.
+///
+/// ```text
+/// among stuffed bits    at the sixth equal bit in a row
+/// stuff count and CRC   of FD: at a fixed stuff bit like the bit before it
+/// CRC delimiter         if it is dominant; else behind the ACK delimiter, since the CRC is wrong
+/// from there on         at bit k: these bits have one level
+/// ```
+///
+/// What the bits of an FD frame's CRC are is not computed: the bit before bit `k` counts as unlike it there.
+pub fn noticed_after(frame: &Frame, k: u64, behind: Level) -> Option<u64> {
+    let line = Line::of(frame, Some(k));
+    let (stuffed, checked) = match frame.format() {
+        FrameFormat::Classic | FrameFormat::Remote => (line.bits, line.bits),
+        FrameFormat::Fd { .. } => (line.bits, line.bits + fd_check(frame.len()) - 1),
+    };
+    let is_fixed = |bit: u64| (stuffed..checked).contains(&bit) && (bit - stuffed).is_multiple_of(5);
+    let (mut level, mut run) = match line.disturbed {
+        _ if k >= checked || is_fixed(k) => return Some(0),
+        Some((_, 6)) => return Some(0),
+        Some((level, run)) if k > 0 => (Some(level), run),
+        _ if k == 0 && behind == Level::Recessive => return None,
+        _ => (None, 0),
+    };
+    for bit in k + 1..checked {
+        run = if level == Some(behind) { run + 1 } else { 1 };
+        if bit < stuffed && run == 6 || is_fixed(bit) && level == Some(behind) {
+            return Some(bit - k);
+        }
+        level = Some(behind);
+    }
+    Some(checked - k + if behind == Level::Dominant { 0 } else { 2 })
 }
 
 /// Without BRS all of the frame has the nominal bit rate.
@@ -184,34 +215,70 @@ const fn fd_length_code(len: usize) -> u32 {
 }
 
 /// What has been put on the line so far.
-#[derive(Default)]
 struct Line {
     /// Bits, stuff bits included.
     bits: u64,
+    /// Of an FD frame, the bits up to BRS.
+    head: u64,
     level: bool,
     /// How many bits of this level there are in a row, 0 before the first.
     run: u8,
-    /// Whether the last bit is a stuff bit.
-    is_behind_stuff: bool,
     /// CRC-15 of the bits without stuff bits: x¹⁵ + x¹⁴ + x¹⁰ + x⁸ + x⁷ + x⁴ + x³ + 1, start 0.
     crc: u16,
+    /// The bit that is not what was sent.
+    watched: Option<u64>,
+    /// Its level, and how many bits of this level it makes in a row.
+    disturbed: Option<(Level, u8)>,
 }
 
 impl Line {
+    /// The frame up to where its stuff bits end: the CRC of a classical frame, the data of an FD frame.
+    fn of(frame: &Frame, watched: Option<u64>) -> Line {
+        let mut line = Line { bits: 0, head: 0, level: true, run: 0, crc: 0, watched, disturbed: None };
+        line.put(0, 1);
+        match frame.format() {
+            FrameFormat::Classic => line.classical(frame, 0),
+            FrameFormat::Remote => line.classical(frame, 1),
+            FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+                line.identifier(frame.id(), 0);
+                // IDE of an 11-bit identifier, FDF, res, BRS; a 29-bit one has had its IDE.
+                match frame.id() {
+                    Id::Standard(_) => line.put(0b0100 | u32::from(bit_rate_switch), 4),
+                    Id::Extended(_) => line.put(0b100 | u32::from(bit_rate_switch), 3),
+                }
+                line.head = line.bits;
+                line.put(u32::from(error_state_indicator), 1);
+                line.put(fd_length_code(frame.len()), 4);
+                frame.data().iter().for_each(|byte| line.put(u32::from(*byte), 8));
+            }
+        }
+        // Behind the last bit of an FD frame's data there is a fixed stuff bit, and no other.
+        if line.run == 5 && !matches!(frame.format(), FrameFormat::Fd { .. }) {
+            line.push(!line.level);
+        }
+        line
+    }
+
     /// Puts the lowest `count` bits of `value`, the most significant first.
     fn put(&mut self, value: u32, count: u32) {
         for k in (0..count).rev() {
             let level = value >> k & 1 == 1;
             let feedback = level != (self.crc & 0x4000 != 0);
             self.crc = (self.crc << 1 & 0x7FFF) ^ if feedback { 0x4599 } else { 0 };
-            self.run = if level == self.level { self.run + 1 } else { 1 };
-            (self.level, self.is_behind_stuff) = (level, self.run == 5);
-            self.bits += 1;
-            if self.is_behind_stuff {
-                (self.level, self.run) = (!level, 1);
-                self.bits += 1;
+            if self.run == 5 {
+                self.push(!self.level);
             }
+            self.push(level);
         }
+    }
+
+    fn push(&mut self, level: bool) {
+        let run = |level| if level == self.level { self.run + 1 } else { 1 };
+        if self.watched == Some(self.bits) {
+            self.disturbed = Some((if level { Level::Dominant } else { Level::Recessive }, run(!level)));
+        }
+        (self.level, self.run) = (level, run(level));
+        self.bits += 1;
     }
 
     /// The identifier, and RTR or RRS.
@@ -227,14 +294,13 @@ impl Line {
         self.put(request, 1);
     }
 
-    fn classical(mut self, frame: &Frame, request: u32) -> Bits {
+    fn classical(&mut self, frame: &Frame, request: u32) {
         self.identifier(frame.id(), request);
         // IDE and r0, or r1 and r0.
         self.put(0, 2);
         self.put(frame.len() as u32, 4);
         frame.data().iter().for_each(|byte| self.put(u32::from(*byte), 8));
         self.put(u32::from(self.crc), 15);
-        Bits { nominal: self.bits + CLASSICAL_TAIL + INTERMISSION, data: 0 }
     }
 }
 

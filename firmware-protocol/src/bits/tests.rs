@@ -140,6 +140,74 @@ proptest! {
     }
 }
 
+/// What `noticed_after` says, read off the bits: up to CRC delimiter and ACK delimiter, with the string up to the former.
+fn noticed_in(line: &[u8], stuffed: usize, k: usize, behind: u8) -> Option<u64> {
+    let disturbed = [&line[..k], &[1 - line[k]], &[behind; 40]].concat();
+    let is_six = |bit: usize| bit >= 5 && disturbed[bit - 5..=bit].iter().all(|level| *level == disturbed[bit]);
+    let is_fixed = |bit: usize| bit >= stuffed && (bit - stuffed).is_multiple_of(5);
+    let is_error = |bit: usize| match bit {
+        _ if bit < stuffed => is_six(bit),
+        _ if bit < line.len() => is_fixed(bit) && disturbed[bit] == disturbed[bit - 1],
+        _ => bit == line.len() + 2 * usize::from(behind),
+    };
+    (k..).find(|bit| is_error(*bit)).map(|bit| (bit - k) as u64)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+
+    #[test]
+    fn receivers_notice_a_disturbed_bit_where_the_string_of_a_classical_frame_says(
+        id in id(), data in (0..=8_usize).prop_flat_map(bytes),
+    ) {
+        let frame = Frame::classic(id, &data).unwrap();
+        let mut line = classical(&frame);
+        line.truncate(line.len() - 13);
+        for (behind, level) in [Level::Dominant, Level::Recessive].into_iter().enumerate() {
+            for k in 1..line.len() {
+                let expected = noticed_in(&line, line.len(), k, behind as u8);
+                prop_assert_eq!(noticed_after(&frame, k as u64, level), expected, "bit {}, {:?}", k, level);
+            }
+            for k in line.len()..line.len() + 10 {
+                prop_assert_eq!(noticed_after(&frame, k as u64, level), Some(0));
+            }
+        }
+    }
+
+    #[test]
+    fn receivers_notice_a_disturbed_bit_where_the_string_of_an_fd_frame_says(
+        id in id(), data in proptest::sample::select(&LENGTHS[..]).prop_flat_map(bytes), noise: u32,
+    ) {
+        let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+        let frame = Frame::new(id, format, &data).unwrap();
+        let (head, tail) = fd(&frame, false, noise);
+        let mut line = [head, tail].concat();
+        line.pop();
+        let stuffed = line.len() + 1 - fd_check(frame.len()) as usize;
+        for (behind, level) in [Level::Dominant, Level::Recessive].into_iter().enumerate() {
+            for k in 1..line.len() {
+                // The bit before it isn't known there: that the next fixed stuff bit is like it may be chance.
+                let is_known = k < stuffed || !(k + 1 - stuffed).is_multiple_of(5);
+                let (expected, got) = (noticed_in(&line, stuffed, k, behind as u8), noticed_after(&frame, k as u64, level));
+                prop_assert!(got == expected || !is_known && got > expected, "bit {k}, {level:?}: {got:?}, {expected:?}");
+            }
+        }
+    }
+}
+
+/// The bus is idle to them before SOF, and stays so.
+#[test]
+fn a_disturbed_sof_is_noticed_by_its_error_flag_alone() {
+    let frame = Frame::classic(Id::Standard(0), &[]).unwrap();
+    assert_eq!([Level::Dominant, Level::Recessive].map(|level| noticed_after(&frame, 0, level)), [Some(6), None]);
+    // 00000 and the stuff bit.
+    assert_eq!(
+        (1..=5).map(|k| noticed_after(&frame, k, Level::Dominant)).collect::<Vec<_>>(),
+        [Some(6), Some(6), Some(6), Some(6), Some(0)]
+    );
+    assert_eq!(noticed_after(&frame, 6, Level::Recessive), Some(4));
+}
+
 /// Computed with `can_frame_length(…, CFL_EXACT, …)` of can-utils.
 #[test]
 fn classical_frames_have_the_length_that_can_utils_gives() {

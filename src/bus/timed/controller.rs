@@ -23,7 +23,7 @@ pub enum ErrorState {
     BusOff,
 }
 
-/// A controller's error counters, by the rules of ISO 11898-1 for errors that all nodes see at the same bit.
+/// A controller's error counters, by the rules of ISO 11898-1 for errors of the wire, which its sender sees first.
 ///
 /// | event | transmit errors | receive errors |
 /// | --- | ---: | ---: |

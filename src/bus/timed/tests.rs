@@ -156,25 +156,71 @@ fn a_frame_destroyed_by_an_error_is_sent_again_until_it_is_heard() {
     assert!((failed / (2000.0 + failed) - 0.077).abs() < 4.0 * (0.077_f64 * 0.923 / 2166.0).sqrt(), "{failed}");
 }
 
+/// The bits of a try of `frame` that an error at `bit` ends, and the receive errors of the other node.
+fn failed_try(frame: &Frame, bit: u64, [sender, other]: [ErrorCounters; 2]) -> (Bits, u16) {
+    let mut bench = Bench::new(2, Spec::new(BitRates { nominal_hz: 1_000_000, data_hz: 4_000_000 }));
+    bench.send(0, frame);
+    let mut wire = bench.ends[0].lock();
+    (wire.controllers[0].counters, wire.controllers[1].counters) = (sender, other);
+    wire.begin(0, 0, Some(bit));
+    drop(wire);
+    while bench.ends[0].traffic().error_frames == 0 {
+        let next_ns = bench.ends[0].next_event_ns().unwrap();
+        bench.clock.advance_to_ns(next_ns);
+    }
+    (bench.ends[0].traffic().bits, bench.ends[1].error_counters().receive - other.receive)
+}
+
+/// 6 bits where all see the error at once, 12 where the others see it by the flag alone.
+#[test]
+fn error_flags_overlap_as_far_as_the_others_see_the_error_late() {
+    let (active, passive) = (ErrorCounters::default(), ErrorCounters { transmit: 0, receive: 128 });
+    let flags = |bit, counters| {
+        // SOF, ten zeros of the identifier with two stuff bits, a one.
+        let (bits, receive_errors) = failed_try(&frame(1, &[]), bit, counters);
+        assert_eq!(bits.data, 0);
+        (bits.nominal - (bit + 1) - 8 - 3, receive_errors)
+    };
+    assert_eq!(flags(0, [active; 2]), (12, 1));
+    assert_eq!(flags(1, [active; 2]), (12, 1));
+    assert_eq!(flags(5, [active; 2]), (6, 1));
+    // A one that became a zero behind a zero: the fourth bit of the flag is the sixth zero.
+    assert_eq!(flags(13, [active; 2]), (10, 1));
+    // A passive receiver's flag is recessive and makes none longer.
+    assert_eq!(flags(1, [active, passive]), (6, 1));
+    // A passive sender's flag is recessive; what it leaves is seen by its sixth bit, less the one that was a one by error.
+    assert_eq!(flags(1, [passive, active]), (6 + 5, 1));
+    assert_eq!(flags(0, [passive, active]), (6, 0));
+    // In the data phase the others count the flag's first bits at the data bit rate.
+    let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+    let fd = Frame::new(Id::Standard(0x555), format, &[0x55; 8]).unwrap();
+    let head = of(&fd).nominal - 12;
+    // ESI, DLC 1000, data 01|0: behind a one the zero became a one.
+    let (bits, receive_errors) = failed_try(&fd, head + 7, [active; 2]);
+    assert_eq!((bits, receive_errors), (Bits { nominal: head + 6 + 8 + 3, data: 8 + 6 }, 1));
+}
+
 #[test]
 fn errors_all_the_time_end_in_bus_off_and_the_controller_comes_back_after_1408_bits() {
-    // Of a thousand bits not one is right: every try fails at its first bit, after 1 + 6 + 8 + 3 bits.
+    // Of a thousand bits not one is right: every try fails at its first bit, which the other sees by the error flag
+    // alone and answers with its own, after 1 + 12 + 8 + 3 bits.
     let mut bench = Bench::new(2, Spec { bit_error_rate: 0.999_999, ..Spec::new(MBIT) });
     bench.send(0, &ramp());
-    bench.heard(1, 15 * 18 * US);
+    bench.heard(1, 15 * 24 * US);
     assert_eq!(bench.ends[0].error_counters(), ErrorCounters { transmit: 120, receive: 0 });
     assert_eq!(bench.ends[0].error_counters().state(), ErrorState::Active);
-    // From the 16th on it is passive, and waits 8 bits more. The 32nd ends 3 bits before the bus is free.
-    let off_us = 16 * 18 + 16 * 26;
+    // From the 16th on it is passive: nobody sees its flag, and it waits 8 bits more. The 32nd ends 3 bits before the
+    // bus is free.
+    let off_us = 16 * 24 + 16 * (1 + 6 + 8 + 3 + 8);
     bench.heard(1, (off_us - 4) * US);
     assert_eq!(bench.ends[0].error_counters().state(), ErrorState::Passive);
     bench.clock.advance_to_ns((off_us - 3) * US);
     assert!(matches!(bench.ends[0].send(&ramp()), Err(BusError::BusOff { .. })));
     assert!(matches!(bench.ends[0].receive(), Err(BusError::BusOff { .. })));
-    assert_eq!(bench.ends[1].error_counters(), ErrorCounters { transmit: 0, receive: 32 });
+    assert_eq!(bench.ends[1].error_counters(), ErrorCounters { transmit: 0, receive: 16 });
     assert_eq!(
         bench.ends[1].traffic(),
-        Traffic { frames: 0, error_frames: 32, bits: Bits { nominal: 32 * 18, data: 0 } }
+        Traffic { frames: 0, error_frames: 32, bits: Bits { nominal: 16 * 24 + 16 * 18, data: 0 } }
     );
     let back_us = off_us + 128 * 11;
     bench.clock.advance_to_ns(back_us * US - 1);

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use resonarm_protocol::bits::{self, BitRates, Bits, INTERMISSION};
+use resonarm_protocol::bits::{self, BitRates, Bits, INTERMISSION, Level};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::controller::{Controller, ErrorCause, ErrorState};
@@ -11,8 +11,9 @@ use crate::noise::Noise;
 
 /// The stream of a wire's bit errors; those of the network's faults come after it.
 const STREAM: u64 = (1 << 33) - 1;
-/// Error flag and delimiter, when all nodes see the error at the same bit.
-const ERROR_FRAME: u64 = 6 + 8;
+/// Bits of an error flag, and of the delimiter behind all flags.
+const ERROR_FLAG: u64 = 6;
+const ERROR_DELIMITER: u64 = 8;
 /// End of frame and ACK delimiter: the bits of a frame behind the ACK slot.
 const BEHIND_ACK: u64 = 7 + 1;
 /// What a passive controller waits for after it has sent.
@@ -41,7 +42,17 @@ struct Sending {
     bits: Bits,
     /// The end of the frame or of its error frame, before the intermission, ns.
     end_ns: u64,
-    error: Option<ErrorCause>,
+    error: Option<Failure>,
+}
+
+/// A frame that an error ends.
+#[derive(Clone, Copy)]
+struct Failure {
+    /// The bit at which its sender sees the error.
+    bit: u64,
+    cause: ErrorCause,
+    /// How many bits later the other nodes do, if they do.
+    noticed_after: Option<u64>,
 }
 
 impl Wire {
@@ -128,24 +139,55 @@ impl Wire {
     }
 
     fn start(&mut self, by: usize, start_ns: u64) {
+        let hit = self.first_bit_error();
+        self.begin(by, start_ns, hit);
+    }
+
+    /// Begins a frame of which bit `hit` is not what was sent, if the frame has so many.
+    pub(super) fn begin(&mut self, by: usize, start_ns: u64, hit: Option<u64>) {
         let Some((frame, _)) = self.controllers[by].mailboxes.front() else { return };
         let whole = bits::of(frame);
         let on_wire = whole.total() - INTERMISSION;
-        let listener = self.controllers.iter().enumerate().any(|(node, other)| node != by && other.listens());
-        let hit = self.first_bit_error().filter(|bit| *bit < on_wire).map(|bit| (bit, ErrorCause::Bit));
-        let unheard = (!listener).then_some((on_wire - BEHIND_ACK - 1, ErrorCause::Acknowledgement));
+        let hit = hit.filter(|bit| *bit < on_wire).map(|bit| (bit, ErrorCause::Bit));
+        let unheard =
+            self.others(by).next().is_none().then_some((on_wire - BEHIND_ACK - 1, ErrorCause::Acknowledgement));
         let error = hit.into_iter().chain(unheard).min_by_key(|(bit, _)| *bit);
-        let (bits, cause) = match error {
-            None => (whole, None),
-            Some((bit, cause)) => {
-                let mut part = prefix(whole, bit + 1);
-                part.nominal += ERROR_FRAME + INTERMISSION;
-                (part, Some(cause))
-            }
+        let error = error.map(|(bit, cause)| Failure { bit, cause, noticed_after: self.noticed_after(by, frame, bit) });
+        let before = match error {
+            None => Bits { nominal: whole.nominal - INTERMISSION, ..whole },
+            Some(failure) => prefix(whole, failure.bit + 1).plus(self.error_frame(by, whole, failure)),
         };
-        let before = Bits { nominal: bits.nominal - INTERMISSION, ..bits };
-        self.sending = Some(Sending { by, bits, end_ns: start_ns + before.time_ns(self.rates), error: cause });
+        let bits = before.plus(Bits { nominal: INTERMISSION, data: 0 });
+        self.sending = Some(Sending { by, bits, end_ns: start_ns + before.time_ns(self.rates), error });
         self.free_ns = start_ns + bits.time_ns(self.rates);
+    }
+
+    /// The other nodes that take part.
+    fn others(&self, by: usize) -> impl Iterator<Item = &Controller> {
+        self.controllers
+            .iter()
+            .enumerate()
+            .filter(move |(node, other)| *node != by && other.listens())
+            .map(|(_, other)| other)
+    }
+
+    /// How many bits after the sender of `frame` the others see the error at `bit`: they have its error flag before them.
+    fn noticed_after(&self, by: usize, frame: &Frame, bit: u64) -> Option<u64> {
+        let flag = match self.controllers[by].counters.state() {
+            ErrorState::Active => Level::Dominant,
+            ErrorState::Passive | ErrorState::BusOff => Level::Recessive,
+        };
+        self.others(by).next().and_then(|_| bits::noticed_after(frame, bit, flag))
+    }
+
+    /// Error flags and delimiter. The flags of the others, if one is active, begin where they see the error, so that
+    /// all together are of 6 to 12 bits. Up to there they count bits of the phase in which the error is.
+    fn error_frame(&self, by: usize, whole: Bits, Failure { bit, noticed_after, .. }: Failure) -> Bits {
+        let is_answered = self.others(by).any(|other| other.counters.state() == ErrorState::Active);
+        let later = noticed_after.filter(|_| is_answered).unwrap_or(0);
+        let flag = Bits { nominal: ERROR_FLAG + ERROR_DELIMITER, data: 0 };
+        let is_data = prefix(whole, bit + 1).data > prefix(whole, bit).data;
+        flag.plus(if is_data { Bits { nominal: 0, data: later } } else { Bits { nominal: later, data: 0 } })
     }
 
     /// The place of the first bit error from here on: geometrically distributed.
@@ -168,12 +210,13 @@ impl Wire {
                 self.deliver(by);
                 pass(&mut self.controllers);
             }
-            Some(cause) => {
+            Some(Failure { cause, noticed_after, .. }) => {
                 self.traffic.error_frames += 1;
                 pass(&mut self.controllers);
                 let others =
                     self.controllers.iter_mut().enumerate().filter(|(node, other)| *node != by && other.listens());
-                others.for_each(|(_, other)| other.counters.receive_error());
+                let notice = others.filter(|_| noticed_after.is_some());
+                notice.for_each(|(_, other)| other.counters.receive_error());
                 self.controllers[by].counters.transmit_error(cause);
                 self.controllers[by].judge();
             }
