@@ -2,8 +2,12 @@
 
 use super::damage::Damage;
 use super::tester::{Stop, Tester};
-use super::{common_cases, exciter_cases, load, pair_cases, plant_cases, refusal_cases, soak_cases};
+use super::{
+    bus_off_cases, common_cases, exciter_cases, load, lockstep_cases, pair_cases, plant_cases, refusal_cases,
+    saturation_cases, soak_cases,
+};
 use crate::protocol::Node;
+use crate::run::Mode;
 
 /// One case: a script of what is sent, and what must or must not come.
 #[derive(Clone, Copy, Debug)]
@@ -12,6 +16,8 @@ pub struct Case {
     pub id: &'static str,
     /// The node that it tests.
     pub tested: Node,
+    /// The mode in which it is.
+    pub mode: Mode,
     /// What it tries.
     pub title: &'static str,
     /// The requirements that it covers.
@@ -41,7 +47,7 @@ type Row = (&'static str, &'static str, &'static [&'static str], Script);
 
 use Script::{Damage as Spoilt, Loaded, Run};
 
-const PLANT: [Row; 31] = [
+const PLANT: [Row; 33] = [
     ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "plant-first-hello",
@@ -123,6 +129,8 @@ const PLANT: [Row; 31] = [
     ("plant-partner-fault", "a fault and a boot of the exciter", &["R-9.1"], Run(plant_cases::partner_fault)),
     ("plant-exciter-leaves", "the exciter leaves", &["R-8.9"], Run(plant_cases::exciter_leaves)),
     ("plant-second-sender", "another node with its identifiers", &["R-1.4"], Run(plant_cases::second_sender)),
+    ("plant-bus-off", "its CAN controller is bus-off", &["R-8.23"], Run(bus_off_cases::plant)),
+    ("plant-saturation", "readings at the end of their range", &["R-3.7"], Run(saturation_cases::plant)),
     ("plant-pairs", "two samples a frame, if its capabilities say that it can", &["R-8.11"], Run(pair_cases::plant)),
     ("plant-load-hello", "its hello while the bus is loaded", &["R-6.5"], Loaded(common_cases::hello)),
     (
@@ -145,7 +153,7 @@ const PLANT: [Row; 31] = [
     ),
 ];
 
-const EXCITER: [Row; 23] = [
+const EXCITER: [Row; 25] = [
     ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "exciter-first-hello",
@@ -204,6 +212,8 @@ const EXCITER: [Row; 23] = [
     ("exciter-plant-disarmed", "the plant is disarmed", &["R-8.10", "R-5.2"], Run(exciter_cases::plant_disarmed)),
     ("exciter-plant-leaves", "the plant leaves", &["R-8.8"], Run(exciter_cases::plant_leaves)),
     ("exciter-second-sender", "another node with its identifiers", &["R-1.4"], Run(exciter_cases::second_sender)),
+    ("exciter-bus-off", "its CAN controller is bus-off", &["R-8.23"], Run(bus_off_cases::exciter)),
+    ("exciter-saturation", "samples with clipped readings", &["R-8.2"], Run(saturation_cases::exciter)),
     (
         "exciter-pairs",
         "two samples a frame, if its capabilities say that it can",
@@ -226,11 +236,33 @@ const EXCITER: [Row; 23] = [
     ("exciter-soak", "good and bad samples at random", &["R-2.2", "R-2.4", "R-2.5", "R-8.2"], Run(soak_cases::exciter)),
 ];
 
-/// The cases for a node, in their order.
-pub fn cases(tested: Node) -> impl Iterator<Item = Case> {
-    let rows: &'static [Row] = match tested {
-        Node::Plant => &PLANT,
-        Node::Exciter => &EXCITER,
+const LOCKSTEP_PLANT: [Row; 4] = [
+    ("lockstep-plant-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    ("lockstep-plant-waits", "no sample before the last is answered", &["R-8.20"], Run(lockstep_cases::plant_waits)),
+    (
+        "lockstep-plant-other-samples",
+        "commands for the samples before and after",
+        &["R-8.20"],
+        Run(lockstep_cases::plant_takes_no_other),
+    ),
+    ("lockstep-plant-timeout", "silence of the exciter", &["R-8.21"], Run(lockstep_cases::plant_timeout)),
+];
+
+const LOCKSTEP_EXCITER: [Row; 4] = [
+    ("lockstep-exciter-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    ("lockstep-exciter-answers", "each sample answered once", &["R-8.2"], Run(lockstep_cases::exciter_answers)),
+    ("lockstep-exciter-waits", "a plant that takes its time", &["R-8.22"], Run(lockstep_cases::exciter_waits)),
+    ("lockstep-exciter-timeout", "silence of the plant", &["R-8.22"], Run(lockstep_cases::exciter_timeout)),
+];
+
+/// The cases for a node in real time or in lockstep, in their order; none for [`Mode::Free`], which has no bus.
+pub fn cases(tested: Node, mode: Mode) -> impl Iterator<Item = Case> {
+    let rows: &'static [Row] = match (mode, tested) {
+        (Mode::RealTime, Node::Plant) => &PLANT,
+        (Mode::RealTime, Node::Exciter) => &EXCITER,
+        (Mode::Lockstep, Node::Plant) => &LOCKSTEP_PLANT,
+        (Mode::Lockstep, Node::Exciter) => &LOCKSTEP_EXCITER,
+        (Mode::Free, _) => &[],
     };
-    rows.iter().map(move |&(id, title, requirements, script)| Case { id, tested, title, requirements, script })
+    rows.iter().map(move |&(id, title, requirements, script)| Case { id, tested, mode, title, requirements, script })
 }

@@ -26,7 +26,7 @@ pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     greet(t)?;
     t.boot()?;
     t.send_hello()?;
-    (t.source.obeys, t.source.samples) = (true, samples);
+    t.source.obey_with(samples);
     // An exciter that was here before and was stopped meanwhile may still say that it is operational; it arms no more.
     let patience_ns = t.settings.patience_ns;
     if t.wait_for(patience_ns, is_arm)?.is_none() {

@@ -2,7 +2,7 @@
 //!
 //! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
 //! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are
-//! the demands of `SPEC.md`, and say which no case can see. Only real time is tested, not lockstep.
+//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have tables of their own.
 //!
 //! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
 //! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
@@ -10,6 +10,7 @@
 //! node under test should have done by the clock, if it was silent meanwhile and then went on: it was stopped itself.
 //! Many short stops add up without such a silence: a node that faults later than it must fails if it does so three times.
 
+mod bus_off_cases;
 mod cases;
 mod common_cases;
 mod damage;
@@ -17,11 +18,13 @@ mod evidence;
 mod exciter_cases;
 mod exciter_role;
 mod load;
+mod lockstep_cases;
 mod pair_cases;
 mod plant_cases;
 mod plant_role;
 mod refusal_cases;
 mod requirements;
+mod saturation_cases;
 mod soak_cases;
 mod source;
 mod tester;
@@ -35,11 +38,12 @@ pub use cases::{Case, cases};
 pub use evidence::Evidence;
 pub use requirements::{Check, REQUIREMENTS, Requirement};
 pub use tester::{MARGIN_NS, Settings};
-pub use wire::{BusWire, Wire};
+pub use wire::{BusOff, BusWire, Wire};
 
 use crate::bus::BusError;
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
 use crate::protocol::{EmergencyCode, Network, Node, OperatorRequest};
+use crate::run::Mode;
 use tester::{Answers, Stop, Tester, ms};
 
 /// How often a case is tried until it says something.
@@ -105,7 +109,7 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
         let mut tester = Tester::new(wire, network, case.tested, settings);
         let outcome = once(case, &mut tester)?;
         let (held_up_ns, silent_ns, measured) = (tester.held_up_ns, tester.silent_ns, tester.notes);
-        let is_held_up = held_up_ns > held_up_limit_ns(case.tested) || silent_ns > silent_limit_ns(case.tested);
+        let is_held_up = held_up_ns > held_up_limit_ns(case.mode, case.tested) || silent_ns > silent_limit_ns(case);
         let verdict = match outcome {
             Outcome::Judged(Verdict::Inconclusive(_)) if is_held_up && tries < TRIES => continue,
             Outcome::Slow(text) => {
@@ -127,41 +131,44 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
 }
 
 /// How long the tester may be held up before a failure says nothing: a plant faults without commands for 20 ms.
-const fn held_up_limit_ns(tested: Node) -> u64 {
-    match tested {
-        Node::Plant => COMMAND_TIMEOUT_NS / 4,
-        Node::Exciter => MARGIN_NS,
+/// In lockstep it waits.
+const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
+    match (mode, tested) {
+        (Mode::RealTime | Mode::Free, Node::Plant) => COMMAND_TIMEOUT_NS / 4,
+        (Mode::Lockstep, _) | (_, Node::Exciter) => MARGIN_NS,
     }
 }
 
 /// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples every 10
-/// ms at least; an exciter that has none to answer sends heartbeats. What is shorter the margin of the clock covers.
-const fn silent_limit_ns(tested: Node) -> u64 {
-    match tested {
-        Node::Plant => MARGIN_NS / 3,
-        Node::Exciter => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
+/// ms at least; an exciter that has none to answer, and a plant that waits in lockstep, sends heartbeats. What is shorter
+/// the margin of the clock covers.
+const fn silent_limit_ns(case: &Case) -> u64 {
+    match (case.mode, case.tested) {
+        (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,
+        (Mode::Lockstep, _) | (_, Node::Exciter) => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
     }
 }
 
-/// One try; the finding has no verdict yet.
 /// One try, after which the node under test is left in peace.
 fn once(case: &Case, tester: &mut Tester) -> Result<Outcome, BusError> {
     let outcome = match case.script.run(tester) {
         Ok(()) => Outcome::Judged(Verdict::Passed),
-        Err(stop) => judge(tester, stop)?,
+        Err(stop) => judge(case, tester, stop)?,
     };
     unless_gone(part(tester))?;
     Ok(outcome)
 }
 
 /// What a script that came to a stop says.
-fn judge(tester: &mut Tester, stop: Stop) -> Result<Outcome, BusError> {
-    let (tested, held_up_ns) = (tester.tested, tester.held_up_ns);
+fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<Outcome, BusError> {
+    let held_up_ns = tester.held_up_ns;
     Ok(match stop {
         Stop::Bus(error) => return Err(error),
         Stop::Skipped(text) => Outcome::Judged(Verdict::Skipped(text)),
         Stop::Inconclusive(text) => Outcome::Judged(Verdict::Inconclusive(text)),
-        Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text) if held_up_ns > held_up_limit_ns(tested) => {
+        Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text)
+            if held_up_ns > held_up_limit_ns(case.mode, case.tested) =>
+        {
             let text = format!("{text}; but the tester was held up for {}", ms(held_up_ns));
             Outcome::Judged(Verdict::Inconclusive(text))
         }
@@ -170,7 +177,7 @@ fn judge(tester: &mut Tester, stop: Stop) -> Result<Outcome, BusError> {
         Stop::Late(text) => {
             let goes_on = unless_gone(tester.goes_on())?.unwrap_or(false);
             let silent_ns = tester.silent_ns;
-            Outcome::Judged(match goes_on && silent_ns > silent_limit_ns(tested) {
+            Outcome::Judged(match goes_on && silent_ns > silent_limit_ns(case) {
                 true => {
                     Verdict::Inconclusive(format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns)))
                 }

@@ -181,7 +181,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     ramps(t, from, e.sample)
 }
 
-fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
+pub(super) fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
     run_samples(t, samples(t, 2 * FORCE_RAMP_NS))?;
     match t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Fault)) {
         true => Ok(()),
@@ -201,7 +201,7 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
 }
 
 /// The ramp from the sample at which operational was left.
-fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Stop> {
+pub(super) fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Stop> {
     let (force_n, steps) = (t.settings.force_n, samples(t, FORCE_RAMP_NS));
     // The wire tells when the state was left to a few samples.
     let slack_n = force_n * (0.15 + 3.0 / f64::from(steps));

@@ -29,7 +29,7 @@ const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Re
 }
 
 /// All of them, in the order of their sections.
-pub const REQUIREMENTS: [Requirement; 41] = [
+pub const REQUIREMENTS: [Requirement; 46] = [
     untested(
         "R-1.1",
         "CAN FD frames are taken with and without bit rate switch",
@@ -58,6 +58,7 @@ pub const REQUIREMENTS: [Requirement; 41] = [
         "a command beyond the range is not sent, never cut",
         "the bus can't make a controller ask for it",
     ),
+    tested("R-3.7", "a reading beyond its range is the end of the range, with its flag"),
     untested("R-3.4", "the controller notices a command beyond the range", "it is inside the controller"),
     tested("R-3.5", "not a number and infinity are not sent (FD)"),
     untested(
@@ -96,6 +97,10 @@ pub const REQUIREMENTS: [Requirement; 41] = [
         "a plant that can, armed by an exciter that can, sends two samples a frame, the first with an even index",
     ),
     tested("R-8.12", "an exciter that can answers the second sample of a frame"),
+    tested("R-8.20", "in lockstep a plant waits for the command with the index of its sample, and takes no other"),
+    tested("R-8.21", "in lockstep a plant without an answer faults after 1000 ms"),
+    tested("R-8.22", "in lockstep an exciter waits 1000 ms for the next sample, and faults without it"),
+    tested("R-8.23", "an operational node whose CAN controller is bus-off faults"),
     tested("R-9.1", "a fault is told once, then the state is fault"),
     untested("R-9.2", "after codes 7 and 14 a plant is started again", "the bus can't make a simulation fail"),
 ];

@@ -12,6 +12,7 @@ use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, is_
 use crate::noise::Noise;
 use crate::protocol::timing::COMMAND_AGE_NS;
 use crate::protocol::{EmergencyCode, NodeState, Profile};
+use crate::run::Mode;
 
 /// Which stream of random numbers of a seed is the soak's.
 const STREAM: u64 = 2;
@@ -118,7 +119,10 @@ fn soaked(t: &mut Tester, most_ns: u64) -> Result<u64, Stop> {
             return failed(format!("a bad command acts: the head reads {read_n:.2} N at sample {sample}"));
         }
         match t.heard.iter().find_map(|heard| emergency(&heard.message)) {
-            Some(e) if e.code == EmergencyCode::CommandTimeout && t.held_up_ns > super::held_up_limit_ns(t.tested) => {
+            Some(e)
+                if e.code == EmergencyCode::CommandTimeout
+                    && t.held_up_ns > super::held_up_limit_ns(Mode::RealTime, t.tested) =>
+            {
                 return Ok(t.now_ns() - start_ns);
             }
             Some(e) => return failed(format!("it faults after {} of good commands: {e}", ms(t.now_ns() - start_ns))),

@@ -4,11 +4,12 @@ use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 
 use super::damage::Damage;
+use super::saturation_cases::{ACCELERATION_END_M_S2, FORCE_END_N};
 use super::tester::{Stop, Tester};
 use crate::protocol::timing::sample_period_ns;
 use crate::protocol::{
-    Acceleration, Frame, ImpedanceHead, Message, Node, NodeState, OperatorRequest, Profile, SensorPair, SensorValues,
-    Sensors, StateEvent, Transmitter,
+    Acceleration, Frame, ImpedanceHead, Measured, Message, Node, NodeState, OperatorRequest, Profile, SensorPair,
+    SensorValues, Sensors, StateEvent, Transmitter,
 };
 
 /// What becomes of the samples.
@@ -29,6 +30,11 @@ pub(super) enum Samples {
     Pairs,
     /// Good and bad ones as the soak draws them.
     Soak,
+    /// All their readings are clipped.
+    Clipped,
+    /// Each is sent when the one before is answered and a sample period has passed, the first when the plant is armed, as
+    /// in lockstep at the speed of the clock.
+    Awaited,
 }
 
 /// The samples of the tester.
@@ -38,6 +44,8 @@ pub(super) struct Source {
     /// The index of the next sample.
     pub index: u16,
     due_ns: u64,
+    /// When an awaited sample is due if it is answered by then, ns.
+    next_due_ns: u64,
     damaged: u64,
     /// Whether the request to arm is obeyed.
     pub obeys: bool,
@@ -56,6 +64,19 @@ impl Source {
     pub fn next_ns(&self) -> u64 {
         if self.samples == Samples::Off { u64::MAX } else { self.due_ns }
     }
+
+    /// Sends samples of this kind from now on.
+    pub fn begin(&mut self, samples: Samples) {
+        (self.samples, self.due_ns) = (samples, 0);
+    }
+
+    /// Sends samples of this kind, and obeys the request to arm, for which awaited ones wait.
+    pub fn obey_with(&mut self, samples: Samples) {
+        (self.obeys, self.samples) = (true, samples);
+        if samples == Samples::Awaited {
+            self.due_ns = u64::MAX;
+        }
+    }
 }
 
 impl Tester<'_> {
@@ -65,7 +86,11 @@ impl Tester<'_> {
             return Ok(());
         }
         let period_ns = sample_period_ns(self.hello.rate_hz);
-        self.source.due_ns = (self.source.due_ns + period_ns).max(now_ns + period_ns / 2);
+        self.source.next_due_ns = now_ns + period_ns;
+        self.source.due_ns = match self.source.samples {
+            Samples::Awaited => u64::MAX,
+            _ => (self.source.due_ns + period_ns).max(now_ns + period_ns / 2),
+        };
         let index = self.source.index;
         if self.source.samples != Samples::Standing {
             self.source.index = index.wrapping_add(1);
@@ -83,7 +108,7 @@ impl Tester<'_> {
                 self.source.damaged += 1;
                 damage.apply(&mut self.ends, self.settings.seed.wrapping_add(self.source.damaged), make)
             }
-            Samples::Steady | Samples::Standing | Samples::Pairs | Samples::Soak => {
+            _ => {
                 self.ends.before = self.ends.transmitter.clone();
                 make(&mut self.ends.transmitter)
             }
@@ -111,7 +136,7 @@ impl Tester<'_> {
         }
         let is_armed = self.state == NodeState::Operational;
         self.source.is_half = samples == Samples::Pairs && is_armed && index.is_multiple_of(2);
-        if self.source.is_half { Vec::new() } else { sample(self.network.profile(), index) }
+        if self.source.is_half { Vec::new() } else { sample(self.network.profile(), index, samples) }
     }
 
     /// A command came for a sample.
@@ -119,6 +144,9 @@ impl Tester<'_> {
         // Modulo 2¹⁶, as far ahead as behind.
         if sample.wrapping_sub(self.source.index) < 0x8000 {
             self.source.unsent = Some(sample);
+        }
+        if self.source.samples == Samples::Awaited && sample == self.source.index.wrapping_sub(1) {
+            self.source.due_ns = self.source.next_due_ns;
         }
         if self.source.samples == Samples::Soak && !self.source.closed.insert(sample) {
             self.source.wrong = Some(sample);
@@ -129,7 +157,12 @@ impl Tester<'_> {
     /// What a plant does with a request.
     pub(super) fn obey(&mut self, request: OperatorRequest) -> Result<(), Stop> {
         let event = match request {
-            OperatorRequest::Arm if self.source.obeys => StateEvent::Arm,
+            OperatorRequest::Arm if self.source.obeys => {
+                if self.source.samples == Samples::Awaited {
+                    self.source.due_ns = 0;
+                }
+                StateEvent::Arm
+            }
             OperatorRequest::Disarm => StateEvent::Disarm,
             OperatorRequest::Reset => StateEvent::Reset,
             OperatorRequest::Arm => return Ok(()),
@@ -146,22 +179,36 @@ fn pair(sample: u16) -> Vec<Message> {
     alloc::vec![Message::SensorPair(SensorPair { values: [SensorValues::default(); 2], sample })]
 }
 
-/// The messages of a sample at rest.
-fn sample(profile: Profile, sample: u16) -> Vec<Message> {
+/// The messages of a sample at rest, or of one whose readings are all at the end of their range.
+fn sample(profile: Profile, sample: u16, samples: Samples) -> Vec<Message> {
+    let saturated = samples == Samples::Clipped;
+    let [force_n, acceleration_m_s2] = if saturated { [FORCE_END_N, ACCELERATION_END_M_S2] } else { [0.0; 2] };
     let acceleration = Acceleration {
-        acceleration_x_m_s2: 0.0,
-        acceleration_y_m_s2: 0.0,
-        x_saturated: false,
-        y_saturated: false,
+        acceleration_x_m_s2: acceleration_m_s2,
+        acceleration_y_m_s2: acceleration_m_s2,
+        x_saturated: saturated,
+        y_saturated: saturated,
         sample,
     };
-    let head = ImpedanceHead { force_x_n: 0.0, force_y_n: 0.0, x_saturated: false, y_saturated: false, sample };
+    let head = ImpedanceHead {
+        force_x_n: force_n,
+        force_y_n: force_n,
+        x_saturated: saturated,
+        y_saturated: saturated,
+        sample,
+    };
+    let measured = |value| [Measured { value, saturated }; 2];
+    let values = SensorValues {
+        force_n: measured(force_n),
+        acceleration_b_m_s2: measured(acceleration_m_s2),
+        acceleration_c_m_s2: measured(acceleration_m_s2),
+    };
     match profile {
         Profile::Classic => alloc::vec![
             Message::Head(head),
             Message::AccelerometerB(acceleration),
             Message::AccelerometerC(acceleration)
         ],
-        Profile::Fd => alloc::vec![Message::Sensors(Sensors { values: SensorValues::default(), sample })],
+        Profile::Fd => alloc::vec![Message::Sensors(Sensors { values, sample })],
     }
 }

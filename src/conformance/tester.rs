@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use super::damage::{Damage, Ends};
 use super::load::Load;
 use super::soak_cases::Soak;
-use super::wire::Wire;
+use super::wire::{BusOff, Wire};
 use crate::bus::BusError;
 use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use crate::protocol::{
@@ -384,7 +384,7 @@ impl<'w> Tester<'w> {
         drawn.into_iter().try_for_each(|answers| self.answer_with(answers, sample))
     }
 
-    fn answer_with(&mut self, answers: Answers, sample: u16) -> Result<(), Stop> {
+    pub fn answer_with(&mut self, answers: Answers, sample: u16) -> Result<(), Stop> {
         let (force_x_n, sample) = match answers {
             Answers::None | Answers::Soak(..) => return Ok(()),
             Answers::Force(force_n) | Answers::Damaged(force_n, _) => (force_n, sample),
@@ -410,6 +410,11 @@ impl<'w> Tester<'w> {
             Some(frame) => self.send_frame(&frame),
             None => inconclusive(format!("the tester can't command {force_x_n} N")),
         }
+    }
+
+    /// Has the controller of the node under test go bus-off for a time, where that can be done.
+    pub fn take_off(&mut self, for_ns: u64) -> BusOff {
+        self.wire.take_off(for_ns)
     }
 
     /// Whether the node under test says something again, without having booted: it was stopped.

@@ -7,6 +7,15 @@ use crate::bus::{Bus, BusError, Sent};
 use crate::protocol::Frame;
 use crate::realtime::{Clock, SystemClock};
 
+/// What came of a wish to take a node off the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusOff {
+    /// Its controller is bus-off.
+    Done,
+    /// Only its own controller can go bus-off.
+    Impossible,
+}
+
 /// One end of a bus, with the time on it. In tests it steps a node in virtual time.
 pub trait Wire {
     /// The time, ns of any clock that only goes forward.
@@ -23,6 +32,11 @@ pub trait Wire {
     /// # Errors
     /// [`BusError`] if the bus is gone.
     fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError>;
+
+    /// Has the controller of the node under test go bus-off for a time, ns: on a bus in virtual time.
+    fn take_off(&mut self, _for_ns: u64) -> BusOff {
+        BusOff::Impossible
+    }
 }
 
 /// A bus in real time.

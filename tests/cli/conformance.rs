@@ -16,7 +16,7 @@ fn help_names_each_flag() {
     assert_eq!((help.code, help.stderr.as_str()), (0, ""));
     assert_snapshot!(help.stdout, @r"
     Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what
-    it does wrong. It makes a plant shake its arm and fault. Real time only
+    it does wrong. It makes a plant shake its arm and fault
 
     Usage: resonarm conformance [OPTIONS] --bus <BUS> --role <ROLE>
 
@@ -25,6 +25,8 @@ fn help_names_each_flag() {
       -v, --verbose...         Log more: -v for what happens, -vv for every detail
           --role <ROLE>        The node under test. An exciter must be started again whenever it ends,
                                as by a loop in a shell [possible values: plant, exciter]
+          --mode <MODE>        The mode in which the node is: each has cases of its own [default:
+                               real-time] [possible values: real-time, lockstep]
           --base <ID>          Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default: 0x200]
           --plant-id <N>       Node id of the plant, 1 to 127 [default: 1]
           --exciter-id <N>     Node id of the exciter, 1 to 127 [default: 2]
@@ -67,7 +69,7 @@ fn flags_that_cannot_be() {
     ");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
     assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak"#);
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
     error: invalid value '9600' for '--bit-rate-hz <HZ>': 9600 is not in 10000..=1000000
 

@@ -7,6 +7,7 @@ mod examples;
 mod experiment;
 mod faults;
 mod limits;
+mod lockstep_conformance;
 #[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum, value_parser};
 
 use super::failure::{Failure, Verdict};
+use super::flags;
 use super::output;
 use super::protocol::NetworkFlags;
 use super::session::seconds;
@@ -14,11 +15,12 @@ use crate::bus::{self, BusAddress, BusError};
 use crate::conformance::{self, BusWire, Case, Evidence, Finding, Settings};
 use crate::protocol::{Network, Node};
 use crate::recording::{Existing, RecordingError};
+use crate::run::Mode;
 use crate::seed;
 use report::Row;
 
 /// Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what it does wrong.
-/// It makes a plant shake its arm and fault. Real time only.
+/// It makes a plant shake its arm and fault.
 #[derive(Debug, Args)]
 pub(super) struct Conformance {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
@@ -27,6 +29,9 @@ pub(super) struct Conformance {
     /// The node under test. An exciter must be started again whenever it ends, as by a loop in a shell.
     #[arg(long)]
     role: Role,
+    /// The mode in which the node is: each has cases of its own.
+    #[arg(long, value_parser = flags::one_of([Mode::RealTime, Mode::Lockstep], Mode::name), default_value_t = Mode::RealTime)]
+    mode: Mode,
     #[command(flatten)]
     network: NetworkFlags,
     /// Only the cases whose names begin so, such as plant-hello; may be given more than once.
@@ -165,7 +170,7 @@ impl Conformance {
     }
 
     fn cases(&self) -> Result<Vec<Case>, Failure> {
-        let all = || conformance::cases(self.role.into());
+        let all = || conformance::cases(self.role.into(), self.mode);
         if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
         {
             let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");

@@ -2,15 +2,17 @@
 
 use std::collections::VecDeque;
 
-use super::super::Wire;
+use super::super::{BusOff, Wire};
 use super::flaws::{Ears, Flaw};
 use crate::arm::Load;
 use crate::bus::BusError;
 use crate::control::OpenLoop;
 use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
 use crate::node::{ExciterNode, PlantNode, Timing};
+use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use crate::protocol::{Frame, Network, NodeState, SamplesPerFrame, Transmitter};
 use crate::rig::{Exciter, Measurement, Reading};
+use crate::run::Mode;
 
 pub const RATE_HZ: u16 = 1000;
 const TICK_NS: u64 = 1_000_000;
@@ -24,11 +26,20 @@ pub struct Stops {
     pub until_ns: u64,
 }
 
+fn timing(mode: Mode) -> Timing {
+    match mode {
+        Mode::Lockstep => Timing::lockstep(LOCKSTEP_TIMEOUT_NS),
+        Mode::RealTime | Mode::Free => Timing::real_time(RATE_HZ),
+    }
+}
+
 /// A node as it is seen on a bus.
 pub trait Device {
     fn hear(&mut self, now_ns: u64, frame: &Frame);
     fn tick(&mut self, now_ns: u64);
     fn say(&mut self) -> Option<Frame>;
+    /// Its controller is bus-off.
+    fn lose_bus(&mut self, _now_ns: u64) {}
 }
 
 /// No node.
@@ -53,6 +64,8 @@ pub struct Virtual {
     calls: u64,
     pub stops: Option<Stops>,
     waiting: Vec<Frame>,
+    /// Until when the node's controller is bus-off, ns.
+    off_until_ns: u64,
 }
 
 impl Virtual {
@@ -71,6 +84,7 @@ impl Virtual {
             calls: 0,
             stops: None,
             waiting: Vec::new(),
+            off_until_ns: 0,
         }
     }
 
@@ -89,7 +103,9 @@ impl Virtual {
             self.device.hear(self.ticked_ns, &frame);
         }
         self.device.tick(self.ticked_ns);
-        self.collect();
+        if self.ticked_ns >= self.off_until_ns {
+            self.collect();
+        }
     }
 
     fn collect(&mut self) {
@@ -103,6 +119,9 @@ impl Wire for Virtual {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        if self.now_ns < self.off_until_ns {
+            return Ok(());
+        }
         if self.is_stopped() {
             self.waiting.push(*frame);
             return Ok(());
@@ -125,16 +144,26 @@ impl Wire for Virtual {
         }
         Ok(self.frames.pop_front())
     }
+
+    fn take_off(&mut self, for_ns: u64) -> BusOff {
+        self.device.lose_bus(self.now_ns);
+        self.off_until_ns = self.now_ns + for_ns;
+        BusOff::Done
+    }
 }
 
 /// The plant's node with an arm at rest: the head reads the load that is held.
 pub struct PlantDevice {
     pub network: Network,
+    pub mode: Mode,
     pub node: PlantNode,
     pub flaw: Option<Flaw>,
     pub load: Load,
     pub unarmed_load: Load,
-    sample: u64,
+    /// The sample that is measured next.
+    pub sample: u64,
+    /// Lockstep: whether the sample measured last is to be answered.
+    is_awaited: bool,
     pub said_state: Option<NodeState>,
     pub counters: [u8; 16],
     /// Makes what the node believes to have heard.
@@ -148,7 +177,11 @@ impl PlantDevice {
     }
 
     pub fn with(network: Network, flaw: Option<Flaw>) -> PlantDevice {
-        let mut timing = Timing::real_time(RATE_HZ);
+        PlantDevice::in_mode(Mode::RealTime, network, flaw)
+    }
+
+    pub fn in_mode(mode: Mode, network: Network, flaw: Option<Flaw>) -> PlantDevice {
+        let mut timing = timing(mode);
         if flaw == Some(Flaw::NoTimeout) {
             timing.command_timeout_ns = u64::MAX / 2;
         }
@@ -157,16 +190,44 @@ impl PlantDevice {
         node.start(0);
         PlantDevice {
             network,
+            mode,
             node,
             flaw,
             load: Load::default(),
             unarmed_load: Load::default(),
             sample: 0,
+            is_awaited: false,
             said_state: None,
             counters: [0; 16],
             transmitter: Transmitter::new(network),
             ears: Ears::default(),
         }
+    }
+}
+
+impl PlantDevice {
+    /// Whether the next sample has to wait, in lockstep.
+    fn waits(&self) -> bool {
+        match self.node.is_armed() {
+            true => self.is_awaited && !self.node.is_answered() && self.flaw != Some(Flaw::RunsOn),
+            false => self.sample == 0,
+        }
+    }
+
+    /// The accelerometer at B reads more along x than its range is.
+    fn measure(&mut self) {
+        let reading = |value| Reading { value, clipped: false };
+        let head_force_n = [reading(self.load.force_n.x), reading(self.load.force_n.y)];
+        let acceleration_b_m_s2 = [Reading { value: 2000.0, clipped: true }, reading(0.0)];
+        let sample = self.sample;
+        let measurement = Measurement { sample, head_force_n, acceleration_b_m_s2, ..Measurement::default() };
+        self.node.publish(&measurement).unwrap();
+        self.sample += 1;
+    }
+
+    fn hold(&mut self) {
+        let load = self.node.load();
+        self.load = self.alter_load(load);
     }
 }
 
@@ -180,13 +241,24 @@ impl Device for PlantDevice {
     fn tick(&mut self, now_ns: u64) {
         self.ears = self.ears.rested();
         self.node.handle_deadline(now_ns);
-        let reading = |value| Reading { value, clipped: false };
-        let head_force_n = [reading(self.load.force_n.x), reading(self.load.force_n.y)];
-        let measurement = Measurement { sample: self.sample, head_force_n, ..Measurement::default() };
-        self.node.publish(&measurement).unwrap();
-        self.sample += 1;
-        let load = self.node.load();
-        self.load = self.alter_load(load);
+        match self.mode {
+            Mode::Lockstep if self.waits() => {}
+            Mode::Lockstep => {
+                if self.sample > 0 {
+                    self.hold();
+                }
+                self.is_awaited = self.node.is_armed();
+                self.measure();
+            }
+            Mode::RealTime | Mode::Free => {
+                self.measure();
+                self.hold();
+            }
+        }
+    }
+
+    fn lose_bus(&mut self, now_ns: u64) {
+        self.node.bus_lost(now_ns);
     }
 
     fn say(&mut self) -> Option<Frame> {
@@ -215,11 +287,15 @@ impl ExciterDevice {
     }
 
     pub fn with(network: Network, flaw: Option<Flaw>) -> ExciterDevice {
+        ExciterDevice::in_mode(Mode::RealTime, network, flaw)
+    }
+
+    pub fn in_mode(mode: Mode, network: Network, flaw: Option<Flaw>) -> ExciterDevice {
         let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
         let profile = Waveform::Dwell { frequency_hz: 15.0, duration_s: 60.0, settle_s: 0.1 };
         let spec = ExcitationSpec { amplitude, ramp_s: 0.05, profile };
         let controller = Box::new(OpenLoop::new(Excitation::new(&spec, f64::from(RATE_HZ)).unwrap()));
-        let mut timing = Timing::real_time(RATE_HZ);
+        let mut timing = timing(if flaw == Some(Flaw::Impatient) { Mode::RealTime } else { mode });
         match flaw {
             Some(Flaw::NoTimeout) => timing.partner_timeout_ns = u64::MAX / 2,
             Some(Flaw::SlowTimeout) => timing.partner_timeout_ns *= 2,
@@ -241,6 +317,10 @@ impl Device for ExciterDevice {
     fn tick(&mut self, now_ns: u64) {
         self.ears = self.ears.rested();
         self.node.handle_deadline(now_ns);
+    }
+
+    fn lose_bus(&mut self, now_ns: u64) {
+        self.node.bus_lost(now_ns);
     }
 
     fn say(&mut self) -> Option<Frame> {
@@ -280,7 +360,7 @@ impl Device for StartedAgain {
                 self.exciter.hear(now_ns, &frame);
             }
         }
-        if self.exciter.node.outcome().is_some() {
+        if self.exciter.node.is_quiet() {
             self.exciter = ExciterDevice::with(self.exciter.network, self.exciter.flaw);
         }
         self.exciter.tick(now_ns);
@@ -288,5 +368,9 @@ impl Device for StartedAgain {
 
     fn say(&mut self) -> Option<Frame> {
         self.exciter.say()
+    }
+
+    fn lose_bus(&mut self, now_ns: u64) {
+        self.exciter.lose_bus(now_ns);
     }
 }

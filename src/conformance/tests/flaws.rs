@@ -3,7 +3,7 @@
 use super::super::damage::protect;
 use super::super::*;
 use super::device::{Device, ExciterDevice, PlantDevice, RATE_HZ};
-use super::findings;
+use super::{findings, findings_in};
 use crate::arm::Load;
 use crate::protocol::{
     Cycle, Emergency, Frame, Heartbeat, Hello, Id, Message, MessageKind, NodeState, OperatorCommand, Profile,
@@ -57,6 +57,18 @@ pub enum Flaw {
     SwapsPairs,
     /// Answers the first sample of a pair.
     AnswersFirst,
+    /// Says nothing of it that it lost the bus.
+    HidesBusLoss,
+    /// Doesn't mark readings that were clipped.
+    HidesClipping,
+    /// Doesn't hear samples with readings that were clipped.
+    DeafToClipping,
+    /// In lockstep: goes on without an answer.
+    RunsOn,
+    /// In lockstep: takes any command for the answer.
+    TakesOthers,
+    /// In lockstep: waits no longer than in real time.
+    Impatient,
 }
 
 /// What a node has heard that a flaw depends on.
@@ -109,7 +121,7 @@ fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
         "plant-command-timeout",
         "plant-load-wrong-crc",
     ];
-    let table: [(Flaw, &[&str]); 15] = [
+    let table: [(Flaw, &[&str]); 17] = [
         (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id", "plant-load-wrong-crc", "plant-soak"]),
         (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump", "plant-soak"]),
         (Flaw::NoHeartbeats, &["plant-heartbeats"]),
@@ -125,6 +137,8 @@ fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
         (Flaw::LosesCount, &["plant-frames", "plant-soak"]),
         (Flaw::Distracted, &["plant-load-wrong-crc", "plant-load-states"]),
         (Flaw::Clogs, &["plant-soak"]),
+        (Flaw::HidesBusLoss, &["plant-bus-off"]),
+        (Flaw::HidesClipping, &["plant-saturation"]),
     ];
     let network = Network::default();
     let found = table.map(|(flaw, _)| {
@@ -158,7 +172,7 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
     ];
     let deaf_to_states =
         ["exciter-plant-faults", "exciter-plant-boots", "exciter-plant-disarmed", "exciter-load-plant-disarmed"];
-    let table: [(Flaw, &[&str]); 13] = [
+    let table: [(Flaw, &[&str]); 15] = [
         (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id", "exciter-load-wrong-crc", "exciter-soak"]),
         (Flaw::NoHeartbeats, &["exciter-heartbeats"]),
         (Flaw::NoTimeout, &["exciter-sensor-timeout"]),
@@ -170,6 +184,8 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
         (Flaw::Dies, &["exciter-plant-faults"]),
         (Flaw::Distracted, &["exciter-load-wrong-crc", "exciter-load-plant-disarmed"]),
         (Flaw::Clogs, &["exciter-soak"]),
+        (Flaw::HidesBusLoss, &["exciter-bus-off"]),
+        (Flaw::DeafToClipping, &["exciter-saturation"]),
         (Flaw::AnswersNext, &["exciter-answers", "exciter-soak"]),
         (Flaw::AnswersLast, &answers_last),
     ];
@@ -179,6 +195,31 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
         (flaw, failed(&findings(Node::Exciter, network, exciter)))
     });
     assert_eq!(found, table.map(|(flaw, expected)| (flaw, expected.to_vec())));
+}
+
+#[test]
+fn a_node_with_a_flaw_in_lockstep_is_failed_by_the_cases_for_it() {
+    let network = Network::default();
+    let plants: [(Flaw, &[&str]); 4] = [
+        (Flaw::NoHeartbeats, &["lockstep-plant-heartbeats"]),
+        (Flaw::RunsOn, &["lockstep-plant-waits", "lockstep-plant-other-samples"]),
+        (Flaw::TakesOthers, &["lockstep-plant-other-samples"]),
+        (Flaw::NoTimeout, &["lockstep-plant-timeout"]),
+    ];
+    for (flaw, expected) in plants {
+        let plant = || Box::new(PlantDevice::in_mode(Mode::Lockstep, network, Some(flaw))) as Box<dyn Device>;
+        assert_eq!(failed(&findings_in(Mode::Lockstep, Node::Plant, network, plant)), expected, "{flaw:?}");
+    }
+    let exciters: [(Flaw, &[&str]); 4] = [
+        (Flaw::NoHeartbeats, &["lockstep-exciter-heartbeats"]),
+        (Flaw::AnswersNext, &["lockstep-exciter-answers", "lockstep-exciter-timeout"]),
+        (Flaw::Impatient, &["lockstep-exciter-waits", "lockstep-exciter-timeout"]),
+        (Flaw::NoTimeout, &["lockstep-exciter-timeout"]),
+    ];
+    for (flaw, expected) in exciters {
+        let exciter = || Box::new(ExciterDevice::in_mode(Mode::Lockstep, network, Some(flaw))) as Box<dyn Device>;
+        assert_eq!(failed(&findings_in(Mode::Lockstep, Node::Exciter, network, exciter)), expected, "{flaw:?}");
+    }
 }
 
 fn failed(found: &[(&'static str, Finding)]) -> Vec<&'static str> {
@@ -220,6 +261,10 @@ fn says_nothing_new(frame: &Frame, network: Network, said: &mut Option<NodeState
     said.replace(state) == Some(state)
 }
 
+fn tells_bus_loss(network: Network, frame: &Frame) -> bool {
+    matches!(read(network, frame), Some(Message::Emergency(Emergency { code: EmergencyCode::BusLoss, .. })))
+}
+
 impl PlantDevice {
     /// What the node hears in place of a frame.
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
@@ -255,6 +300,10 @@ impl PlantDevice {
                 return vec![reset];
             }
             (Some(Flaw::DeafToLeaving), Some(Message::Emergency(Emergency { .. }))) => return vec![],
+            (Some(Flaw::TakesOthers), Some(Message::Force(_))) => {
+                let sample = (self.sample as u16).wrapping_sub(1);
+                rewritten(network, frame, |data| data[6..8].copy_from_slice(&sample.to_le_bytes()))
+            }
             (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Plant => return vec![],
             _ => *frame,
         };
@@ -277,6 +326,10 @@ impl PlantDevice {
             Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => None,
             Some(Flaw::LosesCount) if kind(network, &frame) == Some(MessageKind::AccelerometerB) => {
                 Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | (data[1] * 7 % 15) & 0x0F))
+            }
+            Some(Flaw::HidesBusLoss) if tells_bus_loss(network, &frame) => None,
+            Some(Flaw::HidesClipping) if kind(network, &frame) == Some(MessageKind::AccelerometerB) => {
+                Some(rewritten(network, &frame, |data| data[1] &= 0x0F))
             }
             Some(Flaw::SwapsPairs) if kind(network, &frame) == Some(MessageKind::SensorPair) => {
                 Some(rewritten(network, &frame, |data| data[4] ^= 2))
@@ -310,6 +363,7 @@ impl ExciterDevice {
                 None
             }
             (Some(Flaw::DeafToLeaving), Some(Message::Emergency(_))) => None,
+            (Some(Flaw::DeafToClipping), Some(Message::Head(head))) if head.x_saturated => None,
             (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Exciter => None,
             _ => Some(*frame),
         }
@@ -319,6 +373,7 @@ impl ExciterDevice {
         let network = self.network;
         let by = match self.flaw {
             Some(Flaw::Dies) if self.is_dead => return None,
+            Some(Flaw::HidesBusLoss) if tells_bus_loss(network, &frame) => return None,
             Some(Flaw::WrongHash) => return Some(hashed_wrongly(network, frame)),
             Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => return None,
             Some(Flaw::AnswersNext) => 1,
