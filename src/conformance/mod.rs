@@ -2,7 +2,8 @@
 //!
 //! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
 //! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are
-//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have tables of their own.
+//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have tables of their
+//! own.
 //!
 //! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
 //! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
@@ -140,8 +141,8 @@ const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
 }
 
 /// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples every 10
-/// ms at least; an exciter that has none to answer, and a plant that waits in lockstep, sends heartbeats. What is shorter
-/// the margin of the clock covers.
+/// ms at least; an exciter that has none to answer, and a plant that waits in lockstep, sends heartbeats. What is
+/// shorter the margin of the clock covers.
 const fn silent_limit_ns(case: &Case) -> u64 {
     match (case.mode, case.tested) {
         (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,

@@ -32,8 +32,8 @@ pub(super) enum Samples {
     Soak,
     /// All their readings are clipped.
     Clipped,
-    /// Each is sent when the one before is answered and a sample period has passed, the first when the plant is armed, as
-    /// in lockstep at the speed of the clock.
+    /// Each is sent when the one before is answered and a sample period has passed, the first when the plant is armed,
+    /// as in lockstep at the speed of the clock.
     Awaited,
 }
 

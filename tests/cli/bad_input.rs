@@ -35,6 +35,20 @@ fn arms_that_cannot_be() {
 }
 
 #[test]
+fn what_a_bus_cannot_be_made_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let say = |text: &str, command: &[&str]| {
+        fs::write(folder.path().join("scenario.toml"), text).unwrap();
+        complaint(folder.path(), 2, &[command, &["--scenario", "scenario.toml"]].concat())
+    };
+    let errors = "network = { bit_rate_hz = 1_000_000, bit_error_rate = 1e-6 }";
+    assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode lockstep has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
+    assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode real-time has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
+    let timed = "network = { bit_rate_hz = 1_000_000 }";
+    assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000: in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or take the mode free or lockstep");
+}
+
+#[test]
 fn rates_and_times_that_cannot_be() {
     assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");

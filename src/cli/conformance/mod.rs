@@ -30,7 +30,7 @@ pub(super) struct Conformance {
     #[arg(long)]
     role: Role,
     /// The mode in which the node is: each has cases of its own.
-    #[arg(long, value_parser = flags::one_of([Mode::RealTime, Mode::Lockstep], Mode::name), default_value_t = Mode::RealTime)]
+    #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
     mode: Mode,
     #[command(flatten)]
     network: NetworkFlags,
@@ -67,6 +67,9 @@ pub(super) struct Conformance {
     #[command(flatten)]
     overwrite: output::OverwriteFlag,
 }
+
+/// The modes of a node on a bus.
+const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Role {
