@@ -2,36 +2,56 @@
 
 use crate::{NodeState, Refusal};
 
-/// Whether the plant's exciter can produce a load, as far as its limits and its direction go.
+/// Whether a quantity keeps its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LoadRange {
-    /// It can.
+pub enum Limit {
+    /// It does, or there is none.
     Within,
-    /// It can't.
+    /// It doesn't.
     Beyond,
+}
+
+/// What a command meets at the plant when it comes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandCheck {
+    /// The load, against what the exciter can produce, as far as its limits and its direction go.
+    pub range: Limit,
+    /// The sample periods that the change from the load held to this one takes at the largest rate of change; 0
+    /// without such a limit.
+    pub change_periods: f64,
+    /// How far the point that the exciter acts on is from rest, against the largest travel.
+    pub travel: Limit,
 }
 
 /// Judges every command that a plant receives: `SPEC.md`, section 8, "Commands refused".
 ///
-/// A command passes if the plant is operational, if it answers a sample that is neither too old nor still to come, nor
-/// the one that the last command taken answers, nor one before it, and if the exciter can produce it. What the frame
-/// itself must be, a [`Receiver`](crate::Receiver) has judged before.
+/// A command passes if the plant is operational and within its travel, if it answers a sample that is neither too old
+/// nor still to come, nor the one that the last command taken answers, nor one before it, if the exciter can produce
+/// it, and if it doesn't change the load too fast. What the frame itself must be, a [`Receiver`](crate::Receiver) has
+/// judged before.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandGate {
     age_limit: u64,
     answered: Option<u64>,
+    /// The sample that the last command in sequence answers, taken or not.
+    judged: Option<u64>,
 }
 
 impl CommandGate {
+    /// A change may be larger by this part than its time allows: loads are differences of rounded numbers.
+    const ROUNDING: f64 = 1e-9;
+
     /// A gate for commands that answer a sample at most `command_age_ns` of samples old, rounded down, at `rate_hz`
     /// samples a second.
     pub const fn new(command_age_ns: u64, rate_hz: u16) -> CommandGate {
-        CommandGate { age_limit: command_age_ns.saturating_mul(rate_hz as u64) / 1_000_000_000, answered: None }
+        let age_limit = command_age_ns.saturating_mul(rate_hz as u64) / 1_000_000_000;
+        CommandGate { age_limit, answered: None, judged: None }
     }
 
     /// The plant is armed: no sample is answered since.
     pub const fn arm(&mut self) {
         self.answered = None;
+        self.judged = None;
     }
 
     /// The sample that the last command taken answers, since arming.
@@ -45,11 +65,20 @@ impl CommandGate {
     /// With the age a = (sample − index) mod 2¹⁶ the sample answered is sample − a. One still to come has an age of
     /// nearly 2¹⁶, which is beyond any limit; one from before the first sample is none.
     ///
+    /// A change has n = s − s' sample periods of time, at least 1, where s is the sample answered and s' that of the
+    /// last command in sequence, taken or not, since arming; the first has 1. So lost commands give the next one time,
+    /// and refused ones don't: a jump is not taken later, when its load would have been reached at the largest rate.
+    /// As s' is never before the sample answered last, what all commands taken change is within that rate.
+    ///
     /// # Errors
-    /// The first reason, in the order of [`Refusal::ALL`]. A command that is refused changes nothing.
-    pub fn take(&mut self, state: NodeState, sample: u64, index: u16, range: LoadRange) -> Result<(), Refusal> {
+    /// The first reason, in this order: state, travel, age, sequence, range, rate of
+    /// change. A command that is refused leaves the sample unanswered.
+    pub fn take(&mut self, state: NodeState, sample: u64, index: u16, check: &CommandCheck) -> Result<(), Refusal> {
         if state != NodeState::Operational {
             return Err(Refusal::NotArmed);
+        }
+        if check.travel == Limit::Beyond {
+            return Err(Refusal::Travel);
         }
         let age = u64::from((sample as u16).wrapping_sub(index));
         let answered = sample.checked_sub(age).filter(|_| age <= self.age_limit).ok_or(Refusal::Late)?;
@@ -58,9 +87,13 @@ impl CommandGate {
             Some(last) if answered == last => return Err(Refusal::Repeated),
             _ => {}
         }
-        if range == LoadRange::Beyond {
+        let periods = self.judged.replace(answered).map_or(1, |before| answered.saturating_sub(before).max(1));
+        if check.range == Limit::Beyond {
             return Err(Refusal::OutOfRange);
         }
+        let most = periods as f64 * (1.0 + CommandGate::ROUNDING);
+        // What is not a number is no change that could be allowed.
+        (check.change_periods <= most).then_some(()).ok_or(Refusal::RateOfChange)?;
         self.answered = Some(answered);
         Ok(())
     }

@@ -32,11 +32,11 @@ mod transmitter;
 pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
 pub use frame_text::FrameTextError;
-pub use gate::{CommandGate, LoadRange};
+pub use gate::{CommandCheck, CommandGate, Limit};
 pub use message::{
     Acceleration, Capabilities, Cycle, Emergency, EmergencyCode, ForceCommand, Form, Heartbeat, Hello, ImpedanceHead,
     Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SamplesPerFrame, SensorPair,
-    SensorValues, Sensors, SignalError, TorqueCommand, Version,
+    SensorValues, Sensors, SignalError, TorqueCommand, Trip, Version,
 };
 pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile, UnknownProfile};
 pub use receiver::Receiver;

@@ -6,7 +6,7 @@ mod common;
 use can_dbc::{Dbc, Message as DbcMessage, NumericValue, SignalExtendedValueType, ValueType};
 use resonarm_protocol::{
     Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, MessageKind, Mismatch, Network, Node, NodeState, PROTOCOL_VERSION,
-    Profile, Refusal, SamplesPerFrame, StateEvent, Version,
+    Profile, Refusal, SamplesPerFrame, StateEvent, Trip, Version,
     bits::{BitRates, IdFormat, Stuffing, bounds},
     dbc, e2e,
     e2e::Protection,
@@ -181,6 +181,14 @@ fn the_faults_are_those_of_the_code() {
     let stated: Vec<String> =
         Mismatch::ALL.iter().zip(details).map(|(mismatch, name)| format!("{} {name}", *mismatch as u16)).collect();
     assert_eq!(rows[EmergencyCode::Incompatible as usize - 1][4], stated.join(", "));
+    let trips = ["the simulated shaker's stroke, current or voltage", "the travel (section 8)"];
+    let stated: Vec<String> =
+        Trip::ALL.iter().zip(trips).map(|(trip, name)| format!("{} {name}", *trip as u16)).collect();
+    assert_eq!(rows[EmergencyCode::ExciterTripped as usize - 1][4], stated.join(", "));
+    for trip in Trip::ALL {
+        assert_eq!(Trip::from_detail(trip as u16), Some(trip));
+    }
+    assert_eq!(Trip::from_detail(2), None);
     for (row, code) in rows.iter().zip(EmergencyCode::ALL) {
         assert_eq!(row[3].starts_with("no fault: "), code.is_notice(), "{code:?}");
     }
@@ -189,7 +197,8 @@ fn the_faults_are_those_of_the_code() {
 #[test]
 fn the_reasons_of_refusal_are_those_of_the_code() {
     let reasons = ["not armed", "too old or still to come", "older than the last taken", "the same as the last taken"];
-    let reasons = reasons.iter().chain(&["more than the exciter can produce"]);
+    let limits = ["more than the exciter can produce", "too fast a change of the load", "beyond the travel"];
+    let reasons = reasons.iter().chain(&limits);
     let stated: Vec<String> =
         Refusal::ALL.iter().zip(reasons).map(|(refusal, name)| format!("{} {name}", *refusal as u8)).collect();
     assert!(words("## 8. Running").contains(&stated.join(", ")));

@@ -130,6 +130,8 @@ pub(super) fn report_text(report: &PlantReport) -> String {
         ("out of order", refused.out_of_order),
         ("repeated", refused.repeated),
         ("out of range", refused.out_of_range),
+        ("rate of change", refused.rate_of_change),
+        ("travel", refused.travel),
     ];
     let reasons: Vec<String> =
         reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{count} {reason}")).collect();

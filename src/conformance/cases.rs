@@ -47,7 +47,7 @@ type Row = (&'static str, &'static str, &'static [&'static str], Script);
 
 use Script::{Damage as Spoilt, Loaded, Run};
 
-const PLANT: [Row; 33] = [
+const PLANT: [Row; 35] = [
     ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "plant-first-hello",
@@ -119,6 +119,18 @@ const PLANT: [Row; 33] = [
     ("plant-early-command", "commands for samples still to come", &["R-8.4", "R-8.5"], Run(refusal_cases::early)),
     ("plant-same-sample", "further commands for a sample", &["R-8.4", "R-8.5"], Run(refusal_cases::same_sample)),
     ("plant-too-large", "commands beyond the exciter's limit", &["R-8.4", "R-8.5"], Run(refusal_cases::too_large)),
+    (
+        "plant-too-fast",
+        "commands that jump, where the rate of change is limited",
+        &["R-8.13", "R-8.5"],
+        Run(refusal_cases::too_fast),
+    ),
+    (
+        "plant-too-far",
+        "commands where the travel is limited, until the arm is beyond it",
+        &["R-8.14", "R-9.1"],
+        Run(refusal_cases::too_far),
+    ),
     (
         "plant-command-timeout",
         "silence of the exciter, and the ramp",

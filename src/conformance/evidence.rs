@@ -38,6 +38,7 @@ impl Evidence {
         interface: &str,
         (tested, network, settings): (Node, Network, Settings),
     ) -> Result<Evidence, RecordingError> {
+        let stated = |limit: Option<f64>| limit.map_or(String::from("none"), |limit| limit.to_string());
         let configuration = Configuration::new()
             .with("conformance", tested)
             .with("base", network.base())
@@ -47,7 +48,9 @@ impl Evidence {
             .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(network.profile())))
             .with("seed", settings.seed)
             .with("force_n", settings.force_n)
-            .with("beyond_n", settings.beyond_n.map_or(String::from("none"), |force_n| force_n.to_string()));
+            .with("beyond_n", stated(settings.beyond_n))
+            .with("beyond_n_per_s", stated(settings.beyond_n_per_s))
+            .with("beyond_travel_n", stated(settings.beyond_travel_n));
         let options =
             Options::real_time(SAMPLE_NS as f64 * 1e-9, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed);
         let recorder = Recorder::create(path, &configuration, Options { existing, ..options })?;

@@ -5,7 +5,7 @@ use alloc::format;
 use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands, greet};
 use super::source::Samples;
-use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms};
+use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, skipped};
 use crate::protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
 use crate::protocol::{EmergencyCode, Hello, Message, MessageKind, Mismatch, NodeState};
 
@@ -94,7 +94,7 @@ pub(super) fn incomplete(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     match unanswered(t, Samples::Damaged(damage)) {
         Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
-            Err(Stop::Skipped(format!("the bus can't send a CAN FD frame: {error}")))
+            skipped(format!("the bus can't send a CAN FD frame: {error}"))
         }
         other => other,
     }

@@ -1,13 +1,12 @@
 //! Two samples a frame, in the FD profile: both nodes must be able to, and say so.
 
 use alloc::format;
-use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::exciter_role::{begin_with, commands, greet};
 use super::plant_role::{arm, forces, hold, meet};
 use super::source::Samples;
-use super::tester::{Answers, MS, Stop, Tester, failed, late};
+use super::tester::{Answers, MS, Stop, Tester, failed, late, skipped};
 use crate::protocol::{Message, SamplesPerFrame};
 
 /// Skipped, unless the last capabilities of the node under test say that it can.
@@ -18,7 +17,7 @@ fn can(t: &Tester) -> Result<(), Stop> {
     });
     match said {
         Some(SamplesPerFrame::Two) => Ok(()),
-        _ => Err(Stop::Skipped(String::from("its capabilities don't say that it can"))),
+        _ => skipped("its capabilities don't say that it can"),
     }
 }
 

@@ -3,10 +3,15 @@
 use alloc::format;
 
 use super::damage::{Damage, needs_fd};
-use super::plant_role::{arm, drive, forces, meet, samples, timeout_ns};
-use super::tester::{Answers, Stop, Tester, failed, ms};
+use super::plant_role::{arm, drive, forces, meet, run_samples, samples, timeout_ns};
+use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, skipped};
 use crate::protocol::timing::COMMAND_AGE_NS;
-use crate::protocol::{Emergency, EmergencyCode, Refusal};
+use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
+
+/// Over so many samples the force rises that drives a plant beyond its travel.
+const SLOPE_SAMPLES: u16 = 200;
+/// How long a plant is driven so until it should be beyond it, ns.
+const TRAVEL_NS: u64 = 5_000 * MS;
 
 /// Damaged frames in place of commands.
 pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
@@ -16,7 +21,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     let faulted = starves(t, from);
     match faulted {
         Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
-            Err(Stop::Skipped(format!("the bus can't send a CAN FD frame: {error}")))
+            skipped(format!("the bus can't send a CAN FD frame: {error}"))
         }
         other => other.map(|_| ()),
     }
@@ -55,15 +60,63 @@ pub(super) fn same_sample(t: &mut Tester) -> Result<(), Stop> {
 /// Commands larger than the plant's exciter can produce.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n) = t.settings.beyond_n else {
-        return Err(Stop::Skipped(alloc::string::String::from(
+        return skipped(
             "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it",
-        )));
+        );
     };
     drive(t)?;
     let from = t.heard.len();
     t.answers = Answers::Force(-beyond_n);
     let emergency = starves(t, from)?;
     says(&emergency, &[Refusal::OutOfRange])
+}
+
+/// Commands that change the load in a sample period by more than the plant takes.
+pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
+    let Some(beyond_n_per_s) = t.settings.beyond_n_per_s else {
+        return skipped("no rate of change is given that the plant must refuse (--beyond-n-per-s)");
+    };
+    drive(t)?;
+    let (force_n, jump_n) = (t.settings.force_n, beyond_n_per_s / f64::from(t.hello.rate_hz));
+    if jump_n < 2.0 * force_n {
+        let least = 2.0 * force_n * f64::from(t.hello.rate_hz);
+        return skipped(format!(
+            "--beyond-n-per-s must be at least {least}: from sample to sample the other cases command --force-n both ways"
+        ));
+    }
+    let from = t.heard.len();
+    t.answers = Answers::Force(force_n - jump_n);
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::RateOfChange])
+}
+
+/// A slope to a force with which the arm goes beyond the plant's travel.
+pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
+    let Some(beyond_n) = t.settings.beyond_travel_n else {
+        return skipped("no force is given that drives the plant beyond a travel (--beyond-travel-n)");
+    };
+    drive(t)?;
+    let (from, force_n) = (t.heard.len(), t.settings.force_n);
+    for part in 1..=SLOPE_SAMPLES {
+        t.answers = Answers::Force(force_n + (beyond_n - force_n) * f64::from(part) / f64::from(SLOPE_SAMPLES));
+        run_samples(t, 1)?;
+    }
+    let word = |heard: &Heard| emergency(&heard.message);
+    let text = format!("it doesn't trip within {}", ms(TRAVEL_NS));
+    let tripped = match t.heard[from..].iter().find_map(word) {
+        Some(emergency) => emergency,
+        None => t.expect_emergency(TRAVEL_NS, EmergencyCode::ExciterTripped, text)?.1,
+    };
+    if (tripped.code, tripped.detail) != (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
+        return failed(format!("in place of a trip at its travel it says: {tripped}"));
+    }
+    run_samples(t, 10)?;
+    // What was held at the sample that is named may still be read at the next one.
+    let is_after = |sample: u16| (2..1 << 15).contains(&sample.wrapping_sub(tripped.sample));
+    match forces(t, from).find(|(sample, read_n)| is_after(*sample) && read_n.abs() > 0.2 * force_n) {
+        Some((sample, read_n)) => failed(format!("it goes on: the head reads {read_n:.2} N at sample {sample}")),
+        None => Ok(()),
+    }
 }
 
 /// The plant faults for want of commands, and what it is sent meanwhile doesn't act.

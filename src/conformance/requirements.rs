@@ -29,7 +29,7 @@ const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Re
 }
 
 /// All of them, in the order of their sections.
-pub const REQUIREMENTS: [Requirement; 46] = [
+pub const REQUIREMENTS: [Requirement; 48] = [
     untested(
         "R-1.1",
         "CAN FD frames are taken with and without bit rate switch",
@@ -97,6 +97,8 @@ pub const REQUIREMENTS: [Requirement; 46] = [
         "a plant that can, armed by an exciter that can, sends two samples a frame, the first with an even index",
     ),
     tested("R-8.12", "an exciter that can answers the second sample of a frame"),
+    tested("R-8.13", "a plant with a largest rate of change refuses what changes the load faster"),
+    tested("R-8.14", "a plant with a largest travel refuses every command beyond it"),
     tested("R-8.20", "in lockstep a plant waits for the command with the index of its sample, and takes no other"),
     tested("R-8.21", "in lockstep a plant without an answer faults after 1000 ms"),
     tested("R-8.22", "in lockstep an exciter waits 1000 ms for the next sample, and faults without it"),

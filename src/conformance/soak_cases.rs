@@ -8,7 +8,7 @@ use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands};
 use super::plant_role::{drive, forces, period_ns};
 use super::source::Samples;
-use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, is_state, late, ms};
+use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, is_state, late, ms, skipped};
 use crate::noise::Noise;
 use crate::protocol::timing::COMMAND_AGE_NS;
 use crate::protocol::{EmergencyCode, NodeState, Profile};
@@ -81,7 +81,7 @@ impl Soak {
 
 fn is_asked(t: &Tester) -> Result<(), Stop> {
     match t.settings.soak_ns {
-        0 => Err(Stop::Skipped(String::from("no time is given for it (--soak-s)"))),
+        0 => skipped("no time is given for it (--soak-s)"),
         _ => Ok(()),
     }
 }

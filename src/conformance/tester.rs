@@ -34,6 +34,10 @@ pub struct Settings {
     pub force_n: f64,
     /// A force that the plant must refuse for its size, N, if one is to be tried.
     pub beyond_n: Option<f64>,
+    /// A rate of change of the force that the plant must refuse, N/s, if one is to be tried.
+    pub beyond_n_per_s: Option<f64>,
+    /// A force along x that drives the plant beyond its largest travel, N, if it is to be tried.
+    pub beyond_travel_n: Option<f64>,
     /// How long a node under test is waited for, ns.
     pub patience_ns: u64,
     /// Which bit of the first damaged frame is wrong, and the seed of what is drawn.
@@ -45,11 +49,13 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// 5 N, none too large, 10 s, the first bit, no load, a soak of 5 s.
+    /// 5 N, none too large, too fast or too far, 10 s, the first bit, no load, a soak of 5 s.
     fn default() -> Settings {
         Settings {
             force_n: 5.0,
             beyond_n: None,
+            beyond_n_per_s: None,
+            beyond_travel_n: None,
             patience_ns: 10_000 * MS,
             seed: 0,
             bit_rate_hz: None,
@@ -92,6 +98,10 @@ pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
 /// What must have come, in words, came so much later.
 fn slow<T>(text: impl Into<String>, late_ns: u64) -> Result<T, Stop> {
     Err(Stop::Slow(format!("{}, but {} later", text.into(), ms(late_ns))))
+}
+
+pub(super) fn skipped<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Skipped(text.into()))
 }
 
 pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {

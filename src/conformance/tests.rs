@@ -50,6 +50,8 @@ fn cases_cover_what_they_can_and_name_no_other() {
 fn settings() -> Settings {
     Settings {
         beyond_n: Some(650.0),
+        beyond_n_per_s: Some(40e3),
+        beyond_travel_n: Some(200.0),
         patience_ns: 2_000_000_000,
         bit_rate_hz: Some(1_000_000),
         soak_ns: 2_000_000_000,

@@ -28,6 +28,8 @@ const fn refusal_name(refusal: Refusal) -> &'static str {
         Refusal::OutOfOrder => "plant.command.out_of_order",
         Refusal::Repeated => "plant.command.repeated",
         Refusal::OutOfRange => "plant.command.out_of_range",
+        Refusal::RateOfChange => "plant.command.rate_of_change",
+        Refusal::Travel => "plant.command.travel",
     }
 }
 

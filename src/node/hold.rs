@@ -52,6 +52,11 @@ impl Hold {
         self.load
     }
 
+    /// The load held now.
+    pub fn load(&self) -> &Load {
+        &self.load
+    }
+
     /// Samples until the ramp is at its end; 0 if none runs.
     pub fn ramp_left(&self) -> u64 {
         self.ramp_left

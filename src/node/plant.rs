@@ -1,9 +1,9 @@
 //! The plant's node: every command to the arm passes its gate.
 
 use resonarm_protocol::{
-    Capabilities, CommandGate, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, LoadRange, Message,
-    Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair,
-    SensorValues, StateEvent,
+    Capabilities, CommandGate, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch,
+    Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues,
+    StateEvent, Trip,
 };
 
 use super::hold::Hold;
@@ -11,7 +11,7 @@ use super::link::Link;
 use super::sample;
 use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::arm::Load;
-use crate::rig::{Exciter, Measurement};
+use crate::rig::{Exciter, GateSpec, Measurement};
 
 /// The plant as a node: publishes samples, takes commands, and lets none through unless armed.
 #[derive(Clone, Debug)]
@@ -19,6 +19,7 @@ pub struct PlantNode {
     link: Link,
     timing: Timing,
     exciter: Exciter,
+    limits: GateSpec,
     partner: Option<Hello>,
     /// The most samples in a frame that the exciter takes.
     partner_samples: SamplesPerFrame,
@@ -28,6 +29,8 @@ pub struct PlantNode {
     first: Option<SensorValues>,
     /// The sample measured last.
     sample: u64,
+    /// The travel at that sample, m.
+    travel_m: f64,
     gate: CommandGate,
     hold: Hold,
     /// When the last command was taken, or the plant was armed, of the time listened.
@@ -50,11 +53,13 @@ impl PlantNode {
             link: Link::new(network, rate_hz, timing, capabilities),
             timing,
             exciter,
+            limits: GateSpec::default(),
             partner: None,
             partner_samples: SamplesPerFrame::One,
             samples_per_frame: SamplesPerFrame::One,
             first: None,
             sample: 0,
+            travel_m: 0.0,
             gate: CommandGate::new(timing.command_age_ns, rate_hz),
             hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
             command_taken_ns: 0,
@@ -70,6 +75,11 @@ impl PlantNode {
     pub fn with_samples_per_frame(mut self, most: SamplesPerFrame) -> PlantNode {
         self.link.set_samples_per_frame(most);
         self
+    }
+
+    /// The node with limits of its gate.
+    pub fn with_limits(self, limits: GateSpec) -> PlantNode {
+        PlantNode { limits, ..self }
     }
 
     /// Boots: boot-up heartbeat, pre-operational, hello.
@@ -142,8 +152,8 @@ impl PlantNode {
         let Some(message) = message else { return };
         match message {
             Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(now_ns, request),
-            Message::Force(c) => self.take(c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
-            Message::Torque(c) => self.take(c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
+            Message::Force(c) => self.take(now_ns, c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
+            Message::Torque(c) => self.take(now_ns, c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
             Message::ExciterHello(hello) => self.greet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
             Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
@@ -213,9 +223,12 @@ impl PlantNode {
     }
 
     /// Every command is taken here or refused with a reason.
-    fn take(&mut self, index: u16, load: Load) {
-        let range = if self.exciter.can_produce(&load) { LoadRange::Within } else { LoadRange::Beyond };
-        match self.gate.take(self.state(), self.sample, index, range) {
+    ///
+    /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
+    fn take(&mut self, now_ns: u64, index: u16, load: Load) {
+        let rate_hz = f64::from(self.link.hello().rate_hz);
+        let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);
+        match self.gate.take(self.state(), self.sample, index, &check) {
             Ok(()) => {
                 self.hold.take(load);
                 self.command_taken_ns = self.link.listening.listened_ns();
@@ -225,6 +238,9 @@ impl PlantNode {
                 self.refused_since_taken += 1;
                 self.refusals.add(refusal);
                 self.link.tell(NodeEvent::Refused(refusal));
+                if refusal == Refusal::Travel {
+                    self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
+                }
             }
         }
     }
@@ -254,6 +270,11 @@ impl PlantNode {
         }
         let command = self.link.listening.next_look_ns(self.command_taken_ns, self.timing.command_timeout_ns);
         link.min(command).min(self.link.partner_deadline_ns())
+    }
+
+    /// States the travel at the sample that is published next, m. By default it is zero.
+    pub fn set_travel(&mut self, travel_m: f64) {
+        self.travel_m = travel_m;
     }
 
     /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame, alone
@@ -295,7 +316,7 @@ impl PlantNode {
     }
 
     /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if
-    /// the simulation can't go on there is nothing to ramp, and it is let go at once.
+    /// the simulation can't go on or what drives the arm is off, it is let go at once.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {

@@ -16,7 +16,7 @@ use thiserror::Error;
 use crate::arm::{Arm, ArmError, Load, Parameters, PointMotion, Pose, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
 use crate::number::{rounded, short};
-use crate::rig::{Exciter, Measurement, Rig, RigError, RigSpec, ShakerLimit};
+use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use shaker::Shaker;
 
 /// The most integration steps a sample: 250 times the default.
@@ -187,6 +187,23 @@ impl Plant {
     /// What drives the arm.
     pub fn exciter(&self) -> &Exciter {
         self.rig.exciter()
+    }
+
+    /// What is taken of commands beyond what the exciter can produce.
+    pub fn gate(&self) -> &GateSpec {
+        self.rig.gate()
+    }
+
+    /// How far the point that the exciter acts on is from rest, m: the distance of the tip, of a shaker the displacement
+    /// of its armature, without sign.
+    pub fn travel_m(&self) -> f64 {
+        match self.shaker {
+            Some(_) => self.arm.attachment_motion(&self.state).0.abs(),
+            None => {
+                let tip_m = |alpha_rad| self.arm.points(alpha_rad).c_m;
+                (tip_m(&self.state.alpha_rad) - tip_m(&Vector2::zeros())).norm()
+            }
+        }
     }
 
     /// The index of the sample at which the plant stands.

@@ -42,6 +42,21 @@ fn at_rest_the_instruments_tell_the_held_force() {
 }
 
 #[test]
+fn the_travel_is_that_of_the_tip_and_of_a_shaker_its_armature() {
+    assert_eq!(Plant::new(&spec()).unwrap().travel_m(), 0.0);
+    let away = State::new([-0.2, 0.0], [5.0, 0.0]);
+    let plant = Plant::new(&PlantSpec { initial: away, ..spec() }).unwrap();
+    // The chord of an arc about joint A.
+    let radius_m = plant.arm().points(&Vector2::zeros()).c_m.norm();
+    assert!((plant.travel_m() - 2.0 * radius_m * libm::sin(0.1)).abs() < 1e-12);
+
+    let shaken = Plant::new(&PlantSpec { initial: away, ..shaken(SHAKER) }).unwrap();
+    let tip_m = |alpha_rad| shaken.arm().points(&alpha_rad).c_m;
+    let moved_m = tip_m(away.alpha_rad) - tip_m(Vector2::zeros());
+    assert!((shaken.travel_m() - SHAKER.direction().dot(&moved_m).abs()).abs() < 1e-12 && shaken.travel_m() > 0.0);
+}
+
+#[test]
 fn a_step_that_fails_changes_nothing() {
     let mut plant = Plant::new(&spec()).unwrap();
     plant.advance(&Load::force_n(1.0, 1.0)).unwrap();

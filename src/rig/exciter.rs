@@ -100,6 +100,16 @@ impl Exciter {
         }
     }
 
+    /// How large a load is in what the limits are stated in: the largest force along an axis, of a shaker that along it,
+    /// N, and the largest torque at a joint, N·m.
+    pub fn size(&self, load: &Load) -> (f64, f64) {
+        let force_n = match self {
+            Exciter::Ideal(_) => load.force_n.amax(),
+            Exciter::Shaker(spec) => spec.along_n(load).abs(),
+        };
+        (force_n, load.torque_nm.amax())
+    }
+
     /// The largest force, N, and torque, N·m.
     pub fn limits(&self) -> (f64, f64) {
         match self {

@@ -5,11 +5,13 @@ pub(crate) mod coil;
 mod exciter;
 mod fault;
 mod filter;
+mod gate;
 mod sensor;
 mod shaker;
 
 pub use exciter::{Exciter, ExciterSpec, RigError};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, InstrumentName, MOST_FAULTS};
+pub use gate::GateSpec;
 pub use sensor::{AccelerometerSpec, ForceSensorSpec, Reading};
 pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
 
@@ -31,6 +33,9 @@ pub struct RigSpec {
     /// The shaker, if one drives the arm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaker: Option<ShakerSpec>,
+    /// What is taken of commands beyond what the exciter can produce.
+    #[serde(skip_serializing_if = "GateSpec::is_open")]
+    pub gate: GateSpec,
     /// The accelerometer at the elbow, point B.
     pub accelerometer_b: AccelerometerSpec,
     /// The accelerometer at the tip, point C.
@@ -83,6 +88,7 @@ impl Measurement {
 #[derive(Clone, Debug)]
 pub struct Rig {
     exciter: Exciter,
+    gate: GateSpec,
     head: Instrument,
     accelerometer_b: Instrument,
     accelerometer_c: Instrument,
@@ -97,6 +103,7 @@ impl Rig {
         let exciter = spec.drive();
         spec.exciter.check()?;
         exciter.check()?;
+        spec.gate.check(&exciter)?;
         if spec.faults.len() > MOST_FAULTS {
             return Err(RigError::TooManyFaults { got: spec.faults.len() });
         }
@@ -107,6 +114,7 @@ impl Rig {
         let c = c.instrument("rig.accelerometer_c", rate_hz, seed, 4)?;
         Ok(Rig {
             exciter,
+            gate: spec.gate,
             head: head.with_faults(faults(InstrumentName::ImpedanceHead)?),
             accelerometer_b: b.with_faults(faults(InstrumentName::AccelerometerB)?),
             accelerometer_c: c.with_faults(faults(InstrumentName::AccelerometerC)?),
@@ -116,6 +124,11 @@ impl Rig {
     /// What drives the arm.
     pub fn exciter(&self) -> &Exciter {
         &self.exciter
+    }
+
+    /// What is taken of commands beyond what the exciter can produce.
+    pub fn gate(&self) -> &GateSpec {
+        &self.gate
     }
 
     /// What the instruments say at sample `sample` of the true accelerations and the force in the head. Every call

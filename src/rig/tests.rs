@@ -1,6 +1,8 @@
 use super::chain::Instrument;
 use super::*;
 use crate::arm::Load;
+use crate::protocol::{CommandCheck, Limit};
+use alloc::string::{String, ToString};
 
 const RATE_HZ: f64 = 1000.0;
 
@@ -104,6 +106,66 @@ fn exciter_knows_its_limits() {
     assert!(!exciter.can_produce(&Load::force_n(0.0, -10.001)));
     assert!(exciter.can_produce(&Load::torque_nm(20.0, 0.0)));
     assert!(!exciter.can_produce(&Load::torque_nm(0.0, f64::NAN)));
+}
+
+#[test]
+fn says_what_is_wrong_with_the_limits_of_the_gate() {
+    let says = |gate: &str, shaker| {
+        let rig = RigSpec { gate: toml::from_str(gate).unwrap(), shaker, ..RigSpec::default() };
+        Rig::new(&rig, RATE_HZ, 0).map_or_else(|error| error.to_string(), |_| String::from("fine"))
+    };
+    insta::assert_snapshot!(says("force_rate_limit_n_per_s = -1.0", None), @"rig.gate: `force_rate_limit_n_per_s` is -1: it must be a positive number");
+    insta::assert_snapshot!(says("torque_rate_limit_nm_per_s = 0.0", None), @"rig.gate: `torque_rate_limit_nm_per_s` is 0: it must be a positive number");
+    insta::assert_snapshot!(says("travel_limit_m = nan", None), @"rig.gate: `travel_limit_m` is NaN: it must be a positive number");
+    insta::assert_snapshot!(says("travel_limit_m = inf", None), @"rig.gate: `travel_limit_m` is inf: it must be a positive number");
+    let shaker = Some(shaker());
+    insta::assert_snapshot!(says("torque_rate_limit_nm_per_s = 5.0", shaker), @"rig.gate: `torque_rate_limit_nm_per_s` is 5: it must be left out with a shaker, which exerts no torque");
+    insta::assert_snapshot!(says("travel_limit_m = 0.02", shaker), @"rig.gate: `travel_limit_m` is 0.02: it must be below `rig.shaker.stroke_m`, at which the shaker trips");
+    let all = "force_rate_limit_n_per_s = 1.0\ntravel_limit_m = 0.019";
+    assert_eq!([says(all, shaker), says(all, None), says("", shaker)], ["fine"; 3]);
+}
+
+fn shaker() -> ShakerSpec {
+    ShakerSpec {
+        direction_deg: 60.0,
+        amplifier: Amplifier::Current,
+        moving_mass_kg: 0.2,
+        stiffness_n_m: 5e3,
+        damping_n_s_m: 5.0,
+        force_factor_n_a: 20.0,
+        resistance_ohm: 2.0,
+        inductance_h: 3e-4,
+        stroke_m: 0.02,
+        current_limit_a: 15.0,
+        voltage_limit_v: 60.0,
+    }
+}
+
+#[test]
+fn the_gate_is_told_of_range_change_and_travel() {
+    let exciter = Exciter::Ideal(ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0 });
+    let limits = GateSpec {
+        force_rate_limit_n_per_s: Some(500.0),
+        torque_rate_limit_nm_per_s: Some(250.0),
+        travel_limit_m: Some(0.25),
+    };
+    let (from, within) = (Load::force_n(1.0, -2.0), Limit::Within);
+    let check = |limits: GateSpec, travel_m, to| limits.command_check(&exciter, 1000.0, travel_m, [&from, &to]);
+    // 3 N along x and 4 N along y at 0.5 N a sample period.
+    let force = check(limits, 0.25, Load::force_n(-2.0, 2.0));
+    assert_eq!(force, CommandCheck { range: within, change_periods: 8.0, travel: within });
+    // The force goes: 2 N in 4 periods. The torque comes: 3 N·m in 12.
+    let torque = check(limits, 0.250_001, Load::torque_nm(1.0, -3.0));
+    assert_eq!(torque, CommandCheck { range: within, change_periods: 12.0, travel: Limit::Beyond });
+    assert_eq!(check(limits, 0.0, Load::force_n(10.001, 0.0)).range, Limit::Beyond);
+    assert_eq!(check(limits, f64::NAN, from).travel, Limit::Beyond);
+    let free = check(GateSpec::default(), 1e9, Load::force_n(-10.0, 10.0));
+    assert_eq!(free, CommandCheck { range: within, change_periods: 0.0, travel: within });
+
+    // Along the shaker, in whatever direction it points.
+    let [held, load] = [-1.0, 3.0].map(|force_n| Load { force_n: shaker().direction() * force_n, ..Load::default() });
+    let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, 0.0, [&held, &load]);
+    assert!((along.change_periods - 8.0).abs() < 1e-12, "{along:?}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::arm::Load;
 use crate::bus::{Bus, BusError, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
 use crate::plant::{Plant, PlantError};
-use crate::protocol::{EmergencyCode, Frame, NodeState};
+use crate::protocol::{EmergencyCode, Frame, NodeState, Trip};
 use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord};
 use crate::rig::Reading;
 
@@ -208,6 +208,7 @@ impl<'a> Bench<'a> {
                 head_force: clipped(measurement.head_force_n),
             }),
         }))?;
+        self.node.set_travel(self.plant.travel_m());
         Ok(self.node.publish(&measurement)?)
     }
 
@@ -217,11 +218,11 @@ impl<'a> Bench<'a> {
         let load = self.node.load();
         self.record_state(&load, false)?;
         if let Err(error) = self.plant.advance(&load) {
-            let code = match error {
-                PlantError::Tripped { .. } => EmergencyCode::ExciterTripped,
-                PlantError::Integrate { .. } => EmergencyCode::SimulationFailed,
+            let (code, detail) = match error {
+                PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
+                PlantError::Integrate { .. } => (EmergencyCode::SimulationFailed, 0),
             };
-            self.node.fault(now_ns, code, 0);
+            self.node.fault(now_ns, code, detail);
             return Err(RunError::Plant(error));
         }
         Ok(())

@@ -7,7 +7,7 @@ use super::bench::Bench;
 use crate::bus::Statistics;
 use crate::control::ResponsePoint;
 use crate::node::{self, Refusals};
-use crate::protocol::{Emergency, EmergencyCode, Refusal};
+use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
 use crate::realtime::Percentiles;
 use crate::recording::Summary;
 
@@ -189,13 +189,16 @@ const fn name(code: EmergencyCode) -> &'static str {
 /// A fault in words, with the way to mend it.
 pub fn fault_text(emergency: &Emergency) -> String {
     let mend = match emergency.code {
-        EmergencyCode::CommandTimeout if Refusal::from_detail(emergency.detail).1 == Some(Refusal::OutOfRange) => {
-            "lower the excitation, or raise rig.exciter's limits"
-        }
-        EmergencyCode::CommandTimeout => {
-            "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s, or take \
-             --mode lockstep, where time waits"
-        }
+        EmergencyCode::CommandTimeout => match Refusal::from_detail(emergency.detail).1 {
+            Some(Refusal::OutOfRange) => "lower the excitation, or raise rig.exciter's limits",
+            Some(Refusal::RateOfChange) => {
+                "lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change"
+            }
+            _ => {
+                "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s, or \
+                 take --mode lockstep, where time waits"
+            }
+        },
         EmergencyCode::SensorTimeout | EmergencyCode::HeartbeatLost => {
             "the partner or the bus has gone: see whether it still runs; raise network.partner_timeout_s if it was held up"
         }
@@ -211,6 +214,9 @@ pub fn fault_text(emergency: &Emergency) -> String {
         EmergencyCode::SecondSender => {
             "end the other node, or give this network another base and other node ids (network.base_id, network.plant_id, \
              network.exciter_id)"
+        }
+        EmergencyCode::ExciterTripped if Trip::from_detail(emergency.detail) == Some(Trip::Travel) => {
+            "lower the excitation, or raise rig.gate.travel_limit_m"
         }
         EmergencyCode::ExciterTripped => {
             "lower the excitation, or take a larger shaker: the plant's own message names the limit"
@@ -233,6 +239,10 @@ pub struct RefusedCommands {
     pub repeated: u64,
     /// The exciter can't produce it.
     pub out_of_range: u64,
+    /// It changes the load too fast.
+    pub rate_of_change: u64,
+    /// The plant was beyond its travel.
+    pub travel: u64,
 }
 
 impl From<&Refusals> for RefusedCommands {
@@ -243,6 +253,8 @@ impl From<&Refusals> for RefusedCommands {
             out_of_order: refusals.count(Refusal::OutOfOrder),
             repeated: refusals.count(Refusal::Repeated),
             out_of_range: refusals.count(Refusal::OutOfRange),
+            rate_of_change: refusals.count(Refusal::RateOfChange),
+            travel: refusals.count(Refusal::Travel),
         }
     }
 }

@@ -336,6 +336,7 @@ impl Session {
     ) -> Result<Bench<'a>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let node = PlantNode::new(network, rate_hz, self.timing, *self.plant.exciter())
+            .with_limits(*self.plant.gate())
             .with_samples_per_frame(self.scenario.network.samples_per_frame()?);
         let channel = recorder.map(|recorder| recorder.channel("plant", RECORDS_CAPACITY)).transpose()?;
         let records = match (channel, self.mode) {

@@ -21,35 +21,40 @@ fn help_names_each_flag() {
     Usage: resonarm conformance [OPTIONS] --bus <BUS> --role <ROLE>
 
     Options:
-          --bus <BUS>          The bus: vcan0, can0, python-can:interface=I,channel=C
-      -v, --verbose...         Log more: -v for what happens, -vv for every detail
-          --role <ROLE>        The node under test. An exciter must be started again whenever it ends,
-                               as by a loop in a shell [possible values: plant, exciter]
-          --mode <MODE>        The mode in which the node is: each has cases of its own [default:
-                               real-time] [possible values: real-time, lockstep]
-          --base <ID>          Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default: 0x200]
-          --plant-id <N>       Node id of the plant, 1 to 127 [default: 1]
-          --exciter-id <N>     Node id of the exciter, 1 to 127 [default: 2]
-          --profile <PROFILE>  Frames of commands and samples [default: classic] [possible values:
-                               classic, fd]
-          --case <NAME>        Only the cases whose names begin so, such as plant-hello; may be given
-                               more than once
-          --force-n <N>        Force that a plant is commanded along x, both ways, N [default: 5]
-          --beyond-n <N>       A force that the plant must refuse for its size, N [default: none is
-                               tried]. A plant that takes it applies it
-          --patience-s <S>     How long the node under test is waited for, s [default: 10]
-          --bit-rate-hz <HZ>   Bit rate of the bus, Hz: some cases are tried at 70 % of it, too
-                               [default: they are not]
-          --soak-s <S>         How long good and bad frames at random are sent, s; 0 is not at all
-                               [default: 5]
-          --seed <N>           What is drawn at random; and which bit of the first damaged frame is
-                               wrong, the next has the next one wrong [default: 0]
-          --json               Print one JSON document
-          --junit <FILE>       Write the report as JUnit XML, too
-          --record <FILE>      Record every frame, and where each case begins and ends, into this MCAP
-                               file
-          --overwrite          Write over files that are there
-      -h, --help               Print help
+          --bus <BUS>             The bus: vcan0, can0, python-can:interface=I,channel=C
+      -v, --verbose...            Log more: -v for what happens, -vv for every detail
+          --role <ROLE>           The node under test. An exciter must be started again whenever it
+                                  ends, as by a loop in a shell [possible values: plant, exciter]
+          --mode <MODE>           The mode in which the node is: each has cases of its own [default:
+                                  real-time] [possible values: real-time, lockstep]
+          --base <ID>             Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default:
+                                  0x200]
+          --plant-id <N>          Node id of the plant, 1 to 127 [default: 1]
+          --exciter-id <N>        Node id of the exciter, 1 to 127 [default: 2]
+          --profile <PROFILE>     Frames of commands and samples [default: classic] [possible values:
+                                  classic, fd]
+          --case <NAME>           Only the cases whose names begin so, such as plant-hello; may be given
+                                  more than once
+          --force-n <N>           Force that a plant is commanded along x, both ways, N [default: 5]
+          --beyond-n <N>          A force that the plant must refuse for its size, N [default: none is
+                                  tried]. A plant that takes it applies it
+          --beyond-n-per-s <N/S>  A rate of change of the force that the plant must refuse, N/s
+                                  [default: none is tried]. A plant that takes it applies it
+          --beyond-travel-n <N>   A force along x that drives the plant beyond its largest travel, N
+                                  [default: none is tried]
+          --patience-s <S>        How long the node under test is waited for, s [default: 10]
+          --bit-rate-hz <HZ>      Bit rate of the bus, Hz: some cases are tried at 70 % of it, too
+                                  [default: they are not]
+          --soak-s <S>            How long good and bad frames at random are sent, s; 0 is not at all
+                                  [default: 5]
+          --seed <N>              What is drawn at random; and which bit of the first damaged frame is
+                                  wrong, the next has the next one wrong [default: 0]
+          --json                  Print one JSON document
+          --junit <FILE>          Write the report as JUnit XML, too
+          --record <FILE>         Record every frame, and where each case begins and ends, into this
+                                  MCAP file
+          --overwrite             Write over files that are there
+      -h, --help                  Print help
     ");
 }
 
@@ -61,6 +66,8 @@ fn flags_that_cannot_be() {
 
     For more information, try '--help'.
     ");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--beyond-n-per-s", "-1"]), @"resonarm: --beyond-n-per-s must be a number above 0 N/s");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--beyond-travel-n", "0"]), @"resonarm: --beyond-travel-n must be a number above 0 N");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--patience-s", "-1"]), @"resonarm: --patience-s is -1: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--seed", "1.5"]), @r"
     error: invalid value '1.5' for '--seed <N>': a seed is a whole number from 0 to 18446744073709551615, or hexadecimal as 0x1F
@@ -69,7 +76,7 @@ fn flags_that_cannot_be() {
     ");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
     assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak"#);
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-too-fast, plant-too-far, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
     error: invalid value '9600' for '--bit-rate-hz <HZ>': 9600 is not in 10000..=1000000
 

@@ -6,6 +6,7 @@ mod closed_loop;
 mod examples;
 mod experiment;
 mod faults;
+mod gate;
 mod limits;
 mod lockstep_conformance;
 #[cfg(debug_assertions)]

@@ -36,7 +36,7 @@ pub enum EmergencyCode {
     Leaving = 12,
     /// A message came that only this node sends: there is another with its node id or its base. Detail: the identifier.
     SecondSender = 13,
-    /// Plant: the simulated shaker has tripped, at its stroke, current or voltage limit. Detail: 0.
+    /// Plant: what drives the arm is off, at a limit of its own or of the travel. Detail: the [`Trip`].
     ExciterTripped = 14,
 }
 
@@ -86,7 +86,36 @@ impl fmt::Display for EmergencyCode {
             EmergencyCode::ScheduleSlipped => "the schedule slipped by missed sample periods",
             EmergencyCode::Leaving => "the node leaves the bus",
             EmergencyCode::SecondSender => "another node sends this one's messages",
-            EmergencyCode::ExciterTripped => "the shaker has tripped",
+            EmergencyCode::ExciterTripped => "the exciter has tripped",
+        })
+    }
+}
+
+/// What tripped an exciter: the detail of [`EmergencyCode::ExciterTripped`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u16)]
+pub enum Trip {
+    /// The simulated shaker's own limit of stroke, current or voltage.
+    Shaker = 0,
+    /// The largest travel.
+    Travel = 1,
+}
+
+impl Trip {
+    /// Every trip.
+    pub const ALL: [Trip; 2] = [Trip::Shaker, Trip::Travel];
+
+    /// The trip of a `detail`, if it is one.
+    pub fn from_detail(detail: u16) -> Option<Trip> {
+        Trip::ALL.into_iter().find(|known| *known as u16 == detail)
+    }
+}
+
+impl fmt::Display for Trip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Trip::Shaker => "the shaker's stroke, current or voltage",
+            Trip::Travel => "the travel",
         })
     }
 }
@@ -122,6 +151,11 @@ impl fmt::Display for Emergency {
                     write!(f, " ({mismatch})")?;
                 }
             }
+            EmergencyCode::ExciterTripped => {
+                if let Some(trip) = Trip::from_detail(detail) {
+                    write!(f, " ({trip})")?;
+                }
+            }
             EmergencyCode::Overrun | EmergencyCode::ScheduleSlipped => write!(f, " ({detail})")?,
             EmergencyCode::BusLoss => write!(f, " ({detail} frames)")?,
             EmergencyCode::SampleSequence => write!(f, " (index {detail})")?,
@@ -131,7 +165,6 @@ impl fmt::Display for Emergency {
             | EmergencyCode::PartnerFault
             | EmergencyCode::CommandOutOfRange
             | EmergencyCode::SimulationFailed
-            | EmergencyCode::ExciterTripped
             | EmergencyCode::Leaving => {}
         }
         write!(f, ", at sample {sample}")

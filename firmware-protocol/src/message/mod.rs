@@ -18,7 +18,7 @@ mod signals;
 pub use acceleration::Acceleration;
 pub use capabilities::{Capabilities, SamplesPerFrame};
 pub use command::{ForceCommand, TorqueCommand};
-pub use emergency::{Emergency, EmergencyCode};
+pub use emergency::{Emergency, EmergencyCode, Trip};
 pub use heartbeat::Heartbeat;
 pub use hello::{Hello, Mismatch, Version};
 pub use impedance_head::ImpedanceHead;

@@ -16,12 +16,23 @@ pub enum Refusal {
     Repeated = 4,
     /// The exciter can't produce it.
     OutOfRange = 5,
+    /// It changes the load faster than it may.
+    RateOfChange = 6,
+    /// The plant is beyond its largest travel.
+    Travel = 7,
 }
 
 impl Refusal {
     /// Every reason.
-    pub const ALL: [Refusal; 5] =
-        [Refusal::NotArmed, Refusal::Late, Refusal::OutOfOrder, Refusal::Repeated, Refusal::OutOfRange];
+    pub const ALL: [Refusal; 7] = [
+        Refusal::NotArmed,
+        Refusal::Late,
+        Refusal::OutOfOrder,
+        Refusal::Repeated,
+        Refusal::OutOfRange,
+        Refusal::RateOfChange,
+        Refusal::Travel,
+    ];
 
     /// The detail of [`EmergencyCode::CommandTimeout`](super::EmergencyCode::CommandTimeout): in the low byte how many
     /// commands were refused since the last one was taken, at most 255, in the high byte why the last of them was, 0 if
@@ -49,6 +60,8 @@ impl fmt::Display for Refusal {
             Refusal::OutOfOrder => "an older sample is answered after a newer one",
             Refusal::Repeated => "the sample is answered already",
             Refusal::OutOfRange => "the exciter can't produce it",
+            Refusal::RateOfChange => "it changes the load too fast",
+            Refusal::Travel => "the plant is beyond its travel",
         })
     }
 }

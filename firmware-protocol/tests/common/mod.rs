@@ -259,9 +259,13 @@ pub fn samples() -> Vec<Message> {
     }
     for node in Node::ALL {
         messages.extend(NodeState::ALL.map(|state| Message::Heartbeat(Heartbeat { node, state })));
-        for (code, detail) in
-            EmergencyCode::ALL.into_iter().zip([0x0503, 1, 2, 0x1234, 4, 5, 0, 65_535, 9, 10, 11, 50, 0x201, 0])
-        {
+        let details = [0x0503, 1, 2, 0x1234, 4, 5, 0, 65_535, 9, 10, 11, 50, 0x201, 0];
+        let of_gate = [
+            (EmergencyCode::CommandTimeout, 0x0614),
+            (EmergencyCode::CommandTimeout, 0x0701),
+            (EmergencyCode::ExciterTripped, 1),
+        ];
+        for (code, detail) in EmergencyCode::ALL.into_iter().zip(details).chain(of_gate) {
             messages.push(Message::Emergency(Emergency { node, code, detail, sample: 0xABCD }));
         }
     }

@@ -43,6 +43,13 @@ pub(super) struct Conformance {
     /// A force that the plant must refuse for its size, N [default: none is tried]. A plant that takes it applies it.
     #[arg(long, value_name = "N")]
     beyond_n: Option<f64>,
+    /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that takes it
+    /// applies it.
+    #[arg(long, value_name = "N/S")]
+    beyond_n_per_s: Option<f64>,
+    /// A force along x that drives the plant beyond its largest travel, N [default: none is tried].
+    #[arg(long, value_name = "N")]
+    beyond_travel_n: Option<f64>,
     /// How long the node under test is waited for, s.
     #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
@@ -154,9 +161,14 @@ impl Conformance {
     }
 
     fn settings(&self) -> Result<Settings, Failure> {
-        for (flag, force_n) in [("--force-n", Some(self.force_n)), ("--beyond-n", self.beyond_n)] {
-            if force_n.is_some_and(|force_n| !force_n.is_finite() || force_n <= 0.0) {
-                return Err(Failure::Usage(format!("{flag} must be a number above 0 N")));
+        for (flag, unit, number) in [
+            ("--force-n", "N", Some(self.force_n)),
+            ("--beyond-n", "N", self.beyond_n),
+            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s),
+            ("--beyond-travel-n", "N", self.beyond_travel_n),
+        ] {
+            if number.is_some_and(|number| !number.is_finite() || number <= 0.0) {
+                return Err(Failure::Usage(format!("{flag} must be a number above 0 {unit}")));
             }
         }
         let ns = |flag, given_s| {
@@ -165,6 +177,8 @@ impl Conformance {
         Ok(Settings {
             force_n: self.force_n,
             beyond_n: self.beyond_n,
+            beyond_n_per_s: self.beyond_n_per_s,
+            beyond_travel_n: self.beyond_travel_n,
             patience_ns: ns("--patience-s", self.patience_s)?,
             seed: self.seed,
             bit_rate_hz: self.bit_rate_hz,

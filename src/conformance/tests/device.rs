@@ -11,11 +11,13 @@ use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Wavefo
 use crate::node::{ExciterNode, PlantNode, Timing};
 use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use crate::protocol::{Frame, Network, NodeState, SamplesPerFrame, Transmitter};
-use crate::rig::{Exciter, Measurement, Reading};
+use crate::rig::{Exciter, GateSpec, Measurement, Reading};
 use crate::run::Mode;
 
 pub const RATE_HZ: u16 = 1000;
 const TICK_NS: u64 = 1_000_000;
+/// Travel of the arm under a force, m/N.
+const COMPLIANCE_M_N: f64 = 1e-4;
 
 /// The node is stopped for this long at the end of each such time, ns; what it is sent meanwhile waits.
 #[derive(Clone, Copy)]
@@ -185,8 +187,9 @@ impl PlantDevice {
         if flaw == Some(Flaw::NoTimeout) {
             timing.command_timeout_ns = u64::MAX / 2;
         }
-        let mut node =
-            PlantNode::new(network, RATE_HZ, timing, Exciter::default()).with_samples_per_frame(SamplesPerFrame::Two);
+        let mut node = PlantNode::new(network, RATE_HZ, timing, Exciter::default())
+            .with_limits(limits(flaw))
+            .with_samples_per_frame(SamplesPerFrame::Two);
         node.start(0);
         PlantDevice {
             network,
@@ -221,6 +224,7 @@ impl PlantDevice {
         let acceleration_b_m_s2 = [Reading { value: 2000.0, clipped: true }, reading(0.0)];
         let sample = self.sample;
         let measurement = Measurement { sample, head_force_n, acceleration_b_m_s2, ..Measurement::default() };
+        self.node.set_travel(self.load.force_n.x.abs() * COMPLIANCE_M_N);
         self.node.publish(&measurement).unwrap();
         self.sample += 1;
     }
@@ -228,6 +232,21 @@ impl PlantDevice {
     fn hold(&mut self) {
         let load = self.node.load();
         self.load = self.alter_load(load);
+    }
+}
+
+/// A change of 20 N in a sample period, and the travel under 100 N; none that would hide the flaw.
+fn limits(flaw: Option<Flaw>) -> GateSpec {
+    let all = GateSpec {
+        force_rate_limit_n_per_s: Some(20e3),
+        torque_rate_limit_nm_per_s: None,
+        travel_limit_m: Some(100.0 * COMPLIANCE_M_N),
+    };
+    match flaw {
+        Some(Flaw::Jumps) => GateSpec { force_rate_limit_n_per_s: None, ..all },
+        Some(Flaw::Strays) => GateSpec { travel_limit_m: None, ..all },
+        Some(Flaw::Cuts) => GateSpec::default(),
+        _ => all,
     }
 }
 

@@ -29,6 +29,10 @@ pub enum Flaw {
     SlowTimeout,
     /// Cuts commands that are too large.
     Cuts,
+    /// Takes any change of the load.
+    Jumps,
+    /// Takes any travel.
+    Strays,
     /// Its hello has another hash.
     WrongHash,
     /// Believes in any hello, and in one that was never sent.
@@ -118,17 +122,20 @@ fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
         "plant-early-command",
         "plant-same-sample",
         "plant-too-large",
+        "plant-too-fast",
         "plant-command-timeout",
         "plant-load-wrong-crc",
     ];
-    let table: [(Flaw, &[&str]); 17] = [
+    let table: [(Flaw, &[&str]); 19] = [
         (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id", "plant-load-wrong-crc", "plant-soak"]),
         (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump", "plant-soak"]),
         (Flaw::NoHeartbeats, &["plant-heartbeats"]),
         (Flaw::NoRamp, &["plant-command-timeout", "plant-disarm"]),
-        (Flaw::ActsUnarmed, &["plant-not-armed", "plant-disarm"]),
+        (Flaw::ActsUnarmed, &["plant-not-armed", "plant-too-far", "plant-disarm"]),
         (Flaw::NoTimeout, &starved),
-        (Flaw::Cuts, &["plant-too-large"]),
+        (Flaw::Cuts, &["plant-too-large", "plant-too-fast", "plant-too-far"]),
+        (Flaw::Jumps, &["plant-too-fast"]),
+        (Flaw::Strays, &["plant-too-far"]),
         (Flaw::WrongHash, &["plant-hello", "plant-load-hello"]),
         (Flaw::BelievesHellos, &["plant-arms-for-a-hello", "plant-exciter-leaves"]),
         (Flaw::NoLatch, &["plant-states", "plant-load-states"]),

@@ -1,0 +1,154 @@
+//! Limits of the gate: the rate of change of the load, and the travel.
+
+use super::*;
+use crate::rig::GateSpec;
+use resonarm_protocol::Trip;
+
+/// 1 N and 2 N·m a sample period, and 10 mm.
+const LIMITS: GateSpec = GateSpec {
+    force_rate_limit_n_per_s: Some(1000.0),
+    torque_rate_limit_nm_per_s: Some(2000.0),
+    travel_limit_m: Some(0.01),
+};
+
+/// An armed plant with these limits, and its controller's transmitter.
+struct Driven {
+    plant: PlantNode,
+    transmitter: Transmitter,
+    now_ns: u64,
+    sample: u64,
+}
+
+impl Driven {
+    fn new() -> Driven {
+        let (plant, transmitter) = armed();
+        Driven { plant: plant.with_limits(LIMITS), transmitter, now_ns: 0, sample: 70_000 }
+    }
+
+    fn tell(&mut self, message: &Message) {
+        self.plant.handle_frame(self.now_ns, &self.transmitter.frame(message).unwrap());
+    }
+
+    fn ask(&mut self, request: OperatorRequest) {
+        self.tell(&Message::Operator(OperatorCommand { request, target: NodeName::Plant }));
+    }
+
+    fn force(&mut self, force_x_n: f64, force_y_n: f64) {
+        let sample = self.sample as u16;
+        self.tell(&Message::Force(ForceCommand { force_x_n, force_y_n, sample }));
+    }
+
+    /// The load over the next sample period, at the end of which the travel is this.
+    fn tick(&mut self, travel_m: f64) -> Load {
+        self.now_ns += TICK_NS;
+        self.sample += 1;
+        self.plant.handle_deadline(self.now_ns);
+        let load = self.plant.load();
+        self.plant.set_travel(travel_m);
+        self.plant.publish(&Measurement { sample: self.sample, ..Measurement::default() }).unwrap();
+        while self.plant.poll_transmit().is_some() {}
+        load
+    }
+
+    /// So many sample periods, all with this travel.
+    fn run(&mut self, ticks: u32, travel_m: f64) {
+        for _ in 0..ticks {
+            let _ = self.tick(travel_m);
+        }
+    }
+}
+
+#[test]
+fn a_jump_is_refused_until_the_command_timeout_and_a_slope_is_taken() {
+    let mut driven = Driven::new();
+    for n in 1..=5 {
+        driven.force(f64::from(n), -f64::from(n));
+        assert_eq!(driven.tick(0.0), Load::force_n(f64::from(n), -f64::from(n)));
+    }
+    // Two commands are lost: the third may change as much as they would have.
+    driven.run(2, 0.0);
+    driven.force(8.0, -8.0);
+    assert_eq!(driven.tick(0.0), Load::force_n(8.0, -8.0));
+    for _ in 0..19 {
+        driven.force(8.0, -6.9);
+        assert_eq!(driven.plant.load(), Load::force_n(8.0, -8.0));
+        driven.run(1, 0.0);
+    }
+    let fault = driven.plant.latched_fault().unwrap();
+    assert_eq!(fault.code, EmergencyCode::CommandTimeout);
+    assert_eq!(Refusal::from_detail(fault.detail), (19, Some(Refusal::RateOfChange)));
+    assert!(driven.plant.is_ramping());
+}
+
+#[test]
+fn a_torque_in_place_of_a_force_changes_both() {
+    let mut driven = Driven::new();
+    driven.force(1.0, 0.0);
+    driven.run(1, 0.0);
+    let torque =
+        |torque1_nm, sample| Message::Torque(resonarm_protocol::TorqueCommand { torque1_nm, torque2_nm: 0.0, sample });
+    let sample = driven.sample as u16;
+    driven.tell(&torque(2.05, sample));
+    assert_eq!(driven.tick(0.0), Load::force_n(1.0, 0.0));
+    driven.tell(&torque(-2.0, sample + 1));
+    assert_eq!(driven.tick(0.0), Load::torque_nm(-2.0, 0.0));
+    assert_eq!(driven.plant.refusals().count(Refusal::RateOfChange), 1);
+}
+
+#[test]
+fn the_first_command_after_arming_starts_from_the_load_that_still_ramps() {
+    let mut driven = Driven::new();
+    for n in 1..=50 {
+        driven.force(f64::from(n), 0.0);
+        driven.run(1, 0.0);
+    }
+    driven.ask(OperatorRequest::Disarm);
+    driven.run(10, 0.0);
+    driven.ask(OperatorRequest::Arm);
+    assert!(driven.plant.is_armed());
+    driven.force(0.0, 0.0);
+    assert_eq!(driven.plant.refusals().last(), Some(Refusal::RateOfChange));
+    let held = driven.tick(0.0);
+    assert_eq!(held, Load::force_n(39.0, 0.0));
+    driven.force(38.0, 0.0);
+    assert_eq!(driven.tick(0.0), Load::force_n(38.0, 0.0));
+}
+
+#[test]
+fn beyond_the_travel_a_command_trips_the_exciter() {
+    let mut driven = Driven::new();
+    driven.force(1.0, 0.0);
+    assert_eq!(driven.tick(0.01), Load::force_n(1.0, 0.0));
+    driven.force(1.0, 0.0);
+    assert_eq!(driven.tick(0.010_001), Load::force_n(1.0, 0.0));
+    assert!(driven.plant.is_armed(), "it is the command that trips");
+    driven.force(0.0, 0.0);
+    let tripped = Emergency {
+        node: NodeName::Plant,
+        code: EmergencyCode::ExciterTripped,
+        detail: Trip::Travel as u16,
+        sample: driven.sample as u16,
+    };
+    assert_eq!(driven.plant.latched_fault(), Some(tripped));
+    insta::assert_snapshot!(tripped, @"plant, code 14: the exciter has tripped (the travel), at sample 4466");
+    assert_eq!(driven.tick(0.005), Load::default(), "at once, without a ramp");
+
+    // Within the travel it can be armed again; beyond, the first command trips it again.
+    for (travel_m, is_driven) in [(0.005, true), (0.02, false)] {
+        driven.ask(OperatorRequest::Reset);
+        driven.ask(OperatorRequest::Arm);
+        driven.run(1, travel_m);
+        assert!(driven.plant.is_armed());
+        driven.force(1.0, 0.0);
+        assert_eq!(driven.plant.is_armed(), is_driven);
+    }
+    assert_eq!(driven.plant.refusals().count(Refusal::Travel), 2);
+}
+
+#[test]
+fn beyond_the_travel_without_commands_the_command_timeout_runs() {
+    let mut driven = Driven::new();
+    driven.force(1.0, 0.0);
+    driven.run(21, 1.0);
+    assert_eq!(driven.plant.latched_fault().map(|fault| fault.code), Some(EmergencyCode::CommandTimeout));
+}
