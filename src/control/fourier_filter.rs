@@ -21,7 +21,6 @@ pub struct FourierFilter {
     other_phase_rad: f64,
     coefficients: [Phasor; HARMONICS],
     other: Phasor,
-    error: f64,
 }
 
 impl FourierFilter {
@@ -29,14 +28,7 @@ impl FourierFilter {
     /// by `other_step_rad` radians a sample.
     pub fn new(adaptation: f64, other_step_rad: f64) -> FourierFilter {
         let zero = Phasor::new(0.0, 0.0);
-        FourierFilter {
-            adaptation,
-            other_step_rad,
-            other_phase_rad: 0.0,
-            coefficients: [zero; HARMONICS],
-            other: zero,
-            error: 0.0,
-        }
+        FourierFilter { adaptation, other_step_rad, other_phase_rad: 0.0, coefficients: [zero; HARMONICS], other: zero }
     }
 
     /// Takes in the sample `y` at the phase `phase_rad` of the drive.
@@ -49,7 +41,6 @@ impl FourierFilter {
         let other_turn = unit(self.other_phase_rad);
         let model: f64 = self.coefficients.iter().zip(&turns).map(|(c, t)| real_product(c, t)).sum();
         let error = y - model - real_product(&self.other, &other_turn);
-        self.error = error;
         let gain = 2.0 * self.adaptation * error;
         self.coefficients[0].re += gain;
         for (coefficient, t) in self.coefficients.iter_mut().zip(&turns).skip(1) {
@@ -57,11 +48,6 @@ impl FourierFilter {
         }
         self.other += other_turn.conj() * gain;
         self.other_phase_rad = wrapped(self.other_phase_rad + self.other_step_rad);
-    }
-
-    /// What the model missed of the last sample, e.
-    pub fn error(&self) -> f64 {
-        self.error
     }
 
     /// The fundamental c_1: the signal has the part Re(c_1 e^{iθ}), in its unit.

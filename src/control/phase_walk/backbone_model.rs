@@ -17,7 +17,7 @@ struct Finding {
     stiffness: f64,
     /// κ, load per rad/s.
     damping: f64,
-    /// Standard deviation, relative to the load.
+    /// Standard deviation, relative to the part of the load that works against the damping.
     deviation: f64,
 }
 
@@ -89,7 +89,8 @@ impl BackboneModel {
     }
 
     /// Takes in U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard
-    /// deviation relative to the load. Where there is no more room the oldest but theory gives way.
+    /// deviation relative to the load. Beside the peak little of the load works against the damping, |Im D|/|D|, and
+    /// tells less of the mode. Where there is no more room the oldest but theory gives way.
     pub fn add(&mut self, amplitude_rad: f64, omega_rad_s: f64, dynamic_stiffness: Phasor, deviation: f64) {
         if self.findings.len() == MOST_FINDINGS {
             self.findings.remove(1);
@@ -99,7 +100,7 @@ impl BackboneModel {
             square: amplitude_rad * amplitude_rad,
             stiffness: omega_rad_s * omega_rad_s + own.re / self.mass,
             damping: own.im / omega_rad_s,
-            deviation,
+            deviation: deviation * libm::hypot(own.re / own.im, 1.0),
         });
     }
 
@@ -158,7 +159,7 @@ impl BackboneModel {
             let (stiffness, damping) = self.at(amplitude);
             amplitude = load * sine / (damping * omega);
             let square = stiffness - damping * omega * cotangent / self.mass;
-            if !(square > 0.0 && amplitude.is_finite()) {
+            if !(square > 0.0 && amplitude > 0.0 && amplitude.is_finite()) {
                 return (f64::NAN, f64::NAN);
             }
             omega = libm::sqrt(square);

@@ -16,6 +16,7 @@
 //! ([`CancelHarmonics`](super::CancelHarmonics)).
 
 mod backbone_model;
+mod drift_fit;
 mod plan;
 mod reading;
 mod spec;
@@ -49,11 +50,14 @@ const NOISY_LOAD_TOLERANCE: f64 = 1.4e-3;
 const LAG_TOLERANCE_RAD: f64 = 0.01;
 /// How near a wanted amplitude of the angle comes, relative.
 const AMPLITUDE_TOLERANCE: f64 = 1e-3;
-/// How much the angle may change while a point is read, relative.
-const DRIFT_TOLERANCE: f64 = 5e-4;
+/// How much the angle may change while a point is read, relative, what part of the load that may take, and how much of
+/// that part is doubtful.
+const DRIFT_TOLERANCE: f64 = 4e-3;
+const DRIFT_LOAD_TOLERANCE: f64 = 0.01;
+const DRIFT_DOUBT: f64 = 0.4;
 /// Lengths of ramp (at least), wait and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
-const SETTLE: f64 = 4.0;
+const SETTLE: f64 = 3.0;
 const READ: f64 = 5.0;
 /// How much longer a reading becomes with each try, as part of its length.
 const RETRY: f64 = 0.25;
@@ -304,12 +308,9 @@ impl PhaseWalk {
             Wanted::Lag(_, load) => load,
             Wanted::Amplitude(..) => found.load,
         };
-        // What the correction for a drift took is not to be trusted.
-        let corrected = found.stiffness - found.lag;
-        let correction = libm::hypot(corrected.re, corrected.im) * found.amplitude_rad;
-        let deviation = libm::hypot(found.load_deviation, correction) / load;
+        let deviation = libm::hypot(found.load_deviation, DRIFT_DOUBT * found.taken_by_drift) / load;
         self.backbone.add(found.amplitude_rad, self.target.omega_rad_s, found.stiffness, deviation);
-        let lag_rad = libm::atan2(found.lag.im, found.lag.re);
+        let lag_rad = libm::atan2(found.stiffness.im, found.stiffness.re);
         let tolerance = LOAD_TOLERANCE * load;
         // Noise in the reading goes with the power 3/2 of its length.
         let noise = found.load_deviation / (1.5 * tolerance);
@@ -326,7 +327,8 @@ impl PhaseWalk {
         let frequency_hz = self.target.omega_rad_s / TAU;
         let correct = |cancellation: &mut Cancellation| cancellation.correct(frequency_hz, found.load, off);
         let is_cancelled = self.cancellation.as_mut().is_none_or(correct);
-        let settled = met && found.drift < DRIFT_TOLERANCE && is_cancelled;
+        let is_steady = found.drift < DRIFT_TOLERANCE && found.taken_by_drift < DRIFT_LOAD_TOLERANCE * load;
+        let settled = met && is_steady && is_cancelled;
         if settled || self.tries == MOST_TRIES {
             self.report(found, lag_rad, settled);
         }
@@ -418,8 +420,8 @@ impl Controller for PhaseWalk {
         self.last_sample = Some(n);
         self.filter.update(self.model.angular_acceleration_rad_s2(sample), self.phase_rad);
         if matches!(self.stage, Stage::Read) {
-            let (angle, error) = (self.angle(), self.filter.error());
-            self.reader.add(sample, self.phase_rad / TAU, self.held, angle, error);
+            let other_rad = n as f64 * (self.model.other_angular_frequency_rad_s / self.rate_hz);
+            self.reader.add(sample, &self.model, self.phase_rad, other_rad, self.held);
             self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, self.phase_rad / TAU));
         }
         self.proceed(n);

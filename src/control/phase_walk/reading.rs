@@ -7,6 +7,7 @@ use crate::control::{LoadKind, ModeModel, ResponsePoint};
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::Measurement;
 
+use super::drift_fit::DriftFit;
 use super::unit;
 
 /// The readings, and the command.
@@ -22,11 +23,7 @@ pub(super) struct Reader {
     samples: u64,
     fit: HarmonicFit<CHANNELS, BASIS>,
     clipped: [bool; Measurement::CHANNELS],
-    /// Σ a and −Σ ẇ a over the samples, the latter a rate in 1/samples.
-    angle: Phasor,
-    rate: Phasor,
-    /// Σ e² of the filter, as of the second half.
-    error: f64,
+    drift: DriftFit,
 }
 
 /// What was found.
@@ -34,14 +31,14 @@ pub(super) struct Reader {
 pub(super) struct Found {
     /// Amplitude of the followed angle, rad.
     pub amplitude_rad: f64,
-    /// U/a without what a remaining drift of a takes.
+    /// U/a without what a remaining drift of a takes: that of the steady motion.
     pub stiffness: Phasor,
-    /// U/a as it was.
-    pub lag: Phasor,
     /// What a shaker takes of the command, over a; with an ideal exciter noise.
     pub taken: Phasor,
-    /// Amplitude of the acting load.
+    /// Amplitude of the acting load, likewise.
     pub load: f64,
+    /// What the drift takes.
+    pub taken_by_drift: f64,
     /// Standard deviation of the load's amplitude that goes with `amplitude_rad`.
     pub load_deviation: f64,
     /// Change of a over the window, relative.
@@ -52,37 +49,28 @@ pub(super) struct Found {
 
 impl Reader {
     pub fn new(first: u64, samples: u64) -> Reader {
-        let zero = Phasor::new(0.0, 0.0);
         Reader {
             first,
             samples,
             fit: HarmonicFit::new(samples),
             clipped: [false; Measurement::CHANNELS],
-            angle: zero,
-            rate: zero,
-            error: 0.0,
+            drift: DriftFit::new(samples),
         }
     }
 
-    /// Takes in a sample with the phase at which it was read, the load that was held then, and the angle's amplitude.
-    pub fn add(&mut self, sample: &Measurement, phase_cycles: f64, held: f64, angle: Phasor, error: f64) {
+    /// Takes in a sample with the phase at which it was read, that of the arm's other mode, and the load that was held
+    /// then.
+    pub fn add(&mut self, sample: &Measurement, model: &ModeModel, phase_rad: f64, other_rad: f64, held: f64) {
         let readings = sample.readings();
         let mut values = [Some(held); CHANNELS];
         for ((value, clipped), reading) in values.iter_mut().zip(&mut self.clipped).zip(&readings) {
             *value = reading.within_range();
             *clipped |= reading.clipped;
         }
-        let phase_cycles = phase_cycles - libm::floor(phase_cycles);
+        let phase_cycles = phase_rad / TAU;
         let k = sample.sample - self.first;
-        self.fit.add(k, phase_cycles, &values);
-        // w = 1 − cos 2πx over the window.
-        let x = (k as f64 + 0.5) / self.samples as f64;
-        // By then transients of the filter have died out.
-        if 2 * k >= self.samples {
-            self.error += 2.0 * error * error;
-        }
-        self.angle += angle;
-        self.rate -= angle * (TAU / self.samples as f64 * libm::sin(TAU * x));
+        self.fit.add(k, phase_cycles - libm::floor(phase_cycles), &values);
+        self.drift.add(k, phase_rad, other_rad, model.angular_acceleration_rad_s2(sample));
     }
 
     /// What was found at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
@@ -109,20 +97,23 @@ impl Reader {
             LoadKind::Torque => held,
             LoadKind::Force => fundamental(0) * unit_load.force_n.x + fundamental(1) * unit_load.force_n.y,
         };
-        let load = acting + held * (share * (libm::sin(half) / half - 1.0));
+        let acting = acting + held * (share * (libm::sin(half) / half - 1.0));
         let angle =
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
-        let lag = load / angle;
-        let rate = self.rate / self.angle;
+        let drift = self.drift.finish()?;
+        let windows_1_s = rate_hz / self.samples as f64;
+        let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.modal_mass * windows_1_s) * drift.change;
+        let stiffness = acting / angle - taken_by_drift;
+        let steady = stiffness * angle;
         Some(Found {
             amplitude_rad: size(angle),
-            stiffness: lag - Phasor::new(0.0, 2.0 * omega * model.modal_mass * rate_hz) * rate,
-            lag,
-            taken: (held * (libm::sin(half) / half) - load) / angle,
-            load: size(load),
-            load_deviation: 2.0 * model.modal_mass / omega * self.rate_deviation(rate_hz, model)?,
-            drift: size(rate) * self.samples as f64,
-            harmonics: harmonics.map(|orders| turned(orders, -libm::atan2(load.im, load.re))),
+            stiffness,
+            taken: (held * (libm::sin(half) / half) - acting) / angle,
+            load: size(steady),
+            load_deviation: 2.0 * model.modal_mass / omega * windows_1_s * drift.deviation,
+            taken_by_drift: size(taken_by_drift * angle),
+            drift: size(drift.change),
+            harmonics: harmonics.map(|orders| turned(orders, -libm::atan2(steady.im, steady.re))),
             clipped: self.clipped,
         })
     }
@@ -136,19 +127,6 @@ impl Found {
         let load_deviation = Some(self.load_deviation);
         let of_loop = ResponsePoint { lag_rad: Some(lag_rad), load_deviation, drift: self.drift, ..point };
         ResponsePoint { clipped: self.clipped, tries, settled, ..of_loop }
-    }
-}
-
-impl Reader {
-    /// Standard deviation of the mean rate of the angular acceleration's amplitude, rad/s³: white noise of standard
-    /// deviation σ in n samples, weighted by ẇ, leaves 2πσ f_s/n^(3/2). Of the two that bound σ, what the fit leaves
-    /// and what the filter does, the first has the other mode's ringing in it, the second high harmonics.
-    fn rate_deviation(&self, rate_hz: f64, model: &ModeModel) -> Option<f64> {
-        let n = self.samples as f64;
-        let left = [2, 3, 4, 5].map(|channel| self.fit.residual_rms(channel));
-        let [bx, by, cx, cy] = left;
-        let sigma = model.deviation([[bx?, by?], [cx?, cy?]]).min(libm::sqrt(self.error / n));
-        Some(TAU * sigma * rate_hz / (n * libm::sqrt(n)))
     }
 }
 
