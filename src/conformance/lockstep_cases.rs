@@ -10,9 +10,6 @@ use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inc
 use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use crate::protocol::{Emergency, EmergencyCode};
 
-/// How much too early a timeout may look: by what frames and looks take on their way, ns.
-const EARLY_NS: u64 = 50 * MS;
-
 /// Holds the force, and then leaves a sample unanswered: its index.
 fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
     meet(t)?;
@@ -77,25 +74,24 @@ fn goes_on(t: &mut Tester, sample: u16) -> Result<(), Stop> {
 pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     leave_unanswered(t)?;
     let from = t.heard.len();
-    // It has waited for a margin already.
-    let e = times_out(t, LOCKSTEP_TIMEOUT_NS - MARGIN_NS, EmergencyCode::CommandTimeout)?;
+    let e = times_out(t, t.answered_ns, EmergencyCode::CommandTimeout)?;
     becomes_fault(t, from)?;
     ramps(t, from, e.sample)
 }
 
-/// This emergency comes after a time, and not before.
-fn times_out(t: &mut Tester, after_ns: u64, code: EmergencyCode) -> Result<Emergency, Stop> {
-    let start_ns = t.now_ns();
-    let Some((heard, e)) = t.wait_for_emergency(after_ns + 2 * MARGIN_NS)? else {
-        return late(format!("no emergency {code} within {}", ms(after_ns + 2 * MARGIN_NS)));
+/// This emergency comes a second after the last message that the node waited for was sent, and not before.
+fn times_out(t: &mut Tester, sent_ns: u64, code: EmergencyCode) -> Result<Emergency, Stop> {
+    let within_ns = LOCKSTEP_TIMEOUT_NS + 2 * MARGIN_NS;
+    let Some((heard, e)) = t.wait_for_emergency(within_ns)? else {
+        return late(format!("no emergency {code} within {}", ms(within_ns)));
     };
-    let took_ns = heard.at_ns - start_ns;
+    let took_ns = heard.at_ns.saturating_sub(sent_ns);
     if e.code != code {
         return failed(format!("in place of {code} it says: {e}"));
     }
     t.note(format!("fault after {}", ms(took_ns)));
-    if took_ns + EARLY_NS < after_ns {
-        return failed(format!("it faults after {}, before the {} that it must wait", ms(took_ns), ms(after_ns)));
+    if took_ns < LOCKSTEP_TIMEOUT_NS {
+        return failed(format!("it faults after {}, and must wait {}", ms(took_ns), ms(LOCKSTEP_TIMEOUT_NS)));
     }
     Ok(e)
 }
@@ -141,7 +137,7 @@ pub(super) fn exciter_timeout(t: &mut Tester) -> Result<(), Stop> {
     begin_with(t, Samples::Awaited)?;
     t.source.begin(Samples::Off);
     let from = t.heard.len();
-    times_out(t, LOCKSTEP_TIMEOUT_NS, EmergencyCode::SensorTimeout)?;
+    times_out(t, t.source.sent_ns, EmergencyCode::SensorTimeout)?;
     match t.heard[from..].iter().filter(|heard| emergency(&heard.message).is_some()).count() {
         1 => Ok(()),
         n => failed(format!("it tells its fault {n} times")),

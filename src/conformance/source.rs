@@ -44,8 +44,8 @@ pub(super) struct Source {
     /// The index of the next sample.
     pub index: u16,
     due_ns: u64,
-    /// When an awaited sample is due if it is answered by then, ns.
-    next_due_ns: u64,
+    /// When the last one was sent, ns.
+    pub sent_ns: u64,
     damaged: u64,
     /// Whether the request to arm is obeyed.
     pub obeys: bool,
@@ -86,7 +86,7 @@ impl Tester<'_> {
             return Ok(());
         }
         let period_ns = sample_period_ns(self.hello.rate_hz);
-        self.source.next_due_ns = now_ns + period_ns;
+        self.source.sent_ns = now_ns;
         self.source.due_ns = match self.source.samples {
             Samples::Awaited => u64::MAX,
             _ => (self.source.due_ns + period_ns).max(now_ns + period_ns / 2),
@@ -146,7 +146,7 @@ impl Tester<'_> {
             self.source.unsent = Some(sample);
         }
         if self.source.samples == Samples::Awaited && sample == self.source.index.wrapping_sub(1) {
-            self.source.due_ns = self.source.next_due_ns;
+            self.source.due_ns = self.source.sent_ns + sample_period_ns(self.hello.rate_hz);
         }
         if self.source.samples == Samples::Soak && !self.source.closed.insert(sample) {
             self.source.wrong = Some(sample);

@@ -160,6 +160,8 @@ pub(super) struct Tester<'w> {
     damaged: u64,
     /// The sample that was answered last, and with what.
     pub answered: Option<u16>,
+    /// When that answer was sent, ns.
+    pub answered_ns: u64,
     pub heard: Vec<Heard>,
     /// Frames of the node under test that the protocol refuses.
     pub refused: Vec<DecodeError>,
@@ -196,6 +198,7 @@ impl<'w> Tester<'w> {
             samples_per_frame: SamplesPerFrame::One,
             damaged: settings.seed,
             answered: None,
+            answered_ns: 0,
             heard: Vec::new(),
             refused: Vec::new(),
             looked_at_ns: now_ns,
@@ -414,7 +417,7 @@ impl<'w> Tester<'w> {
             }
         };
         if matches!(answers, Answers::Force(_)) {
-            self.answered = Some(sample);
+            (self.answered, self.answered_ns) = (Some(sample), self.now_ns());
         }
         match frame {
             Some(frame) => self.send_frame(&frame),
