@@ -21,6 +21,13 @@ struct Finding {
     deviation: f64,
 }
 
+/// What is fitted over A².
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Curve {
+    Line,
+    Parabola,
+}
+
 /// The arm's other mode, small and linear.
 #[derive(Clone, Copy, Debug, Default)]
 struct OtherMode {
@@ -63,6 +70,9 @@ pub(super) struct BackboneModel {
 /// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth
 /// curve.
 const PULL: f64 = 1e-6;
+/// How far κ may be expected to change over the range of A², relative: a standard deviation, so that two unsure findings
+/// at small amplitude don't lead to a damping below zero at a large one.
+const SLOPE: f64 = 0.05;
 /// Share of the range of A² at which a finding's weight has fallen to a quarter.
 const REACH: f64 = 0.25;
 /// How sure theory is of the load at small amplitude, and how sure the surest finding is: what is left is the model's.
@@ -112,8 +122,8 @@ impl BackboneModel {
     /// (ω₀², κ) at the amplitude.
     fn at(&self, amplitude_rad: f64) -> (f64, f64) {
         let square = amplitude_rad * amplitude_rad;
-        let stiffness = self.predict(square, 2, |finding| finding.stiffness);
-        let damping = self.predict(square, 1, |finding| finding.damping);
+        let stiffness = self.predict(square, Curve::Parabola, |finding| finding.stiffness);
+        let damping = self.predict(square, Curve::Line, |finding| finding.damping);
         (stiffness, damping)
     }
 
@@ -125,7 +135,7 @@ impl BackboneModel {
     }
 
     /// The value at `square` by weighted least squares.
-    fn predict(&self, square: f64, degree: usize, value: impl Fn(&Finding) -> f64) -> f64 {
+    fn predict(&self, square: f64, curve: Curve, value: impl Fn(&Finding) -> f64) -> f64 {
         let scale = self.findings.iter().fold(square, |most, finding| most.max(finding.square)).max(f64::MIN_POSITIVE);
         let Some(origin) = self.findings.last().map(&value) else { return 0.0 };
         let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
@@ -133,7 +143,7 @@ impl BackboneModel {
         let mut recency = 1.0;
         for finding in self.findings.iter().rev() {
             let x = (finding.square - square) / scale;
-            let p = Vector3::new(1.0, x, if degree > 1 { x * x } else { 0.0 });
+            let p = Vector3::new(1.0, x, if curve == Curve::Parabola { x * x } else { 0.0 });
             let far = 1.0 + (x / REACH) * (x / REACH);
             let deviation = finding.deviation.max(LEAST_DEVIATION);
             let weight = recency / (far * far * deviation * deviation);
@@ -142,7 +152,12 @@ impl BackboneModel {
             moment += p * (weight * (value(finding) - origin));
             total += weight;
         }
-        (normal.m22, normal.m33) = (normal.m22 + PULL * total, normal.m33 + PULL * total);
+        let pull = PULL * total;
+        normal.m22 += match curve {
+            Curve::Parabola => pull,
+            Curve::Line => pull + 1.0 / (SLOPE * SLOPE),
+        };
+        normal.m33 += pull;
         normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
     }
 

@@ -55,10 +55,13 @@ const AMPLITUDE_TOLERANCE: f64 = 1e-3;
 const DRIFT_TOLERANCE: f64 = 4e-3;
 const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
 const DRIFT_DOUBT: f64 = 0.4;
-/// Lengths of ramp (at least), wait and reading, in time constants 1/g of the loop.
+/// Lengths of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
-const SETTLE: f64 = 3.0;
+const LEAST_SETTLE: f64 = 2.0;
+const MOST_SETTLE: f64 = 6.0;
 const READ: f64 = 5.0;
+/// What the wait leaves of a step, relative to the angle's amplitude, unless it is shortened or lengthened to the above.
+const SETTLED_STEP: f64 = 2.5e-3;
 /// How much longer a reading becomes with each try, as part of its length.
 const RETRY: f64 = 0.25;
 /// How much longer a reading may become where noise asks for it.
@@ -83,8 +86,8 @@ enum Stage {
     Start,
     /// From one motion to the next, begun at sample `since`, `length` samples long.
     Ramp { from: Target, since: u64, length: u64 },
-    /// Waiting from sample `since` on, for transients of the control loop to die out.
-    Settle { since: u64 },
+    /// Waiting until sample `until`, for transients of the control loop to die out.
+    Settle { until: u64 },
     /// Reading the point.
     Read,
     /// Finished, or given up.
@@ -259,6 +262,14 @@ impl PhaseWalk {
         self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
     }
 
+    /// How long transients take to die out after the step from another motion: they are as large as it, and fall by
+    /// e^{−gt}.
+    fn settling_samples(&self, from: &Target) -> u64 {
+        let step = (self.target.amplitude_rad - from.amplitude_rad).abs() / self.target.amplitude_rad;
+        let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
+        self.samples_in(time_constants / self.gain_1_s)
+    }
+
     /// Amplitude, its rate, angular frequency and U/a wanted at sample `n`.
     fn wanted(&self, n: u64) -> (f64, f64, f64, Phasor) {
         let Target { amplitude_rad: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
@@ -275,11 +286,12 @@ impl PhaseWalk {
     fn proceed(&mut self, n: u64) {
         match self.stage {
             Stage::Start => self.set_off(n),
-            Stage::Ramp { since, length, .. } if n >= since + length => {
+            Stage::Ramp { from, since, length } if n >= since + length => {
                 let more = self.point < self.plan.points();
-                self.stage = if more { Stage::Settle { since: n } } else { Stage::Done(None) };
+                let until = n + self.settling_samples(&from);
+                self.stage = if more { Stage::Settle { until } } else { Stage::Done(None) };
             }
-            Stage::Settle { since } if n >= since + self.samples_in(SETTLE / self.gain_1_s) => {
+            Stage::Settle { until } if n >= until => {
                 let period_s = TAU / self.target.omega_rad_s;
                 let patience = self.read_factor * (1.0 + RETRY * f64::from(self.tries));
                 let periods = libm::ceil(patience * READ / self.gain_1_s / period_s);
