@@ -2,14 +2,14 @@
 //!
 //! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
 //! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are
-//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have tables of their
+//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have lists of their
 //! own.
 //!
 //! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
 //! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
 //! for longer than its partner puts up with, a failure is inconclusive, and the case is tried again. So is what the
 //! node under test should have done by the clock, if it was silent meanwhile and then went on: it was stopped itself.
-//! Many short stops add up without such a silence: a node that faults later than it must fails if it does so three times.
+//! Many short stops add up without such a silence: a node that faults later than it must fails at the third time.
 
 mod bus_off_cases;
 mod cases;

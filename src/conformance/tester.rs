@@ -71,7 +71,7 @@ pub(super) enum Stop {
     Failed(String),
     /// The node doesn't do by the clock what it must: a node that is stopped does so, too.
     Late(String),
-    /// The node does what it must, but after its time: it may have been stopped often, each time too briefly to be seen.
+    /// The node does what it must, but after its time: it may have been stopped often, too briefly to be seen.
     Slow(String),
     /// It can't be said.
     Inconclusive(String),
@@ -310,7 +310,7 @@ impl<'w> Tester<'w> {
         Ok(heard.and_then(|heard| Some((heard, emergency(&heard.message)?))))
     }
 
-    /// The emergency that must come within a time. Another code than this may come, for the case to judge; none is late,
+    /// The emergency that must come within a time. Another code may come, for the case to judge; none is late,
     /// with these words, or slow if this code comes after all.
     pub fn expect_emergency(
         &mut self,
@@ -328,7 +328,7 @@ impl<'w> Tester<'w> {
         }
     }
 
-    /// The heartbeat of a state that must come within a time: none is late, with these words, or slow if it comes after.
+    /// The heartbeat of a state that must come within a time: none is late, with these words, slow if it comes later.
     pub fn expect_state(&mut self, within_ns: u64, state: NodeState, text: impl Into<String>) -> Result<(), Stop> {
         let end_ns = self.now_ns() + within_ns;
         if self.wait_for_state(within_ns, state)?.is_some() {

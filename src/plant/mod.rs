@@ -194,7 +194,7 @@ impl Plant {
         self.rig.gate()
     }
 
-    /// How far the point that the exciter acts on is from rest, m: the distance of the tip, of a shaker the displacement
+    /// How far the point that the exciter acts on is from rest, m: the tip's distance, of a shaker the displacement
     /// of its armature, without sign.
     pub fn travel_m(&self) -> f64 {
         match self.shaker {

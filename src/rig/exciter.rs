@@ -100,7 +100,7 @@ impl Exciter {
         }
     }
 
-    /// How large a load is in what the limits are stated in: the largest force along an axis, of a shaker that along it,
+    /// How large a load is in what the limits are stated in: the largest force along an axis, a shaker's along it,
     /// N, and the largest torque at a joint, N·m.
     pub fn size(&self, load: &Load) -> (f64, f64) {
         let force_n = match self {

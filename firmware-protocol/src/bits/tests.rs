@@ -140,7 +140,7 @@ proptest! {
     }
 }
 
-/// What `noticed_after` says, read off the bits: up to CRC delimiter and ACK delimiter, with the string up to the former.
+/// What `noticed_after` says, read off the bits: up to CRC and ACK delimiter, with the string up to the former.
 fn noticed_in(line: &[u8], stuffed: usize, k: usize, behind: u8) -> Option<u64> {
     let disturbed = [&line[..k], &[1 - line[k]], &[behind; 40]].concat();
     let is_six = |bit: usize| bit >= 5 && disturbed[bit - 5..=bit].iter().all(|level| *level == disturbed[bit]);

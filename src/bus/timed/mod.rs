@@ -3,9 +3,9 @@
 //! - A frame starts when the bus is free. Of those that wait then, the lowest identifier wins; the others try again.
 //! - Each node sends its frames first in, first out, from a few mailboxes; full ones are [`Sent::QueueFull`].
 //! - A frame is received at the end of its last bit, before the three bits of intermission.
-//! - With a bit error rate, a bit that is not what was sent ends a frame with an error frame, and the frame is sent again.
+//! - With a bit error rate, a bit that is not what was sent ends a frame with an error frame, and it is sent again.
 //!   Error counters, the passive state, bus-off and recovery follow ISO 11898-1.
-//! - The sender sees the error at its bit and sends an error flag of 6 bits, dominant if it is active. The others see it
+//! - The sender sees the error at its bit and sends an error flag of 6 bits, dominant if it is active. Others see it
 //!   there only if that bit breaks a rule, else by the flag: at the sixth equal bit at the latest. Then come theirs, so
 //!   that the flags together take 6 to 12 bits; the delimiter of 8 bits and the intermission follow.
 //! - A frame that nobody else is there to acknowledge is sent again and again, as on a real bus.
@@ -13,7 +13,7 @@
 //! Nodes see a bit at the same time and alike: the wire has no length, and no error is that of one receiver alone. Bit
 //! rates and sample points have no tolerance.
 //!
-//! The ends share one state behind a lock. In a free run one loop holds all ends and never waits for it; in lockstep two
+//! The ends share one state behind a lock. In a free run one loop has all ends and doesn't wait for it; in lockstep two
 //! threads do. It is not for a real-time loop.
 
 mod controller;

@@ -171,7 +171,7 @@ impl Wire {
             .map(|(_, other)| other)
     }
 
-    /// How many bits after the sender of `frame` the others see the error at `bit`: they have its error flag before them.
+    /// How many bits after the sender of `frame` others see the error at `bit`: they have its error flag before them.
     fn noticed_after(&self, by: usize, frame: &Frame, bit: u64) -> Option<u64> {
         let flag = match self.controllers[by].counters.state() {
             ErrorState::Active => Level::Dominant,

@@ -60,7 +60,7 @@ const RAMP: f64 = 3.0;
 const LEAST_SETTLE: f64 = 2.0;
 const MOST_SETTLE: f64 = 6.0;
 const READ: f64 = 5.0;
-/// What the wait leaves of a step, relative to the angle's amplitude, unless it is shortened or lengthened to the above.
+/// What the wait leaves of a step, relative to the angle's amplitude, unless that takes less or more than the above.
 const SETTLED_STEP: f64 = 2.5e-3;
 /// How much longer a reading becomes with each try, as part of its length.
 const RETRY: f64 = 0.25;
