@@ -188,7 +188,7 @@ fn error_flags_overlap_as_far_as_the_others_see_the_error_late() {
     assert_eq!(flags(13, [active; 2]), (10, 1));
     // A passive receiver's flag is recessive and makes none longer.
     assert_eq!(flags(1, [active, passive]), (6, 1));
-    // A passive sender's flag is recessive: what it leaves shows by the sixth bit, but for the one that is one by error.
+    // A passive sender's flag is recessive: what it leaves shows by the sixth bit, but for the one that is wrong.
     assert_eq!(flags(1, [passive, active]), (6 + 5, 1));
     assert_eq!(flags(0, [passive, active]), (6, 0));
     // In the data phase the others count the flag's first bits at the data bit rate.

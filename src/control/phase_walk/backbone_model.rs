@@ -70,7 +70,7 @@ pub(super) struct BackboneModel {
 /// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth
 /// curve.
 const PULL: f64 = 1e-6;
-/// How far κ may be expected to change over the range of A², relative: a standard deviation. Without it two unsure findings
+/// How far κ is expected to change over the range of A², relative: a standard deviation. Without it two unsure findings
 /// at small amplitude may lead to a damping below zero at a large one.
 const SLOPE: f64 = 0.05;
 /// Share of the range of A² at which a finding's weight has fallen to a quarter.
