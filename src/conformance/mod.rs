@@ -174,18 +174,23 @@ fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<Outcome, BusErr
             Outcome::Judged(Verdict::Inconclusive(text))
         }
         Stop::Failed(text) => Outcome::Judged(Verdict::Failed(text)),
+        Stop::Slow(text) if tester.silent_ns > silent_limit_ns(case) => {
+            Outcome::Judged(Verdict::Inconclusive(as_if_stopped(&text, tester.silent_ns)))
+        }
         Stop::Slow(text) => Outcome::Slow(text),
         Stop::Late(text) => {
             let goes_on = unless_gone(tester.goes_on())?.unwrap_or(false);
             let silent_ns = tester.silent_ns;
             Outcome::Judged(match goes_on && silent_ns > silent_limit_ns(case) {
-                true => {
-                    Verdict::Inconclusive(format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns)))
-                }
+                true => Verdict::Inconclusive(as_if_stopped(&text, silent_ns)),
                 false => Verdict::Failed(text),
             })
         }
     })
+}
+
+fn as_if_stopped(text: &str, silent_ns: u64) -> String {
+    format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns))
 }
 
 /// Only a bus that is gone ends the verdicts.
