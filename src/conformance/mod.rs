@@ -111,20 +111,20 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
         let outcome = once(case, &mut tester)?;
         let (held_up_ns, silent_ns, measured) = (tester.held_up_ns, tester.silent_ns, tester.notes);
         let is_held_up = held_up_ns > held_up_limit_ns(case.mode, case.tested) || silent_ns > silent_limit_ns(case);
-        let verdict = match outcome {
-            Outcome::Judged(Verdict::Inconclusive(_)) if is_held_up && tries < TRIES => continue,
+        let says_nothing = match &outcome {
             Outcome::Slow(text) => {
-                (slow, slow_text) = (slow + 1, text);
-                match slow < SLOW_TRIES {
-                    true if tries < TRIES => continue,
-                    true => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
-                    false => Verdict::Failed(slow_text),
-                }
+                (slow, slow_text) = (slow + 1, text.clone());
+                slow < SLOW_TRIES
             }
-            Outcome::Judged(Verdict::Passed | Verdict::Inconclusive(_)) if slow > 0 => {
-                Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries"))
-            }
-            Outcome::Judged(verdict) => verdict,
+            Outcome::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
+        };
+        if says_nothing && tries < TRIES {
+            continue;
+        }
+        let verdict = match outcome {
+            Outcome::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
+            Outcome::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
+            _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
         };
         let took_ns = wire.now_ns().saturating_sub(start_ns);
         return Ok(Finding { verdict, measured, took_ns, held_up_ns, silent_ns });

@@ -9,7 +9,7 @@ use crate::protocol::timing::COMMAND_AGE_NS;
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
 
 /// Over so many samples the force rises that drives a plant beyond its travel.
-const SLOPE_SAMPLES: u16 = 200;
+const SLOPE_SAMPLES: u16 = 50;
 /// How long a plant is driven so until it should be beyond it, ns.
 const TRAVEL_NS: u64 = 5_000 * MS;
 
@@ -97,13 +97,18 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
     };
     drive(t)?;
     let (from, force_n) = (t.heard.len(), t.settings.force_n);
+    let word = |heard: &Heard| emergency(&heard.message);
+    let mut tripped = None;
     for part in 1..=SLOPE_SAMPLES {
         t.answers = Answers::Force(force_n + (beyond_n - force_n) * f64::from(part) / f64::from(SLOPE_SAMPLES));
         run_samples(t, 1)?;
+        tripped = t.heard[from..].iter().find_map(word);
+        if tripped.is_some() {
+            break;
+        }
     }
-    let word = |heard: &Heard| emergency(&heard.message);
     let text = format!("it doesn't trip within {}", ms(TRAVEL_NS));
-    let tripped = match t.heard[from..].iter().find_map(word) {
+    let tripped = match tripped {
         Some(emergency) => emergency,
         None => t.expect_emergency(TRAVEL_NS, EmergencyCode::ExciterTripped, text)?.1,
     };
