@@ -41,6 +41,8 @@
 //! | [`run`] | runs: a [`Session`](run::Session) puts a scenario, both ends, a bus, a recording and the pace together |
 //! | [`conformance`] | whether a node on a bus keeps the protocol |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
+//! | [`can_log`] | frames in the log files of other tools |
+//! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
@@ -73,9 +75,15 @@ mod seed;
 #[cfg(feature = "std")]
 pub mod bus;
 #[cfg(feature = "std")]
+pub mod can_log;
+#[cfg(feature = "std")]
 pub mod conformance;
 #[cfg(feature = "std")]
 pub mod experiment;
+#[cfg(feature = "std")]
+pub mod export;
+#[cfg(feature = "std")]
+pub mod import;
 #[cfg(feature = "cli")]
 mod paper;
 #[cfg(feature = "cli")]

@@ -12,7 +12,9 @@ use crate::analysis::AnalysisError;
 use crate::analysis::time_domain::TimeDomainError;
 use crate::arm::ArmError;
 use crate::bus::BusError;
+use crate::export::ExportError;
 use crate::identify::IdentifyError;
+use crate::import::ImportError;
 use crate::integrate::IntegrateError;
 use crate::paper::PaperError;
 use crate::plant::PlantSpecError;
@@ -58,6 +60,10 @@ pub(super) enum Failure {
     Recording(#[from] RecordingError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    #[error(transparent)]
+    Import(#[from] ImportError),
     #[error(transparent)]
     Identify(#[from] IdentifyError),
     #[error(transparent)]
@@ -114,7 +120,9 @@ impl Failure {
             Failure::Bus(error) => bus(error),
             Failure::Recording(error) => recording(error),
             Failure::Replay(ReplayError::Bus(error)) => bus(error),
-            Failure::Replay(ReplayError::Recording(error)) => recording(error),
+            Failure::Replay(ReplayError::Recording(error))
+            | Failure::Export(ExportError::Recording(error))
+            | Failure::Import(ImportError::Recording(error)) => recording(error),
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Run(error) => run(error),
             Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),

@@ -19,11 +19,13 @@ mod ended_early;
 mod exciter;
 mod exciter_end;
 mod experiment;
+mod export;
 mod failure;
 mod flags;
 mod frf;
 mod identify;
 mod identify_angles;
+mod import;
 mod inspect;
 mod integrators;
 mod interval;
@@ -48,6 +50,7 @@ mod singular_curves;
 mod study;
 mod supervise;
 mod sweep;
+mod time_range;
 mod walk_flags;
 mod walk_point;
 mod zone_figure;
@@ -95,6 +98,8 @@ enum Command {
     Resim(resim::Resim),
     Identify(identify::Identify),
     Inspect(inspect::Inspect),
+    Export(export::Export),
+    Import(import::Import),
     Recover(recover::Recover),
     Protocol(protocol::Protocol),
     Conformance(conformance::Conformance),
@@ -131,6 +136,8 @@ pub fn main() -> ExitCode {
         Command::Resim(command) => command.execute(),
         Command::Identify(command) => command.execute(),
         Command::Inspect(command) => command.execute(),
+        Command::Export(command) => command.execute(),
+        Command::Import(command) => command.execute(),
         Command::Recover(command) => command.execute(),
         Command::Protocol(command) => command.execute(),
         Command::Conformance(command) => command.execute(),

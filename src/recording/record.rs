@@ -85,7 +85,7 @@ impl Clipped {
         Clipped { acceleration_b: [false; 2], acceleration_c: [false; 2], head_force: [false; 2] };
 
     /// As in the file: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
-    pub(super) fn bits(self) -> u32 {
+    pub(crate) fn bits(self) -> u32 {
         let pairs = [self.acceleration_b, self.acceleration_c, self.head_force];
         pairs.as_flattened().iter().enumerate().map(|(bit, clipped)| u32::from(*clipped) << bit).sum()
     }

@@ -9,7 +9,7 @@ use serde::ser::SerializeStruct;
 
 use super::scan::Scan;
 use super::schema::{DT_S, FORMATS_READ, metadata};
-use super::{BuildInfo, RecordingError};
+use super::{BuildInfo, FrameRecord, RecordingError};
 
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -172,6 +172,15 @@ pub struct TopicSummary {
 }
 
 impl Origin {
+    /// When a frame was on the bus, ns from the start of the run: in real time by the machine's clock, else in simulated
+    /// time, in which the frames of a sample come together.
+    pub fn frame_time_ns(&self, frame: &FrameRecord) -> u64 {
+        match self.time {
+            RunTime::Lockstep => libm::round(frame.sample as f64 * self.dt_s * 1e9) as u64,
+            RunTime::RealTime | RunTime::Simulated => frame.time_ns,
+        }
+    }
+
     /// Reads it from the metadata of a file.
     pub(super) fn of(path: &Path, scan: &Scan) -> Result<Origin, RecordingError> {
         let about = scan.required(path, metadata::RECORDING)?;

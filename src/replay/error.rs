@@ -35,6 +35,17 @@ pub enum ReplayError {
         /// What is missing.
         what: &'static str,
     },
+    /// The recording was made of a log.
+    #[error(
+        "the recording was imported from {log} and holds frames alone: to be simulated again a run needs its states and \
+         loads (/plant/steps){}; `replay` takes it", if *.has_scenario { "" } else { " and its scenario" }
+    )]
+    Imported {
+        /// The log.
+        log: String,
+        /// Whether the scenario is known.
+        has_scenario: bool,
+    },
     /// The speed is impossible.
     #[error(
         "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",

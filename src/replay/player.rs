@@ -6,7 +6,7 @@ use super::ReplayError;
 use crate::bus::{Bus, Sent};
 use crate::protocol::Frame;
 use crate::realtime::Clock;
-use crate::recording::{Direction, FrameRecord, Recording, RunTime};
+use crate::recording::{Direction, FrameRecord, Recording};
 use crate::run::Signals;
 
 /// How long to wait before a full transmit queue is tried again, ns.
@@ -62,10 +62,7 @@ pub fn play<C: Clock>(
         if direction.is_some_and(|direction| direction != record.direction) {
             continue;
         }
-        let time_ns = match recording.origin().time {
-            RunTime::Lockstep => libm::round(record.sample as f64 * recording.origin().dt_s * 1e9) as u64,
-            RunTime::RealTime | RunTime::Simulated => record.time_ns,
-        };
+        let time_ns = recording.origin().frame_time_ns(&record);
         let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
         let due_ns = match speed {
             0.0 => clock.now_ns(),

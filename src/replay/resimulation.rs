@@ -2,6 +2,7 @@
 
 use super::ReplayError;
 use crate::arm::{Load, State};
+use crate::import::IMPORTED_FROM;
 use crate::plant::{Plant, PlantSpec};
 use crate::recording::{Integrity, Recording, StateRecord};
 use crate::scenario::Scenario;
@@ -27,10 +28,14 @@ pub struct Verdict {
 /// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
 ///
 /// # Errors
-/// [`ReplayError`] if the recording can't be read, has gaps or no states, its scenario makes no plant or not the one
+/// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes no plant or not the one
 /// that was recorded: other samples, loads beyond its exciter.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
-    let mut spec = Scenario::from_configuration(recording.configuration())?.plant_spec()?;
+    let scenario = Scenario::from_configuration(recording.configuration());
+    if let Some(log) = recording.configuration().get(IMPORTED_FROM) {
+        return Err(ReplayError::Imported { log: log.to_owned(), has_scenario: scenario.is_ok() });
+    }
+    let mut spec = scenario?.plant_spec()?;
     check(recording, &spec)?;
     let mut states = recording.states()?;
     let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;

@@ -1,6 +1,7 @@
 //! A line of a log: a frame alone, or as `candump -L` writes it.
 
-use crate::protocol::Frame;
+use crate::can_log::{self, CanLogError, LoggedFrame};
+use crate::protocol::{Frame, FrameTextError};
 
 /// A frame and what stood before it.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,17 +20,21 @@ impl LogLine {
     /// # Errors
     /// What the line has that it can't have.
     pub fn parse(line: &str) -> Result<LogLine, String> {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let frame = |text: &str| text.parse::<Frame>().map_err(|error| error.to_string());
-        match words[..] {
-            [text] => Ok(LogLine { time_s: None, interface: None, frame: frame(text)? }),
-            [time, interface, text] | [time, interface, text, "R" | "T"] if time.starts_with('(') => {
-                let seconds = time.strip_prefix('(').and_then(|time| time.strip_suffix(')'));
-                let seconds = seconds.and_then(|seconds| seconds.parse::<f64>().ok());
-                let time_s = seconds.ok_or_else(|| format!("{time:?} is no time in brackets, as (12.345678)"))?;
-                Ok(LogLine { time_s: Some(time_s), interface: Some(interface.to_owned()), frame: frame(text)? })
+        let line = line.trim();
+        if !line.contains(char::is_whitespace) {
+            let frame = line.parse().map_err(|error: FrameTextError| error.to_string())?;
+            return Ok(LogLine { time_s: None, interface: None, frame });
+        }
+        match can_log::parse_line(line) {
+            Ok(LoggedFrame { time_ns, interface, frame, .. }) => {
+                // Digit by digit: a count of nanoseconds in our days has more digits than a number of this type.
+                let (seconds, rest) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+                Ok(LogLine { time_s: format!("{seconds}.{rest:09}").parse().ok(), interface, frame })
             }
-            _ => Err(String::from("it is neither a frame, as 201#1122, nor a line of `candump -L`")),
+            Err(CanLogError::CandumpLine) => {
+                Err(String::from("it is neither a frame, as 201#1122, nor a line of `candump -L`"))
+            }
+            Err(error) => Err(error.to_string()),
         }
     }
 }

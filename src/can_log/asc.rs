@@ -1,0 +1,199 @@
+//! ASC logs of Vector's CANalyzer and CANoe.
+//!
+//! The head states a date, the base of the numbers and whether times count from the beginning or from line to line;
+//! then comes a line a frame. `docs/recording.md` says which lines are read.
+
+use std::io::{self, Write};
+
+use resonarm_protocol::{Frame, FrameFormat, Id};
+
+use super::candump::nanoseconds;
+use super::date::Date;
+use super::{CanLogError, LogWriter, LoggedFrame};
+use crate::recording::Direction;
+
+/// Lengths of CAN FD frames by their DLC (ISO 11898-1).
+const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+/// Flags of a line `CANFD`: remote, extended data length, bit rate switch, error state indicator.
+const REMOTE: u32 = 1 << 4;
+const EDL: u32 = 1 << 12;
+const BRS: u32 = 1 << 13;
+const ESI: u32 = 1 << 14;
+
+/// The DLC of a frame's length.
+pub(super) fn dlc(frame: &Frame) -> usize {
+    LENGTHS.iter().position(|length| *length == frame.len()).unwrap_or(0)
+}
+
+/// Writes frames of channel 1, with hexadecimal numbers and times from the first frame on.
+pub(super) struct Writer<W> {
+    out: W,
+    /// When the log begins, ms of the UNIX epoch.
+    start_ms: Option<u64>,
+}
+
+impl<W: Write> Writer<W> {
+    pub fn new(out: W) -> Writer<W> {
+        Writer { out, start_ms: None }
+    }
+
+    /// The head, which has the milliseconds of the first frame.
+    fn begin(&mut self, start_ms: u64) -> io::Result<u64> {
+        let date = Date::from_unix_ms(start_ms).asc();
+        write!(self.out, "date {date}\nbase hex  timestamps absolute\ninternal events logged\n")?;
+        writeln!(self.out, "Begin Triggerblock {date}\n   0.000000 Start of measurement")?;
+        self.start_ms = Some(start_ms);
+        Ok(start_ms)
+    }
+}
+
+impl<W: Write> LogWriter for Writer<W> {
+    fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
+        let start_ms = match self.start_ms {
+            Some(start_ms) => start_ms,
+            None => self.begin(logged.time_ns / 1_000_000)?,
+        };
+        let microseconds = logged.time_ns.saturating_sub(start_ms * 1_000_000) / 1000;
+        let direction = if logged.direction == Some(Direction::Sent) { "Tx" } else { "Rx" };
+        let frame = &logged.frame;
+        let id = match frame.id() {
+            Id::Standard(id) => format!("{id:X}"),
+            Id::Extended(id) => format!("{id:X}x"),
+        };
+        let data: String = frame.data().iter().map(|byte| format!(" {byte:02X}")).collect();
+        let (dlc, length) = (dlc(frame), frame.len());
+        write!(self.out, "{:4}.{:06} ", microseconds / 1_000_000, microseconds % 1_000_000)?;
+        match frame.format() {
+            FrameFormat::Classic => writeln!(self.out, "1  {id:<15} {direction:<4} d {dlc:x}{data}"),
+            FrameFormat::Remote => writeln!(self.out, "1  {id:<15} {direction:<4} r {dlc:x}"),
+            FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+                let (brs, esi) = (u32::from(bit_rate_switch), u32::from(error_state_indicator));
+                let flags = EDL | (BRS * brs) | (ESI * esi);
+                // Behind the data: duration, bits, flags, CRC and bit timings, of which only the flags are known.
+                writeln!(
+                    self.out,
+                    "CANFD   1 {direction:<4} {id:>9} {:32} {brs} {esi} {dlc:x} {length:>2}{data} \
+                     0 0 {flags:X} 0 0 0 0 0",
+                    ""
+                )
+            }
+        }
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        if self.start_ms.is_none() {
+            self.begin(0)?;
+        }
+        writeln!(self.out, "End TriggerBlock")?;
+        self.out.flush()
+    }
+}
+
+/// What the head of a log has said, and where its times have got to.
+pub(super) struct Reader {
+    /// When the log begins, ns of the UNIX epoch; 0 without a date.
+    start_ns: u64,
+    radix: u32,
+    /// Times count from the line before.
+    is_relative: bool,
+    time_ns: u64,
+}
+
+impl Reader {
+    pub fn new() -> Reader {
+        Reader { start_ns: 0, radix: 16, is_relative: false, time_ns: 0 }
+    }
+
+    /// The frame in a line; `None` for the head, comments and events of other kinds.
+    pub fn line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["date", ..] | ["Begin", "Triggerblock" | "TriggerBlock", ..] => self.date(line).map(|()| None),
+            ["base", base, "timestamps", times, ..] => {
+                self.radix = if base == "dec" { 10 } else { 16 };
+                self.is_relative = times == "relative";
+                Ok(None)
+            }
+            [time, ref rest @ ..] => match nanoseconds(time) {
+                Some(time_ns) => self.event(time_ns, rest),
+                None => Ok(None),
+            },
+            [] => Ok(None),
+        }
+    }
+
+    fn date(&mut self, line: &str) -> Result<(), CanLogError> {
+        let text = line.trim().trim_start_matches("Begin").trim_start();
+        let text = text.split_once(char::is_whitespace).map_or("", |(_, text)| text);
+        let unix_ms = Date::from_asc(text).and_then(|date| date.unix_ms());
+        let unix_ms = unix_ms.ok_or_else(|| CanLogError::Date { got: text.to_owned() })?;
+        self.start_ns = unix_ms.saturating_mul(1_000_000);
+        Ok(())
+    }
+
+    /// An event with its time.
+    fn event(&mut self, time_ns: u64, words: &[&str]) -> Result<Option<LoggedFrame>, CanLogError> {
+        let before_ns = if self.is_relative { self.time_ns } else { 0 };
+        self.time_ns = before_ns.saturating_add(time_ns);
+        let (channel, direction, frame) = match *words {
+            [channel, id, direction @ ("Rx" | "Tx"), kind @ ("d" | "r"), ref rest @ ..] => {
+                (channel, direction, self.classic(id, kind, rest)?)
+            }
+            ["CANFD", channel, direction @ ("Rx" | "Tx"), id, ref rest @ ..] if id != "ErrorFrame" => {
+                (channel, direction, self.fd(id, rest)?)
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(LoggedFrame {
+            time_ns: self.start_ns.saturating_add(self.time_ns),
+            interface: Some(channel.to_owned()),
+            direction: Some(if direction == "Tx" { Direction::Sent } else { Direction::Received }),
+            frame,
+        }))
+    }
+
+    /// `ID Rx d DLC BYTES …` and `ID Rx r [DLC …]`.
+    fn classic(&self, id: &str, kind: &str, words: &[&str]) -> Result<Frame, CanLogError> {
+        let length = words.first().map(|dlc| self.number(dlc)).transpose();
+        if kind == "r" {
+            // Old logs state no length.
+            let length = length.ok().flatten().unwrap_or(0).min(8) as usize;
+            return Ok(Frame::new(self.id(id)?, FrameFormat::Remote, &[0; 8][..length])?);
+        }
+        let length = length?.ok_or(CanLogError::AscLine)?.min(8) as usize;
+        let data = self.data(words.get(1..=length).ok_or(CanLogError::AscLine)?)?;
+        Ok(Frame::classic(self.id(id)?, &data)?)
+    }
+
+    /// `ID [NAME] BRS ESI DLC LENGTH BYTES … [DURATION BITS FLAGS …]`. On a CAN FD channel classical frames are
+    /// logged so, too: the flags say it.
+    fn fd(&self, id: &str, words: &[&str]) -> Result<Frame, CanLogError> {
+        let is_bit = |word: Option<&&str>| matches!(word, Some(&("0" | "1")));
+        let words = if is_bit(words.first()) && is_bit(words.get(1)) { words } else { words.get(1..).unwrap_or(&[]) };
+        let [brs, esi, _dlc, length, rest @ ..] = words else { return Err(CanLogError::AscLine) };
+        let length = length.parse::<usize>().map_err(|_| CanLogError::AscLine)?;
+        let data = self.data(rest.get(..length).ok_or(CanLogError::AscLine)?)?;
+        let flags = rest.get(length + 2).and_then(|flags| u32::from_str_radix(flags, 16).ok()).unwrap_or(EDL);
+        let format = match (flags & EDL != 0, flags & REMOTE != 0) {
+            (true, _) => FrameFormat::Fd { bit_rate_switch: *brs == "1", error_state_indicator: *esi == "1" },
+            (false, true) => FrameFormat::Remote,
+            (false, false) => FrameFormat::Classic,
+        };
+        Ok(Frame::new(self.id(id)?, format, &data)?)
+    }
+
+    fn id(&self, text: &str) -> Result<Id, CanLogError> {
+        match text.strip_suffix(['x', 'X']) {
+            Some(digits) => self.number(digits).map(Id::Extended),
+            None => u16::try_from(self.number(text)?).map(Id::Standard).map_err(|_| CanLogError::AscLine),
+        }
+    }
+
+    fn number(&self, digits: &str) -> Result<u32, CanLogError> {
+        u32::from_str_radix(digits, self.radix).map_err(|_| CanLogError::AscLine)
+    }
+
+    fn data(&self, words: &[&str]) -> Result<Vec<u8>, CanLogError> {
+        words.iter().map(|word| u8::from_str_radix(word, self.radix).map_err(|_| CanLogError::AscLine)).collect()
+    }
+}

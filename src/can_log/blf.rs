@@ -1,0 +1,180 @@
+//! BLF logs of Vector's CANalyzer and CANoe, written uncompressed.
+//!
+//! A file is a head and containers, a container a sequence of objects, each with a head of its own; all numbers are
+//! little-endian. Vector publishes no layout; this one is that of python-can, can/io/blf.py.
+
+use std::io::{self, Seek, SeekFrom, Write};
+
+use resonarm_protocol::{Frame, FrameFormat, Id};
+
+use super::date::Date;
+use super::{LogWriter, LoggedFrame, asc};
+use crate::recording::Direction;
+
+const FILE_HEAD: usize = 144;
+/// Signature, length of the head, its version, length of the object, kind of the object.
+const BASE_HEAD: usize = 16;
+/// Flags, client, version, time: behind the base of an object with a time.
+const OBJECT_HEAD: usize = BASE_HEAD + 16;
+/// Method of compression and length: behind the base of a container.
+const CONTAINER_HEAD: usize = BASE_HEAD + 16;
+/// Bytes of objects from which on a container is written.
+const CONTAINER: usize = 1 << 17;
+
+const CAN_MESSAGE: u32 = 1;
+const LOG_CONTAINER: u32 = 10;
+const CAN_FD_MESSAGE: u32 = 100;
+
+/// Times in ns.
+const NANOSECONDS: u32 = 2;
+const NO_COMPRESSION: u16 = 0;
+const SENT: u8 = 1;
+const REMOTE: u8 = 0x80;
+const EXTENDED: u32 = 0x8000_0000;
+
+/// Writes frames of channel 1, with times from the first frame on.
+pub(super) struct Writer<W> {
+    out: W,
+    /// Objects that wait for a container.
+    objects: Vec<u8>,
+    count: u32,
+    /// The head and the containers written so far, bytes.
+    written: u64,
+    /// Times of the first and the last frame, ms of the UNIX epoch.
+    span_ms: Option<(u64, u64)>,
+}
+
+impl<W: Write + Seek> Writer<W> {
+    pub fn new(out: W) -> Writer<W> {
+        Writer { out, objects: Vec::new(), count: 0, written: 0, span_ms: None }
+    }
+
+    /// The objects so far as a container.
+    fn write_container(&mut self) -> io::Result<()> {
+        let mut head = Vec::with_capacity(CONTAINER_HEAD);
+        base(&mut head, BASE_HEAD, CONTAINER_HEAD + self.objects.len(), LOG_CONTAINER);
+        head.extend_from_slice(&NO_COMPRESSION.to_le_bytes());
+        head.extend_from_slice(&[0; 6]);
+        head.extend_from_slice(&(self.objects.len() as u32).to_le_bytes());
+        head.extend_from_slice(&[0; 4]);
+        self.out.write_all(&head)?;
+        self.out.write_all(&self.objects)?;
+        self.written += (head.len() + self.objects.len()) as u64;
+        self.objects.clear();
+        Ok(())
+    }
+
+    /// The head of the file; its counts are known at the end.
+    fn write_head(&mut self) -> io::Result<()> {
+        let mut head = Vec::with_capacity(FILE_HEAD);
+        head.extend_from_slice(b"LOGG");
+        head.extend_from_slice(&(FILE_HEAD as u32).to_le_bytes());
+        // The program that wrote the file, none of Vector's; the version of the layout.
+        head.extend_from_slice(&[0, 0, 0, 0, 2, 6, 8, 1]);
+        // The size of the file, and what it would be without compression.
+        head.extend_from_slice(&self.written.to_le_bytes());
+        head.extend_from_slice(&self.written.to_le_bytes());
+        head.extend_from_slice(&self.count.to_le_bytes());
+        head.extend_from_slice(&[0; 4]);
+        let (first_ms, last_ms) = self.span_ms.unwrap_or_default();
+        head.extend_from_slice(&system_time(first_ms));
+        head.extend_from_slice(&system_time(last_ms));
+        head.resize(FILE_HEAD, 0);
+        self.out.write_all(&head)
+    }
+}
+
+impl<W: Write + Seek> LogWriter for Writer<W> {
+    fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
+        let time_ms = logged.time_ns / 1_000_000;
+        let first_ms = match self.span_ms {
+            Some((first_ms, _)) => first_ms,
+            None => {
+                self.write_head()?;
+                self.written = FILE_HEAD as u64;
+                time_ms
+            }
+        };
+        self.span_ms = Some((first_ms, time_ms.max(first_ms)));
+        // A file with the date 0, of simulated time, has the times themselves.
+        let time_ns = logged.time_ns.saturating_sub(stated_ms(first_ms) * 1_000_000);
+        let (kind, body) = body(&logged.frame, logged.direction);
+        base(&mut self.objects, OBJECT_HEAD, OBJECT_HEAD + body.len(), kind);
+        self.objects.extend_from_slice(&NANOSECONDS.to_le_bytes());
+        self.objects.extend_from_slice(&[0; 4]);
+        self.objects.extend_from_slice(&time_ns.to_le_bytes());
+        self.objects.extend_from_slice(&body);
+        self.count = self.count.saturating_add(1);
+        if self.objects.len() >= CONTAINER { self.write_container() } else { Ok(()) }
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        if self.span_ms.is_none() {
+            self.write_head()?;
+            self.written = FILE_HEAD as u64;
+        }
+        if !self.objects.is_empty() {
+            self.write_container()?;
+        }
+        self.out.seek(SeekFrom::Start(0))?;
+        self.write_head()?;
+        self.out.flush()
+    }
+}
+
+/// The base of an object's head.
+fn base(bytes: &mut Vec<u8>, head: usize, length: usize, kind: u32) {
+    bytes.extend_from_slice(b"LOBJ");
+    bytes.extend_from_slice(&(head as u16).to_le_bytes());
+    bytes.extend_from_slice(&1_u16.to_le_bytes());
+    bytes.extend_from_slice(&(length as u32).to_le_bytes());
+    bytes.extend_from_slice(&kind.to_le_bytes());
+}
+
+/// Kind and body of a frame's object; its length is a multiple of 4, so that nothing is padded.
+fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
+    let sent = if direction == Some(Direction::Sent) { SENT } else { 0 };
+    let remote = if frame.format() == FrameFormat::Remote { REMOTE } else { 0 };
+    let id = match frame.id() {
+        Id::Standard(id) => u32::from(id),
+        Id::Extended(id) => id | EXTENDED,
+    };
+    let mut body = vec![1, 0, sent | remote, asc::dlc(frame) as u8];
+    body.extend_from_slice(&id.to_le_bytes());
+    match frame.format() {
+        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+            let flags = 1 | u8::from(bit_rate_switch) << 1 | u8::from(error_state_indicator) << 2;
+            // Before the flags the length on the wire in ns and the bits of the arbitration, both unknown.
+            body.extend_from_slice(&[0, 0, 0, 0, 0, flags, frame.len() as u8, 0, 0, 0, 0, 0]);
+            body.extend_from_slice(frame.data());
+            body.resize(20 + 64, 0);
+            (CAN_FD_MESSAGE, body)
+        }
+        FrameFormat::Classic | FrameFormat::Remote => {
+            body.extend_from_slice(frame.data());
+            body.resize(8 + 8, 0);
+            (CAN_MESSAGE, body)
+        }
+    }
+}
+
+/// Times below this are simulated ones: a file then has no date. 1990 is where python-can draws the line.
+const EARLIEST_MS: u64 = 631_152_000_000;
+
+/// The time that a head states, ms of the UNIX epoch; 0 for none.
+fn stated_ms(unix_ms: u64) -> u64 {
+    if unix_ms < EARLIEST_MS { 0 } else { unix_ms }
+}
+
+/// A SYSTEMTIME of Windows: year, month, weekday, day, hour, minute, second, millisecond; all 0 for no date.
+fn system_time(unix_ms: u64) -> [u8; 16] {
+    let mut bytes = [0; 16];
+    if stated_ms(unix_ms) > 0 {
+        let Date { year, month, day, weekday, hour, minute, second, millisecond } = Date::from_unix_ms(unix_ms);
+        let fields = [year, month, weekday, day, hour, minute, second, millisecond];
+        for (field, place) in fields.iter().zip(bytes.chunks_exact_mut(2)) {
+            place.copy_from_slice(&(*field as u16).to_le_bytes());
+        }
+    }
+    bytes
+}

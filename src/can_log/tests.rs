@@ -1,0 +1,117 @@
+use std::fs;
+use std::io::Cursor;
+
+use resonarm_protocol::{FrameFormat, Id};
+
+use super::*;
+
+/// Frames of all formats, a millisecond apart.
+fn frames(start_ns: u64) -> Vec<LoggedFrame> {
+    let fd = |bit_rate_switch, error_state_indicator| FrameFormat::Fd { bit_rate_switch, error_state_indicator };
+    let frames = [
+        Frame::classic(Id::Standard(0x201), &[1, 2, 3, 4, 5, 6, 7, 8]),
+        Frame::classic(Id::Standard(0), &[]),
+        Frame::classic(Id::Extended(0x1FFF_FFFF), &[0xAB]),
+        Frame::new(Id::Standard(0x7FF), FrameFormat::Remote, &[0; 5]),
+        Frame::new(Id::Standard(0x202), fd(true, false), &[9; 64]),
+        Frame::new(Id::Extended(0x123), fd(false, true), &[7; 12]),
+        Frame::new(Id::Standard(0x203), fd(false, false), &[1, 2]),
+    ];
+    let directions = [Some(Direction::Received), Some(Direction::Sent)];
+    frames
+        .into_iter()
+        .zip(directions.into_iter().cycle())
+        .enumerate()
+        .map(|(index, (frame, direction))| LoggedFrame {
+            time_ns: start_ns + 1_234_000 * index as u64,
+            interface: None,
+            direction,
+            frame: frame.unwrap(),
+        })
+        .collect()
+}
+
+fn written(format: LogFormat, frames: &[LoggedFrame]) -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    let mut writer = format.writer(&mut out, "vcan0");
+    frames.iter().for_each(|frame| writer.write(frame).unwrap());
+    writer.finish().unwrap();
+    drop(writer);
+    out.into_inner()
+}
+
+/// What is read of a log, and how many lines were no frames.
+fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), CanLogError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log");
+    fs::write(&path, text).unwrap();
+    let mut frames = super::read(&path, format)?;
+    let found = frames.by_ref().collect::<Result<Vec<_>, _>>()?;
+    Ok((found, frames.others()))
+}
+
+#[test]
+fn what_is_written_is_read() {
+    for start_ns in [0, 1_785_000_000_123_456_000] {
+        let frames = frames(start_ns);
+        for (format, interface, others) in [(LogFormat::Candump, "vcan0", 0), (LogFormat::Asc, "1", 6)] {
+            let (found, skipped) = read_text(format, &written(format, &frames)).unwrap();
+            let interface = Some(String::from(interface));
+            let expected: Vec<_> =
+                frames.iter().map(|frame| LoggedFrame { interface: interface.clone(), ..frame.clone() }).collect();
+            assert_eq!((found, skipped), (expected, others), "{format}");
+        }
+    }
+}
+
+#[test]
+fn a_candump_log_is_one_of_can_utils() {
+    let text = String::from_utf8(written(LogFormat::Candump, &frames(12_000_000_000)[3..5])).unwrap();
+    let data = "09".repeat(64);
+    assert_eq!(text, format!("(12.003702) vcan0 7FF#R5 T\n(12.004936) vcan0 202##1{data} R\n"));
+}
+
+#[test]
+fn logs_of_other_programs_are_read() {
+    let candump = b"(1436509052.249713) vcan0 044#2A366C2BBA\n\n(1436509052.5) can0 20000080#0000000000000000\n";
+    let (found, others) = read_text(LogFormat::Candump, candump).unwrap();
+    assert_eq!((found.len(), others, found[0].time_ns, found[0].direction), (1, 1, 1_436_509_052_249_713_000, None));
+    // Of Vector's CANalyzer: times from line to line, decimal numbers, a classical frame on a CAN FD channel.
+    let asc = b"date Sat Sep 30 03:06:13 pm 2017\nbase dec  timestamps relative\n// version 9.0.0\n\
+        0.100000 1  291             Rx   d 2 17 255  Length = 0 BitCount = 64 ID = 291\n\
+        0.200000 CANFD   2 Tx        512x  Name_of_it  0 0 1 1 7   0  0  1000 0 0 0 0 0\n\
+        0.000001 CANFD   1 Rx        3   0 0 1 1 7   0  0  0 0 0 0 0 0\n\
+        0.5 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%\n\
+        0.5 1  ErrorFrame\n0.5 CANFD 1 Rx ErrorFrame Not Acknowledge error\n";
+    let (found, others) = read_text(LogFormat::Asc, asc).unwrap();
+    let told: Vec<_> = found.iter().map(|logged| (logged.time_ns, logged.frame.to_string())).collect();
+    let start_ns = 1_506_783_973_000_000_000;
+    let expected = [(100_000_000, "123#11FF"), (300_000_000, "00000200##007"), (300_001_000, "003#07")];
+    assert_eq!(told, expected.map(|(time_ns, frame)| (start_ns + time_ns, String::from(frame))));
+    assert_eq!(others, 6);
+}
+
+#[test]
+fn what_is_wrong_is_said_with_its_line() {
+    let said = |format, text: &[u8]| {
+        let error = read_text(format, text).unwrap_err().to_string();
+        error.rsplit_once("/log").map(|(_, said)| said.to_owned()).unwrap_or(error)
+    };
+    let good = "(1.0) can0 123#00\n";
+    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
+    insta::assert_snapshot!(said(LogFormat::Candump, b"(-1.0) can0 123#00"), @r#", line 1: "(-1.0)" is no time in brackets, as (12.345678)"#);
+    insta::assert_snapshot!(said(LogFormat::Candump, b"(1.0) can0 123#0"), @", line 1: the data must be pairs of hexadecimal digits");
+    insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log, as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, b"date today"), @r#", line 1: "today" is no date, as Sat Sep 30 15:06:13.191 2017"#);
+    insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");
+    assert!(matches!(read_text(LogFormat::Blf, b"LOGG"), Err(CanLogError::Blf { .. })));
+}
+
+#[test]
+fn a_blf_file_states_its_length_and_count() {
+    let bytes = written(LogFormat::Blf, &frames(1_785_000_000_123_456_000));
+    let number = |at: usize, length: usize| {
+        bytes[at..at + length].iter().rev().fold(0, |sum, byte| sum << 8 | usize::from(*byte))
+    };
+    assert_eq!((&bytes[..4], number(16, 8), number(24, 8), number(32, 4)), (&b"LOGG"[..], bytes.len(), bytes.len(), 7));
+}

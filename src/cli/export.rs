@@ -1,0 +1,85 @@
+//! `resonarm export`: a recording in the formats of other tools.
+
+use core::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use super::failure::{Failure, Verdict};
+use super::{inspect, output};
+use crate::export::{ExportFormat, ExportedFile, Part, Selection, export};
+use crate::recording::Recording;
+
+/// The end of the help text.
+const HELP: &str = "\
+Formats and the files that STEM stands for:
+  csv      STEM-PART.csv  a table a part; the names of the columns have the units
+  candump  STEM.log       the frames, as `candump -L` writes them and canplayer plays them
+  asc      STEM.asc       the frames, for Vector's tools and what reads their logs
+  blf      STEM.blf       the frames, the same in binary
+  uff58    STEM.uff       states and samples as functions of time, for tools of modal analysis: dataset 58, ASCII
+  wav      STEM-PART.wav  states and samples as channels of 32-bit floating-point numbers, in SI units
+Parquet and MF4 are made of the CSV by the Python packages pyarrow and asammdf, as docs/recording.md shows.
+Times are simulated time; a log of a run in real time has the machine's. Samples are read in the middle of a hold, half a \
+sample period before the sample: their time_s says so.";
+
+/// Writes a recording in the formats of other tools, record by record, so that it may be longer than the memory.
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+pub(super) struct Export {
+    /// The recording, an MCAP file.
+    file: PathBuf,
+    /// The format: csv, candump, asc, blf, uff58, wav.
+    #[arg(long, value_name = "FORMAT", value_parser = str::parse::<ExportFormat>)]
+    to: ExportFormat,
+    /// Begin of the names of the files that are written [default: the recording's name without its ending].
+    #[arg(long, value_name = "STEM")]
+    out: Option<PathBuf>,
+    /// Which records, by commas: states, samples, frames, ticks, events [default: all that the format holds].
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = part())]
+    parts: Vec<Part>,
+    #[command(flatten)]
+    range: super::time_range::TimeRange,
+    #[command(flatten)]
+    overwrite: output::OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Reads a part by its name.
+fn part() -> impl TypedValueParser<Value = Part> {
+    PossibleValuesParser::new(Part::ALL.map(Part::name)).try_map(|name| name.parse::<Part>())
+}
+
+impl Export {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let recording = Recording::open(&self.file)?;
+        if let Some(note) = inspect::integrity_note(recording.integrity()) {
+            tracing::warn!("{note}");
+        }
+        let stem = self.out.clone().unwrap_or_else(|| self.file.with_extension(""));
+        let selection = Selection::of(&recording, self.to, &self.parts, self.range.from_s, self.range.to_s)?;
+        self.overwrite.check(self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path))?;
+        output::check_folder(&stem)?;
+        let files = export(&recording, self.to, &selection, &stem)?;
+        if self.json {
+            output::print_json(&serde_json::json!({ "format": self.to.name(), "files": files }))?;
+        } else {
+            output::print(&text(&files))?;
+        }
+        Ok(Verdict::Positive)
+    }
+}
+
+fn text(files: &[ExportedFile]) -> String {
+    let mut text = String::new();
+    for ExportedFile { path, rows, columns } in files {
+        let _infallible = match columns[..] {
+            [] => writeln!(text, "{}: {rows} frames", path.display()),
+            _ => writeln!(text, "{}: {rows} rows of {}", path.display(), columns.join(", ")),
+        };
+    }
+    text
+}

@@ -1,0 +1,14 @@
+//! A range of simulated time, for the commands on recordings.
+
+use clap::Args;
+
+/// From when to when.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct TimeRange {
+    /// From this simulated time on, s [default: the beginning].
+    #[arg(long, value_name = "S")]
+    pub from_s: Option<f64>,
+    /// Up to this simulated time, s [default: the end].
+    #[arg(long, value_name = "S")]
+    pub to_s: Option<f64>,
+}

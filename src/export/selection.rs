@@ -1,0 +1,125 @@
+//! What of a recording is exported.
+
+use core::fmt;
+use core::ops::RangeInclusive;
+use core::str::FromStr;
+
+use super::{ExportError, ExportFormat, UnknownPart};
+use crate::recording::{Recording, Topic};
+
+/// A kind of records.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// States of the arm and the load held from each sample to the next.
+    States,
+    /// What the instruments said.
+    Samples,
+    /// The frames on the bus.
+    Frames,
+    /// How punctual the real-time loop was.
+    Ticks,
+    /// What happened.
+    Events,
+}
+
+impl Part {
+    /// All parts.
+    pub const ALL: [Part; 5] = [Part::States, Part::Samples, Part::Frames, Part::Ticks, Part::Events];
+
+    /// The name, as flags and files have it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Part::States => "states",
+            Part::Samples => "samples",
+            Part::Frames => "frames",
+            Part::Ticks => "ticks",
+            Part::Events => "events",
+        }
+    }
+
+    /// The topic with these records.
+    pub const fn topic(self) -> Topic {
+        match self {
+            Part::States => Topic::States,
+            Part::Samples => Topic::Samples,
+            Part::Frames => Topic::Frames,
+            Part::Ticks => Topic::Ticks,
+            Part::Events => Topic::Events,
+        }
+    }
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Part {
+    type Err = UnknownPart;
+
+    fn from_str(text: &str) -> Result<Part, UnknownPart> {
+        let found = Part::ALL.into_iter().find(|part| part.name() == text);
+        found.ok_or_else(|| UnknownPart { got: text.to_owned() })
+    }
+}
+
+/// What of a recording is wanted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// Which records, in order and each at most once.
+    pub parts: Vec<Part>,
+    /// Of which samples.
+    pub samples: RangeInclusive<u64>,
+}
+
+impl Selection {
+    /// The records of `parts`, or if there are none all that the format holds and the recording has, of the samples
+    /// from one simulated time to another, both included, s from sample 0 on.
+    ///
+    /// # Errors
+    /// [`ExportError::Interval`] if there is no sample between them, [`ExportError::Nothing`] if the recording has
+    /// nothing that the format holds.
+    pub fn of(
+        recording: &Recording,
+        format: ExportFormat,
+        parts: &[Part],
+        from_s: Option<f64>,
+        to_s: Option<f64>,
+    ) -> Result<Selection, ExportError> {
+        let samples = samples(recording, from_s, to_s)?;
+        let summary = recording.summary();
+        let there = |part: &&Part| summary.topics.get(part.topic().name()).is_some_and(|topic| topic.records > 0);
+        let mut parts: Vec<Part> = match parts {
+            [] => format.parts().iter().filter(there).copied().collect(),
+            parts => parts.to_vec(),
+        };
+        parts.sort_unstable();
+        parts.dedup();
+        if parts.is_empty() {
+            return Err(ExportError::Nothing { format });
+        }
+        Ok(Selection { parts, samples })
+    }
+}
+
+/// The samples from one simulated time to another, both included. What is off by a millionth of a sample is a time
+/// written in decimals.
+pub(crate) fn samples(
+    recording: &Recording,
+    from_s: Option<f64>,
+    to_s: Option<f64>,
+) -> Result<RangeInclusive<u64>, ExportError> {
+    const TOLERANCE: f64 = 1e-6;
+    let dt_s = recording.origin().dt_s;
+    let (first, last) = recording.summary().samples.unwrap_or_default();
+    let from = from_s.map_or(first, |from_s| libm::ceil(from_s / dt_s - TOLERANCE) as u64);
+    let to = to_s.map_or(last, |to_s| libm::floor(to_s / dt_s + TOLERANCE) as u64);
+    let is_negative = [from_s, to_s].iter().flatten().any(|time_s| *time_s < 0.0);
+    if is_negative || from > to || from > last || to < first {
+        let (from_s, to_s) = (from_s.unwrap_or(first as f64 * dt_s), to_s.unwrap_or(last as f64 * dt_s));
+        let (first_s, last_s) = (first as f64 * dt_s, last as f64 * dt_s);
+        return Err(ExportError::Interval { from_s, to_s, first_s, last_s });
+    }
+    Ok(from..=to)
+}

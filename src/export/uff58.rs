@@ -1,0 +1,143 @@
+//! States and samples in the Universal File Format: dataset 58, function at nodal degree of freedom, in ASCII, behind
+//! dataset 164, units (SDRC 1988; the University of Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff).
+//!
+//! Numbers stand in fixed columns of lines of 80. A dataset holds one channel, so the recording is read once for each:
+//! that needs no memory, and no file beside. Values have 13 digits.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
+
+use super::channels::{Axis, Channel, Quantity, channels, lead, span, visit};
+use super::{ExportError, ExportedFile, Part, Selection};
+use crate::recording::Recording;
+
+/// Begins and ends a dataset.
+const DELIMITER: &str = "    -1";
+/// Values in a line.
+const IN_LINE: u64 = 4;
+/// Specific data types.
+const TIME: u32 = 17;
+const NONE: u32 = 0;
+
+/// What a channel says of itself in the file: specific data type, label, unit, exponents of length, force and
+/// temperature.
+const fn ordinate(quantity: Quantity) -> (u32, &'static str, &'static str, [i32; 3]) {
+    match quantity {
+        Quantity::Angle => (8, "Angle", "rad", [0, 0, 0]),
+        Quantity::AngularVelocity => (11, "Angular velocity", "rad/s", [0, 0, 0]),
+        Quantity::Torque => (13, "Torque", "N*m", [1, 1, 0]),
+        Quantity::Force => (13, "Force", "N", [0, 1, 0]),
+        Quantity::Acceleration => (12, "Acceleration", "m/s^2", [1, 0, 0]),
+    }
+}
+
+/// Direction at a node.
+const fn direction(axis: Axis) -> u32 {
+    match axis {
+        Axis::X => 1,
+        Axis::Y => 2,
+        Axis::AboutZ => 6,
+    }
+}
+
+/// Writes all channels to one file.
+pub(super) fn write(
+    recording: &Recording,
+    selection: &Selection,
+    files: Vec<(PathBuf, Vec<Part>)>,
+) -> Result<Vec<ExportedFile>, ExportError> {
+    let mut exported = Vec::new();
+    for (path, parts) in files {
+        let failed = |source| ExportError::Write { path: path.clone(), source };
+        let mut out = BufWriter::new(File::create(&path).map_err(failed)?);
+        units(&mut out).map_err(failed)?;
+        let (mut rows, mut columns) = (0, Vec::new());
+        for part in parts {
+            let (first, count) = span(recording, part, &selection.samples)?;
+            for (index, channel) in channels(part).iter().enumerate() {
+                let dt_s = recording.origin().dt_s;
+                let start_s = (first as f64 - lead(part)) * dt_s;
+                head(&mut out, recording, channel, &Abscissa { count, start_s, dt_s }).map_err(failed)?;
+                let mut written = 0;
+                visit(recording, part, &selection.samples, |values| {
+                    written += 1;
+                    let end = if written % IN_LINE == 0 || written == count { "\n" } else { "" };
+                    write!(out, "{}{end}", e20(values[index])).map_err(failed)
+                })?;
+                writeln!(out, "{DELIMITER}").map_err(failed)?;
+                columns.push(channel.name);
+            }
+            rows = rows.max(count);
+        }
+        out.flush().map_err(failed)?;
+        exported.push(ExportedFile { path: path.clone(), rows, columns });
+    }
+    Ok(exported)
+}
+
+/// Dataset 164: SI.
+fn units(out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{DELIMITER}\n{:6}{:74}", 164, "")?;
+    writeln!(out, "{:10}{:<20}{:10}", 1, "SI: Meter (newton)", 2)?;
+    let one = "1.00000000000000000D+00";
+    writeln!(out, "{one:>25}{one:>25}{one:>25}\n{:>25}\n{DELIMITER}", "0.00000000000000000D+00")
+}
+
+/// Where the values of a channel stand in time.
+struct Abscissa {
+    count: u64,
+    start_s: f64,
+    dt_s: f64,
+}
+
+/// The first eleven lines of dataset 58.
+fn head(out: &mut impl Write, recording: &Recording, channel: &Channel, abscissa: &Abscissa) -> io::Result<()> {
+    let (kind, label, unit, [length, force, temperature]) = ordinate(channel.quantity);
+    let file = recording.path().file_name().map_or(String::from("NONE"), |name| line80(&name.to_string_lossy()));
+    writeln!(out, "{DELIMITER}\n{:6}{:74}", 58, "")?;
+    // What it is, where it comes from, and three lines without use.
+    writeln!(out, "{:80}\n{file:80}\n{:80}\n{:80}\n{:80}", channel.name, "NONE", "NONE", "NONE")?;
+    // A response in time at a node, which has no reference.
+    let (node, direction) = (channel.point as u32, direction(channel.axis));
+    writeln!(out, "{:5}{:10}{:5}{:10} {:10}{node:10}{direction:4} {:10}{:10}{:4}", 1, 0, 0, 0, "NONE", "NONE", 0, 0)?;
+    // Real numbers of double precision at even distances.
+    let (start, step) = (e13(abscissa.start_s), e13(abscissa.dt_s));
+    writeln!(out, "{:10}{:10}{:10}{start}{step}{}", 4, abscissa.count, 1, e13(0.0))?;
+    axis(out, TIME, [0; 3], "Time", "s")?;
+    axis(out, kind, [length, force, temperature], label, unit)?;
+    axis(out, NONE, [0; 3], "NONE", "NONE")?;
+    axis(out, NONE, [0; 3], "NONE", "NONE")
+}
+
+fn axis(out: &mut impl Write, kind: u32, exponents: [i32; 3], label: &str, unit: &str) -> io::Result<()> {
+    let [length, force, temperature] = exponents;
+    writeln!(out, "{kind:10}{length:5}{force:5}{temperature:5} {label:20} {unit:20}")
+}
+
+/// A text in one line of 80 ASCII characters.
+fn line80(text: &str) -> String {
+    text.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).take(80).collect()
+}
+
+/// FORTRAN's E20.12, with the exponent of two or three digits behind the first digit of the value.
+fn e20(value: f64) -> String {
+    format!("{:>20}", exponential(value, 12))
+}
+
+/// FORTRAN's E13.5.
+fn e13(value: f64) -> String {
+    format!("{:>13}", exponential(value, 5))
+}
+
+/// `-1.23e-4` as `-1.23000e-04`.
+fn exponential(value: f64, places: usize) -> String {
+    let text = format!("{value:.places$e}");
+    match text.split_once('e') {
+        Some((digits, exponent)) => match exponent.strip_prefix('-') {
+            Some(exponent) => format!("{digits}e-{exponent:0>2}"),
+            None => format!("{digits}e+{exponent:0>2}"),
+        },
+        None => text,
+    }
+}

@@ -1,0 +1,64 @@
+//! States and samples as sound files: a file a part, 32-bit floating-point numbers in SI units.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use hound::{Error, SampleFormat, WavSpec, WavWriter};
+
+use super::channels::{Channel, channels, span, visit};
+use super::{ExportError, ExportedFile, Part, Selection};
+use crate::recording::Recording;
+
+/// Bytes of a value.
+const VALUE: u64 = 4;
+/// Bytes that the heads of the file's chunks take at most.
+const HEADS: u64 = 256;
+
+/// Writes a file for each part.
+pub(super) fn write(
+    recording: &Recording,
+    selection: &Selection,
+    files: Vec<(PathBuf, Vec<Part>)>,
+) -> Result<Vec<ExportedFile>, ExportError> {
+    let sample_rate = whole_rate_hz(recording.origin().dt_s)?;
+    let mut exported = Vec::new();
+    for (path, parts) in files {
+        for part in parts {
+            let channels = channels(part);
+            let (_, rows) = span(recording, part, &selection.samples)?;
+            if rows * channels.len() as u64 * VALUE + HEADS > u64::from(u32::MAX) {
+                return Err(ExportError::Long { rows, channels: channels.len() });
+            }
+            let (bits_per_sample, sample_format) = (32, SampleFormat::Float);
+            let spec = WavSpec { channels: channels.len() as u16, sample_rate, bits_per_sample, sample_format };
+            let mut writer = WavWriter::create(&path, spec).map_err(|error| failed(&path, error))?;
+            visit(recording, part, &selection.samples, |values| {
+                let mut each = values.iter();
+                each.try_for_each(|value| writer.write_sample(*value as f32)).map_err(|error| failed(&path, error))
+            })?;
+            writer.finalize().map_err(|error| failed(&path, error))?;
+            let columns = channels.iter().map(|Channel { name, .. }| *name).collect();
+            exported.push(ExportedFile { path: path.clone(), rows, columns });
+        }
+    }
+    Ok(exported)
+}
+
+/// Samples a second, which a sound file has as a whole number.
+fn whole_rate_hz(dt_s: f64) -> Result<u32, ExportError> {
+    let rate_hz = 1.0 / dt_s;
+    let whole = libm::round(rate_hz);
+    if (rate_hz - whole).abs() < 1e-9 * whole && (1.0..=f64::from(u32::MAX)).contains(&whole) {
+        Ok(whole as u32)
+    } else {
+        Err(ExportError::Rate { rate_hz })
+    }
+}
+
+fn failed(path: &Path, error: Error) -> ExportError {
+    let source = match error {
+        Error::IoError(source) => source,
+        other => io::Error::other(other.to_string()),
+    };
+    ExportError::Write { path: path.to_path_buf(), source }
+}

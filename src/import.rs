@@ -1,0 +1,182 @@
+//! Logs of other tools as recordings.
+//!
+//! An imported recording holds frames alone. It can be replayed; with the scenario of the network that was logged, what
+//! its controller read can be read again ([`replay::responses`](crate::replay::responses)). It has no states, so that
+//! it can't be simulated again.
+
+use std::path::{Path, PathBuf};
+
+use resonarm_protocol::{MessageKind, Network, Node};
+use thiserror::Error;
+
+use crate::can_log::{CanLogError, LogFormat, LoggedFrame, LoggedFrames, read};
+use crate::recording::{
+    Configuration, Direction, Existing, FlushPolicy, FrameRecord, Options, Record, Recorder, RecordingError, TimeBase,
+};
+use crate::scenario::{Scenario, ScenarioError};
+
+/// The key in a recording's configuration of the log that it was imported from.
+pub(crate) const IMPORTED_FROM: &str = "imported_from";
+/// Records that wait for the writer at most.
+const CAPACITY: usize = 8192;
+
+/// How a log is imported.
+#[derive(Clone, Debug)]
+pub struct ImportOptions {
+    /// What was logged: network and sample rate; put into the recording. Without one the identifiers are the usual
+    /// ones, and there are 1000 samples a second.
+    pub scenario: Option<Scenario>,
+    /// The interface, or the channel, whose frames are wanted; needed if the log has more than one.
+    pub interface: Option<String>,
+    /// What to do if the recording is there already.
+    pub existing: Existing,
+}
+
+/// What was imported.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Imported {
+    /// The recording.
+    pub path: PathBuf,
+    /// Frames in it.
+    pub frames: u64,
+    /// Frames of other interfaces, left out.
+    pub of_other_interfaces: u64,
+    /// Lines that are no frames, left out: error frames, comments, other events.
+    pub other_lines: u64,
+    /// Time from the first frame to the last, s.
+    pub duration_s: f64,
+}
+
+/// Why a log can't be imported.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// The log can't be read.
+    #[error(transparent)]
+    Log(#[from] CanLogError),
+    /// The recording can't be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The scenario has no network or rate.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// There is nothing to import.
+    #[error(
+        "{} has no frames{}", log.display(),
+        interface.as_ref().map_or(String::new(), |interface| format!(" of interface {interface}"))
+    )]
+    Empty {
+        /// The log.
+        log: PathBuf,
+        /// The interface that was asked for.
+        interface: Option<String>,
+    },
+    /// The frames of several interfaces.
+    #[error("{} has frames of {first} and of {other}: choose one (--interface)", log.display())]
+    Interfaces {
+        /// The log.
+        log: PathBuf,
+        /// The interface of the first frame.
+        first: String,
+        /// That of another.
+        other: String,
+    },
+    /// A frame that was seen before the first.
+    #[error("{}: frame {frame} is {early_ns} ns earlier than the first: the log is not in order", log.display())]
+    Order {
+        /// The log.
+        log: PathBuf,
+        /// The frame, from 1 on.
+        frame: u64,
+        /// How much earlier, ns.
+        early_ns: u64,
+    },
+}
+
+/// Writes the frames of a log into a recording. Sample k begins k sample periods after the first frame. Frames of the
+/// network go the way that their senders have; of others the log says it, or they count as received by the plant.
+///
+/// The log is read twice, so that none is half imported: first to see that it is one.
+///
+/// # Errors
+/// [`ImportError`] if the log can't be read or has no frames, or the recording can't be written.
+pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
+    let first = check(log, format, options)?;
+    let (network, rate_hz) = match &options.scenario {
+        Some(scenario) => (scenario.network()?, scenario.simulation.rate_hz),
+        None => (Network::default(), 1000.0),
+    };
+    let configuration = match &options.scenario {
+        Some(scenario) => scenario.configuration("none")?,
+        None => Configuration::new(),
+    };
+    let configuration = configuration.with(IMPORTED_FROM, log.display()).with("log_format", format);
+    let options_of_recorder = Options {
+        time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
+        flush: FlushPolicy::Samples(1000),
+        existing: options.existing,
+        ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
+    };
+    let recorder = Recorder::create(path, &configuration, options_of_recorder)?;
+    let mut channel = recorder.channel("log", CAPACITY)?;
+    let mut imported =
+        Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, other_lines: 0, duration_s: 0.0 };
+    let mut frames = read(log, format)?;
+    for logged in &mut frames {
+        let logged = logged?;
+        if logged.interface != first.interface {
+            imported.of_other_interfaces += 1;
+            continue;
+        }
+        let time_ns = logged.time_ns.saturating_sub(first.time_ns);
+        channel.push_blocking(Record::Frame(record(&logged, time_ns, rate_hz, network)))?;
+        imported.frames += 1;
+        imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
+    }
+    imported.other_lines = frames.others();
+    recorder.finish(&[("frames", imported.frames.to_string())])?;
+    Ok(imported)
+}
+
+/// The first frame that is wanted, if the whole log can be imported.
+fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<LoggedFrame, ImportError> {
+    let mut first: Option<LoggedFrame> = None;
+    for (frame, logged) in (1..).zip(wanted(read(log, format)?, options.interface.as_deref())) {
+        let logged = logged?;
+        let first = first.get_or_insert_with(|| logged.clone());
+        let log = || log.to_path_buf();
+        if first.interface != logged.interface {
+            let [first, other] = [first, &logged].map(|logged| logged.interface.clone().unwrap_or_default());
+            return Err(ImportError::Interfaces { log: log(), first, other });
+        }
+        if let Some(early_ns) = first.time_ns.checked_sub(logged.time_ns).filter(|early_ns| *early_ns > 0) {
+            return Err(ImportError::Order { log: log(), frame, early_ns });
+        }
+    }
+    first.ok_or_else(|| ImportError::Empty { log: log.to_path_buf(), interface: options.interface.clone() })
+}
+
+/// The frames of an interface, or all.
+fn wanted(frames: LoggedFrames, interface: Option<&str>) -> impl Iterator<Item = Result<LoggedFrame, CanLogError>> {
+    frames.filter(move |logged| match (interface, logged) {
+        (Some(interface), Ok(logged)) => logged.interface.as_deref() == Some(interface),
+        _ => true,
+    })
+}
+
+/// A logged frame as the plant would have recorded it.
+fn record(logged: &LoggedFrame, time_ns: u64, rate_hz: f64, network: Network) -> FrameRecord {
+    let sender = MessageKind::from_id(network, logged.frame.id()).map(MessageKind::sender);
+    let direction = match (sender, logged.direction) {
+        (Some(Node::Plant), _) => Direction::Sent,
+        (Some(Node::Exciter), _) => Direction::Received,
+        (None, direction) => direction.unwrap_or(Direction::Received),
+    };
+    FrameRecord {
+        sample: libm::floor(time_ns as f64 * 1e-9 * rate_hz) as u64,
+        direction,
+        time_ns,
+        bus_timestamp_ns: None,
+        frame: logged.frame,
+    }
+}

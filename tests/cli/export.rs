@@ -1,0 +1,78 @@
+//! Exported recordings: which files, what is said of them, and what is refused. What is in them is compared by independent
+//! readers, `tests/recording/test_export.py`.
+
+use std::fs;
+use std::path::Path;
+
+use insta::assert_snapshot;
+use resonarm::recording::{Options, Record, Recorder, Recording};
+
+use crate::{complaint, document, resonarm};
+
+/// A folder with the recording of a run of 0.1 s.
+fn recorded() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["run", "--mode", "free", "--duration-s", "0.1", "--record", "run.mcap"];
+    assert_eq!(resonarm(folder.path(), &run).code, 0);
+    folder
+}
+
+#[test]
+fn files_are_named_after_the_recording_and_told() {
+    let folder = recorded();
+    let said = resonarm(folder.path(), &["export", "run.mcap", "--to", "csv", "--parts", "events,states,events"]);
+    assert_eq!((said.code, said.stderr.as_str()), (0, ""));
+    assert_snapshot!(said.stdout, @r"
+    run-states.csv: 101 rows of sample, time_s, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, torque1_nm, torque2_nm, force_x_n, force_y_n, is_end
+    run-events.csv: 4 rows of sample, time_s, name, value
+    ");
+    let log = document(folder.path(), 0, &["export", "run.mcap", "--to", "blf", "--out", "other", "--json"]);
+    assert_eq!((&log["format"], &log["files"][0]["path"]), (&"blf".into(), &"other.blf".into()));
+    assert!(log["files"][0]["rows"].as_u64().unwrap() > 100, "{log}");
+}
+
+#[test]
+fn what_is_there_is_kept_until_it_is_given_up() {
+    let folder = recorded();
+    fs::write(folder.path().join("run-samples.wav"), "mine").unwrap();
+    let export = ["export", "run.mcap", "--to", "wav"];
+    assert_snapshot!(complaint(folder.path(), 2, &export), @"resonarm: run-samples.wav already exists: name another place, or allow overwriting it (--overwrite)");
+    assert!(!folder.path().join("run-states.wav").exists(), "a file is written before all are asked for");
+    assert_eq!(resonarm(folder.path(), &[&export[..], &["--overwrite"]].concat()).code, 0);
+    assert!(fs::read(folder.path().join("run-samples.wav")).unwrap().starts_with(b"RIFF"));
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_said() {
+    let folder = recorded();
+    let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["export", "run.mcap", "--to"], arguments].concat());
+    assert_snapshot!(said(&["wav", "--parts", "frames"]), @"resonarm: wav holds no frames, only states, samples; csv holds all");
+    assert_snapshot!(said(&["csv", "--from-s", "0.2"]), @"resonarm: there is no sample from 0.2 to 0.1 s: the recording has those from 0 to 0.1 s");
+    assert_snapshot!(said(&["csv", "--to-s=-0.1"]), @"resonarm: there is no sample from 0 to -0.1 s: the recording has those from 0 to 0.1 s");
+    assert_snapshot!(said(&["csv", "--out", "none/x"]), @"resonarm: can't write none/x: No such file or directory (os error 2)");
+    let first = |arguments: &[&str]| said(arguments).lines().next().unwrap().to_owned();
+    assert_snapshot!(first(&["parquet"]), @"error: invalid value 'parquet' for '--to <FORMAT>': not written here: pyarrow makes Parquet of the CSV, as docs/recording.md shows");
+    assert_snapshot!(first(&["mf4"]), @"error: invalid value 'mf4' for '--to <FORMAT>': not written here: asammdf makes MF4 of the CSV, as docs/recording.md shows");
+    assert_snapshot!(first(&["xls"]), @"error: invalid value 'xls' for '--to <FORMAT>': it is one of csv, candump, asc, blf, uff58, wav");
+}
+
+/// The recording without one of its states.
+fn with_gap(folder: &Path) {
+    let recording = Recording::open(folder.join("run.mcap")).unwrap();
+    let options = Options::virtual_time(recording.origin().dt_s, "none");
+    let recorder = Recorder::create(folder.join("gap.mcap"), recording.configuration(), options).unwrap();
+    let mut channel = recorder.channel("plant", 1024).unwrap();
+    for record in recording.states().unwrap().map(Result::unwrap).filter(|record| record.sample != 20) {
+        channel.push_blocking(Record::State(record)).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+}
+
+#[test]
+fn a_gap_is_said_where_every_sample_is_needed() {
+    let folder = recorded();
+    with_gap(folder.path());
+    assert_snapshot!(complaint(folder.path(), 2, &["export", "gap.mcap", "--to", "wav"]), @"resonarm: recording `gap.mcap` is not continuous in topic `/plant/steps`: sample 21 follows where sample 20 should (1 such gaps in all); the run lost records, or the file was recovered from a damaged one");
+    let table = document(folder.path(), 0, &["export", "gap.mcap", "--to", "csv", "--json"]);
+    assert_eq!(table["files"][0]["rows"], 100);
+}

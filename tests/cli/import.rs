@@ -1,0 +1,93 @@
+//! Logs of other tools as recordings.
+
+use std::fs;
+use std::path::Path;
+
+use insta::assert_snapshot;
+use resonarm::recording::{FrameRecord, Recording};
+
+use crate::{complaint, document, resonarm};
+
+/// A folder with the recording of a run in which a response is read, and its frames as logs.
+fn exported() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = "[network]\nbase_id = 0x300\nplant_id = 3\n[excitation]\namplitude = { torque1_nm = 60.0 }\n\
+        profile = { waveform = 'dwell', frequency_hz = 22.1, duration_s = 0.5, settle_s = 0.1 }";
+    fs::write(folder.path().join("run.toml"), scenario).unwrap();
+    for arguments in [
+        "run --mode free --scenario run.toml --duration-s 0.6 --record run.mcap",
+        "export run.mcap --to candump",
+        "export run.mcap --to asc",
+    ] {
+        let words: Vec<&str> = arguments.split(' ').collect();
+        assert_eq!(resonarm(folder.path(), &words).code, 0, "{arguments}");
+    }
+    folder
+}
+
+fn frames(path: &Path) -> Vec<FrameRecord> {
+    Recording::open(path).unwrap().frames().unwrap().map(Result::unwrap).collect()
+}
+
+/// Everything but the sample, which is that of the time, and digits that the logs don't have.
+fn content(frame: &FrameRecord) -> String {
+    format!("{:?} {} {}", frame.direction, frame.time_ns / 1000, frame.frame)
+}
+
+#[test]
+fn exported_frames_come_back() {
+    let folder = exported();
+    let expected: Vec<String> = frames(&folder.path().join("run.mcap")).iter().map(content).collect();
+    for log in ["run.log", "run.asc"] {
+        let import = ["import", log, "back.mcap", "--scenario", "run.toml", "--json", "--overwrite"];
+        let imported = document(folder.path(), 0, &import);
+        assert_eq!(imported["frames"], expected.len());
+        let found: Vec<String> = frames(&folder.path().join("back.mcap")).iter().map(content).collect();
+        assert_eq!(found, expected, "{log}");
+    }
+    // Its frames are a recording's: what the controller read is read again.
+    let said = resonarm(folder.path(), &["compare", "back.mcap", "--json"]);
+    let ours = resonarm(folder.path(), &["compare", "run.mcap", "--json"]);
+    assert_eq!((said.code, said.stdout), (ours.code, ours.stdout));
+    assert_eq!(document(folder.path(), 0, &["inspect", "back.mcap", "--json"])["integrity"]["state"], "complete");
+}
+
+#[test]
+fn what_is_missing_to_simulate_again_is_said() {
+    let folder = exported();
+    for arguments in [&["import", "run.log", "a.mcap"][..], &["import", "run.log", "b.mcap", "--scenario", "run.toml"]]
+    {
+        assert_eq!(resonarm(folder.path(), arguments).code, 0);
+    }
+    assert_snapshot!(complaint(folder.path(), 2, &["resim", "a.mcap"]), @"resonarm: the recording was imported from run.log and holds frames alone: to be simulated again a run needs its states and loads (/plant/steps) and its scenario; `replay` takes it");
+    assert_snapshot!(complaint(folder.path(), 2, &["resim", "b.mcap"]), @"resonarm: the recording was imported from run.log and holds frames alone: to be simulated again a run needs its states and loads (/plant/steps); `replay` takes it");
+}
+
+#[test]
+fn what_cannot_be_imported_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |name: &str, log: &str, arguments: &[&str]| {
+        fs::write(folder.path().join(name), log).unwrap();
+        let said = complaint(folder.path(), 2, &[&["import", name, "new.mcap"], arguments].concat());
+        assert!(!folder.path().join("new.mcap").exists(), "a recording is left: {said}");
+        said
+    };
+    assert_snapshot!(said("a.log", "", &[]), @"resonarm: a.log has no frames");
+    assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(1.5) can1 123#00\n", &[]), @"resonarm: a.log has frames of can0 and of can1: choose one (--interface)");
+    assert_snapshot!(said("a.log", "(1.0) can0 123#00\n", &["--interface", "can7"]), @"resonarm: a.log has no frames of interface can7");
+    assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
+    assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
+    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending tells no format; name it by --from candump or --from asc");
+    assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf: BLF is written and not read here; python-can makes a candump log of it: `can_logconvert a.blf a.log`");
+    fs::remove_file(folder.path().join("a.log")).unwrap();
+    assert_snapshot!(complaint(folder.path(), 2, &["import", "a.log", "new.mcap"]), @"resonarm: can't read a.log: No such file or directory (os error 2)");
+}
+
+#[test]
+fn one_interface_of_several() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can1 201#00\n(1.75) can0 7FF#R\n").unwrap();
+    let said = resonarm(folder.path(), &["import", "a.log", "a.mcap", "--interface", "can0"]);
+    assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 1 of other interfaces and 0 lines that are no frames");
+    assert_eq!(frames(&folder.path().join("a.mcap")).iter().map(|frame| frame.sample).collect::<Vec<_>>(), [0, 750]);
+}

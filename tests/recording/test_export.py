@@ -1,0 +1,165 @@
+"""What `resonarm export` writes, opened by independent readers of each format and compared value for value with what
+the package `mcap` reads of the recording."""
+
+import csv
+import os
+import re
+import subprocess
+
+import can
+import numpy as np
+import pytest
+import pyuff
+import soundfile
+from processes import RESONARM, run
+from recordings import LOAD, SENSORS, STATE, SENT, Recording, bits
+
+# As candump writes a frame: identifier, flags of CAN FD, data.
+FRAME = re.compile(r" ([0-9A-F]+)#(#[0-9A-F])?([0-9A-F]*)\b")
+
+FD = """
+[network]
+profile = "fd"
+"""
+DWELL = """
+[excitation]
+amplitude = { torque1_nm = 60.0 }
+profile = { waveform = "dwell", frequency_hz = 22.1, duration_s = 1.0, settle_s = 0.2 }
+"""
+
+
+def export(folder, recording, *arguments):
+    """Exports into the folder under the name `x`."""
+    return run(RESONARM, "export", recording, "--out", folder / "x", *arguments)
+
+
+@pytest.fixture(scope="module", params=["classic", "fd"])
+def recorded(request, tmp_path_factory):
+    """A free run, whose frames come from simulated time, and what the package `mcap` reads of it."""
+    folder = tmp_path_factory.mktemp(request.param)
+    (folder / "run.toml").write_text(DWELL + (FD if request.param == "fd" else ""))
+    path = folder / "run.mcap"
+    run(RESONARM, "run", "--mode", "free", "--scenario", folder / "run.toml", "--duration-s", "1.1", "--record", path)
+    return path, Recording.whole(path)
+
+
+def rows(path):
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def columns(table, names):
+    return np.array([[float(row[name]) for name in names] for row in table])
+
+
+def test_csv_has_every_value(recorded, tmp_path):
+    path, recording = recorded
+    export(tmp_path, path, "--to", "csv")
+    states, samples = rows(tmp_path / "x-states.csv"), rows(tmp_path / "x-samples.csv")
+    assert (bits(columns(states, STATE + LOAD)) == bits(recording.states)).all()
+    assert (bits(columns(samples, SENSORS)) == bits(recording.samples)).all()
+    assert [row["is_end"] for row in states] == ["0"] * (len(states) - 1) + ["1"]
+    assert columns(states, ["sample", "time_s"]) == pytest.approx(np.array([[k, k * 1e-3] for k in range(len(states))]))
+    assert columns(samples, ["time_s"])[:3, 0] == pytest.approx([-0.0005, 0.0005, 0.0015])
+    clipped = [value for batch in recording.topics["/plant/samples"] for value in batch.clipped]
+    assert [int(row["clipped"]) for row in samples] == clipped
+    events = [(str(event.step), event.name, str(event.value)) for event in recording.topics["/events"]]
+    assert [(row["sample"], row["name"], row["value"]) for row in rows(tmp_path / "x-events.csv")] == events
+    frames = rows(tmp_path / "x-frames.csv")
+    told = [(int(row["sample"]), int(row["identifier"]), row["fd"], bytes.fromhex(row["data"])) for row in frames]
+    assert told == [(frame.step, frame.id, str(int(frame.fd)), frame.data) for frame in recording.frames]
+    assert [row["time_s"] for row in frames] == [f"{frame.time_ns / 1e9:.9f}" for frame in recording.frames]
+
+
+def content(message):
+    flags = message.is_fd, message.bitrate_switch, message.is_extended_id, message.is_remote_frame, message.is_rx
+    return message.arbitration_id, flags, bytes(message.data)
+
+
+@pytest.mark.parametrize(
+    ("form", "ending", "reader"),
+    [("candump", "log", can.CanutilsLogReader), ("asc", "asc", can.ASCReader), ("blf", "blf", can.BLFReader)],
+)
+def test_logs_have_every_frame(recorded, tmp_path, form, ending, reader):
+    path, recording = recorded
+    export(tmp_path, path, "--to", form)
+    messages = list(reader(tmp_path / f"x.{ending}"))
+    expected = [
+        (frame.id, (frame.fd, frame.brs, frame.extended, frame.remote, frame.direction != SENT), frame.data)
+        for frame in recording.frames
+    ]
+    assert [content(message) for message in messages] == expected
+    for message, frame in zip(messages, recording.frames, strict=True):
+        assert message.timestamp == pytest.approx(frame.time_ns * 1e-9, abs=1.1e-6)
+
+
+def test_can_utils_read_the_asc_log(recorded, tmp_path):
+    path, recording = recorded
+    export(tmp_path, path, "--to", "asc")
+    lines = run("asc2log", "-I", tmp_path / "x.asc").splitlines()
+    frames = [FRAME.search(line).groups() for line in lines if "#" in line]
+    assert [(int(identifier, 16), bool(fd), bytes.fromhex(data)) for identifier, fd, data in frames] == [
+        (frame.id, frame.fd, frame.data) for frame in recording.frames
+    ]
+
+
+def test_uff58_has_every_value(recorded, tmp_path):
+    path, recording = recorded
+    export(tmp_path, path, "--to", "uff58")
+    units, *datasets = pyuff.UFF(str(tmp_path / "x.uff")).read_sets()
+    assert (units["type"], units["units_code"], units["length"], units["force"]) == (164, 1, 1.0, 1.0)
+    found = {dataset["id1"]: dataset for dataset in datasets}
+    assert list(found) == [*STATE, *LOAD, *SENSORS]
+    for names, values, start_s in ((STATE + LOAD, recording.states, 0), (SENSORS, recording.samples, -0.0005)):
+        for column, name in enumerate(names):
+            # The format has 13 digits.
+            assert found[name]["data"] == pytest.approx(values[:, column], rel=5e-13, abs=0), name
+            assert found[name]["num_pts"] == len(values)
+            assert found[name]["x"] == pytest.approx(start_s + 1e-3 * np.arange(len(values)))
+    head = found["head_force_y_n"]
+    assert (head["ordinate_spec_data_type"], head["rsp_node"], head["rsp_dir"], head["func_type"]) == (13, 3, 2, 1)
+    assert (head["ordinate_axis_units_lab"], head["abscissa_spec_data_type"]) == ("N", 17)
+    assert found["acceleration_b_x_m_s2"]["ordinate_axis_units_lab"] == "m/s^2"
+
+
+def test_wav_has_every_value(recorded, tmp_path):
+    path, recording = recorded
+    export(tmp_path, path, "--to", "wav")
+    for part, expected in (("states", recording.states), ("samples", recording.samples)):
+        values, rate_hz = soundfile.read(tmp_path / f"x-{part}.wav", dtype="float32", always_2d=True)
+        assert (rate_hz, values.shape) == (1000, expected.shape)
+        assert (values == expected.astype(np.float32)).all()
+
+
+def test_a_range_of_time(recorded, tmp_path):
+    path, recording = recorded
+    span = ("--from-s", "0.3", "--to-s", "0.7")
+    for form in ("csv", "candump", "uff58", "wav"):
+        export(tmp_path, path, "--to", form, *span)
+    samples = rows(tmp_path / "x-samples.csv")
+    assert [int(row["sample"]) for row in samples] == list(range(300, 701))
+    assert (columns(samples, SENSORS) == recording.samples[300:701]).all()
+    values, _ = soundfile.read(tmp_path / "x-states.wav", dtype="float32")
+    assert (values == recording.states[300:701].astype(np.float32)).all()
+    force = pyuff.UFF(str(tmp_path / "x.uff")).read_sets()[-1]
+    assert force["data"] == pytest.approx(recording.samples[300:701, 5], rel=5e-13, abs=0)
+    assert force["x"][0] == pytest.approx(0.2995)
+    frames = [frame for frame in recording.frames if 300 <= frame.step <= 700]
+    assert len((tmp_path / "x.log").read_text().splitlines()) == len(frames)
+
+
+def test_memory_does_not_grow_with_the_recording(tmp_path):
+    peak_kib = []
+    for seconds in (4, 40):
+        path = tmp_path / f"{seconds}.mcap"
+        run(RESONARM, "run", "--mode", "free", "--duration-s", seconds, "--record", path)
+        peaks = []
+        for form in ("csv", "blf", "uff58", "wav"):
+            words = [RESONARM, "export", path, "--to", form, "--out", tmp_path / str(seconds)]
+            child = subprocess.Popen([str(word) for word in words], stdout=subprocess.DEVNULL)
+            _, status, usage = os.wait4(child.pid, 0)
+            assert status == 0
+            peaks.append(usage.ru_maxrss)
+        peak_kib.append(peaks)
+    # Ten times as long: 6 MB of recording more, of which chunks and buffers are all that is in memory at once.
+    assert all(long < short + 2048 for short, long in zip(*peak_kib, strict=True)), peak_kib
