@@ -79,7 +79,7 @@ pub struct ExciterNode {
     answered: Option<u64>,
     missed_samples: u64,
     slipped_periods: u64,
-    responses: Queue<ResponsePoint>,
+    responses: Queue<ResponsePoint, RESPONSES>,
 }
 
 impl ExciterNode {
@@ -101,7 +101,7 @@ impl ExciterNode {
             answered: None,
             missed_samples: 0,
             slipped_periods: 0,
-            responses: Queue::new(RESPONSES),
+            responses: Queue::new(),
         }
     }
 

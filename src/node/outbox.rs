@@ -27,14 +27,14 @@ const COMMAND: usize = 0;
 
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {
-    control: Queue<Message>,
+    control: Queue<Message, CONTROL>,
     latest: [Option<Message>; LATEST.len()],
     replaced: u64,
 }
 
 impl Outbox {
     pub fn new() -> Outbox {
-        Outbox { control: Queue::new(CONTROL), latest: [None; LATEST.len()], replaced: 0 }
+        Outbox { control: Queue::new(), latest: [None; LATEST.len()], replaced: 0 }
     }
 
     /// Queues a message. A command or sensor message takes the place of the one before it, if that still waits.

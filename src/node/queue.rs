@@ -1,48 +1,92 @@
 //! A queue of fixed capacity.
 
-use alloc::collections::VecDeque;
-
-/// First in, first out; never grows beyond the capacity it was made with.
+/// First in, first out, of at most `N` items, which stand in the queue itself: a ring.
 #[derive(Clone, Debug)]
-pub(super) struct Queue<T> {
-    items: VecDeque<T>,
-    capacity: usize,
+pub(super) struct Queue<T, const N: usize> {
+    items: [Option<T>; N],
+    first: usize,
+    len: usize,
     lost: u64,
 }
 
-impl<T> Queue<T> {
-    pub fn new(capacity: usize) -> Queue<T> {
-        Queue { items: VecDeque::with_capacity(capacity), capacity, lost: 0 }
+impl<T, const N: usize> Queue<T, N> {
+    pub const fn new() -> Queue<T, N> {
+        Queue { items: [const { None }; N], first: 0, len: 0, lost: 0 }
     }
 
     /// Queues an item, or counts it as lost if the queue is full.
     pub fn push(&mut self, item: T) {
-        if self.items.len() < self.capacity {
-            self.items.push_back(item);
+        if self.len < N {
+            self.items[(self.first + self.len) % N] = Some(item);
+            self.len += 1;
         } else {
             self.lost += 1;
         }
     }
 
     pub fn pop(&mut self) -> Option<T> {
-        self.items.pop_front()
+        let item = self.items.get_mut(self.first)?.take()?;
+        self.first = (self.first + 1) % N;
+        self.len -= 1;
+        Some(item)
     }
 
     pub fn front(&self) -> Option<&T> {
-        self.items.front()
+        self.items.get(self.first)?.as_ref()
     }
 
     /// The latest of the items for which this holds.
     pub fn latest(&self, holds: impl Fn(&T) -> bool) -> Option<&T> {
-        self.items.iter().rev().find(|item| holds(item))
+        let places = (0..self.len).rev().map(|k| (self.first + k) % N);
+        places.filter_map(|place| self.items[place].as_ref()).find(|item| holds(item))
     }
 
     pub fn len(&self) -> usize {
-        self.items.len()
+        self.len
     }
 
     /// Items that found the queue full.
     pub fn lost(&self) -> u64 {
         self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::collections::VecDeque;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// It is the queue of the standard library, as long as that is not longer than the capacity.
+        #[test]
+        fn it_is_a_queue(steps in proptest::collection::vec(any::<Option<u8>>(), 0..100)) {
+            let (mut queue, mut expected, mut lost) = (Queue::<u8, 5>::new(), VecDeque::new(), 0);
+            for step in steps {
+                match step {
+                    None => prop_assert_eq!(queue.pop(), expected.pop_front()),
+                    Some(item) if expected.len() == 5 => {
+                        queue.push(item);
+                        lost += 1;
+                    }
+                    Some(item) => {
+                        queue.push(item);
+                        expected.push_back(item);
+                    }
+                }
+                prop_assert_eq!(queue.front(), expected.front());
+                prop_assert_eq!((queue.len(), queue.lost()), (expected.len(), lost));
+                let is_even = |item: &u8| item.is_multiple_of(2);
+                prop_assert_eq!(queue.latest(is_even), expected.iter().rev().find(|item| is_even(item)));
+            }
+        }
+    }
+
+    #[test]
+    fn one_without_capacity_loses_everything() {
+        let mut queue = Queue::<u8, 0>::new();
+        queue.push(1);
+        assert_eq!((queue.front(), queue.latest(|_| true), queue.lost()), (None, None, 1));
+        assert_eq!(queue.pop(), None);
     }
 }
