@@ -23,6 +23,7 @@ pub mod header;
 pub mod load;
 pub mod message;
 pub mod network;
+pub mod node;
 mod receiver;
 pub mod scaling;
 pub mod state;

@@ -7,10 +7,9 @@ use resonarm_protocol::{
     Network, Node, NodeState, OperatorCommand, OperatorRequest, SamplesPerFrame, SensorPair, Sensors, StateEvent,
 };
 
-use super::link::Link;
-use super::queue::Queue;
+use resonarm_protocol::node::{Link, Place, Queue, Sequence};
+
 use super::sample;
-use super::sequence::{Place, Sequence};
 use super::{NodeEvent, Timing};
 use crate::arm::Load;
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
@@ -268,7 +267,7 @@ impl ExciterNode {
         match (self.phase, state) {
             (Phase::Arming, NodeState::Operational) if self.plant_hello.is_some() => {
                 self.phase = Phase::Playing;
-                self.sample_heard_ns = self.link.listening.listened_ns();
+                self.sample_heard_ns = self.link.listening().listened_ns();
                 self.link.transition(now_ns, StateEvent::Arm);
             }
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
@@ -362,7 +361,7 @@ impl ExciterNode {
             }
             (Place::First | Place::Ahead(_), _) => 0,
         };
-        self.sample_heard_ns = self.link.listening.listened_ns();
+        self.sample_heard_ns = self.link.listening().listened_ns();
         self.answered = Some(n);
         let answer = self.controller.answer(&measurement(n));
         while let Some(point) = self.controller.poll_response() {
@@ -445,7 +444,7 @@ impl ExciterNode {
     }
 
     fn is_sensor_lost(&self) -> bool {
-        self.link.listening.has_passed(self.sample_heard_ns, self.timing.partner_timeout_ns)
+        self.link.listening().has_passed(self.sample_heard_ns, self.timing.partner_timeout_ns)
     }
 
     /// When [`ExciterNode::handle_deadline`] is to be called next, at the latest.
@@ -455,7 +454,7 @@ impl ExciterNode {
             Phase::Arming => link.min(self.retry_at_ns),
             Phase::Disarming(_) => link.min(self.retry_at_ns).min(self.link.partner_deadline_ns()),
             Phase::Playing => {
-                let sensors = self.link.listening.next_look_ns(self.sample_heard_ns, self.timing.partner_timeout_ns);
+                let sensors = self.link.listening().next_look_ns(self.sample_heard_ns, self.timing.partner_timeout_ns);
                 link.min(sensors)
             }
             Phase::Done(_) => link,

@@ -17,25 +17,17 @@
 //! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are
 //! those of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
-mod event;
 mod exciter;
 mod hold;
-mod link;
-mod listening;
-mod outbox;
 mod plant;
-mod queue;
 mod refusals;
 mod sample;
-mod sequence;
-mod timing;
 
-pub use event::NodeEvent;
 pub use exciter::{ExciterNode, Outcome};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;
-pub use timing::Timing;
+pub use resonarm_protocol::node::{NodeEvent, Timing};
 
 #[cfg(test)]
 mod tests;

@@ -6,8 +6,9 @@ use resonarm_protocol::{
     StateEvent, Trip,
 };
 
+use resonarm_protocol::node::Link;
+
 use super::hold::Hold;
-use super::link::Link;
 use super::sample;
 use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::arm::Load;
@@ -194,7 +195,7 @@ impl PlantNode {
         }
         self.gate.arm();
         self.samples_per_frame = self.link.samples_per_frame().min(self.partner_samples);
-        self.command_taken_ns = self.link.listening.listened_ns();
+        self.command_taken_ns = self.link.listening().listened_ns();
         self.refused_since_taken = 0;
         self.link.transition(now_ns, StateEvent::Arm);
     }
@@ -231,7 +232,7 @@ impl PlantNode {
         match self.gate.take(self.state(), self.sample, index, &check) {
             Ok(()) => {
                 self.hold.take(load);
-                self.command_taken_ns = self.link.listening.listened_ns();
+                self.command_taken_ns = self.link.listening().listened_ns();
                 self.refused_since_taken = 0;
             }
             Err(refusal) => {
@@ -251,7 +252,7 @@ impl PlantNode {
         if !self.is_armed() {
             return;
         }
-        let (listening, timing) = (&self.link.listening, &self.timing);
+        let (listening, timing) = (self.link.listening(), &self.timing);
         if self.link.is_jammed() {
             self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
         } else if listening.has_passed(self.command_taken_ns, timing.command_timeout_ns) {
@@ -268,7 +269,7 @@ impl PlantNode {
         if !self.is_armed() {
             return link;
         }
-        let command = self.link.listening.next_look_ns(self.command_taken_ns, self.timing.command_timeout_ns);
+        let command = self.link.listening().next_look_ns(self.command_taken_ns, self.timing.command_timeout_ns);
         link.min(command).min(self.link.partner_deadline_ns())
     }
 

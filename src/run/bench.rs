@@ -1,5 +1,6 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
+use super::event_record::event_record;
 use super::record_sink::RecordSink;
 use super::{BusCounts, Fault, RunError, RunEvent};
 use crate::arm::Load;
@@ -161,7 +162,7 @@ impl<'a> Bench<'a> {
 
     fn tell_events(&mut self, now_ns: u64) -> Result<(), RunError> {
         while let Some(event) = self.node.poll_event() {
-            let (name, value) = event.record();
+            let (name, value) = event_record(&event);
             self.record_event(now_ns, name, value)?;
             self.tell(&event);
         }

@@ -37,6 +37,7 @@
 
 mod bench;
 mod error;
+mod event_record;
 mod exciter;
 mod finish;
 mod free;

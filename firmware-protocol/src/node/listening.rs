@@ -11,13 +11,14 @@
 
 /// How long a node has listened.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Listening {
+pub struct Listening {
     look_period_ns: u64,
     looked_at_ns: u64,
     listened_ns: u64,
 }
 
 impl Listening {
+    /// Nothing listened yet; at most `look_period_ns` counts between two looks.
     pub fn new(look_period_ns: u64) -> Listening {
         Listening { look_period_ns, looked_at_ns: 0, listened_ns: 0 }
     }

@@ -1,6 +1,6 @@
 //! The deadlines of the nodes, as data.
 
-use resonarm_protocol::timing;
+use crate::timing;
 
 /// How long a node waits for what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

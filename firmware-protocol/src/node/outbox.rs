@@ -4,7 +4,7 @@
 //! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of
 //! force or torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
 
-use resonarm_protocol::{Message, MessageKind};
+use crate::{Message, MessageKind};
 
 use super::queue::Queue;
 

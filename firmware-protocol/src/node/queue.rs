@@ -2,14 +2,21 @@
 
 /// First in, first out, of at most `N` items, which stand in the queue itself: a ring.
 #[derive(Clone, Debug)]
-pub(super) struct Queue<T, const N: usize> {
+pub struct Queue<T, const N: usize> {
     items: [Option<T>; N],
     first: usize,
     len: usize,
     lost: u64,
 }
 
+impl<T, const N: usize> Default for Queue<T, N> {
+    fn default() -> Queue<T, N> {
+        Queue::new()
+    }
+}
+
 impl<T, const N: usize> Queue<T, N> {
+    /// An empty queue.
     pub const fn new() -> Queue<T, N> {
         Queue { items: [const { None }; N], first: 0, len: 0, lost: 0 }
     }
@@ -24,6 +31,7 @@ impl<T, const N: usize> Queue<T, N> {
         }
     }
 
+    /// Takes out the first item.
     pub fn pop(&mut self) -> Option<T> {
         let item = self.items.get_mut(self.first)?.take()?;
         self.first = (self.first + 1) % N;
@@ -31,6 +39,7 @@ impl<T, const N: usize> Queue<T, N> {
         Some(item)
     }
 
+    /// The first item.
     pub fn front(&self) -> Option<&T> {
         self.items.get(self.first)?.as_ref()
     }
@@ -41,6 +50,12 @@ impl<T, const N: usize> Queue<T, N> {
         places.filter_map(|place| self.items[place].as_ref()).find(|item| holds(item))
     }
 
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// How many items there are.
     pub fn len(&self) -> usize {
         self.len
     }
@@ -54,8 +69,8 @@ impl<T, const N: usize> Queue<T, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use alloc::collections::VecDeque;
     use proptest::prelude::*;
+    use std::collections::VecDeque;
 
     proptest! {
         /// It is the queue of the standard library, as long as that is not longer than the capacity.

@@ -1,6 +1,6 @@
 //! What both nodes share: the protocol's ends, the state, heartbeats and hellos, the time listened.
 
-use resonarm_protocol::{
+use crate::{
     Capabilities, Emergency, EncodeError, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node, NodeState,
     Profile, Receiver, SamplesPerFrame, StateEvent, Transmitter,
 };
@@ -13,8 +13,9 @@ use super::{NodeEvent, Timing};
 /// Events that wait to be fetched.
 const EVENTS: usize = 64;
 
+/// What a node of either kind sends and takes, and what it knows of its partner.
 #[derive(Clone, Debug)]
-pub(super) struct Link {
+pub struct Link {
     node: Node,
     transmitter: Transmitter,
     receiver: Receiver,
@@ -24,7 +25,7 @@ pub(super) struct Link {
     hello: Hello,
     capabilities: Capabilities,
     timing: Timing,
-    pub listening: Listening,
+    listening: Listening,
     heartbeat_at_ns: u64,
     hello_at_ns: u64,
     partner_heard_ns: u64,
@@ -36,6 +37,7 @@ pub(super) struct Link {
 }
 
 impl Link {
+    /// A link in the state boot-up, of the node of `capabilities`.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, capabilities: Capabilities) -> Link {
         Link {
             node: capabilities.node,
@@ -65,10 +67,12 @@ impl Link {
         self.send_hello(now_ns);
     }
 
+    /// The node's state.
     pub fn state(&self) -> NodeState {
         self.state
     }
 
+    /// What the node speaks.
     pub fn hello(&self) -> &Hello {
         &self.hello
     }
@@ -130,8 +134,14 @@ impl Link {
         self.capabilities.samples_per_frame
     }
 
+    /// Sets the most samples in a frame that this node sends or takes.
     pub fn set_samples_per_frame(&mut self, most: SamplesPerFrame) {
         self.capabilities.samples_per_frame = most;
+    }
+
+    /// The time that the node listened.
+    pub fn listening(&self) -> &Listening {
+        &self.listening
     }
 
     /// The identifier of a message that another node sends in this one's place, once.
@@ -139,6 +149,7 @@ impl Link {
         self.second_sender.take()
     }
 
+    /// The network.
     pub fn network(&self) -> Network {
         self.receiver.network()
     }
@@ -160,11 +171,13 @@ impl Link {
         debug_assert!(sent.is_ok(), "{message:?}: {sent:?}");
     }
 
+    /// Queues an emergency, and tells it.
     pub fn send_emergency(&mut self, emergency: Emergency) {
         self.events.push(NodeEvent::Emergency(emergency));
         self.send_own(&Message::Emergency(emergency));
     }
 
+    /// Queues the hello, in the FD profile with the capabilities behind it.
     pub fn send_hello(&mut self, now_ns: u64) {
         self.hello_at_ns = now_ns.saturating_add(self.timing.early(self.timing.hello_period_ns));
         self.send_own(&match self.node {
@@ -218,6 +231,7 @@ impl Link {
         u16::try_from(frames).unwrap_or(u16::MAX)
     }
 
+    /// Tells an event.
     pub fn tell(&mut self, event: NodeEvent) {
         self.events.push(event);
     }
@@ -234,10 +248,12 @@ impl Link {
         self.jammed_since_ns = (self.outbox.waiting() > 0).then(|| self.listening.listened_ns());
     }
 
+    /// Whether frames wait.
     pub fn has_frames(&self) -> bool {
         self.outbox.waiting() > 0
     }
 
+    /// The next event.
     pub fn poll_event(&mut self) -> Option<NodeEvent> {
         self.events.pop()
     }

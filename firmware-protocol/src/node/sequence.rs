@@ -1,10 +1,10 @@
 //! The place of a sample's index among those before it: the window of the specification.
 
-use resonarm_protocol::timing;
+use crate::timing;
 
 /// What a sample's index says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub enum Place {
     /// The first since arming.
     First,
     /// A new one, this many after the last.
@@ -17,13 +17,14 @@ pub(super) enum Place {
 
 /// Follows the indices of samples.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sequence {
+pub struct Sequence {
     window: u16,
     last: Option<u16>,
     stale: u64,
 }
 
 impl Sequence {
+    /// No index yet, at `rate_hz` samples a second.
     pub fn new(rate_hz: u16) -> Sequence {
         Sequence { window: timing::sample_window(rate_hz), last: None, stale: 0 }
     }
@@ -81,7 +82,7 @@ mod tests {
     fn the_tenth_stale_sample_is_one_too_many() {
         let mut sequence = Sequence::new(1000);
         sequence.judge(7);
-        let places: alloc::vec::Vec<_> = (0..10).map(|_| sequence.judge(7)).collect();
+        let places: std::vec::Vec<_> = (0..10).map(|_| sequence.judge(7)).collect();
         assert!(places[..9].iter().all(|place| *place == Place::Stale));
         assert_eq!((places[9], sequence.stale(), sequence.last()), (Place::Broken, 10, Some(7)));
     }
