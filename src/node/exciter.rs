@@ -1,50 +1,27 @@
-//! The exciter controller's node: arms the plant, answers its samples as a controller says, disarms.
+//! The exciter's node: arms the plant, lets a controller answer its samples, disarms.
 
-use alloc::boxed::Box;
-
+use resonarm_protocol::node::{Link, NodeEvent, Place, Sequence, Timing};
 use resonarm_protocol::{
-    Acceleration, Capabilities, Emergency, EmergencyCode, Frame, Heartbeat, Hello, ImpedanceHead, Message, Mismatch,
-    Network, Node, NodeState, OperatorCommand, OperatorRequest, SamplesPerFrame, SensorPair, Sensors, StateEvent,
+    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead,
+    Message, Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, SensorPair, SensorValues, Sensors,
+    StateEvent, TorqueCommand,
 };
 
-use resonarm_protocol::node::{Link, Place, Queue, Sequence};
-
-use super::sample;
-use super::{NodeEvent, Timing};
-use crate::arm::Load;
-use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
-use crate::rig::Measurement;
+use super::answering::{Answer, Answering, Outcome};
 
 /// Time between two tries to arm or disarm the plant, ns.
 const RETRY_NS: u64 = 100_000_000;
-/// Responses that wait to be fetched.
-const RESPONSES: usize = 16;
-
-/// How a controller's work ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// The controller has finished and the plant is disarmed.
-    Finished,
-    /// The controller has given up, and the plant is disarmed.
-    Aborted(Abort),
-    /// It was stopped before the end, and the plant disarmed.
-    Stopped,
-    /// The plant left the bus before the end, and disarmed itself.
-    PlantLeft,
-    /// A fault ended it: this node's own or the plant's.
-    Faulted(Emergency),
-}
 
 /// What the controller is at.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
+enum Phase<A> {
     /// Looking for the plant and arming it.
     Arming,
     /// Answering samples.
     Playing,
     /// Disarming the plant, for this outcome.
-    Disarming(Outcome),
-    Done(Outcome),
+    Disarming(Outcome<A>),
+    Done(Outcome<A>),
 }
 
 /// Where a controller stands in leaving the bus.
@@ -58,13 +35,13 @@ enum Leave {
     Told,
 }
 
-/// The exciter controller as a node.
-#[derive(Debug)]
-pub struct ExciterNode {
+/// An exciter as a node, with what answers the samples.
+#[derive(Clone, Debug)]
+pub struct ExciterNode<C: Answering> {
     link: Link,
     timing: Timing,
-    controller: Box<dyn Controller>,
-    phase: Phase,
+    controller: C,
+    phase: Phase<C::Abort>,
     plant_hello: Option<Hello>,
     plant_state: Option<NodeState>,
     leave: Leave,
@@ -78,14 +55,17 @@ pub struct ExciterNode {
     answered: Option<u64>,
     missed_samples: u64,
     slipped_periods: u64,
-    responses: Queue<ResponsePoint, RESPONSES>,
 }
 
-impl ExciterNode {
-    /// A node that lets `controller` answer a plant with `rate_hz` samples a second.
-    pub fn new(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
+impl<C: Answering> ExciterNode<C> {
+    /// A node with these capabilities, of an exciter, that lets `controller` answer a plant with `rate_hz` samples a second.
+    ///
+    /// With two samples a frame the controller is asked for both, and what it says to the second is held for two sample
+    /// periods. In the classic profile capabilities are not sent.
+    pub fn new(network: Network, rate_hz: u16, timing: Timing, capabilities: Capabilities, controller: C) -> Self {
+        let capabilities = Capabilities { node: Node::Exciter, ..capabilities };
         ExciterNode {
-            link: Link::new(network, rate_hz, timing, capabilities(controller.load_kind())),
+            link: Link::new(network, rate_hz, timing, capabilities),
             timing,
             controller,
             phase: Phase::Arming,
@@ -100,7 +80,6 @@ impl ExciterNode {
             answered: None,
             missed_samples: 0,
             slipped_periods: 0,
-            responses: Queue::new(),
         }
     }
 
@@ -115,8 +94,18 @@ impl ExciterNode {
         self.link.state()
     }
 
+    /// What answers the samples.
+    pub fn controller(&self) -> &C {
+        &self.controller
+    }
+
+    /// What answers the samples, to be asked for what it has read.
+    pub fn controller_mut(&mut self) -> &mut C {
+        &mut self.controller
+    }
+
     /// How it ended, once it has.
-    pub fn outcome(&self) -> Option<Outcome> {
+    pub fn outcome(&self) -> Option<Outcome<C::Abort>> {
         match self.phase {
             Phase::Done(outcome) => Some(outcome),
             _ => None,
@@ -228,8 +217,8 @@ impl ExciterNode {
             Message::AccelerometerB(b) => self.b = Some(b),
             Message::AccelerometerC(c) => self.sample(now_ns, c),
             Message::Sensors(Sensors { values, sample }) => {
-                let load = self.whole(now_ns, sample, |n| sample::from_values(n, &values));
-                self.command(now_ns, load, sample);
+                let command = self.whole(now_ns, sample, &values);
+                self.command(now_ns, command);
             }
             Message::SensorPair(pair) => self.pair(now_ns, &pair),
             _ => {}
@@ -324,22 +313,21 @@ impl ExciterNode {
     fn sample(&mut self, now_ns: u64, c: Acceleration) {
         let whole = self.head.take().zip(self.b.take());
         if let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) {
-            let load = self.whole(now_ns, c.sample, |n| sample::from_classic(n, &head, &b, &c));
-            self.command(now_ns, load, c.sample);
+            let command = self.whole(now_ns, c.sample, &SensorValues::from_classic(&head, &b, &c));
+            self.command(now_ns, command);
         }
     }
 
     /// Of two samples in a frame the second is answered: a command for the first would come too late.
     fn pair(&mut self, now_ns: u64, pair: &SensorPair) {
-        let ([first, second], index) = (&pair.values, pair.sample.wrapping_add(1));
-        self.whole(now_ns, pair.sample, |n| sample::from_values(n, first));
-        let load = self.whole(now_ns, index, |n| sample::from_values(n, second));
-        self.command(now_ns, load, index);
+        let [first, second] = &pair.values;
+        self.whole(now_ns, pair.sample, first);
+        let command = self.whole(now_ns, pair.sample.wrapping_add(1), second);
+        self.command(now_ns, command);
     }
 
-    /// The load to command in answer to a whole sample of this index, if there is one; `measurement` makes the sample
-    /// for its number since arming.
-    fn whole(&mut self, now_ns: u64, index: u16, measurement: impl Fn(u64) -> Measurement) -> Option<Load> {
+    /// The command that answers the whole sample of this index, if there is one.
+    fn whole(&mut self, now_ns: u64, index: u16, values: &SensorValues) -> Option<Message> {
         match self.phase {
             Phase::Playing => {}
             // The plant still waits for a command: the request was lost.
@@ -363,12 +351,13 @@ impl ExciterNode {
         };
         self.sample_heard_ns = self.link.listening().listened_ns();
         self.answered = Some(n);
-        let answer = self.controller.answer(&measurement(n));
-        while let Some(point) = self.controller.poll_response() {
-            self.responses.push(point);
-        }
-        let outcome = match answer {
-            Answer::Hold(load) => return Some(load),
+        let outcome = match self.controller.answer(n, values) {
+            Answer::HoldForce { force_x_n, force_y_n } => {
+                return Some(Message::Force(ForceCommand { force_x_n, force_y_n, sample: index }));
+            }
+            Answer::HoldTorque { torque1_nm, torque2_nm } => {
+                return Some(Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample: index }));
+            }
             Answer::Finished => Outcome::Finished,
             Answer::Aborted(abort) => Outcome::Aborted(abort),
         };
@@ -376,9 +365,8 @@ impl ExciterNode {
         None
     }
 
-    fn command(&mut self, now_ns: u64, load: Option<Load>, sample: u16) {
-        let message = load.map(|load| sample::command(self.controller.load_kind(), &load, sample));
-        if message.is_some_and(|message| self.link.send(&message).is_err()) {
+    fn command(&mut self, now_ns: u64, command: Option<Message>) {
+        if command.is_some_and(|command| self.link.send(&command).is_err()) {
             self.fault(now_ns, EmergencyCode::CommandOutOfRange, 0);
         }
     }
@@ -395,7 +383,7 @@ impl ExciterNode {
         self.request(OperatorRequest::Arm);
     }
 
-    fn disarm(&mut self, now_ns: u64, outcome: Outcome) {
+    fn disarm(&mut self, now_ns: u64, outcome: Outcome<C::Abort>) {
         self.phase = Phase::Disarming(outcome);
         self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
         self.request(OperatorRequest::Disarm);
@@ -482,18 +470,4 @@ impl ExciterNode {
     pub fn poll_event(&mut self) -> Option<NodeEvent> {
         self.link.poll_event()
     }
-
-    /// The next response read.
-    pub fn poll_response(&mut self) -> Option<ResponsePoint> {
-        self.responses.pop()
-    }
-}
-
-/// What the exciter commands: as much as the wire carries, of one kind.
-fn capabilities(kind: LoadKind) -> Capabilities {
-    let (force_limit_n, torque_limit_nm) = match kind {
-        LoadKind::Force => (f32::MAX.into(), 0.0),
-        LoadKind::Torque => (0.0, f32::MAX.into()),
-    };
-    Capabilities { node: Node::Exciter, samples_per_frame: SamplesPerFrame::Two, force_limit_n, torque_limit_nm }
 }

@@ -17,13 +17,15 @@
 //! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are
 //! those of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
+mod answering;
+mod carried;
 mod exciter;
 mod hold;
 mod plant;
 mod refusals;
 mod sample;
 
-pub use exciter::{ExciterNode, Outcome};
+pub use carried::{Carried, ExciterNode, Outcome, carry};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;

@@ -43,7 +43,7 @@ fn plant_with(timing: Timing) -> PlantNode {
 }
 
 fn exciter_node(duration_s: f64) -> ExciterNode {
-    ExciterNode::new(Network::default(), RATE_HZ, Timing::real_time(RATE_HZ), dwell(duration_s))
+    carry(Network::default(), RATE_HZ, Timing::real_time(RATE_HZ), dwell(duration_s))
 }
 
 /// Both nodes and what happened to the load.
@@ -75,7 +75,7 @@ impl Bench {
     /// Plant and exciter, each on a network of its own.
     fn on([of_plant, of_exciter]: [Network; 2], timing: Timing, duration_s: f64) -> Bench {
         let mut plant = PlantNode::new(of_plant, RATE_HZ, timing, Exciter::default());
-        let mut exciter = ExciterNode::new(of_exciter, RATE_HZ, timing, dwell(duration_s));
+        let mut exciter = carry(of_exciter, RATE_HZ, timing, dwell(duration_s));
         plant.start(0);
         exciter.start(0);
         let (loads, plant_events) = (Vec::new(), Vec::new());
@@ -249,7 +249,7 @@ fn the_gate_refuses_by_name() {
 fn nodes_that_do_not_fit_never_arm() {
     let mut plant = plant_node();
     plant.start(0);
-    let mut exciter = ExciterNode::new(Network::default(), 2000, Timing::real_time(RATE_HZ), dwell(0.5));
+    let mut exciter = carry(Network::default(), 2000, Timing::real_time(RATE_HZ), dwell(0.5));
     exciter.start(0);
     while let Some(frame) = plant.poll_transmit() {
         exciter.handle_frame(0, &frame);

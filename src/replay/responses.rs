@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 
 use super::ReplayError;
 use crate::control::ResponsePoint;
-use crate::node::{ExciterNode, Outcome};
+use crate::node::{self, Outcome};
 use crate::protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
 use crate::recording::{Direction, Recording};
 use crate::scenario::Scenario;
@@ -24,7 +24,7 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
     let network = scenario.network()?;
     let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));
     let mut exciter =
-        ExciterNode::new(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, scenario.controller()?);
+        node::carry(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, scenario.controller()?);
     exciter.start(0);
     let (mut responses, mut commands) = (Vec::new(), BTreeMap::new());
     for record in recording.frames()? {
@@ -43,7 +43,7 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
         if let Some(Outcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) = exciter.outcome() {
             return Err(ReplayError::Incompatible { detail });
         }
-        responses.extend(core::iter::from_fn(|| exciter.poll_response()));
+        responses.extend(core::iter::from_fn(|| exciter.controller_mut().poll_response()));
         while let Some(frame) = exciter.poll_transmit() {
             commands.extend(made.accept(&frame).ok().flatten().and_then(command));
         }

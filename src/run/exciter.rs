@@ -88,7 +88,7 @@ impl<C: Clock> Run<'_, C> {
             }
             self.node.handle_deadline(now_ns);
             let sent = self.transmit()?;
-            self.responses.extend(core::iter::from_fn(|| self.node.poll_response()));
+            self.responses.extend(core::iter::from_fn(|| self.node.controller_mut().poll_response()));
             self.signals.set_responses(self.responses.len());
             self.signals.set_done(self.node.samples_played());
             if self.rearmed < self.patience.rearm && self.node.rearm(now_ns) {

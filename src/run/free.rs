@@ -71,7 +71,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.pace.note(sample);
         self.bench.measure()?;
         self.exchange()?;
-        self.responses.extend(core::iter::from_fn(|| self.exciter.poll_response()));
+        self.responses.extend(core::iter::from_fn(|| self.exciter.controller_mut().poll_response()));
         self.signals.set_responses(self.responses.len());
         self.signals.set_done(sample);
         Ok(())

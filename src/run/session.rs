@@ -16,7 +16,7 @@ use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, Outcome, PlantRe
 use crate::bus::fault::Faulty;
 use crate::bus::{Bus, VirtualBus, memory, timed};
 use crate::control::Controller;
-use crate::node::{ExciterNode, PlantNode, Timing};
+use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
 use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, VirtualClock};
@@ -326,7 +326,7 @@ impl Session {
 
     fn exciter_node(&self) -> Result<ExciterNode, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        Ok(ExciterNode::new(network, rate_hz, self.timing, self.controller()?))
+        Ok(node::carry(network, rate_hz, self.timing, self.controller()?))
     }
 
     pub(super) fn bench<'a>(

@@ -9,7 +9,7 @@ use super::lockstep::lockstep;
 use super::real_time::real_time;
 use super::*;
 use crate::bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
-use crate::node::{ExciterNode, Outcome as ExciterOutcome};
+use crate::node::{self, ExciterNode, Outcome as ExciterOutcome};
 use crate::protocol::{EmergencyCode, Frame};
 use crate::realtime::{Clock, OverrunPolicy, SampleRate};
 use crate::recording::{Existing, Record, Recording};
@@ -88,7 +88,7 @@ impl NodeBus {
             Mode::Lockstep | Mode::Free => scenario.lockstep_timing().unwrap(),
         };
         let (network, rate_hz) = (scenario.network().unwrap(), scenario.wire_rate_hz().unwrap());
-        let mut exciter = ExciterNode::new(network, rate_hz, timing, scenario.controller().unwrap());
+        let mut exciter = node::carry(network, rate_hz, timing, scenario.controller().unwrap());
         exciter.start(clock.now_ns());
         let statistics = Statistics::default();
         NodeBus { exciter, clock: clock.clone(), down_ns: 0..0, statistics, heard: Vec::new() }

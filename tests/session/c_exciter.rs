@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use resonarm::arm::Load;
 use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{ExciterNode, Outcome, PlantNode, Timing};
+use resonarm::node::{self, ExciterNode, Outcome, PlantNode, Timing};
 use resonarm::protocol::header::Header;
 use resonarm::protocol::{
     Emergency, EmergencyCode, Frame, FrameFormat, Hello, Id, Message, MessageKind, Network, Node, OperatorCommand,
@@ -89,7 +89,7 @@ impl Both {
     fn start(network: Network, timing: Timing, plan: Plan) -> Both {
         let mut process = Command::new(program(network)).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (input, output) = (process.stdin.take(), BufReader::new(process.stdout.take().unwrap()));
-        let node = ExciterNode::new(network, RATE_HZ, timing, Box::new(plan));
+        let node = node::carry(network, RATE_HZ, timing, Box::new(plan));
         let mut both = Both { process, input, output, node, is_jammed: false };
         let mode = if timing == Timing::real_time(RATE_HZ) { "real-time" } else { "lockstep" };
         let Plan { finish, give_up, beyond } = plan;

@@ -8,7 +8,7 @@ use resonarm::bus::fault::{FaultSpec, Faulty, check};
 use resonarm::bus::memory::{self, MemoryBus};
 use resonarm::bus::{Bus, BusError, Sent, VirtualBus};
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{ExciterNode, Outcome, PlantNode, Timing};
+use resonarm::node::{self, ExciterNode, Outcome, PlantNode, Timing};
 use resonarm::protocol::{Network, Node, Profile};
 use resonarm::realtime::{Clock, VirtualClock};
 use resonarm::rig::{Exciter, Measurement, Reading};
@@ -89,7 +89,7 @@ type End = Faulty<MemoryBus, VirtualClock>;
 
 /// A controller that boots.
 fn exciter(network: Network, now_ns: u64) -> ExciterNode {
-    let mut exciter = ExciterNode::new(network, 1000, Timing::real_time(1000), Box::new(Telling));
+    let mut exciter = node::carry(network, 1000, Timing::real_time(1000), Box::new(Telling));
     exciter.start(now_ns);
     exciter
 }

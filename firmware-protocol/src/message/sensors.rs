@@ -1,7 +1,7 @@
 //! All instruments at once, as the FD profile sends them.
 
-use super::MessageKind;
 use super::fd::{self, FdBytes, FdReader};
+use super::{Acceleration, ImpedanceHead, MessageKind};
 use crate::error::{DecodeError, EncodeError};
 
 /// A measured value.
@@ -53,6 +53,18 @@ impl SensorValues {
     ];
     /// The bits of the flags: one for each signal, in their order.
     const FLAGS: u8 = 0x3F;
+
+    /// What the three messages of a sample say in the classic profile.
+    pub fn from_classic(head: &ImpedanceHead, b: &Acceleration, c: &Acceleration) -> SensorValues {
+        let pair = |[x, y]: [(f64, bool); 2]| [x, y].map(|(value, saturated)| Measured { value, saturated });
+        let axes =
+            |a: &Acceleration| pair([(a.acceleration_x_m_s2, a.x_saturated), (a.acceleration_y_m_s2, a.y_saturated)]);
+        SensorValues {
+            force_n: pair([(head.force_x_n, head.x_saturated), (head.force_y_n, head.y_saturated)]),
+            acceleration_b_m_s2: axes(b),
+            acceleration_c_m_s2: axes(c),
+        }
+    }
 
     pub(super) fn all(&self) -> [Measured; 6] {
         let ([a, b], [c, d], [e, f]) = (self.force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);

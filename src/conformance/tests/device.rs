@@ -8,7 +8,7 @@ use crate::arm::Load;
 use crate::bus::BusError;
 use crate::control::OpenLoop;
 use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
-use crate::node::{ExciterNode, PlantNode, Timing};
+use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use crate::protocol::{Frame, Network, NodeState, SamplesPerFrame, Transmitter};
 use crate::rig::{Exciter, GateSpec, Measurement, Reading};
@@ -320,7 +320,7 @@ impl ExciterDevice {
             Some(Flaw::SlowTimeout) => timing.partner_timeout_ns *= 2,
             _ => {}
         }
-        let mut node = ExciterNode::new(network, RATE_HZ, timing, controller);
+        let mut node = node::carry(network, RATE_HZ, timing, controller);
         node.start(0);
         ExciterDevice { network, node, flaw, said_state: None, is_dead: false, ears: Ears::default() }
     }

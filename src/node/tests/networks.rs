@@ -91,7 +91,7 @@ impl Crowd {
     fn new(plants: &[Network], exciters: &[Network]) -> Crowd {
         let timing = Timing::real_time(RATE_HZ);
         let plant = |network: &Network| PlantNode::new(*network, RATE_HZ, timing, Exciter::default());
-        let exciter = |network: &Network| ExciterNode::new(*network, RATE_HZ, timing, dwell(0.3));
+        let exciter = |network: &Network| carry(*network, RATE_HZ, timing, dwell(0.3));
         let (mut plants, mut exciters) =
             (plants.iter().map(plant).collect::<Vec<_>>(), exciters.iter().map(exciter).collect::<Vec<_>>());
         plants.iter_mut().for_each(|plant| plant.start(0));
@@ -179,7 +179,7 @@ fn a_second_exciter_is_found_by_both_and_the_load_goes_to_zero() {
     crowd.run(100);
     assert!(crowd.plants[0].is_armed());
     let timing = Timing::real_time(RATE_HZ);
-    crowd.exciters.push(ExciterNode::new(Network::default(), RATE_HZ, timing, dwell(0.3)));
+    crowd.exciters.push(carry(Network::default(), RATE_HZ, timing, dwell(0.3)));
     crowd.exciters[1].start(crowd.now_ns);
     crowd.run(5);
     assert_eq!(crowd.faults()[1..], [Some(EmergencyCode::SecondSender); 2]);
