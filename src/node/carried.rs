@@ -2,19 +2,17 @@
 
 use alloc::boxed::Box;
 
-use resonarm_protocol::node::{Queue, Timing};
+use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
-use super::answering::Answering;
 use super::sample;
-use super::{answering as node, exciter as node2};
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
 
 /// Responses that wait to be fetched.
 const RESPONSES: usize = 16;
 
 /// The exciter controller as a node: the protocol's, with a [`Controller`].
-pub type ExciterNode = node2::ExciterNode<Carried>;
+pub type ExciterNode = node::ExciterNode<Carried>;
 
 /// How a controller's work ended.
 pub type Outcome = node::Outcome<Abort>;

@@ -14,12 +14,13 @@
 //! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and go on calling the node until `is_quiet`: the
 //! load has ramped to zero and all is sent.
 //!
+//! The exciter's node, and what it shares with the plant's, are the protocol's ([`resonarm_protocol::node`]); here it
+//! carries a [`Controller`](crate::control::Controller).
+//!
 //! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are
 //! those of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
-mod answering;
 mod carried;
-mod exciter;
 mod hold;
 mod plant;
 mod refusals;

@@ -1,9 +1,55 @@
-//! What plant and exciter as nodes have in common, as state machines without IO: they are told of frames and of the
-//! time, and asked for frames, deadlines and events.
+//! The exciter as a node, and what it shares with the plant's: state machines without IO, heap and clock.
 //!
-//! Times are nanoseconds of any clock that only goes forward. Nothing here needs a heap.
+//! [`ExciterNode`] arms the plant, asks an [`Answering`] of yours for the load at each sample, disarms, and finds
+//! faults. Frames and the time go in, frames come out:
+//!
+//! ```text
+//! handle_frame(now, frame) ─┐             ┌─ next_frame(), frame_sent() → frames to send
+//! handle_deadline(now) ─────┴─► node ─────┴─ next_deadline_ns() → when to be called again
+//! ```
+//!
+//! Hand over all frames that wait before `handle_deadline`, and call that at least once a look period of its
+//! [`Timing`]: the timeouts count the time in which the node listened. A frame is made when it is fetched: ask for it
+//! anew after any other call, and say `frame_sent` once the bus has taken it. To end, call `leave` and go on until
+//! `is_quiet`.
+//!
+//! ```
+//! use resonarm_protocol::node::{Answer, Answering, ExciterNode, Timing};
+//! use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
+//!
+//! /// Damps the tip: the force answers the force in the impedance head.
+//! struct Damping;
+//!
+//! impl Answering for Damping {
+//!     type Abort = core::convert::Infallible;
+//!
+//!     fn restart(&mut self) {}
+//!
+//!     fn answer(&mut self, _sample: u64, values: &SensorValues) -> Answer<Self::Abort> {
+//!         Answer::HoldForce { force_x_n: -0.1 * values.force_n[0].value, force_y_n: 0.0 }
+//!     }
+//! }
+//!
+//! let capabilities = Capabilities {
+//!     node: Node::Exciter,
+//!     samples_per_frame: SamplesPerFrame::One,
+//!     force_limit_n: 100.0,
+//!     torque_limit_nm: 0.0,
+//! };
+//! let mut node = ExciterNode::new(Network::default(), 1000, Timing::real_time(1000), capabilities, Damping);
+//! node.start(0);
+//! while let Some(frame) = node.poll_transmit() {
+//!     // To the CAN controller.
+//!     assert!(frame.len() <= 8);
+//! }
+//! assert!(node.next_deadline_ns() <= 100_000_000);
+//! ```
+//!
+//! Times are nanoseconds of any clock that only goes forward. The rules are those of `SPEC.md`, sections 5 to 9.
 
+mod answering;
 mod event;
+mod exciter;
 mod link;
 mod listening;
 mod outbox;
@@ -11,9 +57,10 @@ mod queue;
 mod sequence;
 mod timing;
 
+pub use answering::{Answer, Answering, Outcome};
 pub use event::NodeEvent;
+pub use exciter::ExciterNode;
 pub use link::Link;
 pub use listening::Listening;
 pub use queue::Queue;
-pub use sequence::{Place, Sequence};
 pub use timing::Timing;

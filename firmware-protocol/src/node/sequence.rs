@@ -4,7 +4,7 @@ use crate::timing;
 
 /// What a sample's index says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub(super) enum Place {
     /// The first since arming.
     First,
     /// A new one, this many after the last.
@@ -17,7 +17,7 @@ pub enum Place {
 
 /// Follows the indices of samples.
 #[derive(Clone, Copy, Debug)]
-pub struct Sequence {
+pub(super) struct Sequence {
     window: u16,
     last: Option<u16>,
     stale: u64,

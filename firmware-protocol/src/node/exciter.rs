@@ -1,7 +1,9 @@
 //! The exciter's node: arms the plant, lets a controller answer its samples, disarms.
 
-use resonarm_protocol::node::{Link, NodeEvent, Place, Sequence, Timing};
-use resonarm_protocol::{
+use super::link::Link;
+use super::sequence::{Place, Sequence};
+use super::{NodeEvent, Timing};
+use crate::{
     Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead,
     Message, Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, SensorPair, SensorValues, Sensors,
     StateEvent, TorqueCommand,

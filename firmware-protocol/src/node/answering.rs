@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-use resonarm_protocol::{Emergency, SensorValues};
+use crate::{Emergency, SensorValues};
 
 /// What to do at a sample; `A` says why a controller gives up.
 #[derive(Clone, Copy, Debug, PartialEq)]
