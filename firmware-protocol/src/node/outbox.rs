@@ -72,3 +72,21 @@ impl Outbox {
         self.replaced + self.control.lost()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ForceCommand, TorqueCommand};
+
+    #[test]
+    fn of_commands_of_force_and_torque_only_the_latest_waits() {
+        let force = |sample| Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample });
+        let torque = |sample| Message::Torque(TorqueCommand { torque1_nm: 1.0, torque2_nm: 0.0, sample });
+        for commands in [[force(1), torque(2), force(3)], [torque(1), force(2), torque(3)]] {
+            let mut outbox = Outbox::new();
+            commands.into_iter().for_each(|command| outbox.push(command));
+            assert_eq!((outbox.waiting(), outbox.unsent()), (1, 2));
+            assert_eq!((outbox.pop(), outbox.pop()), (Some(commands[2]), None));
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! What waits to be sent, and what of it is sent after a jam.
 
 use super::*;
-use resonarm_protocol::{Id, ImpedanceHead, Receiver, TorqueCommand};
+use resonarm_protocol::{Id, ImpedanceHead, Receiver};
 
 fn publish(plant: &mut PlantNode, sample: u64) {
     plant.publish(&Measurement { sample, ..Measurement::default() }).unwrap();
@@ -103,18 +103,6 @@ fn bus_off_faults_both_nodes_at_work() {
     let exciter = bench.exciter.as_mut().unwrap();
     exciter.bus_lost(bench.now_ns);
     assert!(matches!(exciter.outcome(), Some(Outcome::Faulted(Emergency { code: EmergencyCode::BusLoss, .. }))));
-}
-
-#[test]
-fn of_commands_of_force_and_torque_only_the_latest_waits() {
-    let force = |sample| Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample });
-    let torque = |sample| Message::Torque(TorqueCommand { torque1_nm: 1.0, torque2_nm: 0.0, sample });
-    for commands in [[force(1), torque(2), force(3)], [torque(1), force(2), torque(3)]] {
-        let mut outbox = outbox::Outbox::new();
-        commands.into_iter().for_each(|command| outbox.push(command));
-        assert_eq!((outbox.waiting(), outbox.unsent()), (1, 2));
-        assert_eq!((outbox.pop(), outbox.pop()), (Some(commands[2]), None));
-    }
 }
 
 #[test]
