@@ -238,7 +238,7 @@ impl Link {
 
     /// The frame to send next, as it is now.
     pub fn next_frame(&self) -> Option<Frame> {
-        self.transmitter.clone().frame(self.outbox.front()?).ok()
+        self.transmitter.clone().frame(&self.outbox.front()?).ok()
     }
 
     /// The frame to send next has been sent: its counter is spent.

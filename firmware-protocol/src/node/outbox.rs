@@ -4,7 +4,7 @@
 //! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of
 //! force or torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
 
-use crate::{Message, MessageKind};
+use crate::{Capabilities, Emergency, Heartbeat, Hello, Message, MessageKind, Node, OperatorCommand};
 
 use super::queue::Queue;
 
@@ -25,9 +25,46 @@ const LATEST: [&[MessageKind]; 6] = [
 /// The place of commands in [`LATEST`].
 const COMMAND: usize = 0;
 
+/// A message that waits in the queue. A [`Message`] is larger, for two samples in a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Control {
+    Operator(OperatorCommand),
+    Hello(Node, Hello),
+    Heartbeat(Heartbeat),
+    Emergency(Emergency),
+    Capabilities(Capabilities),
+}
+
+impl Control {
+    /// A message that can wait in the queue.
+    fn new(message: &Message) -> Option<Control> {
+        match *message {
+            Message::Operator(command) => Some(Control::Operator(command)),
+            Message::PlantHello(hello) => Some(Control::Hello(Node::Plant, hello)),
+            Message::ExciterHello(hello) => Some(Control::Hello(Node::Exciter, hello)),
+            Message::Heartbeat(heartbeat) => Some(Control::Heartbeat(heartbeat)),
+            Message::Emergency(emergency) => Some(Control::Emergency(emergency)),
+            Message::Capabilities(capabilities) => Some(Control::Capabilities(capabilities)),
+            Message::Force(_) | Message::Torque(_) | Message::Head(_) | Message::AccelerometerB(_) => None,
+            Message::AccelerometerC(_) | Message::Sensors(_) | Message::SensorPair(_) => None,
+        }
+    }
+
+    fn message(&self) -> Message {
+        match *self {
+            Control::Operator(command) => Message::Operator(command),
+            Control::Hello(Node::Plant, hello) => Message::PlantHello(hello),
+            Control::Hello(Node::Exciter, hello) => Message::ExciterHello(hello),
+            Control::Heartbeat(heartbeat) => Message::Heartbeat(heartbeat),
+            Control::Emergency(emergency) => Message::Emergency(emergency),
+            Control::Capabilities(capabilities) => Message::Capabilities(capabilities),
+        }
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {
-    control: Queue<Message, CONTROL>,
+    control: Queue<Control, CONTROL>,
     latest: [Option<Message>; LATEST.len()],
     replaced: u64,
 }
@@ -40,21 +77,23 @@ impl Outbox {
     /// Queues a message. A command or sensor message takes the place of the one before it, if that still waits.
     pub fn push(&mut self, message: Message) {
         let kind = message.kind();
-        if let Some(place) = LATEST.iter().position(|kinds| kinds.contains(&kind)) {
+        if let Some(control) = Control::new(&message) {
+            if self.control.latest(|waiting| waiting.message().kind() == kind) != Some(&control) {
+                self.control.push(control);
+            }
+        } else if let Some(place) = LATEST.iter().position(|kinds| kinds.contains(&kind)) {
             self.replaced += u64::from(self.latest[place].replace(message).is_some());
-        } else if self.control.latest(|waiting| waiting.kind() == kind) != Some(&message) {
-            self.control.push(message);
         }
     }
 
     /// The message to send next.
-    pub fn front(&self) -> Option<&Message> {
-        self.control.front().or_else(|| self.latest.iter().flatten().next())
+    pub fn front(&self) -> Option<Message> {
+        self.control.front().map(Control::message).or_else(|| self.latest.iter().flatten().next().copied())
     }
 
     /// Takes the message to send next.
     pub fn pop(&mut self) -> Option<Message> {
-        self.control.pop().or_else(|| self.latest.iter_mut().find_map(Option::take))
+        self.control.pop().map(|control| control.message()).or_else(|| self.latest.iter_mut().find_map(Option::take))
     }
 
     /// Takes back the command that still waits.
