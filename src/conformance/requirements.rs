@@ -104,5 +104,9 @@ pub const REQUIREMENTS: [Requirement; 48] = [
     tested("R-8.22", "in lockstep an exciter waits 1000 ms for the next sample, and faults without it"),
     tested("R-8.23", "an operational node whose CAN controller is bus-off faults"),
     tested("R-9.1", "a fault is told once, then the state is fault"),
-    untested("R-9.2", "after codes 7 and 14 a plant is started again", "the bus can't make a simulation fail"),
+    untested(
+        "R-9.2",
+        "after code 7, and code 14 of a shaker, a plant must be started again",
+        "the bus can't make a simulation fail, and a plant whose shaker has tripped is gone for the cases after it",
+    ),
 ];
