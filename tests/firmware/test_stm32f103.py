@@ -1,4 +1,4 @@
-"""The reference controller in C on an emulated STM32F103 shakes the plant in lockstep, over a serial line as CAN
+"""The exciter's node in C and in Rust on an emulated STM32F103 shakes the plant in lockstep, over a serial line as CAN
 adapters have it (slcan): no kernel's CAN is needed. While the plant's answer is awaited the controller's time stands
 still, so that it does not matter how fast either of them is. Arbitration, bus off and the time on the wire are not
 emulated."""
@@ -13,7 +13,8 @@ import pytest
 from processes import PATIENCE_S, Programs
 from recordings import Recording, bits
 
-FIRMWARE = os.environ.get("RESONARM_STM32F103", "firmware-protocol/c/build/stm32f103.elf")
+# Where the makefile puts them.
+BUILD = Path(os.environ.get("RESONARM_FIRMWARE", "firmware-protocol/c/build"))
 SYSTEM = Path(__file__).with_name("stm32f103.yaml")
 # The other end may be slow: the plant waits, by the clock, as long as a program that hangs is waited for.
 PATIENT = f"""
@@ -22,7 +23,7 @@ lockstep_timeout_s = {PATIENCE_S}.0
 [arm]
 beta1_deg = 30.0
 """
-# What main.c of the port plays.
+# What main.c of the port plays, and the firmware in Rust.
 SINES = """
 [excitation]
 amplitude = { force_x_n = 150.0 }
@@ -105,9 +106,9 @@ def null_modem(tmp_path, programs):
     return programs.null_modem(tmp_path)
 
 
-@pytest.fixture
-def firmware():
-    with labwired.Sim(FIRMWARE, system=SYSTEM) as sim:
+@pytest.fixture(params=["stm32f103.elf", "stm32f103-rust.elf"])
+def firmware(request):
+    with labwired.Sim(str(BUILD / request.param), system=SYSTEM) as sim:
         yield Firmware(sim)
 
 
