@@ -42,6 +42,7 @@
 //! | [`conformance`] | whether a node on a bus keeps the protocol |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
 //! | [`can_log`] | frames in the log files of other tools |
+//! | [`diff`] | two recordings compared |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
@@ -78,6 +79,8 @@ pub mod bus;
 pub mod can_log;
 #[cfg(feature = "std")]
 pub mod conformance;
+#[cfg(feature = "std")]
+pub mod diff;
 #[cfg(feature = "std")]
 pub mod experiment;
 #[cfg(feature = "std")]

@@ -4,10 +4,9 @@ use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::failure::{Failure, Verdict};
-use super::{inspect, output};
+use super::{flags, inspect, output};
 use crate::export::{ExportFormat, ExportedFile, Part, Selection, export};
 use crate::recording::Recording;
 
@@ -37,7 +36,7 @@ pub(super) struct Export {
     #[arg(long, value_name = "STEM")]
     out: Option<PathBuf>,
     /// Which records, by commas: states, samples, frames, ticks, events [default: all that the format holds].
-    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = part())]
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(Part::ALL, Part::name))]
     parts: Vec<Part>,
     #[command(flatten)]
     range: super::time_range::TimeRange,
@@ -46,11 +45,6 @@ pub(super) struct Export {
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
-}
-
-/// Reads a part by its name.
-fn part() -> impl TypedValueParser<Value = Part> {
-    PossibleValuesParser::new(Part::ALL.map(Part::name)).try_map(|name| name.parse::<Part>())
 }
 
 impl Export {

@@ -124,6 +124,7 @@ impl Failure {
             | Failure::Export(ExportError::Recording(error))
             | Failure::Import(ImportError::Recording(error)) => recording(error),
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
+            Failure::Replay(ReplayError::NoController { .. }) => Exit::Environment,
             Failure::Run(error) => run(error),
             Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),

@@ -14,6 +14,7 @@ mod conformance;
 mod continuation;
 mod demo;
 mod demo_report;
+mod diff;
 mod doctor;
 mod ended_early;
 mod exciter;
@@ -98,6 +99,7 @@ enum Command {
     Resim(resim::Resim),
     Identify(identify::Identify),
     Inspect(inspect::Inspect),
+    Diff(diff::Diff),
     Export(export::Export),
     Import(import::Import),
     Recover(recover::Recover),
@@ -136,6 +138,7 @@ pub fn main() -> ExitCode {
         Command::Resim(command) => command.execute(),
         Command::Identify(command) => command.execute(),
         Command::Inspect(command) => command.execute(),
+        Command::Diff(command) => command.execute(),
         Command::Export(command) => command.execute(),
         Command::Import(command) => command.execute(),
         Command::Recover(command) => command.execute(),

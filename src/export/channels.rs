@@ -7,7 +7,7 @@ use crate::recording::{Recording, RecordingError, SampleRecord, StateRecord};
 
 /// What a channel is a measure of, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Quantity {
+pub(crate) enum Quantity {
     /// Angle of a joint, rad.
     Angle,
     /// Its rate, rad/s.
@@ -22,7 +22,7 @@ pub(super) enum Quantity {
 
 /// A point of the arm: the joints 1, at the base, and 2, the elbow B; the tip C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Point {
+pub(crate) enum Point {
     Joint1 = 1,
     Joint2B = 2,
     TipC = 3,
@@ -30,7 +30,7 @@ pub(super) enum Point {
 
 /// Along which axis of the base frame, or about which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Axis {
+pub(crate) enum Axis {
     X,
     Y,
     AboutZ,
@@ -38,7 +38,7 @@ pub(super) enum Axis {
 
 /// A channel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Channel {
+pub(crate) struct Channel {
     /// Its name in the schemas, with its unit.
     pub name: &'static str,
     pub quantity: Quantity,
@@ -71,7 +71,7 @@ const SAMPLES: [Channel; 6] = [
 ];
 
 /// The channels of a part; none of frames, ticks and events.
-pub(super) const fn channels(part: Part) -> &'static [Channel] {
+pub(crate) const fn channels(part: Part) -> &'static [Channel] {
     match part {
         Part::States => &STATES,
         Part::Samples => &SAMPLES,
@@ -88,13 +88,13 @@ pub(super) const fn lead(part: Part) -> f64 {
 }
 
 /// The values of [`STATES`].
-pub(super) const fn state_values(record: &StateRecord) -> [f64; 8] {
+pub(crate) const fn state_values(record: &StateRecord) -> [f64; 8] {
     let StateRecord { alpha_rad: [a, b], alpha_dot_rad_s: [c, d], torque_nm: [e, f], force_n: [g, h], .. } = *record;
     [a, b, c, d, e, f, g, h]
 }
 
 /// The values of [`SAMPLES`].
-pub(super) const fn sample_values(record: &SampleRecord) -> [f64; 6] {
+pub(crate) const fn sample_values(record: &SampleRecord) -> [f64; 6] {
     let SampleRecord { acceleration_b_m_s2: [a, b], acceleration_c_m_s2: [c, d], head_force_n: [e, f], .. } = *record;
     [a, b, c, d, e, f]
 }

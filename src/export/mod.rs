@@ -19,7 +19,9 @@ use std::path::{Path, PathBuf};
 use crate::can_log::LogFormat;
 use crate::recording::Recording;
 
+pub(crate) use channels::{channels, sample_values, state_values};
 pub use error::{ExportError, UnknownExportFormat, UnknownPart};
+pub(crate) use selection::samples;
 pub use selection::{Part, Selection};
 
 /// What a recording is exported to.

@@ -229,6 +229,15 @@ impl Origin {
 }
 
 impl RunTime {
+    /// The name, as the metadata of a file have it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            RunTime::Simulated => "simulated",
+            RunTime::Lockstep => "lockstep",
+            RunTime::RealTime => "real-time",
+        }
+    }
+
     /// What a file of `format` states.
     fn stated(format: u32, time: &str, start_unix_ns: Option<u64>) -> Option<RunTime> {
         match (format, time) {

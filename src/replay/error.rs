@@ -6,7 +6,7 @@ use super::player::SPEEDS;
 use crate::bus::BusError;
 use crate::number::short;
 use crate::plant::{PlantError, PlantSpecError};
-use crate::protocol::Mismatch;
+use crate::protocol::{FrameError, Mismatch};
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
 
@@ -29,6 +29,15 @@ pub enum ReplayError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// Nobody is there to be tested.
+    #[error("no controller was heard on the bus within {} s (--patience-s)", short(.waited_s))]
+    NoController {
+        /// How long was waited, s.
+        waited_s: f64,
+    },
+    /// An identifier can't take a frame's place.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
     /// There is nothing to replay.
     #[error("the recording holds no {what}")]
     Empty {

@@ -1,10 +1,13 @@
-//! Recordings at work again: their frames back on a bus, their runs simulated again, their responses read again.
+//! Recordings at work again: their frames back on a bus or against a live controller, their runs simulated again, their
+//! responses read again.
 
+mod against;
 mod error;
 mod player;
 mod resimulation;
 mod responses;
 
+pub use against::{Compared, Difference, DifferenceKind, Regression, play_against};
 pub use error::ReplayError;
 pub use player::{Playback, Played, play};
 pub use resimulation::{Verdict, resimulate};

@@ -52,7 +52,7 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
 }
 
 /// The sample that a command answers, as the wire counts it, and forces and torques of it, N and N·m.
-fn command(message: Message) -> Option<(u16, [f64; 4])> {
+pub(super) fn command(message: Message) -> Option<(u16, [f64; 4])> {
     match message {
         Message::Force(ForceCommand { force_x_n, force_y_n, sample }) => {
             Some((sample, [force_x_n, force_y_n, 0.0, 0.0]))

@@ -74,16 +74,16 @@ fn plays_frames_in_order_with_their_timing() {
     let (mut receiver, mut sender) = (ends.pop().unwrap(), ends.pop().unwrap());
     let clock = SystemClock;
     let begun_ns = crate::realtime::Clock::now_ns(&clock);
-    let all = Playback { speed: 5.0, direction: None };
-    let played = play(&recording, &mut sender, &clock, all, &Signals::default()).unwrap();
+    let all = Playback { speed: 5.0, ..Playback::default() };
+    let played = play(&recording, &mut sender, &clock, &all, &Signals::default()).unwrap();
     let took_s = (crate::realtime::Clock::now_ns(&clock) - begun_ns) as f64 * 1e-9;
     assert_eq!(played.frames, expected.len() as u64);
     assert!(took_s >= played.recorded_s / 5.0 && (played.recorded_s - 0.55).abs() < 1e-9, "{took_s} {played:?}");
     for record in &expected {
         assert_eq!(receiver.receive().unwrap().map(|received| received.frame), Some(record.frame));
     }
-    let commands = Playback { speed: 1e3, direction: Some(Direction::Received) };
-    let played = play(&recording, &mut sender, &clock, commands, &Signals::default()).unwrap();
+    let commands = Playback { speed: 1e3, direction: Some(Direction::Received), ..Playback::default() };
+    let played = play(&recording, &mut sender, &clock, &commands, &Signals::default()).unwrap();
     let received = expected.iter().filter(|record| record.direction == Direction::Received).count();
     assert_eq!(played.frames, received as u64);
     assert!(played.frames > 500);
@@ -137,7 +137,7 @@ fn a_signal_ends_the_wait_for_the_next_frame() {
     far.send(&Frame::classic(Id::Standard(0x123), &[]).unwrap()).unwrap(); // nobody reads it for the player
     let signals = Signals::default();
     let clock = scripted(&signals, 3_000_000_000);
-    let played = play(&recording, &mut near, &clock, Playback { speed: 1.0, direction: None }, &signals).unwrap();
+    let played = play(&recording, &mut near, &clock, &Playback::default(), &signals).unwrap();
     assert_eq!(played.frames, 1);
     assert!(clock.now_ns() < 4_000_000_000, "the signal came at 3 s, the player ended at {} ns", clock.now_ns());
     assert!(near.receive().unwrap().is_none(), "the player leaves what comes in unread");
@@ -150,7 +150,8 @@ fn speed_0_is_as_fast_as_it_goes() {
     let mut near = memory::hub(2, 64).pop().unwrap();
     let signals = Signals::default();
     let clock = scripted(&signals, u64::MAX);
-    let played = play(&recording, &mut near, &clock, Playback { speed: 0.0, direction: None }, &signals).unwrap();
+    let played =
+        play(&recording, &mut near, &clock, &Playback { speed: 0.0, ..Playback::default() }, &signals).unwrap();
     assert_eq!((played.frames, played.recorded_s, clock.now_ns()), (2, 3600.0, 1_000_000_000));
 }
 
@@ -160,7 +161,7 @@ fn says_what_cannot_be_replayed() {
     let recording = two_frames(&folder.path().join("bad.mcap"));
     let mut sender = memory::hub(2, 64).pop().unwrap();
     let mut error = |speed| {
-        play(&recording, &mut sender, &SystemClock, Playback { speed, direction: None }, &Signals::default())
+        play(&recording, &mut sender, &SystemClock, &Playback { speed, ..Playback::default() }, &Signals::default())
             .unwrap_err()
     };
     insta::assert_snapshot!(error(-1.0), @"the speed is -1: it must be 0, which is as fast as it goes, or from 0.001 to 1000000; 1 is the recorded speed");

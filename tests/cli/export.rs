@@ -9,10 +9,10 @@ use resonarm::recording::{Options, Record, Recorder, Recording};
 
 use crate::{complaint, document, resonarm};
 
-/// A folder with the recording of a run of 0.1 s.
+/// A folder with the recording of a run of 50 ms, and of as much again in which it ends.
 fn recorded() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let run = ["run", "--mode", "free", "--duration-s", "0.1", "--record", "run.mcap"];
+    let run = ["run", "--mode", "free", "--duration-s", "0.05", "--record", "run.mcap"];
     assert_eq!(resonarm(folder.path(), &run).code, 0);
     folder
 }

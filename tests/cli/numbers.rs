@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
 /// with little to do.
-const COMMANDS: [(&str, &str); 29] = [
+const COMMANDS: [(&str, &str); 30] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -31,6 +31,7 @@ const COMMANDS: [(&str, &str); 29] = [
     ("identify", "none.mcap"),
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
+    ("diff", "none.mcap none.mcap"),
     ("export", "none.mcap --to csv"),
     ("import", "none.log none.mcap"),
     ("protocol dbc", ""),
@@ -44,7 +45,7 @@ const COMMANDS: [(&str, &str); 29] = [
 /// Value names of numeric flags in the help, and of all others.
 const NUMERIC: [&str; 17] =
     ["N", "N/S", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "X,Y", "NX,NY", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
-const OTHERS: [&str; 25] = [
+const OTHERS: [&str; 27] = [
     "ID",
     "PROFILE",
     "ROLE",
@@ -70,6 +71,8 @@ const OTHERS: [&str; 25] = [
     "ADDRESS",
     "FORMAT",
     "PARTS",
+    "ID,…",
+    "ID=ID,…",
 ];
 
 /// The numeric flags in the help of a command.

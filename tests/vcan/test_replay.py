@@ -159,7 +159,7 @@ def test_a_controller_that_commands_something_else_is_caught(short, programs, tm
 
 def test_a_controller_that_ends_early_is_caught(short, programs, tmp_path):
     (tmp_path / "early.toml").write_text(SHORT.replace("duration_s = 1.2", "duration_s = 0.6"))
-    compared = against(programs, short.path, tmp_path / "early.toml", "--patience-s", "2", code=1)
+    compared = against(programs, short.path, tmp_path / "early.toml", code=1)
     assert compared["first_difference"]["kind"] == "no-answer"
     assert 0 < compared["commands"] < len(commands(short.recording))
 

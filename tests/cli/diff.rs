@@ -1,0 +1,75 @@
+//! Two recordings compared.
+
+use std::fs;
+use std::path::Path;
+
+use insta::assert_snapshot;
+
+use crate::{complaint, document, resonarm};
+
+/// Records a run.
+fn record(folder: &Path, name: &str, duration_s: &str, beta2_deg: &str) {
+    let run = ["run", "--mode", "free", "--duration-s", duration_s, "--beta2-deg", beta2_deg, "--record", name];
+    assert_eq!(resonarm(folder, &run).code, 0);
+}
+
+#[test]
+fn the_same_run_is_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path(), "a.mcap", "0.1", "60");
+    record(folder.path(), "b.mcap", "0.1", "60");
+    let said = resonarm(folder.path(), &["diff", "a.mcap", "b.mcap", "--parts", "states,samples,frames,events"]);
+    assert_eq!((said.code, said.stderr.as_str()), (0, ""));
+    assert_snapshot!(said.stdout, @r"
+    states: 151 compared; all the same
+    samples: 151 compared; all the same
+    frames: 569 compared; all the same
+    events: 4 compared; all the same
+    ");
+}
+
+#[test]
+fn what_differs_is_found_first_and_at_most() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path(), "a.mcap", "0.1", "60");
+    record(folder.path(), "b.mcap", "0.08", "60.001");
+    let both = ["diff", "a.mcap", "b.mcap", "--json"];
+    let found = document(folder.path(), 1, &both);
+    let states = &found["parts"][0];
+    assert_eq!((&states["compared"], &states["only_in_a"], &states["only_in_b"]), (&131.into(), &20.into(), &0.into()));
+    let first = states["first_difference"]["sample"].as_u64().unwrap();
+    let channels = states["channels"].as_array().unwrap();
+    assert!((1..50).contains(&first), "{states:#}");
+    assert!(channels.iter().any(|channel| channel["name"] == "alpha1_rad"), "{states:#}");
+    for channel in channels {
+        assert!(
+            channel["largest"].as_f64().unwrap() > 0.0 && channel["magnitude"].as_f64().unwrap() > 0.0,
+            "{channel:#}"
+        );
+        assert!(channel["sample"].as_u64().unwrap() >= first, "{channel:#}");
+    }
+    let keys: Vec<_> = found["configuration"].as_array().unwrap().iter().map(|entry| entry["key"].clone()).collect();
+    assert_eq!(keys, ["scenario.arm.beta2_deg", "scenario.simulation.duration_s"]);
+
+    let within = [&both[..], &["--parts", "states", "--tolerance", "0.1", "--to-s", "0.08"]].concat();
+    assert_eq!(document(folder.path(), 0, &within)["same"], true);
+    let frames = document(folder.path(), 1, &[&both[..], &["--parts", "frames"]].concat());
+    assert_eq!(frames["parts"][0]["first_difference"]["what"], "frame");
+    let said = resonarm(folder.path(), &["diff", "a.mcap", "b.mcap", "--parts", "events"]);
+    assert_snapshot!(said.stdout, @r"
+    events: 4 compared; first difference at sample 101: event is plant.leaving 50 at sample 101 in A, plant.leaving 50 at sample 81 in B
+    scenario.arm.beta2_deg: 60.0 in A, 60.001 in B
+    scenario.simulation.duration_s: 0.1 in A, 0.08 in B
+    ");
+}
+
+#[test]
+fn what_cannot_be_compared_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path(), "a.mcap", "0.1", "60");
+    fs::write(folder.path().join("b.mcap"), "no recording").unwrap();
+    let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["diff", "a.mcap"], arguments].concat());
+    assert_snapshot!(said(&["b.mcap"]), @"resonarm: `b.mcap` is not an MCAP file: it begins with `no recor`");
+    assert_snapshot!(said(&["a.mcap", "--tolerance=-1"]), @"resonarm: --tolerance is -1: it must be 0 or more");
+    assert_snapshot!(said(&["a.mcap", "--from-s", "3"]), @"resonarm: there is no sample from 3 to 0.15 s: the recording has those from 0 to 0.15 s");
+}
