@@ -3,6 +3,8 @@
 #include <stdint.h>
 
 #define TAU 6.283185307179586
+#define HALF_PI_HIGH 1.57079632673412561417
+#define HALF_PI_LOW 6.07710050650619224932e-11
 
 /* Taylor series for |x| <= pi/4, where the first term left out, x^17/17! or x^18/18!, is below 5e-17. */
 static double sine_series(double x)
@@ -26,23 +28,27 @@ static double cosine_series(double x)
 }
 
 /*
- * sin(2 pi (x + shift/4)): x = whole + quarters/4 + rest with |rest| <= 1/8, each step exact, and the sine of a
+ * sin(a + shift pi/2), where a is 2 pi x, less whole cycles, as a double has it: by how much that is rounded is all that
+ * is left at a zero, and a single resolves it. So the commands are those of a library's sin(2 pi x) in both profiles.
+ *
+ * a = quarters pi/2 + rest with |rest| <= pi/4. Of pi/2 = HIGH + LOW the first part has 33 bits, so that what is taken
+ * off first is exact (W. J. Cody and W. Waite 1980, Software Manual for the Elementary Functions), and the sine of a
  * quarter is one of four series.
  */
 static double shifted_sine(double x, int shift)
 {
-    const double part = x - (double)(int32_t)x;
-    const int quarters = (int)(4.0 * part + (part < 0.0 ? -0.5 : 0.5));
-    const double angle = TAU * (part - quarters * 0.25);
+    const double angle = TAU * (x - (double)(int32_t)x);
+    const int quarters = (int)(angle / (0.25 * TAU) + (angle < 0.0 ? -0.5 : 0.5));
+    const double rest = (angle - quarters * HALF_PI_HIGH) - quarters * HALF_PI_LOW;
     switch ((quarters + shift + 4) % 4) {
     case 0:
-        return sine_series(angle);
+        return sine_series(rest);
     case 1:
-        return cosine_series(angle);
+        return cosine_series(rest);
     case 2:
-        return -sine_series(angle);
+        return -sine_series(rest);
     default:
-        return -cosine_series(angle);
+        return -cosine_series(rest);
     }
 }
 
