@@ -9,25 +9,13 @@ import wire
 from conftest import Run, session
 from processes import wait_until
 from recordings import Recording, bits
+from shaker import SHAKER, fundamental
 
 CONTROLLER = os.environ.get("RESONARM_C_CONTROLLER", "firmware-protocol/c/build/controller")
 
-# The shaker's armature takes part of the command, so that the loop has something to do. With a stroke of a
-# micrometre it trips.
-SHAKER = """
+ARM = """
 [arm]
 beta1_deg = 30.0
-[rig.shaker]
-amplifier = "voltage"
-moving_mass_kg = 0.5
-stiffness_n_m = 2000.0
-damping_n_s_m = 10.0
-force_factor_n_a = 20.0
-resistance_ohm = 2.0
-inductance_h = 3e-4
-stroke_m = {stroke_m}
-current_limit_a = 15.0
-voltage_limit_v = 60.0
 """
 FORCE_N = 2.0
 # How candump logs a heartbeat of the plant.
@@ -43,16 +31,6 @@ def points(program):
     """What the controller says of each frequency."""
     lines = re.findall(r"^point (.*)$", program.stdout, re.MULTILINE)
     return [{name: float(value) for name, value in (word.split("=") for word in line.split())} for line in lines]
-
-
-def fundamental(samples, rate_hz, frequency_hz):
-    """Amplitude of a sine in samples, beside an offset, by least squares. The arm rings at another frequency, with the
-    shaker on it at none that is known: a window that is zero at both ends leaves it out."""
-    t, weight = np.arange(len(samples)) / rate_hz, np.hanning(len(samples))
-    phase = 2 * np.pi * frequency_hz * t
-    columns = np.stack([np.ones_like(t), np.cos(phase), np.sin(phase)], axis=1)
-    fit, *_ = np.linalg.lstsq(columns * np.sqrt(weight)[:, None], samples * np.sqrt(weight), rcond=None)
-    return np.hypot(fit[1], fit[2])
 
 
 def check_points(program, frames, rate_hz, frequencies_hz):
@@ -90,7 +68,7 @@ def lockstep(programs, folder, scenario, *arguments):
 
 def test_the_force_in_the_head_is_held_in_lockstep(tmp_path, programs):
     scenario = tmp_path / "shaker.toml"
-    scenario.write_text(SHAKER.format(stroke_m=0.0127))
+    scenario.write_text(ARM + SHAKER.format(stroke_m=0.0127))
     # The last is near the resonance with the shaker on it.
     run = lockstep(programs, tmp_path, scenario, *HELD, "--frequencies-hz", "14,18,20.5", "--window-s", 2)
     found = check_points(run.program, run.frames, 1000.0, [14.0, 18.0, 20.5])
@@ -115,7 +93,7 @@ exciter_id = 4
 
 def test_the_force_in_the_head_is_held_in_the_fd_profile(tmp_path, programs):
     scenario = tmp_path / "shaker.toml"
-    scenario.write_text(SHAKER.format(stroke_m=0.0127) + FD_NETWORK)
+    scenario.write_text(ARM + SHAKER.format(stroke_m=0.0127) + FD_NETWORK)
     run = drive(programs, tmp_path, scenario, *HELD, *FD)
     assert run.program.stdout.endswith("\nfinished\n"), run.program.stdout + run.program.stderr
     assert run.plant.result()["outcome"] == "disarmed"
@@ -125,8 +103,6 @@ def test_the_force_in_the_head_is_held_in_the_fd_profile(tmp_path, programs):
 
 
 SINES = """
-[arm]
-beta1_deg = 30.0
 [excitation]
 amplitude = { force_x_n = 150.0 }
 ramp_s = 0.5
@@ -138,7 +114,7 @@ PLAYED = ["--open-loop", "--frequencies-hz", "12,19.7,26", "--amplitude-n", 150,
 @pytest.mark.parametrize(("network", "flags"), [("", []), (FD_NETWORK, FD)], ids=["classic", "fd"])
 def test_the_same_sines_give_the_states_of_the_emulated_controller_bit_for_bit(tmp_path, programs, network, flags):
     scenario = tmp_path / "sines.toml"
-    scenario.write_text(SINES + network)
+    scenario.write_text(ARM + SINES + network)
     emulated = session(tmp_path, "vcan0", "vcan0", scenario).recording
     run = drive(programs, tmp_path, scenario, *PLAYED, *flags)
     assert run.program.wait() == 0, run.program.stdout + run.program.stderr
@@ -162,7 +138,7 @@ PATIENT = ["--rate-hz", 300, "--command-timeout-s", 0.5, "--partner-timeout-s", 
 
 def real_time(programs, folder, *flags):
     scenario = folder / "real-time.toml"
-    scenario.write_text(SHAKER.format(stroke_m=0.0127) + REAL_TIME)
+    scenario.write_text(ARM + SHAKER.format(stroke_m=0.0127) + REAL_TIME)
     return programs.resonarm("run", "--bus", "vcan0", "--scenario", scenario, "--json", *flags)
 
 
@@ -179,7 +155,7 @@ def test_the_force_in_the_head_is_held_in_real_time(tmp_path, programs):
 
 def test_a_fault_of_the_plant_ends_it(tmp_path, programs):
     scenario = tmp_path / "trips.toml"
-    scenario.write_text(SHAKER.format(stroke_m=1e-6))
+    scenario.write_text(ARM + SHAKER.format(stroke_m=1e-6))
     run = lockstep(programs, tmp_path, scenario, *HELD)
     assert run.program.wait() == 4, run.program.stdout
     assert "fault of the plant, code 14" in run.program.stdout

@@ -1,8 +1,6 @@
-/* The reference controller on an STM32F103: a stepped sine in open loop, in lockstep with a plant of 1000 Hz. */
-#include "loop.h"
+/* The reference controller on an STM32F103: a stepped sine in open loop. */
+#include "play.h"
 #include "stepped_sine.h"
-
-#define PATIENCE_NS UINT64_C(3600000000000)
 
 static const stepped_sine_spec spec = {
     .rate_hz = 1000.0,
@@ -16,16 +14,7 @@ static const stepped_sine_spec spec = {
 
 int main(void)
 {
-    static resonarm_exciter exciter;
     static open_loop controller;
-    const resonarm_exciter_config config = {
-        .network = resonarm_own_network(),
-        .rate_hz = 1000,
-        .timing = resonarm_lockstep(),
-        .answer = open_loop_answer,
-        .context = &controller,
-    };
     open_loop_init(&controller, &spec);
-    resonarm_exciter_init(&exciter, &config);
-    return loop_run(&exciter, PATIENCE_NS) == LOOP_ENDED ? 0 : 1;
+    return play(open_loop_answer, &controller);
 }
