@@ -42,7 +42,7 @@
 //! | [`conformance`] | whether a node on a bus keeps the protocol |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
 //! | [`can_log`] | frames in the log files of other tools |
-//! | [`diff`] | two recordings compared |
+//! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
@@ -101,6 +101,8 @@ pub mod replay;
 pub mod run;
 #[cfg(feature = "std")]
 pub mod scenario;
+#[cfg(feature = "std")]
+pub mod statistics;
 #[cfg(feature = "std")]
 pub mod study;
 #[cfg(feature = "std")]

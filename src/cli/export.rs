@@ -17,6 +17,7 @@ Formats and the files that STEM stands for:
   candump  STEM.log       the frames, as `candump -L` writes them and canplayer plays them
   asc      STEM.asc       the frames, for Vector's tools and what reads their logs
   blf      STEM.blf       the frames, the same in binary
+  foxglove STEM-foxglove.mcap  a copy for Foxglove, Lichtblick and PlotJuggler: a JSON message for every state and sample
   uff58    STEM.uff       states and samples as functions of time, for tools of modal analysis: dataset 58, ASCII
   wav      STEM-PART.wav  states and samples as channels of 32-bit floating-point numbers, in SI units
 Parquet and MF4 are made of the CSV by the Python packages pyarrow and asammdf, as docs/recording.md shows.
@@ -29,7 +30,7 @@ sample period before the sample: their time_s says so.";
 pub(super) struct Export {
     /// The recording, an MCAP file.
     file: PathBuf,
-    /// The format: csv, candump, asc, blf, uff58, wav.
+    /// The format: csv, candump, asc, blf, foxglove, uff58, wav.
     #[arg(long, value_name = "FORMAT", value_parser = str::parse::<ExportFormat>)]
     to: ExportFormat,
     /// Begin of the names of the files that are written [default: the recording's name without its ending].

@@ -12,6 +12,7 @@ mod compare;
 mod configuration;
 mod conformance;
 mod continuation;
+mod cut;
 mod demo;
 mod demo_report;
 mod diff;
@@ -99,6 +100,8 @@ enum Command {
     Resim(resim::Resim),
     Identify(identify::Identify),
     Inspect(inspect::Inspect),
+    Cut(cut::Cut),
+    Merge(cut::Merge),
     Diff(diff::Diff),
     Export(export::Export),
     Import(import::Import),
@@ -138,6 +141,8 @@ pub fn main() -> ExitCode {
         Command::Resim(command) => command.execute(),
         Command::Identify(command) => command.execute(),
         Command::Inspect(command) => command.execute(),
+        Command::Cut(command) => command.execute(),
+        Command::Merge(command) => command.execute(),
         Command::Diff(command) => command.execute(),
         Command::Export(command) => command.execute(),
         Command::Import(command) => command.execute(),

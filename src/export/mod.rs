@@ -7,6 +7,7 @@
 mod channels;
 mod csv;
 mod error;
+mod foxglove;
 mod log;
 mod selection;
 mod uff58;
@@ -31,6 +32,8 @@ pub enum ExportFormat {
     Csv,
     /// The frames as a log.
     Log(LogFormat),
+    /// A copy for viewers: an MCAP file with a JSON message for every state and sample, and events as `foxglove.Log`.
+    Foxglove,
     /// States and samples as functions of time: dataset 58 of the Universal File Format in ASCII, SDRC 1988.
     Uff58,
     /// States and samples as channels of a sound file of 32-bit floating-point numbers in SI units.
@@ -39,11 +42,12 @@ pub enum ExportFormat {
 
 impl ExportFormat {
     /// All formats.
-    pub const ALL: [ExportFormat; 6] = [
+    pub const ALL: [ExportFormat; 7] = [
         ExportFormat::Csv,
         ExportFormat::Log(LogFormat::Candump),
         ExportFormat::Log(LogFormat::Asc),
         ExportFormat::Log(LogFormat::Blf),
+        ExportFormat::Foxglove,
         ExportFormat::Uff58,
         ExportFormat::Wav,
     ];
@@ -53,6 +57,7 @@ impl ExportFormat {
         match self {
             ExportFormat::Csv => "csv",
             ExportFormat::Log(format) => format.name(),
+            ExportFormat::Foxglove => "foxglove",
             ExportFormat::Uff58 => "uff58",
             ExportFormat::Wav => "wav",
         }
@@ -63,6 +68,7 @@ impl ExportFormat {
         match self {
             ExportFormat::Csv => &Part::ALL,
             ExportFormat::Log(_) => &[Part::Frames],
+            ExportFormat::Foxglove => &[Part::States, Part::Samples, Part::Events],
             ExportFormat::Uff58 | ExportFormat::Wav => &[Part::States, Part::Samples],
         }
     }
@@ -79,6 +85,7 @@ impl ExportFormat {
         match self {
             ExportFormat::Csv => of_each(".csv"),
             ExportFormat::Wav => of_each(".wav"),
+            ExportFormat::Foxglove => vec![(named(String::from("-foxglove.mcap")), parts.to_vec())],
             ExportFormat::Uff58 => vec![(named(String::from(".uff")), parts.to_vec())],
             ExportFormat::Log(format) => vec![(named(format.ending().to_owned()), parts.to_vec())],
         }
@@ -130,6 +137,7 @@ pub fn export(
     match format {
         ExportFormat::Csv => csv::write(recording, selection, files),
         ExportFormat::Log(log) => log::write(recording, log, selection, files),
+        ExportFormat::Foxglove => foxglove::write(recording, selection, files),
         ExportFormat::Uff58 => uff58::write(recording, selection, files),
         ExportFormat::Wav => wav::write(recording, selection, files),
     }

@@ -117,8 +117,9 @@ pub(crate) fn samples(
     let to = to_s.map_or(last, |to_s| libm::floor(to_s / dt_s + TOLERANCE) as u64);
     let is_negative = [from_s, to_s].iter().flatten().any(|time_s| *time_s < 0.0);
     if is_negative || from > to || from > last || to < first {
-        let (from_s, to_s) = (from_s.unwrap_or(first as f64 * dt_s), to_s.unwrap_or(last as f64 * dt_s));
-        let (first_s, last_s) = (first as f64 * dt_s, last as f64 * dt_s);
+        // As it is written in decimals: to the nanosecond.
+        let [first_s, last_s] = [first, last].map(|sample| libm::round(sample as f64 * dt_s * 1e9) / 1e9);
+        let (from_s, to_s) = (from_s.unwrap_or(first_s), to_s.unwrap_or(last_s));
         return Err(ExportError::Interval { from_s, to_s, first_s, last_s });
     }
     Ok(from..=to)

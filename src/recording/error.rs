@@ -201,11 +201,29 @@ pub enum RecordingError {
         /// The path.
         path: PathBuf,
     },
-    /// A recording can't be recovered onto itself.
-    #[error("recording `{path}` can't be recovered onto itself: name another file for the result")]
+    /// A recording can't be read and written over at once.
+    #[error("recording `{path}` can't be written over itself: name another file for the result")]
     SameFile {
         /// The file.
         path: PathBuf,
+    },
+    /// A recording is not of the run that the one before it is of, or does not follow it.
+    #[error("recording `{path}` can't be joined to the one before it: it has {got}, expected {expected}")]
+    Apart {
+        /// The file.
+        path: PathBuf,
+        /// What it has.
+        got: String,
+        /// What would follow the recording before it.
+        expected: String,
+    },
+    /// More names of events than can be copied.
+    #[error("recording `{path}` has events of more than {most} names: it can't be copied")]
+    Names {
+        /// The file.
+        path: PathBuf,
+        /// How many there may be.
+        most: usize,
     },
     /// A record came after the recording was finished.
     #[error("recording `{path}` is finished: it takes no more records")]

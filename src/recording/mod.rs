@@ -20,6 +20,7 @@
 mod batch;
 mod build_info;
 mod contents;
+mod cut;
 mod decimate;
 mod decode;
 mod error;
@@ -42,6 +43,7 @@ mod walk;
 mod writer;
 
 pub use build_info::{BuildInfo, build_info};
+pub use cut::{cut, merge};
 pub use error::RecordingError;
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Options, TimeBase};
 pub use reader::Recording;

@@ -53,7 +53,7 @@ fn what_a_format_cannot_hold_is_said() {
     let first = |arguments: &[&str]| said(arguments).lines().next().unwrap().to_owned();
     assert_snapshot!(first(&["parquet"]), @"error: invalid value 'parquet' for '--to <FORMAT>': not written here: pyarrow makes Parquet of the CSV, as docs/recording.md shows");
     assert_snapshot!(first(&["mf4"]), @"error: invalid value 'mf4' for '--to <FORMAT>': not written here: asammdf makes MF4 of the CSV, as docs/recording.md shows");
-    assert_snapshot!(first(&["xls"]), @"error: invalid value 'xls' for '--to <FORMAT>': it is one of csv, candump, asc, blf, uff58, wav");
+    assert_snapshot!(first(&["xls"]), @"error: invalid value 'xls' for '--to <FORMAT>': it is one of csv, candump, asc, blf, foxglove, uff58, wav");
 }
 
 /// The recording without one of its states.

@@ -5,6 +5,7 @@ mod backbone;
 mod bad_input;
 mod compare;
 mod conformance;
+mod cut;
 mod diff;
 mod documents;
 mod experiment;

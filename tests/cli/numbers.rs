@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
 /// with little to do.
-const COMMANDS: [(&str, &str); 30] = [
+const COMMANDS: [(&str, &str); 32] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -31,6 +31,8 @@ const COMMANDS: [(&str, &str); 30] = [
     ("identify", "none.mcap"),
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
+    ("cut", "none.mcap new.mcap"),
+    ("merge", "none.mcap none.mcap --out new.mcap"),
     ("diff", "none.mcap none.mcap"),
     ("export", "none.mcap --to csv"),
     ("import", "none.log none.mcap"),

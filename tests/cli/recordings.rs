@@ -65,7 +65,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {states} samples, bit for bit\n")));
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "whole.mcap"]), @"resonarm: recording `whole.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "whole.mcap", "again.mcap"]), @"resonarm: recording `whole.mcap` is whole: there is nothing to recover");
-    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "run.mcap"]), @"resonarm: recording `run.mcap` can't be recovered onto itself: name another file for the result");
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "run.mcap"]), @"resonarm: recording `run.mcap` can't be written over itself: name another file for the result");
     let again = document(folder.path(), 0, &["recover", "run.mcap", "whole.mcap", "--overwrite", "--json"]);
     assert_eq!(again["source"], cut["integrity"]);
 }
@@ -170,7 +170,7 @@ fn a_hard_link_is_not_overwritten_with_what_is_recovered_from_it() {
     damage(&path, 1);
     fs::hard_link(&path, &link).unwrap();
     let before = fs::read(&path).unwrap();
-    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "link.mcap", "--overwrite"]), @"resonarm: recording `run.mcap` can't be recovered onto itself: name another file for the result");
+    assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "link.mcap", "--overwrite"]), @"resonarm: recording `run.mcap` can't be written over itself: name another file for the result");
     assert!(fs::read(&path).unwrap() == before && fs::read(&link).unwrap() == before);
 }
 

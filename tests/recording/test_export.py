@@ -2,21 +2,27 @@
 the package `mcap` reads of the recording."""
 
 import csv
+import json
 import os
 import re
 import subprocess
+from collections import defaultdict
+from pathlib import Path
 
 import can
+import cantools
 import numpy as np
 import pytest
 import pyuff
 import soundfile
+from mcap.reader import make_reader
 from processes import RESONARM, run
 from recordings import LOAD, SENSORS, STATE, SENT, Recording, bits
 
 # As candump writes a frame: identifier, flags of CAN FD, data.
 FRAME = re.compile(r" ([0-9A-F]+)#(#[0-9A-F])?([0-9A-F]*)\b")
 
+ROOT = Path(__file__).resolve().parents[2]
 FD = """
 [network]
 profile = "fd"
@@ -129,6 +135,46 @@ def test_wav_has_every_value(recorded, tmp_path):
         values, rate_hz = soundfile.read(tmp_path / f"x-{part}.wav", dtype="float32", always_2d=True)
         assert (rate_hz, values.shape) == (1000, expected.shape)
         assert (values == expected.astype(np.float32)).all()
+
+
+def test_viewers_find_every_sample(recorded, tmp_path):
+    path, recording = recorded
+    export(tmp_path, path, "--to", "foxglove")
+    rows, times, schemas = defaultdict(list), defaultdict(list), {}
+    with (tmp_path / "x-foxglove.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages():
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            schemas[channel.topic] = schema.name, json.loads(schema.data)
+            rows[channel.topic].append(json.loads(message.data))
+            times[channel.topic].append(message.log_time)
+        attached = {attachment.name: attachment.data.decode() for attachment in reader.iter_attachments()}
+    for topic, names, expected in (
+        ("/states", STATE + LOAD, recording.states),
+        ("/samples", SENSORS, recording.samples),
+    ):
+        found = np.array([[row[name] for name in names] for row in rows[topic]])
+        assert (found == expected).all()
+        assert set(schemas[topic][1]["properties"]) == set(rows[topic][0]) == {*names, "sample"}
+    assert times["/states"][:3] == [0, 1_000_000, 2_000_000]
+    assert times["/samples"][:3] == [0, 500_000, 1_500_000]
+    assert schemas["/log"][0] == "foxglove.Log"
+    assert [log["name"] for log in rows["/log"]] == [event.name for event in recording.topics["/events"]]
+    for log in rows["/log"]:
+        # What https://docs.foxglove.dev/docs/sdk/schemas/log has.
+        assert set(log) == {"timestamp", "level", "message", "name", "file", "line"}
+        assert set(log["timestamp"]) == {"sec", "nsec"} and log["level"] in range(6)
+    assert attached["scenario.toml"] == recording.metadata["resonarm.configuration"]["scenario"]
+    assert cantools.database.load_string(attached["resonarm.dbc"]).messages
+
+    layout = json.loads((ROOT / "docs/foxglove-layout.json").read_text())
+    paths = [series["value"] for panel in layout["configById"].values() for series in panel.get("paths", [])]
+    assert len(paths) == 14 - 2
+    for value in paths:
+        topic, field = value.split(".")
+        assert field in rows[topic][0]
+    panels = re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))
+    assert sorted(panels) == sorted(layout["configById"])
 
 
 def test_a_range_of_time(recorded, tmp_path):

@@ -1,0 +1,119 @@
+//! What the records of a recording come to, in numbers.
+
+use std::collections::BTreeMap;
+
+use resonarm_protocol::{DecodeError, Receiver};
+use serde::Serialize;
+
+use crate::export::{Part, channels, sample_values, state_values};
+use crate::recording::{Direction, Record, Recording, RecordingError};
+use crate::scenario::Scenario;
+
+/// What is in a recording, in numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Statistics {
+    /// States, loads and readings, channel by channel.
+    pub channels: Vec<ChannelStatistics>,
+    /// Messages of the network, by name.
+    pub messages: BTreeMap<&'static str, u64>,
+    /// Frames of the network that a receiver refuses, by what is wrong with them.
+    pub refused_frames: BTreeMap<String, u64>,
+    /// Frames lost on the bus, as the counters of those that came tell.
+    pub lost_frames: u64,
+    /// Frames of other networks and protocols.
+    pub foreign_frames: u64,
+    /// Events, by name.
+    pub events: BTreeMap<String, u64>,
+}
+
+/// A channel in numbers, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ChannelStatistics {
+    /// Its name, with the unit.
+    pub name: &'static str,
+    /// The least value.
+    pub least: f64,
+    /// The largest.
+    pub largest: f64,
+    /// The mean.
+    pub mean: f64,
+    /// The root of the mean square.
+    pub rms: f64,
+}
+
+/// Reads a recording once.
+///
+/// # Errors
+/// [`RecordingError`] if it can't be read.
+pub fn statistics(recording: &Recording) -> Result<Statistics, RecordingError> {
+    let network = Scenario::from_configuration(recording.configuration()).ok().and_then(|found| found.network().ok());
+    // Each end has counters of its own, and hears the other's frames alone.
+    let mut receivers = [(); 2].map(|()| Receiver::new(network.unwrap_or_default()));
+    let mut sums = [Part::States, Part::Samples].map(Sums::new);
+    let mut found = Statistics::default();
+    for record in recording.records()? {
+        match record? {
+            // The end of a run has a state and no load.
+            Record::State(state) if state.is_end => {}
+            Record::State(state) => sums[0].add(&state_values(&state)),
+            Record::Sample(readings) => sums[1].add(&sample_values(&readings)),
+            Record::Frame(frame) => {
+                let receiver = &mut receivers[usize::from(frame.direction == Direction::Sent)];
+                match receiver.accept(&frame.frame) {
+                    Ok(Some(message)) => *found.messages.entry(message.kind().name()).or_insert(0) += 1,
+                    Ok(None) => found.foreign_frames += 1,
+                    Err(error) => *found.refused_frames.entry(reason(&error)).or_insert(0) += 1,
+                }
+            }
+            Record::Event(event) => *found.events.entry(event.name).or_insert(0) += 1,
+            Record::Tick(_) => {}
+        }
+    }
+    found.lost_frames = receivers.iter().map(Receiver::lost).sum();
+    found.channels = sums.iter().flat_map(Sums::channels).collect();
+    Ok(found)
+}
+
+/// What is wrong with a frame, without its numbers.
+fn reason(error: &DecodeError) -> String {
+    let what = match error {
+        DecodeError::Crc { .. } => "checksum",
+        DecodeError::Counter { .. } => "counter",
+        _ => "form or content",
+    };
+    format!("{}: {what}", error.kind().name())
+}
+
+/// The sums over the records of a part.
+struct Sums {
+    part: Part,
+    count: u64,
+    channels: Vec<[f64; 4]>,
+}
+
+impl Sums {
+    fn new(part: Part) -> Sums {
+        let channels = channels(part).iter().map(|_| [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0]).collect();
+        Sums { part, count: 0, channels }
+    }
+
+    fn add(&mut self, values: &[f64]) {
+        self.count += 1;
+        for ([least, largest, sum, squares], value) in self.channels.iter_mut().zip(values) {
+            (*least, *largest) = (least.min(*value), largest.max(*value));
+            (*sum, *squares) = (*sum + value, *squares + value * value);
+        }
+    }
+
+    fn channels(&self) -> Vec<ChannelStatistics> {
+        let (count, names) = (self.count as f64, channels(self.part).iter().map(|channel| channel.name));
+        let of = |(name, [least, largest, sum, squares]): (&'static str, &[f64; 4])| ChannelStatistics {
+            name,
+            least: *least,
+            largest: *largest,
+            mean: sum / count,
+            rms: libm::sqrt(squares / count),
+        };
+        if self.count == 0 { Vec::new() } else { names.zip(&self.channels).map(of).collect() }
+    }
+}

@@ -1,0 +1,92 @@
+//! Parts of recordings, and parts joined; a recording in numbers and as a figure.
+
+use std::fs;
+use std::path::Path;
+
+use insta::assert_snapshot;
+
+use crate::{complaint, document, resonarm};
+
+/// A folder with the recording of a run.
+fn recorded() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["run", "--mode", "free", "--duration-s", "0.3", "--record", "run.mcap"];
+    assert_eq!(resonarm(folder.path(), &run).code, 0);
+    folder
+}
+
+fn run(folder: &Path, arguments: &str) {
+    let words: Vec<&str> = arguments.split(' ').collect();
+    let ended = resonarm(folder, &words);
+    assert_eq!(ended.code, 0, "{arguments}: {}", ended.stderr);
+}
+
+#[test]
+fn a_part_is_a_recording() {
+    let folder = recorded();
+    run(folder.path(), "cut run.mcap part.mcap --from-s 0.1 --to-s 0.2");
+    let states = &document(folder.path(), 0, &["inspect", "part.mcap", "--json"])["topics"]["/plant/steps"];
+    assert_eq!(states["records"], 101);
+    let verdict = document(folder.path(), 0, &["resim", "part.mcap", "--json"]);
+    assert_eq!((&verdict["identical"], &verdict["samples"]), (&true.into(), &101.into()));
+    let all = "diff run.mcap part.mcap --parts states,samples,frames --from-s 0.1 --to-s 0.2";
+    run(folder.path(), all);
+    assert_snapshot!(complaint(folder.path(), 2, &["cut", "run.mcap", "run.mcap", "--overwrite"]), @"resonarm: recording `run.mcap` can't be written over itself: name another file for the result");
+    assert_snapshot!(complaint(folder.path(), 2, &["cut", "run.mcap", "part.mcap"]), @"resonarm: recording `part.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder.path(), 2, &["cut", "run.mcap", "none.mcap", "--from-s", "7"]), @"resonarm: there is no sample from 7 to 0.35 s: the recording has those from 0 to 0.35 s");
+}
+
+#[test]
+fn parts_that_are_joined_are_the_whole() {
+    let folder = recorded();
+    run(folder.path(), "cut run.mcap a.mcap --to-s 0.1");
+    run(folder.path(), "cut run.mcap b.mcap --from-s 0.101 --to-s 0.2");
+    run(folder.path(), "cut run.mcap c.mcap --from-s 0.201");
+    run(folder.path(), "merge a.mcap b.mcap c.mcap --out whole.mcap");
+    run(folder.path(), "diff run.mcap whole.mcap --parts states,samples,frames,events");
+    run(folder.path(), "resim whole.mcap");
+    let said =
+        |arguments: &[&str]| complaint(folder.path(), 2, &[&["merge"], arguments, &["--out", "new.mcap"]].concat());
+    assert_snapshot!(said(&["b.mcap", "a.mcap"]), @"resonarm: recording `a.mcap` can't be joined to the one before it: it has samples from 0 on, expected later ones than 200");
+    run(folder.path(), "run --mode free --duration-s 0.05 --beta2-deg 30 --record other.mcap");
+    assert_snapshot!(said(&["a.mcap", "other.mcap"]), @"resonarm: recording `other.mcap` can't be joined to the one before it: it has another configuration, which `diff` tells, expected the same");
+    run(folder.path(), "run --mode free --duration-s 0.05 --rate-hz 500 --record slow.mcap");
+    assert_snapshot!(said(&["a.mcap", "slow.mcap"]), @"resonarm: recording `slow.mcap` can't be joined to the one before it: it has 0.002 s from sample to sample, expected 0.001 s from sample to sample");
+    assert!(!folder.path().join("new.mcap").exists());
+}
+
+#[test]
+fn a_recording_in_numbers_and_as_a_figure() {
+    let folder = recorded();
+    let inspect = ["inspect", "run.mcap", "--statistics", "--plot", "run", "--json"];
+    let found = document(folder.path(), 0, &inspect);
+    run(folder.path(), "export run.mcap --to csv --parts samples");
+    let table = fs::read_to_string(folder.path().join("run-samples.csv")).unwrap();
+    let head: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    for channel in found["statistics"]["channels"].as_array().unwrap() {
+        let name = channel["name"].as_str().unwrap();
+        let Some(column) = head.iter().position(|title| *title == name) else { continue };
+        let values: Vec<f64> =
+            table.lines().skip(1).map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect();
+        let count = values.len() as f64;
+        let expected = [
+            values.iter().copied().fold(f64::INFINITY, f64::min),
+            values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            values.iter().sum::<f64>() / count,
+            (values.iter().map(|value| value * value).sum::<f64>() / count).sqrt(),
+        ];
+        let got = ["least", "largest", "mean", "rms"].map(|key| channel[key].as_f64().unwrap());
+        assert_eq!(got, expected, "{name}");
+    }
+    assert_eq!(found["statistics"]["channels"].as_array().unwrap().len(), 14);
+    assert_eq!(found["problems"], serde_json::json!([]));
+    assert_eq!((&found["statistics"]["lost_frames"], &found["statistics"]["foreign_frames"]), (&0.into(), &0.into()));
+    let frames = found["topics"]["/can/frames"]["records"].as_u64().unwrap();
+    let messages = found["statistics"]["messages"].as_object().unwrap();
+    assert_eq!(messages.values().map(|count| count.as_u64().unwrap()).sum::<u64>(), frames);
+    let figure = fs::read_to_string(folder.path().join("run.svg")).unwrap();
+    assert!(figure.contains("alpha1_rad") && figure.contains("head_force_x_n") && !figure.contains("torque1_nm"));
+    assert_eq!(complaint(folder.path(), 2, &inspect).lines().count(), 1);
+    let text = resonarm(folder.path(), &["inspect", "run.mcap", "--statistics"]).stdout;
+    assert!(text.contains("\nhead_force_x_n ") && text.contains("\nforeign frames "), "{text}");
+}
