@@ -190,6 +190,7 @@ fn run(error: &RunError) -> Exit {
     match error {
         RunError::Bus(error) => bus(error),
         RunError::Recording(error) => recording(error),
+        RunError::NotRecorded(_) => Exit::Negative,
         RunError::Scenario(_)
         | RunError::PlantSpec(_)
         | RunError::Rate(_)

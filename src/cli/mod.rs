@@ -23,6 +23,7 @@ mod exciter_end;
 mod experiment;
 mod export;
 mod failure;
+mod file_size;
 mod flags;
 mod frf;
 mod identify;
@@ -113,6 +114,7 @@ enum Command {
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
+    file_size::fail_writes_beyond_limit();
     let cli = match parse(std::env::args_os()) {
         Ok(cli) => cli,
         Err(error) => error.exit(),

@@ -87,22 +87,21 @@ impl<'a> Bench<'a> {
     }
 
     /// Boots the node in a run that began when the loop's clock read `clock_ns`.
-    pub fn start(&mut self, clock_ns: u64, now_ns: u64) -> Result<(), RunError> {
+    pub fn start(&mut self, clock_ns: u64, now_ns: u64) {
         self.records.begin(clock_ns);
         self.node.start(now_ns);
-        self.tell_events(now_ns)?;
+        self.tell_events(now_ns);
         (self.on_event)(RunEvent::Ready);
-        Ok(())
     }
 
     /// Records a record that the loop itself makes.
-    pub fn record(&mut self, record: Record) -> Result<(), RunError> {
-        Ok(self.records.record(record)?)
+    pub fn record(&mut self, record: Record) {
+        self.records.record(record);
     }
 
-    fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) -> Result<(), RunError> {
+    fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) {
         let sample = self.sample();
-        self.record(Record::Event(Event { sample, time_ns: now_ns, name, value }))
+        self.record(Record::Event(Event { sample, time_ns: now_ns, name, value }));
     }
 
     /// Faults from outside the node.
@@ -132,7 +131,7 @@ impl<'a> Bench<'a> {
     pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         for _ in 0..FRAMES_AT_ONCE {
             match bus.receive() {
-                Ok(Some(received)) => self.take(now_ns, &received)?,
+                Ok(Some(received)) => self.take(now_ns, &received),
                 Ok(None) => break,
                 Err(error) => return self.lose_bus(now_ns, error),
             }
@@ -141,7 +140,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Takes in one frame.
-    pub fn take(&mut self, now_ns: u64, received: &Received) -> Result<(), RunError> {
+    pub fn take(&mut self, now_ns: u64, received: &Received) {
         let record = FrameRecord {
             sample: self.sample(),
             direction: Direction::Received,
@@ -149,24 +148,22 @@ impl<'a> Bench<'a> {
             bus_timestamp_ns: received.timestamp_ns,
             frame: received.frame,
         };
-        self.record(Record::Frame(record))?;
+        self.record(Record::Frame(record));
         self.node.handle_frame(now_ns, &received.frame);
-        Ok(())
     }
 
     /// Does what is due, and records what happened.
-    pub fn handle_deadline(&mut self, now_ns: u64) -> Result<(), RunError> {
+    pub fn handle_deadline(&mut self, now_ns: u64) {
         self.node.handle_deadline(now_ns);
-        self.tell_events(now_ns)
+        self.tell_events(now_ns);
     }
 
-    fn tell_events(&mut self, now_ns: u64) -> Result<(), RunError> {
+    fn tell_events(&mut self, now_ns: u64) {
         while let Some(event) = self.node.poll_event() {
             let (name, value) = event_record(&event);
-            self.record_event(now_ns, name, value)?;
+            self.record_event(now_ns, name, value);
             self.tell(&event);
         }
-        Ok(())
     }
 
     /// Tells what somebody watching the run wants to know.
@@ -208,7 +205,7 @@ impl<'a> Bench<'a> {
                 acceleration_c: clipped(measurement.acceleration_c_m_s2),
                 head_force: clipped(measurement.head_force_n),
             }),
-        }))?;
+        }));
         self.node.set_travel(self.plant.travel_m());
         Ok(self.node.publish(&measurement)?)
     }
@@ -217,7 +214,7 @@ impl<'a> Bench<'a> {
     /// plant stays where it is.
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
-        self.record_state(&load, false)?;
+        self.record_state(&load, false);
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
@@ -230,12 +227,12 @@ impl<'a> Bench<'a> {
     }
 
     /// Records the last state of the run, from which nothing is advanced.
-    pub fn record_end(&mut self) -> Result<(), RunError> {
-        self.record_state(&Load::default(), true)
+    pub fn record_end(&mut self) {
+        self.record_state(&Load::default(), true);
     }
 
     /// Records the state at the sample, with the load held from it on.
-    fn record_state(&mut self, load: &Load, is_end: bool) -> Result<(), RunError> {
+    fn record_state(&mut self, load: &Load, is_end: bool) {
         let state = self.plant.state();
         let record = StateRecord {
             sample: self.sample(),
@@ -245,12 +242,12 @@ impl<'a> Bench<'a> {
             force_n: load.force_n.into(),
             is_end,
         };
-        self.record(Record::State(record))
+        self.record(Record::State(record));
     }
 
-    fn record_sent(&mut self, now_ns: u64, frame: Frame) -> Result<(), RunError> {
+    fn record_sent(&mut self, now_ns: u64, frame: Frame) {
         let (sample, direction) = (self.sample(), Direction::Sent);
-        self.record(Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }))
+        self.record(Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }));
     }
 
     /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
@@ -259,8 +256,8 @@ impl<'a> Bench<'a> {
             match bus.send(&frame) {
                 Ok(Sent::Queued) => {
                     self.node.frame_sent();
-                    self.regain_bus(now_ns)?;
-                    self.record_sent(now_ns, frame)?;
+                    self.regain_bus(now_ns);
+                    self.record_sent(now_ns, frame);
                 }
                 Ok(Sent::QueueFull) => return Ok(false),
                 Err(error) => {
@@ -283,19 +280,20 @@ impl<'a> Bench<'a> {
                 self.node.bus_lost(now_ns);
                 let sample = self.sample();
                 (self.on_event)(RunEvent::BusLost { sample });
-                self.record_event(now_ns, "bus.lost", 0)
+                self.record_event(now_ns, "bus.lost", 0);
+                Ok(())
             }
             Some(since_ns) if now_ns.saturating_sub(since_ns) > BUS_PATIENCE_NS => Err(error.into()),
             Some(_) => Ok(()),
         }
     }
 
-    fn regain_bus(&mut self, now_ns: u64) -> Result<(), RunError> {
+    fn regain_bus(&mut self, now_ns: u64) {
         if self.lost_since_ns.take().is_none() {
-            return Ok(());
+            return;
         }
         let sample = self.sample();
         (self.on_event)(RunEvent::BusBack { sample });
-        self.record_event(now_ns, "bus.back", 0)
+        self.record_event(now_ns, "bus.back", 0);
     }
 }

@@ -55,9 +55,12 @@ pub enum RunError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// The recording failed.
+    /// The recording can't be begun.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// The run has come to its end, its recording has not.
+    #[error("the run is not recorded to its end: {0}")]
+    NotRecorded(RecordingError),
     /// The simulation failed.
     #[error("the simulation failed at {0}")]
     Plant(#[from] PlantError),

@@ -45,12 +45,10 @@ pub(super) fn finish<C: Clock>(
     let outcome = outcome(bench, &ended);
     bench.leave(now_ns);
     let simulates = !matches!(ended, Err(RunError::Plant(_)));
-    let rest = [
-        if simulates { ramp(bench, bus, pace) } else { Ok(()) },
-        bench.handle_deadline(pace.now_ns()),
-        bench.record_end(),
-        send_rest(bench, bus, pace),
-    ];
+    let ramped = if simulates { ramp(bench, bus, pace) } else { Ok(()) };
+    bench.handle_deadline(pace.now_ns());
+    bench.record_end();
+    let rest = [ramped, send_rest(bench, bus, pace)];
     let mut errors = ended.err().into_iter().chain(rest.into_iter().filter_map(Result::err));
     match errors.next() {
         Some(error) => (Outcome::Failed, Some(error)),
@@ -86,7 +84,7 @@ fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) 
         pace.sleep(bench.sample());
         let now_ns = pace.now_ns();
         bench.receive(now_ns, bus)?;
-        bench.handle_deadline(now_ns)?;
+        bench.handle_deadline(now_ns);
         bench.measure()?;
         bench.transmit(now_ns, bus)?;
     }

@@ -44,14 +44,14 @@ fn ticks<C: Clock>(
     ending: Ending,
     signals: &Signals,
 ) -> Result<EndedBy, RunError> {
-    bench.start(pace.start_ns(), pace.now_ns())?;
+    bench.start(pace.start_ns(), pace.now_ns());
     loop {
         let tick = periodic.tick()?;
         let now_ns = pace.now_ns();
         work(bench, bus, &tick, now_ns)?;
         let exec_ns = periodic.finish(&tick);
         let (sample, wakeup_ns, overruns) = (tick.index, tick.wakeup_ns, tick.missed);
-        bench.record(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns }))?;
+        bench.record(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns }));
         signals.set_done(tick.index);
         if let Some(end) = ending.reached(bench, signals, now_ns) {
             return Ok(end);
@@ -67,7 +67,7 @@ fn work(bench: &mut Bench, bus: &mut dyn Bus, tick: &Tick, now_ns: u64) -> Resul
     if tick.slipped > 0 {
         bench.slipped(tick.slipped);
     }
-    bench.handle_deadline(now_ns)?;
+    bench.handle_deadline(now_ns);
     if tick.index > 0 {
         bench.advance(now_ns)?;
     }

@@ -1,6 +1,6 @@
 //! Where the records of a run go.
 
-use crate::recording::{Channel, Record, RecordingError};
+use crate::recording::{Channel, Record};
 
 /// Where the records of a run go.
 #[derive(Debug)]
@@ -22,22 +22,18 @@ impl RecordSink {
         }
     }
 
-    /// Records `record`.
-    ///
-    /// # Errors
-    /// [`RecordingError`] if a whole recording has failed; what comes after goes nowhere. A lossy one counts.
-    pub fn record(&mut self, record: Record) -> Result<(), RecordingError> {
-        let result = match self {
-            RecordSink::Off => Ok(()),
+    /// Records `record`. If the recording has failed, which its recorder tells, what comes goes nowhere: the run goes on.
+    pub fn record(&mut self, record: Record) {
+        let failed = match self {
+            RecordSink::Off => false,
             RecordSink::Lossy(channel) => {
                 channel.push(record);
-                Ok(())
+                false
             }
-            RecordSink::Whole(channel) => channel.push_blocking(record),
+            RecordSink::Whole(channel) => channel.push_blocking(record).is_err(),
         };
-        if result.is_err() {
+        if failed {
             *self = RecordSink::Off;
         }
-        result
     }
 }

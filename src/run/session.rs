@@ -12,7 +12,7 @@ use super::lockstep::lockstep;
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::record_sink::RecordSink;
-use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, Outcome, PlantReport, RunError, RunEvent, Signals};
+use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals};
 use crate::bus::fault::Faulty;
 use crate::bus::{Bus, VirtualBus, memory, timed};
 use crate::control::Controller;
@@ -402,8 +402,8 @@ fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantRep
     match recorder.finish(&statistics) {
         Ok(summary) => PlantReport { recording: Some(summary), ..report },
         Err(error) => {
-            let error = report.error.or(Some(error.into()));
-            PlantReport { outcome: Outcome::Failed, error, ..report }
+            let error = report.error.or(Some(RunError::NotRecorded(error)));
+            PlantReport { error, ..report }
         }
     }
 }

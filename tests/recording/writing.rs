@@ -18,21 +18,10 @@ fn the_same_records_give_the_same_bytes() -> Outcome {
     assert!(bytes == fs::read(&two)?, "two recordings of the same records differ");
     assert_eq!(summary.bytes, bytes.len() as u64);
     assert_eq!(summary.samples, 2500);
-    assert_eq!(summary.messages_in(Topic::States), 25);
+    assert_eq!(summary.messages_in(Topic::States), 5);
     assert_eq!(summary.messages_in(Topic::State), 250);
-    assert_eq!(summary.messages_in(Topic::Frames), 5000);
+    assert_eq!(summary.messages_in(Topic::Frames), 5);
     assert_eq!(summary.lost["plant"], 0);
-    Ok(())
-}
-
-/// 64 bytes of state and load, 48 of sensors, and two frames, which make the most of it.
-#[test]
-fn a_sample_costs_less_than_its_raw_size_and_sixty_bytes_a_frame() -> Outcome {
-    let directory = tempfile::tempdir()?;
-    let samples = 10_000;
-    let summary = record(&directory.path().join("run.mcap"), options(), &run(samples)?)?;
-    let bytes_per_sample = summary.bytes / samples;
-    assert!((64..64 + 48 + 2 * 60).contains(&bytes_per_sample), "{bytes_per_sample} bytes a sample");
     Ok(())
 }
 
@@ -166,22 +155,32 @@ fn refuses_to_overwrite_unless_asked() -> Outcome {
     Ok(())
 }
 
+/// What happens to a file while it is written.
+enum Lost {
+    File,
+    Replaced,
+    Folder,
+}
+
 #[test]
 fn a_recording_that_was_deleted_or_replaced_meanwhile_is_said() -> Outcome {
     let directory = tempfile::tempdir()?;
-    let path = directory.path().join("run.mcap");
-    for replaced in [false, true] {
+    for (number, lost) in [Lost::File, Lost::Replaced, Lost::Folder].into_iter().enumerate() {
+        let folder = directory.path().join(number.to_string());
+        fs::create_dir(&folder)?;
+        let path = folder.join("run.mcap");
         let options = Options { existing: Existing::Overwrite, ..options() };
         let recorder = Recorder::create(&path, &configuration(), options)?;
         let mut channel = recorder.channel("plant", 64)?;
         run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
-        fs::remove_file(&path)?;
-        if replaced {
-            fs::write(&path, "something else")?;
+        match lost {
+            Lost::File => fs::remove_file(&path)?,
+            Lost::Replaced => fs::remove_file(&path).and_then(|()| fs::write(&path, "something else"))?,
+            Lost::Folder => fs::remove_dir_all(&folder)?,
         }
         let error = recorder.finish(&[]).err().ok_or("a file that is gone was called written")?.to_string();
         assert_eq!(
-            error.replace(&directory.path().display().to_string(), "DIR"),
+            error.replace(&folder.display().to_string(), "DIR"),
             "recording `DIR/run.mcap` was deleted, moved or replaced while it was written: what was recorded is not there"
         );
     }
