@@ -179,6 +179,12 @@ impl Plant {
         })
     }
 
+    /// The plant with the sample at which it stands called `sample`: a run that goes on from there.
+    #[must_use]
+    pub fn at_sample(self, sample: u64) -> Plant {
+        Plant { sample, ..self }
+    }
+
     /// The arm, with the shaker's armature at its tip if there is one.
     pub fn arm(&self) -> &Arm {
         &self.arm
