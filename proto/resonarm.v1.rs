@@ -123,6 +123,42 @@ pub struct Event {
     #[prost(sint64, tag = "4")]
     pub value: i64,
 }
+/// Consecutive CAN frames (ISO 11898-1), one column a quantity. Row i is the i-th frame. The columns of differences hold each
+/// value less the one before, the first less 0, modulo 2^64: their running sums are the values.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct FrameBatch {
+    /// Name of the interface, for example vcan0.
+    #[prost(string, tag = "1")]
+    pub interface: ::prost::alloc::string::String,
+    /// Differences of the samples in which the frames took effect (received) or of which they tell (sent).
+    #[prost(sint64, repeated, tag = "2")]
+    pub step_difference: ::prost::alloc::vec::Vec<i64>,
+    /// Differences of the times at which the run loop handled them, ns since the start of the run, by the clock of the machine;
+    /// in a free run by simulated time.
+    #[prost(sint64, repeated, tag = "3")]
+    pub time_difference_ns: ::prost::alloc::vec::Vec<i64>,
+    /// Which way each went.
+    #[prost(enumeration = "can_frame::Direction", repeated, tag = "4")]
+    pub direction: ::prost::alloc::vec::Vec<i32>,
+    /// Identifiers: 11 bits, or 29 if extended.
+    #[prost(uint32, repeated, tag = "5")]
+    pub id: ::prost::alloc::vec::Vec<u32>,
+    /// Kind of each: bit 0 extended frame format (29-bit identifier), 1 remote frame, 2 CAN FD, 3 bit rate switch, 4 error state
+    /// indicator, 5 it has a bus timestamp.
+    #[prost(uint32, repeated, tag = "6")]
+    pub flags: ::prost::alloc::vec::Vec<u32>,
+    /// Length that each states, bytes; of a remote frame the length asked for.
+    #[prost(uint32, repeated, tag = "7")]
+    pub length: ::prost::alloc::vec::Vec<u32>,
+    /// Differences of the times at which the kernel or the adapter saw them, ns of the UNIX epoch: of the frames alone that have
+    /// a bus timestamp.
+    #[prost(sint64, repeated, tag = "8")]
+    pub bus_timestamp_difference_ns: ::prost::alloc::vec::Vec<i64>,
+    /// Payloads by column, identifier after identifier in ascending order: of all rows with that identifier the first byte of
+    /// each that has one, then the second of each that has two, and so on. A remote frame has no payload.
+    #[prost(bytes = "vec", tag = "9")]
+    pub data: ::prost::alloc::vec::Vec<u8>,
+}
 /// Consecutive samples, one column a quantity. Row i is sample first_step + i. After range, noise and quantisation, before
 /// the scaling of the wire. All columns have the same length.
 #[derive(Clone, PartialEq, ::prost::Message)]

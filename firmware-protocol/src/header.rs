@@ -70,8 +70,18 @@ fn protocol(f: &mut fmt::Formatter<'_>) -> fmt::Result {
 }
 
 fn times(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let ns = [
+        ("HEARTBEAT_PERIOD", timing::HEARTBEAT_PERIOD_NS),
+        ("HEARTBEAT_TIMEOUT", timing::HEARTBEAT_TIMEOUT_NS),
+        ("HELLO_PERIOD", timing::HELLO_PERIOD_NS),
+        ("COMMAND_TIMEOUT", timing::COMMAND_TIMEOUT_NS),
+        ("COMMAND_AGE", timing::COMMAND_AGE_NS),
+        ("FORCE_RAMP", timing::FORCE_RAMP_NS),
+        ("LOCKSTEP_TIMEOUT", timing::LOCKSTEP_TIMEOUT_NS),
+        ("LOCKSTEP_LOOK", timing::LOCKSTEP_LOOK_NS),
+    ];
     f.write_str("\n/** @name Times of section 6, ns, and limits of section 8 */\n/**@{*/\n")?;
-    for (name, time_ns) in timing::NAMED {
+    for (name, time_ns) in ns {
         writeln!(f, "#define RESONARM_{name}_NS UINT64_C({time_ns})")?;
     }
     f.write_str("/** Lowest sample rate in real time, Hz. */\n")?;

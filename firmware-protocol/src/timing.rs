@@ -31,18 +31,6 @@ pub const REAL_TIME_RATE_MIN_HZ: u16 = 100;
 /// In lockstep: the most that counts as listened between two looks at the clock. In real time it is a sample period.
 pub const LOCKSTEP_LOOK_NS: u64 = 20_000_000;
 
-/// The times of section 6 of the specification by the names that they have there, in its order.
-pub const NAMED: [(&str, u64); 8] = [
-    ("HEARTBEAT_PERIOD", HEARTBEAT_PERIOD_NS),
-    ("HEARTBEAT_TIMEOUT", HEARTBEAT_TIMEOUT_NS),
-    ("HELLO_PERIOD", HELLO_PERIOD_NS),
-    ("COMMAND_TIMEOUT", COMMAND_TIMEOUT_NS),
-    ("COMMAND_AGE", COMMAND_AGE_NS),
-    ("FORCE_RAMP", FORCE_RAMP_NS),
-    ("LOCKSTEP_TIMEOUT", LOCKSTEP_TIMEOUT_NS),
-    ("LOCKSTEP_LOOK", LOCKSTEP_LOOK_NS),
-];
-
 /// How many samples with a repeated or older index make a fault of the exciter, counted from arming.
 pub const STALE_SAMPLES_LIMIT: u64 = 10;
 

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use super::schema::Topic;
+use super::schema::MessageType;
 use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
 use super::{Clipped, SampleRecord, StateRecord, TickRecord};
 
@@ -11,8 +11,8 @@ pub(super) trait Batch: prost::Message + Default {
     /// What one row is made from.
     type Row: Copy;
 
-    /// Where the message goes.
-    const TOPIC: Topic;
+    /// What the message is.
+    const TYPE: MessageType;
 
     /// An empty batch for samples from `first_sample` on.
     fn begin(&mut self, first_sample: u64, dt_s: f64);
@@ -34,12 +34,14 @@ pub(super) trait Batch: prost::Message + Default {
         true
     }
 
-    /// All rows; what is wrong, if columns differ in length or the samples run out of range.
-    fn rows(&self) -> Result<Vec<Self::Row>, String> {
+    /// Hands all rows to `visit`, in order. Errors: what is wrong, if columns differ in length or the samples run out of
+    /// range.
+    fn rows(&self, mut visit: impl FnMut(Self::Row)) -> Result<(), String> {
         let columns = self.columns();
         let length = columns.iter().copied().max().unwrap_or(0);
-        let rows: Option<Vec<_>> = (0..length).map(|index| self.row(index)).collect();
-        rows.ok_or_else(|| format!("a batch from sample {} with columns of {columns:?} rows", self.first_sample()))
+        (0..length)
+            .try_for_each(|index| self.row(index).map(&mut visit))
+            .ok_or_else(|| format!("a batch from sample {} with columns of {columns:?} rows", self.first_sample()))
     }
 }
 
@@ -83,7 +85,7 @@ impl<B: Batch> Batcher<B> {
 
 impl Batch for StepBatch {
     type Row = StateRecord;
-    const TOPIC: Topic = Topic::States;
+    const TYPE: MessageType = MessageType::StepBatch;
 
     fn begin(&mut self, first_sample: u64, dt_s: f64) {
         prost::Message::clear(self);
@@ -139,7 +141,7 @@ impl Batch for StepBatch {
 
 impl Batch for SampleBatch {
     type Row = SampleRecord;
-    const TOPIC: Topic = Topic::Samples;
+    const TYPE: MessageType = MessageType::SampleBatch;
 
     fn begin(&mut self, first_sample: u64, dt_s: f64) {
         prost::Message::clear(self);
@@ -200,7 +202,7 @@ impl Batch for SampleBatch {
 
 impl Batch for TickBatch {
     type Row = TickRecord;
-    const TOPIC: Topic = Topic::Ticks;
+    const TYPE: MessageType = MessageType::TickBatch;
 
     fn begin(&mut self, first_sample: u64, _dt_s: f64) {
         prost::Message::clear(self);

@@ -9,7 +9,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use mcap::{McapError, parse_record};
 
 use super::lengths;
-use super::schema::Topic;
+use super::schema::{MessageType, Topic};
 
 /// Longest record, and longest chunk once decompressed, that is believed: 256 MiB, far above what a recorder writes.
 pub(super) const LONGEST: usize = 1 << 28;
@@ -46,13 +46,13 @@ impl From<McapError> for Fault {
 #[derive(Default)]
 pub(super) struct Contents {
     schemas: BTreeMap<u16, String>,
-    channels: BTreeMap<u16, Option<Topic>>,
+    channels: BTreeMap<u16, Option<MessageType>>,
     bytes: Vec<u8>,
     messages: Vec<Message>,
 }
 
 struct Message {
-    topic: Topic,
+    message_type: MessageType,
     log_time_ns: u64,
     publish_time_ns: u64,
     range: Range<usize>,
@@ -61,22 +61,22 @@ struct Message {
 /// A message as it stands in the file.
 #[derive(Clone, Copy)]
 pub(super) struct RawMessage<'a> {
-    pub topic: Topic,
+    pub message_type: MessageType,
     pub log_time_ns: u64,
     pub publish_time_ns: u64,
     pub bytes: &'a [u8],
 }
 
 impl Contents {
-    /// Topics declared so far.
-    pub fn topics(&self) -> impl Iterator<Item = Topic> {
-        self.channels.values().filter_map(|topic| *topic)
+    /// Types of message declared so far.
+    pub fn types(&self) -> impl Iterator<Item = MessageType> {
+        self.channels.values().filter_map(|message_type| *message_type)
     }
 
     /// The messages of the chunk read last, in the order in which they were written.
     pub fn messages(&self) -> impl Iterator<Item = RawMessage<'_>> {
         self.messages.iter().map(|message| RawMessage {
-            topic: message.topic,
+            message_type: message.message_type,
             log_time_ns: message.log_time_ns,
             publish_time_ns: message.publish_time_ns,
             bytes: &self.bytes[message.range.clone()],
@@ -125,19 +125,20 @@ impl Contents {
             McapRecord::Channel(channel) => {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
-                match topic {
-                    Some(topic) if schema != topic.schema_name() || channel.message_encoding != "protobuf" => {
-                        return Err(Fault::Schema(topic, format!("{schema} ({})", channel.message_encoding)));
-                    }
-                    topic => self.channels.insert(channel.id, topic),
-                };
+                let message_type = MessageType::ALL.into_iter().find(|of| {
+                    Some(of.topic()) == topic && of.name() == schema && channel.message_encoding == "protobuf"
+                });
+                if let (Some(topic), None) = (topic, message_type) {
+                    return Err(Fault::Schema(topic, format!("{schema} ({})", channel.message_encoding)));
+                }
+                self.channels.insert(channel.id, message_type);
             }
             McapRecord::Message { header, data } => match self.channels.get(&header.channel_id) {
-                Some(Some(topic)) => {
+                Some(Some(message_type)) => {
                     let start = self.bytes.len();
                     self.bytes.extend_from_slice(&data);
                     self.messages.push(Message {
-                        topic: *topic,
+                        message_type: *message_type,
                         log_time_ns: header.log_time,
                         publish_time_ns: header.publish_time,
                         range: start..self.bytes.len(),

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use mcap::McapError;
 
 use super::Integrity;
+use super::schema::{FIRST_FORMAT, FORMAT};
 
 /// Why a recording can't be written or read.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -138,6 +139,19 @@ pub enum RecordingError {
         got: String,
         /// What it should be.
         expected: &'static str,
+    },
+    /// The file has a format that came later.
+    #[error(
+        "recording `{path}` has format {format}, written by resonarm {writer}: this is resonarm {version}, which reads \
+         formats {FIRST_FORMAT} to {FORMAT}; read it with version {writer} or later", version = env!("CARGO_PKG_VERSION")
+    )]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Version of its format.
+        format: u32,
+        /// Version of the program that wrote it.
+        writer: String,
     },
     /// A topic has another message type than it should.
     #[error(

@@ -24,6 +24,7 @@ mod cut;
 mod decimate;
 mod decode;
 mod error;
+mod frames;
 mod lengths;
 mod options;
 mod plots;

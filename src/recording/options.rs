@@ -100,8 +100,8 @@ pub enum FlushPolicy {
 pub enum Compression {
     /// Not at all.
     None,
-    /// LZ4 frames.
-    Lz4,
+    /// Zstandard (RFC 8878), one frame a chunk.
+    Zstd,
 }
 
 /// What to do if the file is there already.
@@ -128,7 +128,7 @@ pub struct Options {
     pub compression: Compression,
     /// What to do if the file is there already.
     pub existing: Existing,
-    /// Samples in a full-rate batch, at least 1.
+    /// Samples in a batch, at least 1.
     pub batch_samples: u32,
     /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
     /// From 2 on they are filtered against aliases, as `docs/recording.md` states.
@@ -159,9 +159,9 @@ impl Options {
             interface: interface.to_string(),
             time_base: TimeBase::Simulated,
             flush: FlushPolicy::Samples(1000),
-            compression: Compression::Lz4,
+            compression: Compression::Zstd,
             existing: Existing::Refuse,
-            batch_samples: 100,
+            batch_samples: 500,
             plot_every_samples: 10,
         }
     }

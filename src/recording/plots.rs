@@ -22,8 +22,20 @@ impl Plot {
     }
 }
 
+/// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since the
+/// bits below can't be compressed. A value of no filter stays as it is.
+fn plotted(every: u64, value: f64) -> f64 {
+    const DROPPED: u64 = (1 << 29) - 1;
+    match value.is_finite() && every > 1 {
+        true => f64::from_bits((value.to_bits() + (DROPPED >> 1) + 1) & !DROPPED),
+        false => value,
+    }
+}
+
 /// Gathers what is to be plotted.
 pub(super) struct Plots {
+    /// Every how many samples something is plotted.
+    every: u64,
     /// α1, α2, α̇1, α̇2, torques at joints 1 and 2, force along x and y.
     states: Decimator<8>,
     states_ready: Vec<Decimated<8>>,
@@ -38,6 +50,7 @@ impl Plots {
     /// For every `every`-th sample; 0 is none.
     pub fn new(every: u64) -> Plots {
         Plots {
+            every,
             states: Decimator::new(every),
             states_ready: Vec::new(),
             readings: Decimator::new(every),
@@ -72,7 +85,8 @@ impl Plots {
 
     /// What is ready, in order within each topic.
     pub fn ready(&mut self) -> impl Iterator<Item = Plot> + use<> {
-        let states = core::mem::take(&mut self.states_ready).into_iter().flat_map(|row| {
+        let every = self.every;
+        let states = core::mem::take(&mut self.states_ready).into_iter().flat_map(move |row| {
             let (
                 step,
                 [
@@ -85,12 +99,12 @@ impl Plots {
                     force_x_n,
                     force_y_n,
                 ],
-            ) = (row.index, row.values);
+            ) = (row.index, row.values.map(|value| plotted(every, value)));
             let state = State { step, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s };
             [Plot::State(state), Plot::Command(Command { step, torque1_nm, torque2_nm, force_x_n, force_y_n })]
         });
-        let readings = core::mem::take(&mut self.readings_ready).into_iter().map(|row| {
-            let [bx, by, cx, cy, hx, hy] = row.values;
+        let readings = core::mem::take(&mut self.readings_ready).into_iter().map(move |row| {
+            let [bx, by, cx, cy, hx, hy] = row.values.map(|value| plotted(every, value));
             Plot::Sensors(Sensors {
                 step: row.index,
                 acceleration_b_x_m_s2: bx,

@@ -35,7 +35,7 @@ impl<T> Records<T> {
             match self.walk.next()? {
                 Some(Part::Chunk) => {
                     for message in self.walk.contents().messages() {
-                        if self.topics.contains(&message.topic) {
+                        if self.topics.contains(&message.message_type.topic()) {
                             decode(message, &mut |record| self.queue.extend((self.pick)(record)))
                                 .map_err(|cause| self.walk.damaged(offset, cause))
                                 .map(drop)?;

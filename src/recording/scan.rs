@@ -6,6 +6,7 @@ use std::path::Path;
 use super::contents::Contents;
 use super::decode::decode;
 use super::schema::{DT_S, FAULT_EVENT, OUR_LIBRARY, Topic, metadata};
+use super::summary::format;
 use super::walk::{Part, Walk};
 use super::{Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use crate::number::short;
@@ -69,6 +70,8 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
             Ok(Some(Part::Header(name))) => library = name,
             Ok(Some(Part::Metadata(name, content))) => {
                 if name == metadata::RECORDING && tally.dt_s.is_none() {
+                    // First of all: what a later format means by the rest is not known.
+                    format(path, &content)?;
                     tally.dt_s = content.get(DT_S).and_then(|value| value.parse().ok());
                 }
                 metadata.entry(name).or_insert(content);
@@ -137,12 +140,13 @@ impl Tally {
     /// The tally with the chunk that was read last. Errors: what is wrong with a message in it.
     pub fn with(mut self, contents: &Contents) -> Result<Tally, String> {
         self.topics.iter_mut().for_each(|topic| topic.first_of_chunk = None);
-        contents.topics().for_each(|topic| self.topics[topic as usize].declared = true);
+        contents.types().for_each(|of| self.topics[of.topic() as usize].declared = true);
         for message in contents.messages() {
-            let summary = &mut self.topics[message.topic as usize].summary;
+            let topic = message.message_type.topic();
+            let summary = &mut self.topics[topic as usize].summary;
             summary.messages += 1;
             summary.bytes += message.bytes.len() as u64;
-            let dt_s = decode(message, &mut |record| self.record(message.topic, &record))?;
+            let dt_s = decode(message, &mut |record| self.record(topic, &record))?;
             self.check_period(dt_s)?;
         }
         Ok(self)

@@ -20,7 +20,7 @@ pub enum Topic {
     Command,
     /// `/plant/sensors`: every n-th sample's readings, filtered, for plotting.
     Sensors,
-    /// `/can/frames`: every frame on the bus.
+    /// `/can/frames`: every frame on the bus, in batches.
     Frames,
     /// `/timing/ticks`: how punctual the real-time loop was, in batches.
     Ticks,
@@ -55,31 +55,94 @@ impl Topic {
         }
     }
 
-    /// Full name of its message type.
+    /// Full name of the message type that is written into it.
     pub const fn schema_name(self) -> &'static str {
+        MessageType::WRITTEN[self as usize].name()
+    }
+}
+
+/// What a message is. A topic has messages of one type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MessageType {
+    StepBatch,
+    SampleBatch,
+    State,
+    Command,
+    Sensors,
+    FrameBatch,
+    TickBatch,
+    Event,
+    /// A frame alone, as in formats 1 and 2.
+    CanFrame,
+}
+
+impl MessageType {
+    /// All types; the index of each is its place here.
+    pub const ALL: [MessageType; 9] = [
+        MessageType::StepBatch,
+        MessageType::SampleBatch,
+        MessageType::State,
+        MessageType::Command,
+        MessageType::Sensors,
+        MessageType::FrameBatch,
+        MessageType::TickBatch,
+        MessageType::Event,
+        MessageType::CanFrame,
+    ];
+
+    /// The types that are written, one for each of [`Topic::ALL`].
+    pub const WRITTEN: [MessageType; Topic::ALL.len()] = [
+        MessageType::StepBatch,
+        MessageType::SampleBatch,
+        MessageType::State,
+        MessageType::Command,
+        MessageType::Sensors,
+        MessageType::FrameBatch,
+        MessageType::TickBatch,
+        MessageType::Event,
+    ];
+
+    /// Where its messages are.
+    pub const fn topic(self) -> Topic {
         match self {
-            Topic::States => "resonarm.v1.StepBatch",
-            Topic::Samples => "resonarm.v1.SampleBatch",
-            Topic::State => "resonarm.v1.State",
-            Topic::Command => "resonarm.v1.Command",
-            Topic::Sensors => "resonarm.v1.Sensors",
-            Topic::Frames => "resonarm.v1.CanFrame",
-            Topic::Ticks => "resonarm.v1.TickBatch",
-            Topic::Events => "resonarm.v1.Event",
+            MessageType::StepBatch => Topic::States,
+            MessageType::SampleBatch => Topic::Samples,
+            MessageType::State => Topic::State,
+            MessageType::Command => Topic::Command,
+            MessageType::Sensors => Topic::Sensors,
+            MessageType::FrameBatch | MessageType::CanFrame => Topic::Frames,
+            MessageType::TickBatch => Topic::Ticks,
+            MessageType::Event => Topic::Events,
+        }
+    }
+
+    /// Its full name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            MessageType::StepBatch => "resonarm.v1.StepBatch",
+            MessageType::SampleBatch => "resonarm.v1.SampleBatch",
+            MessageType::State => "resonarm.v1.State",
+            MessageType::Command => "resonarm.v1.Command",
+            MessageType::Sensors => "resonarm.v1.Sensors",
+            MessageType::FrameBatch => "resonarm.v1.FrameBatch",
+            MessageType::TickBatch => "resonarm.v1.TickBatch",
+            MessageType::Event => "resonarm.v1.Event",
+            MessageType::CanFrame => "resonarm.v1.CanFrame",
         }
     }
 
     /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
-    pub(super) const fn descriptor(self) -> &'static [u8] {
+    pub const fn descriptor(self) -> &'static [u8] {
         match self {
-            Topic::States => include_bytes!("../../proto/descriptors/step_batch.bin"),
-            Topic::Samples => include_bytes!("../../proto/descriptors/sample_batch.bin"),
-            Topic::State => include_bytes!("../../proto/descriptors/state.bin"),
-            Topic::Command => include_bytes!("../../proto/descriptors/command.bin"),
-            Topic::Sensors => include_bytes!("../../proto/descriptors/sensors.bin"),
-            Topic::Frames => include_bytes!("../../proto/descriptors/can_frame.bin"),
-            Topic::Ticks => include_bytes!("../../proto/descriptors/tick_batch.bin"),
-            Topic::Events => include_bytes!("../../proto/descriptors/event.bin"),
+            MessageType::StepBatch => include_bytes!("../../proto/descriptors/step_batch.bin"),
+            MessageType::SampleBatch => include_bytes!("../../proto/descriptors/sample_batch.bin"),
+            MessageType::State => include_bytes!("../../proto/descriptors/state.bin"),
+            MessageType::Command => include_bytes!("../../proto/descriptors/command.bin"),
+            MessageType::Sensors => include_bytes!("../../proto/descriptors/sensors.bin"),
+            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin"),
+            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin"),
+            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin"),
+            MessageType::CanFrame => include_bytes!("../../proto/descriptors/can_frame.bin"),
         }
     }
 }
@@ -88,6 +151,10 @@ impl Topic {
 pub(super) mod metadata {
     /// What the recorder itself knows: format, time step, interface, build.
     pub const RECORDING: &str = "resonarm.recording";
+    /// The key of the version of the format in it.
+    pub const FORMAT: &str = "format";
+    /// The key of the version of the program in it.
+    pub const VERSION: &str = "version";
     /// When the run began, as soon as it has: not in runs of simulated time alone, nor in format 1.
     pub const START: &str = "resonarm.start";
     /// The key of the start of the run, ns of the UNIX epoch.
@@ -103,12 +170,12 @@ pub(super) mod metadata {
 }
 
 /// Version of topics, schemas and metadata that is written.
-pub(super) const FORMAT: &str = "2";
+pub(super) const FORMAT: u32 = 3;
 
-/// Versions that are read. 1 has no column of clipped readings and no mark at the end of a run; its plotting topics are
-/// not filtered, its publish times are the log times, and the log times of frames and events are when they were
-/// handled.
-pub(super) const FORMATS_READ: [&str; 2] = ["1", "2"];
+/// The first version; all from it to [`FORMAT`] are read. 1 has no column of clipped readings and no mark at the end of a
+/// run; its plotting topics are not filtered, its publish times are the log times, and the log times of frames and events
+/// are when they were handled. 1 and 2 have a message for every frame.
+pub(super) const FIRST_FORMAT: u32 = 1;
 
 /// The key of the time from sample to sample in [`metadata::RECORDING`].
 pub(super) const DT_S: &str = "dt_s";

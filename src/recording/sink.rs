@@ -11,15 +11,19 @@ use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 
 use super::contents::RawMessage;
-use super::schema::Topic;
+use super::schema::{MessageType, Topic};
 use super::{Compression, Existing, RecordingError};
+
+/// How hard Zstandard tries: its default.
+const ZSTD_LEVEL: u32 = 3;
 
 /// The file being written. `NoSeek` lets a chunk reach the file only whole, so that a killed file is whole up to a
 /// chunk.
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<File>>>,
-    channels: Vec<Written>,
+    /// One for each of [`MessageType::ALL`] that has a channel.
+    channels: [Option<Written>; MessageType::ALL.len()],
     buffer: Vec<u8>,
     unflushed: bool,
 }
@@ -38,49 +42,63 @@ struct Written {
 }
 
 impl Sink {
-    /// Writes the head of a new file: `metadata` records first, flushed, then all topics. In messages it is called
-    /// `path`.
+    /// Writes the head of a new file: `metadata` records first, flushed, then topics with messages of `types`. In what
+    /// users read it is called `path`.
     pub fn begin(
         file: File,
         path: &Path,
         compression: Compression,
         metadata: &[(&str, &BTreeMap<String, String>)],
+        types: impl IntoIterator<Item = MessageType>,
     ) -> Result<Sink, RecordingError> {
         let compression = match compression {
             Compression::None => None,
-            Compression::Lz4 => Some(mcap::Compression::Lz4),
+            Compression::Zstd => Some(mcap::Compression::Zstd),
         };
         let writer = WriteOptions::new()
             .library(concat!("resonarm ", env!("CARGO_PKG_VERSION")))
             .compression(compression)
+            .compression_level(ZSTD_LEVEL)
+            .compression_threads(0)
             .disable_seeking(true)
             .create(NoSeek::new(BufWriter::new(file)))
             .map_err(|error| RecordingError::write(path, error))?;
-        let mut sink =
-            Sink { path: path.to_path_buf(), writer, channels: Vec::new(), buffer: Vec::new(), unflushed: true };
+        let channels = [const { None }; MessageType::ALL.len()];
+        let mut sink = Sink { path: path.to_path_buf(), writer, channels, buffer: Vec::new(), unflushed: true };
         metadata.iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
         sink.flush()?;
-        sink.channels = Topic::ALL.into_iter().map(|topic| sink.add(topic)).collect::<Result<_, _>>()?;
+        types.into_iter().try_for_each(|message_type| sink.channel(message_type).map(drop))?;
         Ok(sink)
     }
 
-    /// Declares a topic and its schema.
-    fn add(&mut self, topic: Topic) -> Result<Written, RecordingError> {
-        self.writer
-            .add_schema(topic.schema_name(), "protobuf", topic.descriptor())
-            .and_then(|schema| self.writer.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new()))
-            .map(|id| Written { id, messages: 0 })
-            .map_err(|error| RecordingError::write(&self.path, error))
+    /// The channel for messages of a type; its topic and its schema are declared before the first.
+    fn channel(&mut self, message_type: MessageType) -> Result<&mut Written, RecordingError> {
+        let (name, topic) = (message_type.name(), message_type.topic().name());
+        let place = &mut self.channels[message_type as usize];
+        if let Some(channel) = place {
+            return Ok(channel);
+        }
+        let id = self
+            .writer
+            .add_schema(name, "protobuf", message_type.descriptor())
+            .and_then(|schema| self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new()))
+            .map_err(|error| RecordingError::write(&self.path, error))?;
+        Ok(place.insert(Written { id, messages: 0 }))
     }
 
     /// Writes one message.
-    pub fn message(&mut self, topic: Topic, stamp: Stamp, message: &impl prost::Message) -> Result<(), RecordingError> {
+    pub fn message(
+        &mut self,
+        message_type: MessageType,
+        stamp: Stamp,
+        message: &impl prost::Message,
+    ) -> Result<(), RecordingError> {
         let mut buffer = core::mem::take(&mut self.buffer);
         buffer.clear();
         let written = match message.encode(&mut buffer) {
             Ok(()) => {
                 let (log_time_ns, publish_time_ns) = (stamp.log_ns, stamp.publish_ns);
-                self.raw(RawMessage { topic, log_time_ns, publish_time_ns, bytes: &buffer })
+                self.raw(RawMessage { message_type, log_time_ns, publish_time_ns, bytes: &buffer })
             }
             Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
         };
@@ -90,7 +108,7 @@ impl Sink {
 
     /// Writes one message that is serialised already.
     pub fn raw(&mut self, message: RawMessage<'_>) -> Result<(), RecordingError> {
-        let channel = &mut self.channels[message.topic as usize];
+        let channel = self.channel(message.message_type)?;
         let header = MessageHeader {
             channel_id: channel.id,
             sequence: channel.messages as u32, // wraps, as MCAP's sequence numbers may
@@ -127,7 +145,12 @@ impl Sink {
 
     /// Messages written so far in a topic.
     pub fn messages(&self, topic: Topic) -> u64 {
-        self.channels[topic as usize].messages
+        let channels = MessageType::ALL.into_iter().zip(&self.channels);
+        channels
+            .filter(|(of, _)| of.topic() == topic)
+            .filter_map(|(_, channel)| channel.as_ref())
+            .map(|it| it.messages)
+            .sum()
     }
 
     /// Writes summary and footer and puts the file on the disk.

@@ -8,13 +8,13 @@ use resonarm_protocol::EmergencyCode;
 use serde::ser::SerializeStruct;
 
 use super::scan::Scan;
-use super::schema::{DT_S, FORMATS_READ, metadata};
+use super::schema::{DT_S, FIRST_FORMAT, FORMAT, metadata};
 use super::{BuildInfo, FrameRecord, RecordingError};
 
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Origin {
-    /// Version of the format: 1 or 2.
+    /// Version of the format, from 1 to 3.
     pub format: u32,
     /// Time from one sample to the next, s.
     pub dt_s: f64,
@@ -192,10 +192,7 @@ impl Origin {
             got: value(key),
             expected,
         };
-        let format = match FORMATS_READ.iter().position(|known| *known == value("format")) {
-            Some(place) => place as u32 + 1,
-            None => return Err(wrong("format", "`1` or `2`: read it with the version of resonarm that wrote it")),
-        };
+        let format = format(path, about)?;
         let dt_s = match value(DT_S).parse::<f64>() {
             Ok(dt_s) if dt_s.is_finite() && dt_s > 0.0 => dt_s,
             Ok(_) => return Err(wrong(DT_S, "a finite time above 0 s")),
@@ -218,13 +215,32 @@ impl Origin {
             start_unix_ns,
             plot_every_samples,
             build: BuildInfo {
-                version: value("version"),
+                version: value(metadata::VERSION),
                 git_commit: value("git_commit"),
                 target: value("target"),
                 profile: value("profile"),
                 compiler: value("compiler"),
             },
         })
+    }
+}
+
+/// The version of the format, if it is read.
+pub(super) fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u32, RecordingError> {
+    let value = |key| about.get(key).cloned().unwrap_or_default();
+    let got = value(metadata::FORMAT);
+    match got.parse() {
+        Ok(format) if (FIRST_FORMAT..=FORMAT).contains(&format) => Ok(format),
+        Ok(format) if format > FORMAT => {
+            Err(RecordingError::Newer { path: path.to_path_buf(), format, writer: value(metadata::VERSION) })
+        }
+        _ => Err(RecordingError::Metadata {
+            path: path.to_path_buf(),
+            name: metadata::RECORDING,
+            key: String::from(metadata::FORMAT),
+            got,
+            expected: "a version from 1 to 3",
+        }),
     }
 }
 

@@ -7,18 +7,17 @@ use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
 
-use resonarm_protocol::{FrameFormat, Id};
-
 use super::batch::{Batch, Batcher};
+use super::frames::FrameBatcher;
 use super::plots::{Plot, Plots};
 use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
-use super::schema::{DT_S, FORMAT, Topic, metadata};
+use super::schema::{DT_S, FORMAT, MessageType, Topic, metadata};
 use super::sink::{self, Sink, Stamp};
 use super::staged::is_at;
 use super::{
-    Configuration, Direction, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StateRecord,
-    TickRecord, TimeBase, build_info, decimate,
+    Configuration, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StateRecord, TickRecord,
+    TimeBase, build_info, decimate,
 };
 
 /// How often the thread looks into empty channels.
@@ -61,6 +60,7 @@ pub(super) struct Writer {
     states: Batcher<StepBatch>,
     readings: Batcher<SampleBatch>,
     ticks: Batcher<TickBatch>,
+    frames: FrameBatcher,
     plots: Plots,
     state_count: u64,
     last_sample: u64,
@@ -86,7 +86,7 @@ impl Writer {
         let about = about(&options, None);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
         let file = sink::open(path, options.existing)?;
-        let sink = Sink::begin(file, path, options.compression, &head)?;
+        let sink = Sink::begin(file, path, options.compression, &head, MessageType::WRITTEN)?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
             FlushPolicy::Samples(_) => Duration::ZERO,
@@ -99,6 +99,7 @@ impl Writer {
             states: Batcher::new(options.batch_samples, options.dt_s),
             readings: Batcher::new(options.batch_samples, options.dt_s),
             ticks: Batcher::new(options.batch_samples, options.dt_s),
+            frames: FrameBatcher::new(options.batch_samples, &options.interface),
             plots: Plots::new(options.plot_every_samples),
             state_count: 0,
             last_sample: 0,
@@ -207,10 +208,7 @@ impl Writer {
         match record {
             Record::State(state) => self.write_state(state),
             Record::Sample(reading) => self.write_reading(reading),
-            Record::Frame(frame) => {
-                let stamp = self.stamp_at(frame.sample, frame.time_ns);
-                self.sink.message(Topic::Frames, stamp, &frame_message(frame, &self.options.interface))
-            }
+            Record::Frame(frame) => self.write_frame(frame),
             Record::Tick(tick) => self.write_tick(tick),
             Record::Event(event) => self.write_event(event.sample, event.time_ns, event.name.to_string(), event.value),
         }
@@ -243,6 +241,15 @@ impl Writer {
         Ok(())
     }
 
+    fn write_frame(&mut self, record: &FrameRecord) -> Result<(), RecordingError> {
+        if self.frames.must_take_before(record) {
+            self.take_frames()?;
+        }
+        self.frames.append(record);
+        self.times.elapsed_ns = self.times.elapsed_ns.max(record.time_ns);
+        Ok(())
+    }
+
     fn take_states(&mut self) -> Result<(), RecordingError> {
         take(&mut self.states, &mut self.sink, &self.options, self.times)
     }
@@ -255,14 +262,23 @@ impl Writer {
         take(&mut self.ticks, &mut self.sink, &self.options, self.times)
     }
 
+    fn take_frames(&mut self) -> Result<(), RecordingError> {
+        match self.frames.take() {
+            Some((sample, batch)) => {
+                self.sink.message(MessageType::FrameBatch, self.times.stamp(&self.options, sample), batch)
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Writes what is ready for plotting.
     fn write_plots(&mut self) -> Result<(), RecordingError> {
         for message in self.plots.ready() {
             let stamp = self.times.stamp(&self.options, message.sample());
             match message {
-                Plot::State(state) => self.sink.message(Topic::State, stamp, &state)?,
-                Plot::Command(command) => self.sink.message(Topic::Command, stamp, &command)?,
-                Plot::Sensors(sensors) => self.sink.message(Topic::Sensors, stamp, &sensors)?,
+                Plot::State(state) => self.sink.message(MessageType::State, stamp, &state)?,
+                Plot::Command(command) => self.sink.message(MessageType::Command, stamp, &command)?,
+                Plot::Sensors(sensors) => self.sink.message(MessageType::Sensors, stamp, &sensors)?,
             }
         }
         Ok(())
@@ -271,10 +287,10 @@ impl Writer {
     fn write_event(&mut self, sample: u64, time_ns: u64, name: String, value: i64) -> Result<(), RecordingError> {
         let event = proto::Event { step: sample, time_ns, name, value };
         let stamp = self.stamp_at(sample, time_ns);
-        self.sink.message(Topic::Events, stamp, &event)
+        self.sink.message(MessageType::Event, stamp, &event)
     }
 
-    /// The times of a record that the run loop handled `time_ns` after the start of the run.
+    /// The times of an event that the run loop handled `time_ns` after the start of the run.
     fn stamp_at(&mut self, sample: u64, time_ns: u64) -> Stamp {
         self.times.elapsed_ns = self.times.elapsed_ns.max(time_ns);
         Times { elapsed_ns: time_ns, ..self.times }.stamp(&self.options, sample)
@@ -324,6 +340,7 @@ impl Writer {
 
     /// Writes the batches begun and hands everything to the system.
     fn flush(&mut self) -> Result<(), RecordingError> {
+        self.take_frames()?;
         self.take_states()?;
         self.take_readings()?;
         self.take_ticks()?;
@@ -395,7 +412,7 @@ fn take<B: Batch>(
     times: Times,
 ) -> Result<(), RecordingError> {
     match batcher.take() {
-        Some(batch) => sink.message(B::TOPIC, times.stamp(options, batch.first_sample()), batch),
+        Some(batch) => sink.message(B::TYPE, times.stamp(options, batch.first_sample()), batch),
         None => Ok(()),
     }
 }
@@ -404,7 +421,7 @@ fn take<B: Batch>(
 fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, String> {
     let build = build_info();
     let entries = [
-        ("format", FORMAT.to_string()),
+        (metadata::FORMAT, FORMAT.to_string()),
         (DT_S, options.dt_s.to_string()),
         ("interface", options.interface.clone()),
         ("time", options.time_base.name().to_string()),
@@ -418,32 +435,4 @@ fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, Stri
     ];
     let start = start_unix_ns.map(|start_ns| (metadata::START_UNIX_NS, start_ns.to_string()));
     entries.into_iter().chain(start).map(|(key, value)| (key.to_string(), value)).collect()
-}
-
-/// A frame as it goes into the file.
-fn frame_message(record: &FrameRecord, interface: &str) -> proto::CanFrame {
-    let frame = &record.frame;
-    let direction = match record.direction {
-        Direction::Received => proto::can_frame::Direction::Received,
-        Direction::Sent => proto::can_frame::Direction::Sent,
-    };
-    let (fd, brs, esi) = match frame.format() {
-        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => (true, bit_rate_switch, error_state_indicator),
-        FrameFormat::Classic | FrameFormat::Remote => (false, false, false),
-    };
-    proto::CanFrame {
-        step: record.sample,
-        time_ns: record.time_ns,
-        bus_timestamp_ns: record.bus_timestamp_ns,
-        direction: direction.into(),
-        interface: interface.to_string(),
-        id: frame.id().raw(),
-        extended: matches!(frame.id(), Id::Extended(_)),
-        remote: frame.format() == FrameFormat::Remote,
-        fd,
-        brs,
-        esi,
-        length: frame.len() as u32,
-        data: frame.data().to_vec(),
-    }
 }

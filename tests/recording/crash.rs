@@ -18,8 +18,13 @@ use resonarm::recording::{
     RecordingError, StateRecord, recover,
 };
 
-/// Where the child records; its being set makes the test the child.
+/// Where the child records; its being set makes a test the child.
 const CHILD: &str = "RESONARM_TEST_CRASH_RECORDING";
+/// Kills of a child that records as fast as it goes.
+const KILLS: u64 = 100;
+/// How many samples such a child flushes, and how many records are on their way at most.
+const FLUSH_SAMPLES: u64 = 50;
+const CAPACITY: usize = 64;
 /// The promise of the recorder, ms and samples at 1 kHz.
 const INTERVAL: u64 = 100;
 
@@ -76,19 +81,9 @@ fn record(path: &Path) -> Outcome {
             thread::park_timeout(rest);
         }
         latest = latest.max(clock() - deadline);
-        let x = sample as f64;
-        let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
-        channel.push(Record::State(StateRecord {
-            sample,
-            alpha_rad,
-            alpha_dot_rad_s,
-            torque_nm,
-            force_n,
-            is_end: false,
-        }));
-        let frame = Frame::classic(Id::Standard(0x203), &sample.to_le_bytes())?;
-        let (direction, time_ns, bus_timestamp_ns) = (Direction::Sent, clock().as_nanos() as u64, None);
-        channel.push(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }));
+        let [state, frame] = records_at(sample, clock().as_nanos() as u64)?;
+        channel.push(state);
+        channel.push(frame);
         if sample % 10 == 0 {
             writeln!(std::io::stdout(), "sample {sample} {}", slack(latest))?;
         }
@@ -96,9 +91,32 @@ fn record(path: &Path) -> Outcome {
     Err("nobody has killed the recording".into())
 }
 
+/// A state and a frame that tell their sample.
+fn records_at(sample: u64, time_ns: u64) -> Outcome<[Record; 2]> {
+    let x = sample as f64;
+    let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
+    let state = StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false };
+    let frame = Frame::classic(Id::Standard(0x203), &sample.to_le_bytes())?;
+    let (direction, bus_timestamp_ns) = (Direction::Sent, None);
+    Ok([Record::State(state), Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })])
+}
+
+/// Records as fast as it goes, waiting for the writer, and says every 10th sample, until it is killed.
+fn record_fast(path: &Path) -> Outcome {
+    let options = Options { flush: FlushPolicy::Samples(FLUSH_SAMPLES), ..Options::virtual_time(1e-3, "memory") };
+    let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
+    let mut channel = recorder.channel("plant", CAPACITY)?;
+    for sample in 0..10_000_000 {
+        records_at(sample, sample * 1_000_000)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+        if sample % 10 == 0 {
+            writeln!(std::io::stdout(), "sample {sample} 0")?;
+        }
+    }
+    Err("nobody has killed the recording".into())
+}
+
 /// Starts this test again as the process to be killed.
-fn start(path: &Path) -> Outcome<Child> {
-    let name = "crash::a_killed_run_loses_at_most_the_flush_interval";
+fn start(name: &str, path: &Path) -> Outcome<Child> {
     let mut command = Command::new(env::current_exe()?);
     command.args(["--exact", name, "--nocapture"]).env(CHILD, path).stdout(Stdio::piped());
     Ok(command.spawn()?)
@@ -136,35 +154,65 @@ fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
     let directory = tempfile::tempdir()?;
     for kill_after in [30, 470, 1000] {
         let path = directory.path().join(format!("killed-{kill_after}.mcap"));
-        let mut child = start(&path)?;
+        let mut child = start("crash::a_killed_run_loses_at_most_the_flush_interval", &path)?;
         let said = kill_at(kill_after, &mut child);
         child.kill()?; // in case it was not reached
         let (said, slack) = said?;
 
-        let recording = Recording::open(&path)?;
-        let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
-            return Err(format!("killed after sample {said}, but {:?}", recording.integrity()).into());
-        };
-        assert_eq!(recording.configuration().get("seed"), Some("7"));
-        let saved = last_sample.map_or(0, |last| last + 1);
+        let saved = check(&path, directory.path())?;
         assert!(saved + INTERVAL + slack > said, "{saved} samples saved of {said}, with a slack of {slack}");
-        let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
-        assert_eq!(states.len() as u64, saved);
-        assert!(
-            states
-                .iter()
-                .zip(0_u64..)
-                .all(|(state, k)| state.sample == k && state.alpha_rad == [k as f64, -(k as f64)])
-        );
-        assert_eq!(recording.frames()?.count() as u64, saved);
+    }
+    Ok(())
+}
 
-        let mended = directory.path().join(format!("mended-{kill_after}.mcap"));
-        let recovered = recover(&path, &mended, Existing::Refuse);
-        if saved == 0 && matches!(recovered, Err(RecordingError::NothingRecovered { .. })) {
-            continue; // killed before the first flush
-        }
-        assert!(recovered?.missing_samples.is_empty());
-        assert_eq!(Recording::open(&mended)?.states()?.count() as u64, saved);
+/// Checks what a kill left: a beginning of the run, without a gap, which can be recovered. Returns how many samples.
+fn check(path: &Path, directory: &Path) -> Outcome<u64> {
+    let recording = Recording::open(path)?;
+    let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
+        return Err(format!("killed, but {:?}", recording.integrity()).into());
+    };
+    assert_eq!(recording.configuration().get("seed"), Some("7"));
+    let saved = last_sample.map_or(0, |last| last + 1);
+    let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
+    assert_eq!(states.len() as u64, saved);
+    let is_whole = |(state, k): (&StateRecord, u64)| state.sample == k && state.alpha_rad == [k as f64, -(k as f64)];
+    assert!(states.iter().zip(0..).all(is_whole));
+    // A flush by the clock may come between the two records of a sample.
+    assert!((recording.frames()?.count() as u64).abs_diff(saved) <= 1);
+
+    let mended = directory.join("mended.mcap");
+    let recovered = recover(path, &mended, Existing::Overwrite);
+    if saved == 0 && matches!(recovered, Err(RecordingError::NothingRecovered { .. })) {
+        return Ok(0); // killed before the first flush
+    }
+    assert!(recovered?.missing_samples.is_empty());
+    assert_eq!(Recording::open(&mended)?.states()?.count() as u64, saved);
+    Ok(saved)
+}
+
+/// Whenever a kill comes, all is in the file but what was on its way and what came after the last flush: no clock is in
+/// this promise.
+#[test]
+fn a_hundred_kills_at_random_moments() -> Outcome {
+    if let Some(path) = env::var_os(CHILD) {
+        return record_fast(Path::new(&path));
+    }
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("killed.mcap");
+    let mut random = 1_u64;
+    for kill in 0..KILLS {
+        // A linear congruential generator (Knuth, MMIX) says after which sample; the child goes on meanwhile.
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let kill_after = (random >> 33) % 2000;
+        let mut child = start("crash::a_hundred_kills_at_random_moments", &path)?;
+        let said = kill_at(kill_after, &mut child);
+        child.kill()?; // in case it was not reached
+        let (said, _) = said?;
+        let saved = check(&path, directory.path()).map_err(|error| format!("kill {kill} after {said}: {error}"))?;
+        // Two records a sample; what the last one said was pushed whole.
+        let most_lost = FLUSH_SAMPLES + CAPACITY as u64 / 2 + 1;
+        assert!(saved + most_lost > said, "{saved} samples saved of {said} at kill {kill}");
+        std::fs::remove_file(&path)?;
     }
     Ok(())
 }

@@ -1,12 +1,13 @@
 //! Files cut short and damaged: said precisely, and everything before is given.
 
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 use proptest::prelude::*;
 use resonarm::recording::{Existing, FlushPolicy, Integrity, Options, Recording, RecordingError, StateRecord, recover};
 
-use crate::{Outcome, options, record, run};
+use crate::{Outcome, options, record, rewritten, run};
 
 const SAMPLES: u64 = 300;
 
@@ -196,14 +197,74 @@ fn one_wrong_byte_costs_one_chunk() -> Outcome {
 }
 
 /// Where the chunk with this number stands.
-fn chunk(bytes: &[u8], number: usize) -> Option<std::ops::Range<usize>> {
+fn chunk(bytes: &[u8], number: usize) -> Option<Range<usize>> {
     const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
+    records(bytes).filter(|record| bytes[record.start] == CHUNK).nth(number)
+}
+
+/// Where the records of a file stand.
+fn records(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
     let mut offset = mcap::MAGIC.len();
-    let mut chunks = std::iter::from_fn(|| {
+    std::iter::from_fn(move || {
         let length = u64::from_le_bytes(bytes.get(offset + 1..offset + 9)?.try_into().ok()?);
         let record = offset..offset + 9 + usize::try_from(length).ok()?;
         offset = record.end;
         Some(record)
-    });
-    chunks.by_ref().filter(|record| bytes[record.start] == CHUNK).nth(number)
+    })
+}
+
+/// In every record of a file its opcode, its length, the beginning, the middle and the end of its content.
+#[test]
+fn a_wrong_byte_in_any_record_is_told() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let whole = bytes(directory.path())?;
+    let recorded = states_recorded()?;
+    let path = directory.path().join("flipped.mcap");
+    let places: Vec<usize> = records(&whole)
+        .flat_map(|record| {
+            let (start, end) = (record.start, record.end);
+            [start, start + 1, start + 8, start + 9, usize::midpoint(start + 9, end), end - 1]
+        })
+        .filter(|place| *place < whole.len())
+        .collect();
+    assert!(places.len() > 6 * 30, "{} places", places.len());
+    for place in places {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 0x15;
+        fs::write(&path, &bytes)?;
+        match Recording::open(&path) {
+            Ok(recording) => assert_ne!(recording.integrity(), &Integrity::Complete, "byte {place}"),
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+        let _seen = read(&path, &recorded);
+    }
+    Ok(())
+}
+
+/// Messages that are wrong under right checksums, as another program may write them: cut short, and with a wrong byte.
+#[test]
+fn a_wrong_message_is_refused_or_read() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let (path, altered) = (directory.path().join("whole.mcap"), directory.path().join("altered.mcap"));
+    record(&path, Options { batch_samples: 10, ..options() }, &run(60)?)?;
+    for topic in ["/plant/steps", "/plant/samples", "/can/frames", "/timing/ticks", "/events"] {
+        let mut refused = 0;
+        for place in 0..120 {
+            let mut change = |of: &str, data: &mut Vec<u8>| {
+                if of == topic && place % 2 == 0 {
+                    data.truncate(data.len().saturating_sub(1 + place));
+                } else if let (true, Some(byte)) = (of == topic, data.get_mut(place)) {
+                    *byte ^= 0x91;
+                }
+            };
+            fs::write(&altered, rewritten(&path, &mut change)?)?;
+            match Recording::open(&altered) {
+                Ok(recording) if matches!(recording.integrity(), Integrity::Damaged { .. }) => refused += 1,
+                Ok(recording) => recording.records()?.for_each(drop),
+                Err(_) => refused += 1,
+            }
+        }
+        assert!(refused > 20, "{topic}: {refused} of 120 refused");
+    }
+    Ok(())
 }

@@ -88,3 +88,23 @@ fn record(path: &Path, options: Options, records: &[Record]) -> Outcome<Summary>
 fn run(samples: u64) -> Outcome<Vec<Record>> {
     Ok((0..samples).map(records_of).collect::<Result<Vec<_>, _>>()?.concat())
 }
+
+/// The file once more, with `alter` applied to the data of every message, and its checksums right.
+fn rewritten(path: &Path, mut alter: impl FnMut(&str, &mut Vec<u8>)) -> Outcome<Vec<u8>> {
+    let bytes = std::fs::read(path)?;
+    let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
+    let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
+    let summary = mcap::Summary::read(&bytes)?.ok_or("no summary")?;
+    for index in &summary.metadata_indexes {
+        writer.write_metadata(&mcap::read::metadata(&bytes, index)?)?;
+    }
+    for message in mcap::MessageStream::new(&bytes)? {
+        let mut message = message?;
+        let mut data = message.data.into_owned();
+        alter(&message.channel.topic, &mut data);
+        message.data = data.into();
+        writer.write(&message)?;
+    }
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use resonarm::arm::{Load, State};
 use resonarm::plant::Plant;
-use resonarm::recording::{Integrity, Recording};
+use resonarm::recording::{Existing, Integrity, Recording};
 use resonarm::replay::resimulate;
 use resonarm::rig::Reading;
+use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
 fn recordings() -> Vec<PathBuf> {
@@ -19,7 +20,7 @@ fn recordings() -> Vec<PathBuf> {
 #[test]
 fn every_state_is_the_recorded_one() {
     let paths = recordings();
-    assert!(paths.len() >= 2, "{paths:?}");
+    assert_eq!(paths.len(), 8, "{paths:?}");
     for path in paths {
         let recording = Recording::open(&path).unwrap();
         assert_eq!(*recording.integrity(), Integrity::Complete, "{}", path.display());
@@ -52,4 +53,32 @@ fn every_reading_of_the_instruments_is_the_recorded_one() {
         }
         assert!(readings > 800, "{}: {readings} readings", path.display());
     }
+}
+
+/// A free run is a function of its scenario: made again it has the same records, frames and events included.
+#[test]
+fn a_free_run_made_again_is_the_recorded_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut made = 0;
+    for path in recordings() {
+        let recording = Recording::open(&path).unwrap();
+        if recording.configuration().get("run_loop") != Some("free") {
+            continue;
+        }
+        let scenario = Scenario::from_configuration(recording.configuration()).unwrap();
+        let again = folder.path().join(path.file_name().unwrap());
+        let record = Some(RecordTo { path: again.clone(), existing: Existing::Refuse });
+        let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
+        session.both(&Signals::default(), |_| {}).unwrap();
+        let again = Recording::open(&again).unwrap();
+        assert_eq!(again.configuration(), recording.configuration(), "{}", path.display());
+        let (mut recorded, mut simulated) = (recording.records().unwrap(), again.records().unwrap());
+        let count = recorded.by_ref().zip(simulated.by_ref()).map(|(one, other)| {
+            assert_eq!(one.unwrap(), other.unwrap(), "{}; if this is meant, run recordings/make", path.display());
+        });
+        assert!(count.count() > 3000, "{}", path.display());
+        assert!(recorded.next().is_none() && simulated.next().is_none(), "{}", path.display());
+        made += 1;
+    }
+    assert_eq!(made, 7);
 }

@@ -78,9 +78,9 @@ fn any_run() -> impl Strategy<Value = Vec<Record>> {
 }
 
 fn any_options() -> impl Strategy<Value = Options> {
-    (any::<bool>(), 1..50_u64, 1..20_u32, 0..20_u64).prop_map(|(lz4, flush, batch_samples, plot_every_samples)| {
+    (any::<bool>(), 1..50_u64, 1..20_u32, 0..20_u64).prop_map(|(zstd, flush, batch_samples, plot_every_samples)| {
         Options {
-            compression: if lz4 { Compression::Lz4 } else { Compression::None },
+            compression: if zstd { Compression::Zstd } else { Compression::None },
             flush: FlushPolicy::Samples(flush),
             batch_samples,
             plot_every_samples,

@@ -16,15 +16,22 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def examples():
-    """The export's example, and that of reading a recording."""
+    """The examples: of the export, of states, of frames."""
     text = (ROOT / "docs/recording.md").read_text(encoding="utf-8")
-    convert, read = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    return convert, read
+    convert, states, frames = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    return convert, states, frames
+
+
+def printed(example):
+    """What an example prints in the project's folder."""
+    ended = subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
 
 
 def test_the_example_makes_parquet_and_mf4_of_the_csv(tmp_path):
     run(RESONARM, "export", ROOT / "recordings/free-sweep.mcap", "--to", "csv", "--out", tmp_path / "free")
-    example, _ = examples()
+    example, _, _ = examples()
     ended = subprocess.run([sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert ended.returncode == 0, ended.stderr
     recording = Recording.whole(ROOT / "recordings/free-sweep.mcap")
@@ -36,11 +43,14 @@ def test_the_example_makes_parquet_and_mf4_of_the_csv(tmp_path):
         assert signal.timestamps == pytest.approx((np.arange(len(values)) - 0.5) * 1e-3, abs=1e-12)
 
 
-def test_the_example_reads_the_reference_recording():
-    _, example = examples()
-    ended = subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert ended.returncode == 0, ended.stderr
-    found = re.fullmatch(r"(\d+) samples, largest \|α1\| ([0-9.]+) rad\n", ended.stdout)
-    assert found, ended.stdout
+def test_the_example_reads_the_states():
+    _, example, _ = examples()
+    found = re.fullmatch(r"(\d+) samples, largest \|α1\| ([0-9.]+) rad\n", printed(example))
     assert int(found[1]) == 1001
     assert 0.001 < float(found[2]) < 0.1
+
+
+def test_the_example_reads_the_frames():
+    _, _, example = examples()
+    counts = {identifier: int(count) for count, identifier in re.findall(r"(\d+) frames (0x[0-9a-f]+)", printed(example))}
+    assert counts["0x203"] == counts["0x204"] == counts["0x205"] == 1001 and counts["0x201"] == 1000

@@ -2,7 +2,9 @@
 
 from collections import defaultdict
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from mcap.exceptions import EndOfFile
@@ -16,6 +18,8 @@ LOAD = ("torque1_nm", "torque2_nm", "force_x_n", "force_y_n")
 ACCELERATIONS = tuple(f"acceleration_{point}_{axis}_m_s2" for point in "bc" for axis in "xy")
 SENSORS = (*ACCELERATIONS, "head_force_x_n", "head_force_y_n")
 RECEIVED, SENT = 1, 2
+# Bits of `flags` in a `FrameBatch`.
+REMOTE, TIMED = 1 << 1, 1 << 5
 
 
 class Recording:
@@ -72,9 +76,9 @@ class Recording:
     def samples(self):
         return self.column("/plant/samples", SENSORS)
 
-    @property
+    @cached_property
     def frames(self):
-        return self.topics["/can/frames"]
+        return [frame for batch in self.topics["/can/frames"] for frame in unpacked(batch)]
 
     def frames_of(self, direction, identifier):
         return [frame for frame in self.frames if (frame.direction, frame.id) == (direction, identifier)]
@@ -82,6 +86,31 @@ class Recording:
     def event(self, name, after=-1):
         """The first event of this name after a sample."""
         return next(event for event in self.topics["/events"] if event.name == name and event.step > after)
+
+
+def sums(differences):
+    """The values of which these are the differences, modulo 2^64."""
+    return [value % 2**64 for value in accumulate(differences)]
+
+
+def unpacked(batch):
+    """The frames of a `FrameBatch`."""
+    payloads, data = [bytearray() for _ in batch.id], iter(batch.data)
+    for identifier in sorted(set(batch.id)):
+        rows = [row for row, found in enumerate(batch.id) if found == identifier]
+        for place in range(64):
+            for row in rows:
+                if place < batch.length[row] and not batch.flags[row] & REMOTE:
+                    payloads[row].append(next(data))
+    timestamps = iter(sums(batch.bus_timestamp_difference_ns))
+    columns = (sums(batch.step_difference), sums(batch.time_difference_ns), batch.direction, batch.id, batch.flags)
+    for step, time_ns, direction, identifier, flags, payload in zip(*columns, payloads, strict=True):
+        timestamp_ns = next(timestamps) if flags & TIMED else None
+        yield SimpleNamespace(
+            step=step, time_ns=time_ns, bus_timestamp_ns=timestamp_ns, direction=direction, id=identifier, flags=flags,
+            data=bytes(payload),
+        )
+    assert not list(data) and not list(timestamps)
 
 
 def bits(values):
