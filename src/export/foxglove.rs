@@ -1,7 +1,7 @@
 //! A copy for viewers: an MCAP file with a JSON message for every state and sample, which Foxglove, Lichtblick and
 //! PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments.
 //!
-//! It is several times as large as the recording and no recording: what has to be kept is the recording.
+//! It has no frames and is no recording: what has to be kept is the recording.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
