@@ -150,7 +150,7 @@ mod tests {
             Scheme::Dop853 => (2.26e-8 * libm::pow(z, 9.0), -6.4e-8 * libm::pow(z, 8.0)),
             Scheme::Gl4 => (0.0, -libm::pow(z, 4.0) / 720.0),
             Scheme::Gl6 => (0.0, -libm::pow(z, 6.0) / 100_800.0),
-            Scheme::Exponential => (0.0, 0.0),
+            Scheme::Exponential | Scheme::Exponential8 => (0.0, 0.0),
         }
     }
 

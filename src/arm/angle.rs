@@ -67,17 +67,6 @@ impl Angle<f64> {
         Angle { base_rad, length: 1.0, sine, cosine }
     }
 
-    /// Length times (cos(base + small) − cos(base)), with all its digits at small angles: t z q − h S, and beyond their
-    /// limit −2 sin(α/2) sin(β + α/2). `FAR` as [`Angle::sincos`] has it.
-    #[inline(always)]
-    pub fn cosine_change<const FAR: bool>(&self, small_rad: f64) -> f64 {
-        if FAR && !within_reach(small_rad) {
-            return -2.0 * self.length * libm::sin(0.5 * small_rad) * libm::sin(self.base_rad + 0.5 * small_rad);
-        }
-        let (sine, versed) = small(small_rad);
-        self.cosine * versed - self.sine * sine
-    }
-
     /// The same angle with sine and cosine times `length`.
     pub fn times(self, length: f64) -> Angle<f64> {
         Angle { length: self.length * length, sine: self.sine * length, cosine: self.cosine * length, ..self }
@@ -85,6 +74,17 @@ impl Angle<f64> {
 }
 
 impl<T: Real> Angle<T> {
+    /// The angles of `T::WIDTH` arms side by side.
+    pub fn gather<'a>(of: impl Fn(usize) -> &'a Angle<f64>) -> Angle<T> {
+        let number = |pick: fn(&Angle<f64>) -> f64| T::gather(|i| pick(of(i)));
+        Angle {
+            base_rad: number(|a| a.base_rad),
+            length: number(|a| a.length),
+            sine: number(|a| a.sine),
+            cosine: number(|a| a.cosine),
+        }
+    }
+
     /// Sine and cosine of the angle plus `small_rad`, times the length.
     #[inline(always)]
     pub fn sincos_plus(&self, small_rad: T) -> (T, T) {
@@ -98,7 +98,20 @@ impl<T: Real> Angle<T> {
         if FAR { self.sincos_plus(small_rad) } else { self.near(small_rad) }
     }
 
-    /// The same where [`within_reach`] says so, and meaningless elsewhere; without a branch or a call.
+    /// Length times (cos(base + small) − cos(base)), with all its digits at small angles: t z q − h S, and beyond their
+    /// limit −2 sin(α/2) sin(β + α/2). `FAR` as [`Angle::sincos`] has it.
+    #[inline(always)]
+    pub fn cosine_change<const FAR: bool>(&self, small_rad: T) -> T {
+        let (sine, versed) = small(small_rad);
+        let near = self.cosine * versed - self.sine * sine;
+        if FAR {
+            T::where_within(small_rad, LIMIT_RAD, (near, near), [self.base_rad, self.length], far_change).0
+        } else {
+            near
+        }
+    }
+
+    /// Sine and cosine where [`within_reach`] says so, and meaningless elsewhere; without a branch or a call.
     #[inline(always)]
     fn near(&self, small_rad: T) -> (T, T) {
         let (h, t) = (self.sine, self.cosine);
@@ -128,6 +141,13 @@ pub(crate) fn within_reach<T: Real>(small_rad: T) -> bool {
 fn far([base_rad, length]: [f64; 2], small_rad: f64) -> (f64, f64) {
     let (sine, cosine) = libm::sincos(base_rad + small_rad);
     (length * sine, length * cosine)
+}
+
+/// Length times the change of the cosine from base to base + small, twice.
+#[cold]
+fn far_change([base_rad, length]: [f64; 2], small_rad: f64) -> (f64, f64) {
+    let change = -2.0 * length * libm::sin(0.5 * small_rad) * libm::sin(base_rad + 0.5 * small_rad);
+    (change, change)
 }
 
 /// Σ cₖ zᵏ, in pairs (G. Estrin 1960): the processor works on the pairs at the same time.

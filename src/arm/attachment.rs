@@ -13,8 +13,9 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::angle::Angle;
-use super::kernel::{Coefficients, Loads, Motion};
-use super::{Arm, ArmError, InverseDynamics, Load, State};
+use super::kernel::{Coefficients, Loads, Motion, Rates};
+use super::real::Real;
+use super::{Arm, ArmError, InverseDynamics, State};
 
 /// A mass on a spring and a damper to the ground that follows the tip along one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,27 +34,57 @@ pub struct Attachment {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Attached {
     pub(super) attachment: Attachment,
-    direction: Vector2<f64>,
+    pub(super) coefficients: AttachedCoefficients<f64>,
+}
+
+/// What is constant about the attachment of one arm, or of several side by side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct AttachedCoefficients<T> {
+    /// m, kg; k, N/m; c, N·s/m.
+    mass_kg: T,
+    stiffness_n_m: T,
+    pub(super) damping_n_s_m: T,
+    /// e.
+    direction: [T; 2],
     /// The links' angles at rest against the direction, with the links' lengths: their cosines are Q and P, their sines
     /// −Q' and −P'.
-    links: [Angle<f64>; 2],
+    links: [Angle<T>; 2],
 }
 
 /// The motion of the tip along the direction.
-struct Along {
-    w_m: Vector2<f64>,
-    gradient_m: Matrix2<f64>,
-    displacement_m: f64,
-    velocity_m_s: f64,
-    /// α̇ᵀGα̇, m/s², and its derivative by α.
-    drift_m_s2: f64,
-    drift_by_alpha: Vector2<f64>,
+struct Along<T> {
+    w_m: [T; 2],
+    /// Q and P, m.
+    across_m: [T; 2],
+    displacement_m: T,
+    velocity_m_s: T,
+    /// α̇1² and (α̇1 + α̇2)².
+    squares: [T; 2],
+    /// α̇ᵀGα̇, m/s².
+    drift_m_s2: T,
 }
 
-impl Along {
+impl Along<f64> {
+    fn w_m(&self) -> Vector2<f64> {
+        self.w_m.into()
+    }
+
+    /// G, m.
+    fn gradient_m(&self) -> Matrix2<f64> {
+        let [q, p] = self.across_m;
+        -Matrix2::new(q + p, p, p, p)
+    }
+
+    /// ∂(α̇ᵀGα̇)/∂α, m/s².
+    fn drift_by_alpha(&self) -> Vector2<f64> {
+        let ([w1, p_turned], [square1, square2]) = (self.w_m, self.squares);
+        let q_turned = w1 - p_turned;
+        -Vector2::new(q_turned * square1 + p_turned * square2, p_turned * square2)
+    }
+
     /// m s̈ + c ṡ + k s at an α̈, N.
     fn force_n(&self, attachment: &Attachment, acceleration_rad_s2: &Vector2<f64>) -> f64 {
-        let acceleration_m_s2 = self.w_m.dot(acceleration_rad_s2) + self.drift_m_s2;
+        let acceleration_m_s2 = self.w_m().dot(acceleration_rad_s2) + self.drift_m_s2;
         attachment.mass_kg * acceleration_m_s2
             + attachment.damping_n_s_m * self.velocity_m_s
             + attachment.stiffness_n_m * self.displacement_m
@@ -65,67 +96,108 @@ impl Attached {
         let direction_rad = attachment.direction_deg.to_radians();
         let (sine, cosine) = libm::sincos(direction_rad);
         let link = |angle: &Angle<f64>, length_m: f64| Angle::new(angle.base_rad - direction_rad).times(length_m);
-        Attached {
-            attachment,
-            direction: Vector2::new(cosine, sine),
+        let coefficients = AttachedCoefficients {
+            mass_kg: attachment.mass_kg,
+            stiffness_n_m: attachment.stiffness_n_m,
+            damping_n_s_m: attachment.damping_n_s_m,
+            direction: [cosine, sine],
             links: [link(&c.link1, c.l[0]), link(&c.link2, c.l[1])],
-        }
+        };
+        Attached { attachment, coefficients }
     }
 
-    fn along(&self, state: &State) -> Along {
-        self.along_with::<true>(state)
+    fn along(&self, state: &State) -> Along<f64> {
+        self.coefficients.along::<true>(&state.into())
+    }
+
+    fn direction(&self) -> Vector2<f64> {
+        self.coefficients.direction.into()
+    }
+}
+
+impl<T: Real> AttachedCoefficients<T> {
+    /// The attachments of `T::WIDTH` arms side by side.
+    #[inline(always)]
+    pub fn gather<'a>(of: impl Fn(usize) -> &'a AttachedCoefficients<f64>) -> AttachedCoefficients<T> {
+        let number = |pick: fn(&AttachedCoefficients<f64>) -> f64| T::gather(|i| pick(of(i)));
+        AttachedCoefficients {
+            mass_kg: number(|a| a.mass_kg),
+            stiffness_n_m: number(|a| a.stiffness_n_m),
+            damping_n_s_m: number(|a| a.damping_n_s_m),
+            direction: [number(|a| a.direction[0]), number(|a| a.direction[1])],
+            links: [Angle::gather(|i| &of(i).links[0]), Angle::gather(|i| &of(i).links[1])],
+        }
     }
 
     /// With `FAR` at every angle; without it only at small ones, without a branch.
     #[inline(always)]
-    fn along_with<const FAR: bool>(&self, state: &State) -> Along {
-        let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+    fn along<const FAR: bool>(&self, motion: &Motion<T>) -> Along<T> {
+        let ([x1, x2], [v1, v2]) = (motion.x, motion.v);
         let [link1, link2] = &self.links;
-        let turn2_rad = x.x + x.y;
-        let ((sine1, q), (sine2, p)) = (link1.sincos::<FAR>(x.x), link2.sincos::<FAR>(turn2_rad));
-        let (q_turned, p_turned) = (-sine1, -sine2);
-        let w_m = Vector2::new(q_turned + p_turned, p_turned);
-        let (square1, square2) = (v.x * v.x, (v.x + v.y) * (v.x + v.y));
+        let (turn2_rad, rate2_rad_s) = (x1 + x2, v1 + v2);
+        let ((sine1, q), (sine2, p)) = (link1.sincos::<FAR>(x1), link2.sincos::<FAR>(turn2_rad));
+        let w_m = [-sine1 - sine2, -sine2];
+        let squares = [v1 * v1, rate2_rad_s * rate2_rad_s];
         Along {
             w_m,
-            gradient_m: -Matrix2::new(q + p, p, p, p),
-            displacement_m: link1.cosine_change::<FAR>(x.x) + link2.cosine_change::<FAR>(turn2_rad),
-            velocity_m_s: w_m.x * v.x + w_m.y * v.y,
-            drift_m_s2: -(q * square1 + p * square2),
-            drift_by_alpha: -Vector2::new(q_turned * square1 + p_turned * square2, p_turned * square2),
+            across_m: [q, p],
+            displacement_m: link1.cosine_change::<FAR>(x1) + link2.cosine_change::<FAR>(turn2_rad),
+            velocity_m_s: w_m[0] * v1 + w_m[1] * v2,
+            squares,
+            drift_m_s2: -(q * squares[0] + p * squares[1]),
         }
     }
 
     /// α̈: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0. The force's share of r is w times
-    /// what of it acts along the direction, and (Q + P, P) times what acts across.
+    /// what of it acts along the direction, and (Q + P, P) times what acts across. What the attachment adds to the
+    /// power is −c ṡ².
     #[inline(always)]
-    fn acceleration<const FAR: bool>(&self, c: &Coefficients<f64>, state: &State, load: &Load) -> Vector2<f64> {
-        let motion: Motion<f64> = state.into();
-        let (along, mass_kg) = (self.along_with::<FAR>(state), self.attachment.mass_kg);
+    fn rates<const FAR: bool>(&self, c: &Coefficients<T>, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
+        let along = self.along::<FAR>(motion);
         let (h, t) = c.coupling::<FAR>(motion.x[1]);
-        let torques = Loads { u: load.torque_nm.into(), f: [0.0; 2], pulls: false };
-        let force = if c.heavy {
+        let torques = Loads { u: load.u, f: [T::splat(0.0); 2], pulls: false };
+        let [u1, u2] = if c.heavy {
             c.external_force::<FAR, true>(motion.x, &torques)
         } else {
             c.external_force::<FAR, false>(motion.x, &torques)
         };
-        let r = c.torques(&motion, h, force);
-        let (w, e) = (&along.w_m, &self.direction);
-        let across_n = e.x * load.force_n.y - e.y * load.force_n.x;
-        let along_n = e.x * load.force_n.x + e.y * load.force_n.y - along.force_n(&self.attachment, &Vector2::zeros());
-        let r = Vector2::new(
-            r[0] + w.x * along_n - along.gradient_m.m11 * across_n,
-            r[1] + w.y * along_n - along.gradient_m.m22 * across_n,
-        );
-        let m12 = c.a3 + t + mass_kg * w.x * w.y;
-        let mass = Matrix2::new(c.a1 + (t + t) + mass_kg * w.x * w.x, m12, m12, c.a3 + mass_kg * w.y * w.y);
-        solved(&mass, &r)
+        let ([w1, w2], [q, p], [e1, e2], [f1, f2]) = (along.w_m, along.across_m, self.direction, load.f);
+        let (across_n, along_n) = (e1 * f2 - e2 * f1, e1 * f1 + e2 * f2);
+        let force = [(u1 + w1 * along_n) + (q + p) * across_n, (u2 + w2 * along_n) + p * across_n];
+        let damping_n = self.damping_n_s_m * along.velocity_m_s;
+        let taken_n = self.mass_kg * along.drift_m_s2 + damping_n + self.stiffness_n_m * along.displacement_m;
+        let r = c.torques(motion, h, force);
+        let (r1, r2) = (r[0] - w1 * taken_n, r[1] - w2 * taken_n);
+        let m12 = c.a3 + t + self.mass_kg * w1 * w2;
+        let (m11, m22) = (c.a1 + (t + t) + self.mass_kg * w1 * w1, c.a3 + self.mass_kg * w2 * w2);
+        let inverse = T::splat(1.0) / (m11 * m22 - m12 * m12);
+        Rates {
+            acceleration_rad_s2: [(m22 * r1 - m12 * r2) * inverse, (m11 * r2 - m12 * r1) * inverse],
+            power_w: c.power_w(motion.v, force) - damping_n * along.velocity_m_s,
+        }
+    }
+
+    /// The same at every angle, and fast at small ones.
+    #[inline(always)]
+    pub fn rates_anywhere(&self, c: &Coefficients<T>, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
+        if c.within_reach::<true>(motion.x) {
+            self.rates::<false>(c, motion, load)
+        } else {
+            self.far_rates(c, motion, load)
+        }
     }
 
     #[cold]
     #[inline(never)]
-    fn far_acceleration(&self, c: &Coefficients<f64>, state: &State, load: &Load) -> Vector2<f64> {
-        self.acceleration::<true>(c, state, load)
+    fn far_rates(&self, c: &Coefficients<T>, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
+        self.rates::<true>(c, motion, load)
+    }
+
+    /// ½ m ṡ² + ½ k s², J.
+    #[inline(always)]
+    pub fn energy_j<const FAR: bool>(&self, motion: &Motion<T>) -> T {
+        let Along { displacement_m: s, velocity_m_s: rate, .. } = self.along::<FAR>(motion);
+        T::splat(0.5) * (self.mass_kg * (rate * rate) + self.stiffness_n_m * (s * s))
     }
 }
 
@@ -162,16 +234,20 @@ impl Arm {
         self.attached.as_ref().map(|attached| &attached.attachment)
     }
 
+    pub(crate) fn attached_coefficients(&self) -> Option<&AttachedCoefficients<f64>> {
+        self.attached.as_ref().map(|attached| &attached.coefficients)
+    }
+
     /// Share of a force on the attachment, far above the natural frequencies, that goes through it into the arm: 1/(1 +
     /// m/M), with m the attachment's mass and M the effective mass of the tip along its direction d, 1/M = dᵀ J M₀⁻¹ Jᵀ
     /// d; 1 without an attachment.
     pub fn high_frequency_force_share(&self) -> f64 {
-        let Some(Attached { attachment, direction, .. }) = &self.attached else { return 1.0 };
+        let Some(attached) = &self.attached else { return 1.0 };
         let rest = Vector2::zeros();
         let alone = self.clone().without_attachment();
-        let moment = alone.tip_jacobian(&rest).transpose() * direction;
+        let moment = alone.tip_jacobian(&rest).transpose() * attached.direction();
         let inverse = alone.mass_matrix(&rest).try_inverse().map_or(0.0, |inverse| moment.dot(&(inverse * moment)));
-        1.0 / (1.0 + attachment.mass_kg * inverse)
+        1.0 / (1.0 + attached.attachment.mass_kg * inverse)
     }
 
     /// The displacement s of the tip from rest along the direction of the attachment, m, and its rate, m/s; zero
@@ -186,7 +262,7 @@ impl Arm {
     /// The force that the attachment takes out of the arm at the tip, N; zero without one.
     pub fn attachment_force_n(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
         self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
-            attached.direction * attached.along(state).force_n(&attached.attachment, acceleration_rad_s2)
+            attached.direction() * attached.along(state).force_n(&attached.attachment, acceleration_rad_s2)
         })
     }
 
@@ -199,7 +275,7 @@ impl Arm {
     pub(super) fn attached_at(&self, alpha_rad: &Vector2<f64>, factor: impl Fn(&Attachment) -> f64) -> Matrix2<f64> {
         self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
             let state = State { alpha_rad: *alpha_rad, ..State::default() };
-            let w = attached.along(&state).w_m;
+            let w = attached.along(&state).w_m();
             w * w.transpose() * factor(&attached.attachment)
         })
     }
@@ -208,7 +284,8 @@ impl Arm {
     pub(super) fn attached_stiffness(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
             let along = attached.along(&State { alpha_rad: *alpha_rad, ..State::default() });
-            let inner = along.w_m * along.w_m.transpose() + along.gradient_m * along.displacement_m;
+            let w = along.w_m();
+            let inner = w * w.transpose() + along.gradient_m() * along.displacement_m;
             inner * attached.attachment.stiffness_n_m
         })
     }
@@ -232,7 +309,7 @@ impl Arm {
     pub(super) fn attached_unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
         self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
             let along = attached.along(state);
-            along.w_m * along.force_n(&attached.attachment, acceleration_rad_s2)
+            along.w_m() * along.force_n(&attached.attachment, acceleration_rad_s2)
         })
     }
 
@@ -247,9 +324,9 @@ impl Arm {
         let Some(attached) = &self.attached else { return sum };
         let (along, a) = (attached.along(state), &attached.attachment);
         let force_n = along.force_n(a, acceleration_rad_s2);
-        let (w, g) = (&along.w_m, &along.gradient_m);
+        let (w, g) = (along.w_m(), along.gradient_m());
         let turning = g * state.alpha_dot_rad_s;
-        let by_alpha = (g * acceleration_rad_s2 + along.drift_by_alpha) * a.mass_kg
+        let by_alpha = (g * acceleration_rad_s2 + along.drift_by_alpha()) * a.mass_kg
             + turning * a.damping_n_s_m
             + w * a.stiffness_n_m;
         let by_alpha_dot = turning * (2.0 * a.mass_kg) + w * a.damping_n_s_m;
@@ -259,17 +336,6 @@ impl Arm {
             by_alpha_dot: sum.by_alpha_dot + w * by_alpha_dot.transpose(),
             by_alpha_ddot: sum.by_alpha_ddot + w * w.transpose() * a.mass_kg,
         }
-    }
-
-    /// α̈ with an attachment, rad/s², `None` without one.
-    #[inline(always)]
-    pub(super) fn attached_acceleration(&self, state: &State, load: &Load) -> Option<Vector2<f64>> {
-        let (attached, c) = (self.attached.as_ref()?, &self.coefficients);
-        Some(if c.within_reach::<true>(state.alpha_rad.into()) {
-            attached.acceleration::<false>(c, state, load)
-        } else {
-            attached.far_acceleration(c, state, load)
-        })
     }
 }
 
@@ -282,8 +348,8 @@ pub(super) fn solved(m: &Matrix2<f64>, r: &Vector2<f64>) -> Vector2<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arm::Preset;
     use crate::arm::tests::arm;
+    use crate::arm::{Load, Preset};
 
     const ATTACHMENT: Attachment =
         Attachment { mass_kg: 3.0, stiffness_n_m: 4e4, damping_n_s_m: 70.0, direction_deg: 35.0 };

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::attachment::solved;
-use super::kernel::{Loads, Motion};
+use super::kernel::{Loads, Motion, Rates};
 use super::{Arm, Load, State};
 
 /// Derivatives of α̈ with respect to the state, at one state and load.
@@ -59,15 +59,17 @@ impl Arm {
 
     /// α̈ from Eq. (3), rad/s².
     pub fn acceleration(&self, state: &State, load: &Load) -> Vector2<f64> {
-        if let Some(attached) = self.attached_acceleration(state, load) {
-            return attached;
-        }
-        let (c, load) = (&self.coefficients, Loads::from(load));
-        let motion = Motion::from(state);
-        if c.needs_links(&load) {
-            c.acceleration_anywhere::<true>(&motion, &load).into()
-        } else {
-            c.acceleration_anywhere::<false>(&motion, &load).into()
+        self.rates(state, load).acceleration_rad_s2.into()
+    }
+
+    /// The same with the power.
+    #[inline(always)]
+    pub(crate) fn rates(&self, state: &State, load: &Load) -> Rates<f64> {
+        let (c, load, motion) = (&self.coefficients, Loads::from(load), Motion::from(state));
+        match &self.attached {
+            Some(attached) => attached.coefficients.rates_anywhere(c, &motion, &load),
+            None if c.needs_links(&load) => c.rates_anywhere::<true>(&motion, &load),
+            None => c.rates_anywhere::<false>(&motion, &load),
         }
     }
 
@@ -78,8 +80,8 @@ impl Arm {
     /// constant force at C has a potential, as the weight has, whose part of r has the derivative −∂G/∂α: with P =
     /// F·(link 2), Q = F·(link 1), both turned as below, ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
     pub fn acceleration_jacobian(&self, state: &State, load: &Load) -> AccelerationJacobian {
-        if let Some(acceleration_rad_s2) = self.attached_acceleration(state, load) {
-            return self.attached_jacobian(state, acceleration_rad_s2, load);
+        if self.attached.is_some() {
+            return self.attached_jacobian(state, self.acceleration(state, load), load);
         }
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);

@@ -1,5 +1,6 @@
 //! Energy and power: what the balance of a simulation is checked with.
 
+use super::kernel::Motion;
 use super::{Arm, Load, State};
 
 /// The energy in the arm, J.
@@ -37,5 +38,11 @@ impl Arm {
         let v = &state.alpha_dot_rad_s;
         let loss_w = v.dot(&(self.damping_matrix() * v)) + self.attached_loss_w(state);
         v.dot(&self.generalised_force(&state.alpha_rad, load)) - loss_w
+    }
+
+    /// The energy without the weight's, J.
+    pub(crate) fn energy_of_motion_and_springs_j(&self, motion: &Motion<f64>) -> f64 {
+        let own_j = self.coefficients.energy_j::<true>(motion);
+        self.attached.as_ref().map_or(own_j, |attached| own_j + attached.coefficients.energy_j::<true>(motion))
     }
 }

@@ -38,6 +38,16 @@ pub(crate) struct Motion<T> {
     pub v: [T; 2],
 }
 
+/// How a motion goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rates<T> {
+    /// α̈, rad/s².
+    pub acceleration_rad_s2: [T; 2],
+    /// The rate at which forces from outside, the weight's among them, and dampers change the energy of motion and
+    /// springs, W.
+    pub power_w: T,
+}
+
 /// u and F.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Loads<T> {
@@ -112,12 +122,6 @@ impl<T: Real> Coefficients<T> {
     pub fn gather<'a>(of: impl Fn(usize) -> &'a Coefficients<f64>) -> Coefficients<T> {
         let number = |pick: fn(&Coefficients<f64>) -> f64| T::gather(|i| pick(of(i)));
         let pair = |pick: fn(&Coefficients<f64>) -> [f64; 2]| array::from_fn(|n| T::gather(|i| pick(of(i))[n]));
-        let angle = |pick: fn(&Coefficients<f64>) -> Angle<f64>| Angle {
-            base_rad: T::gather(|i| pick(of(i)).base_rad),
-            length: T::gather(|i| pick(of(i)).length),
-            sine: T::gather(|i| pick(of(i)).sine),
-            cosine: T::gather(|i| pick(of(i)).cosine),
-        };
         Coefficients {
             a1: number(|c| c.a1),
             a2: number(|c| c.a2),
@@ -126,9 +130,9 @@ impl<T: Real> Coefficients<T> {
             k: pair(|c| c.k),
             d: pair(|c| c.d),
             l: pair(|c| c.l),
-            link1: angle(|c| c.link1),
-            elbow: angle(|c| c.elbow),
-            link2: angle(|c| c.link2),
+            link1: Angle::gather(|i| &of(i).link1),
+            elbow: Angle::gather(|i| &of(i).elbow),
+            link2: Angle::gather(|i| &of(i).link2),
             weight: pair(|c| c.weight),
             heavy: (0..T::WIDTH).any(|i| of(i).heavy),
         }
@@ -141,6 +145,22 @@ impl<T: Real> Coefficients<T> {
         let inverse = T::splat(1.0) / (self.a3_a1_less_a3 - t * t);
         let (m11, m12) = (self.a1 + (t + t), self.a3 + t);
         [(self.a3 * r[0] - m12 * r[1]) * inverse, (m11 * r[1] - m12 * r[0]) * inverse]
+    }
+
+    /// ½ α̇ᵀMα̇ + ½ αᵀKα, J: the energy of motion and springs.
+    #[inline(always)]
+    pub fn energy_j<const FAR: bool>(&self, motion: &Motion<T>) -> T {
+        let ([x1, x2], [v1, v2]) = (motion.x, motion.v);
+        let (_, t) = self.coupling::<FAR>(x2);
+        let (m11, m12) = (self.a1 + (t + t), self.a3 + t);
+        let kinetic = (m11 * v1 + (m12 + m12) * v2) * v1 + self.a3 * (v2 * v2);
+        T::splat(0.5) * (kinetic + (self.k[0] * (x1 * x1) + self.k[1] * (x2 * x2)))
+    }
+
+    /// The rate at which a force and the dampers change that energy, W: α̇ᵀ(force − Dα̇).
+    #[inline(always)]
+    pub fn power_w(&self, v: [T; 2], force: [T; 2]) -> T {
+        (force[0] - self.d[0] * v[0]) * v[0] + (force[1] - self.d[1] * v[1]) * v[1]
     }
 
     /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces from outside. Without `LINKS` it is u alone, to the same bits
@@ -195,25 +215,32 @@ impl<T: Real> Coefficients<T> {
     /// to the same bits, and without a branch or a call on the way. `LINKS` as [`Coefficients::external_force`] has it.
     #[inline(always)]
     pub fn acceleration<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+        self.rates::<FAR, LINKS>(motion, load).acceleration_rad_s2
+    }
+
+    /// The same with the power.
+    #[inline(always)]
+    fn rates<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
         let (h, t) = self.coupling::<FAR>(motion.x[1]);
-        let r = self.torques(motion, h, self.external_force::<FAR, LINKS>(motion.x, load));
-        self.solve_mass(t, r)
+        let force = self.external_force::<FAR, LINKS>(motion.x, load);
+        let acceleration_rad_s2 = self.solve_mass(t, self.torques(motion, h, force));
+        Rates { acceleration_rad_s2, power_w: self.power_w(motion.v, force) }
     }
 
     /// The same at every angle, and fast at small ones.
     #[inline(always)]
-    pub fn acceleration_anywhere<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
+    pub fn rates_anywhere<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
         if self.within_reach::<LINKS>(motion.x) {
-            self.acceleration::<false, LINKS>(motion, load)
+            self.rates::<false, LINKS>(motion, load)
         } else {
-            self.far_acceleration::<LINKS>(motion, load)
+            self.far_rates::<LINKS>(motion, load)
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn far_acceleration<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
-        self.acceleration::<true, LINKS>(motion, load)
+    fn far_rates<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
+        self.rates::<true, LINKS>(motion, load)
     }
 
     /// Whether every angle that the acceleration asks for is a small one.

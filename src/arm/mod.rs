@@ -13,7 +13,7 @@
 //! Compliance", Appl. Sci. 2023, 13, 11941.
 
 mod angle;
-mod attachment;
+pub(crate) mod attachment;
 mod dynamics;
 mod energy;
 mod error;
@@ -96,6 +96,7 @@ impl Arm {
         arm.coefficients.d = [0.0; 2];
         if let Some(attached) = &mut arm.attached {
             attached.attachment.damping_n_s_m = 0.0;
+            attached.coefficients.damping_n_s_m = 0.0;
         }
         arm
     }

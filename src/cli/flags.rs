@@ -57,7 +57,7 @@ pub(super) struct SessionFlags {
     /// Seed of the sensor noise, decimal or as 0x1F [default: 0].
     #[arg(long, value_name = "N", value_parser = seed::parse)]
     pub seed: Option<u64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: exponential].
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8 [default: exponential8].
     #[arg(long, value_name = "NAME")]
     pub scheme: Option<String>,
     /// Length of the run, s [default: until it is stopped].

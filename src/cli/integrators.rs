@@ -72,7 +72,7 @@ impl Integrators {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let arm = scenario.build_arm()?;
         let simulation = &scenario.simulation;
-        let rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz * f64::from(simulation.steps_per_sample));
+        let rate_hz = self.rate_hz.unwrap_or(simulation.step_rate_hz());
         let progress = Progress::new("schemes", Scheme::ALL.len());
         let row = |scheme| {
             let row = self.row(&arm, scheme, rate_hz);

@@ -13,7 +13,7 @@ use crate::integrate::{Integrator, Sine};
 use crate::number::short;
 use crate::plant::PlantSpecError;
 use crate::realtime::{Clock, SystemClock};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, SimulationSection};
 
 /// Simulates the arm under A·sin(2πft), exact inside the step, and prints the state at the end.
 #[derive(Debug, Args)]
@@ -38,7 +38,7 @@ pub(super) struct Simulate {
     /// Integration steps a second [default: that of the scenario].
     #[arg(long, value_name = "R")]
     rate_hz: Option<f64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential [default: exponential].
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8 [default: exponential8].
     #[arg(long, value_name = "NAME")]
     scheme: Option<String>,
     /// Length, s, a whole number of steps.
@@ -68,8 +68,8 @@ impl Simulate {
         let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
         let arm = scenario.build_arm()?;
         let scheme = self.scheme.as_deref().map_or(Ok(scenario.simulation.scheme), parse_scheme)?;
-        let simulation = &scenario.simulation;
-        let rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz * f64::from(simulation.steps_per_sample));
+        let simulation = SimulationSection { scheme, ..scenario.simulation.clone() };
+        let rate_hz = self.rate_hz.unwrap_or(simulation.step_rate_hz());
         let integrator = Integrator::new(scheme, rate_hz, &arm).map_err(|error| match self.rate_hz {
             Some(_) => flags::refused("--rate-hz", &error),
             None => error.into(),

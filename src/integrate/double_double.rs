@@ -23,10 +23,10 @@ impl DoubleDouble {
     }
 
     /// √x: the rounded root s, and (x − s²)/(2s).
-    pub fn sqrt(x: f64) -> DoubleDouble {
-        let high = libm::sqrt(x);
+    pub fn sqrt(self) -> DoubleDouble {
+        let high = libm::sqrt(self.high);
         let square = two_product(high, high);
-        DoubleDouble { high, low: ((x - square.high) - square.low) / (2.0 * high) }
+        DoubleDouble { high, low: (((self.high - square.high) - square.low) + self.low) / (2.0 * high) }
     }
 }
 
@@ -104,8 +104,10 @@ mod tests {
 
     #[test]
     fn root_squared_is_the_number_to_31_digits() {
-        let root = DoubleDouble::sqrt(15.0);
-        let left = root * root - DoubleDouble::new(15.0);
-        assert!(root.low != 0.0 && left.high.abs() < 1e-30, "{root:?} {left:?}");
+        for square in [DoubleDouble::new(15.0), DoubleDouble::new(6.0) / DoubleDouble::new(5.0)] {
+            let root = square.sqrt();
+            let left = root * root - square;
+            assert!(root.low != 0.0 && left.high.abs() < 1e-30, "{root:?} {left:?}");
+        }
     }
 }

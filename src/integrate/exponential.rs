@@ -4,16 +4,16 @@
 //! Math. 8 (2008) ask.
 //!
 //! The arm linearised at rest, y' = L y + B N with B = (0, I)ᵀ, is propagated exactly, and the remainder N = α̈ − Λy,
-//! loads included, as the polynomial p through its values at the three Gauss nodes: by variation of constants
+//! loads included, as the polynomial p through its values at the Gauss nodes: by variation of constants
 //!
 //! ```text
 //! y(t + ch) = e^{chL} y + ∫₀^{ch} e^{(ch−s)L} B p(s) ds        L = [[0, I], [Λ]]
 //! ∫₀^τ e^{(τ−s)L} B sᵐ ds = m! τᵐ⁺¹ φₘ₊₁(τL) B
 //! ```
 //!
-//! So a linear arm under a load that is constant over the step, or up to quadratic in time, is exact at any step
-//! length. All φ come out of one exponential, that of the block matrix (A. H. Al-Mohy, N. J. Higham, "Computing the
-//! Action of the Matrix Exponential", SIAM J. Sci. Comput. 33 (2011), theorem 2.1)
+//! So a linear arm under a load that is constant over the step, or of a degree in time below the number of nodes, is
+//! exact at any step length. All φ come out of one exponential, that of the block matrix (A. H. Al-Mohy, N. J. Higham,
+//! "Computing the Action of the Matrix Exponential", SIAM J. Sci. Comput. 33 (2011), theorem 2.1), for three nodes
 //!
 //! ```text
 //!         ⎡ L  B  0  0 ⎤        its first block row is
@@ -30,15 +30,13 @@ use core::array;
 
 use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
-use super::gauss_legendre::GL6;
+use super::gauss_legendre::Nodes;
 use crate::arm::{Arm, Load, State};
 
-const STAGES: usize = 3;
-/// The largest ωh of a part in small vibration, rad; see [`Collocation::least_level`]. The linear arm would need no
-/// bound.
-const PHASE_AT_REST_RAD: f64 = 1.0;
+/// Most nodes of a method.
+const MOST_NODES: usize = 4;
 /// 4 for y, and 2 for each power of time.
-const SIZE: usize = 4 + 2 * STAGES;
+const SIZE: usize = 4 + 2 * MOST_NODES;
 type Block = [[DoubleDouble; SIZE]; SIZE];
 
 /// Below this norm τL is small enough for the series.
@@ -46,8 +44,14 @@ const SERIES_NORM: f64 = 1.0 / 64.0;
 /// Terms of the series: 64⁻¹⁶/16! < 1e-41.
 const SERIES_TERMS: u32 = 16;
 
-/// The method for `arm`, for steps of `h_s` and their parts.
-pub(super) fn collocation(arm: &Arm, h_s: f64) -> Collocation<STAGES> {
+/// The method at these nodes for `arm`, for steps of `h_s` and their parts. Small vibration turns by
+/// `phase_at_rest_rad` at most in a part, see [`Collocation::least_level`]; the linear arm would need no bound.
+pub(super) fn collocation<const S: usize>(
+    nodes: &Nodes<S>,
+    phase_at_rest_rad: f64,
+    arm: &Arm,
+    h_s: f64,
+) -> Collocation<S> {
     let rest = arm.acceleration_jacobian(&State::default(), &Load::default());
     let (p, q) = (rest.by_alpha, rest.by_alpha_dot);
     let linear = [[p.m11, p.m12, q.m11, q.m12], [p.m21, p.m22, q.m21, q.m22]];
@@ -55,14 +59,14 @@ pub(super) fn collocation(arm: &Arm, h_s: f64) -> Collocation<STAGES> {
     let unit_rad_s = libm::exp2(libm::ceil(libm::log2(arm.angular_frequencies_rad_s()[1])));
     let generator = generator(&linear, unit_rad_s);
     let phase = DoubleDouble::new(unit_rad_s * h_s);
-    let nodes = GL6.c().map(|c| powers(&generator, c * phase));
+    let inner = nodes.c.map(|c| powers(&generator, c * phase));
     let whole = powers(&generator, phase);
     let level = |level: usize| {
         let h_level_s = h_s / f64::from(1_u32 << level);
-        step(array::from_fn(|i| &nodes[i][level]), &whole[level], h_level_s, unit_rad_s)
+        step(nodes, array::from_fn(|i| &inner[i][level]), &whole[level], h_level_s, unit_rad_s)
     };
-    let levels: Vec<Step<STAGES>> = (0..LEVELS).map(level).collect();
-    let least_level = least_level(arm, &levels, PHASE_AT_REST_RAD);
+    let levels: Vec<Step<S>> = (0..LEVELS).map(level).collect();
+    let least_level = least_level(arm, &levels, phase_at_rest_rad);
     Collocation { linear, levels, least_level, phase_per_part_rad: f64::INFINITY }
 }
 
@@ -133,14 +137,14 @@ fn identity() -> Block {
 }
 
 /// The step from the exponentials at its nodes and its end.
-fn step(nodes: [&Block; STAGES], end: &Block, h_s: f64, unit_rad_s: f64) -> Step<STAGES> {
-    let factors: [[DoubleDouble; STAGES]; STAGES] = array::from_fn(|j| slope_factors(j, h_s * unit_rad_s));
+fn step<const S: usize>(nodes: &Nodes<S>, inner: [&Block; S], end: &Block, h_s: f64, unit_rad_s: f64) -> Step<S> {
+    let factors: [[DoubleDouble; S]; S] = array::from_fn(|j| slope_factors(&nodes.c, j, h_s * unit_rad_s));
     Step::new(&MethodCoefficients {
         h_s,
-        c: GL6.c(),
-        b: GL6.b(),
-        start: |i: usize, row, column| state_entry(nodes[i], row, column, unit_rad_s),
-        stage: |i: usize, j: usize, row, column| slope_entry(nodes[i], &factors[j], row, column, unit_rad_s),
+        c: nodes.c,
+        b: nodes.b,
+        start: |i: usize, row, column| state_entry(inner[i], row, column, unit_rad_s),
+        stage: |i: usize, j: usize, row, column| slope_entry(inner[i], &factors[j], row, column, unit_rad_s),
         end: |row, column| state_entry(end, row, column, unit_rad_s),
         weight: |j: usize, row, column| slope_entry(end, &factors[j], row, column, unit_rad_s),
     })
@@ -155,28 +159,35 @@ fn state_entry(block: &Block, row: usize, column: usize, unit_rad_s: f64) -> Dou
 
 /// An entry of ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ of the
 /// factors times block m.
-fn slope_entry(
-    block: &Block,
-    factors: &[DoubleDouble; STAGES],
-    row: usize,
-    column: usize,
-    unit_rad_s: f64,
-) -> DoubleDouble {
+fn slope_entry(block: &Block, factors: &[DoubleDouble], row: usize, column: usize, unit_rad_s: f64) -> DoubleDouble {
     let unit = [unit_rad_s * unit_rad_s, unit_rad_s * unit_rad_s, unit_rad_s, unit_rad_s];
-    let terms = (0..STAGES).map(|m| factors[m] * block[row][4 + 2 * m + column]);
+    let terms = factors.iter().enumerate().map(|(m, factor)| *factor * block[row][4 + 2 * m + column]);
     terms.fold(DoubleDouble::default(), |sum, term| sum + term) / DoubleDouble::new(unit[row])
 }
 
 /// λⱼₘ m! (ωh)⁻ᵐ of every m, with ℓⱼ = Σ λⱼₘ sᵐ.
-fn slope_factors(j: usize, phase: f64) -> [DoubleDouble; STAGES] {
-    let lambda = lagrange(&GL6.c(), j);
-    let [phase, two] = [phase, 2.0].map(DoubleDouble::new);
-    [lambda[0], lambda[1] / phase, two * lambda[2] / (phase * phase)]
+fn slope_factors<const S: usize>(c: &[DoubleDouble; S], j: usize, phase: f64) -> [DoubleDouble; S] {
+    let (mut factors, phase) = (lagrange(c, j), DoubleDouble::new(phase));
+    let (mut factorial, mut power) = (DoubleDouble::new(1.0), phase);
+    for (m, factor) in factors.iter_mut().enumerate().skip(1) {
+        factorial = factorial * DoubleDouble::new(m as f64);
+        *factor = factorial * *factor / power;
+        power = power * phase;
+    }
+    factors
 }
 
-/// Coefficients of ℓⱼ(s) = (s − a)(s − b)/((cⱼ − a)(cⱼ − b)), a and b the other nodes, from s⁰ up.
-fn lagrange(c: &[DoubleDouble; STAGES], j: usize) -> [DoubleDouble; STAGES] {
-    let (a, b) = (c[(j + 1) % STAGES], c[(j + 2) % STAGES]);
+/// Coefficients of ℓⱼ(s) = Π (s − cₖ)/(cⱼ − cₖ) over the other nodes k, from s⁰ up.
+fn lagrange<const S: usize>(c: &[DoubleDouble; S], j: usize) -> [DoubleDouble; S] {
     let [zero, one] = [0.0, 1.0].map(DoubleDouble::new);
-    [a * b, zero - (a + b), one].map(|coefficient| coefficient / ((c[j] - a) * (c[j] - b)))
+    let (mut coefficients, mut divisor) = ([zero; S], one);
+    coefficients[0] = one;
+    for k in (1..S).map(|n| (j + n) % S) {
+        for m in (0..S).rev() {
+            let below = if m == 0 { zero } else { coefficients[m - 1] };
+            coefficients[m] = below - c[k] * coefficients[m];
+        }
+        divisor = divisor * (c[j] - c[k]);
+    }
+    coefficients.map(|coefficient| coefficient / divisor)
 }

@@ -24,6 +24,26 @@ pub(super) struct Tableau<const S: usize> {
     phase_at_rest_rad: f64,
 }
 
+/// Gauss's nodes and weights on [0, 1].
+pub(super) struct Nodes<const S: usize> {
+    pub c: [DoubleDouble; S],
+    pub b: [DoubleDouble; S],
+}
+
+/// The four nodes ½ ± ½ √(3/7 ± 2/7 √(6/5)) with the weights ¼ ∓ √30/72 (M.
+/// Abramowitz, I. A. Stegun, "Handbook of Mathematical Functions", table 25.4).
+pub(super) fn four_nodes() -> Nodes<4> {
+    let [half, quarter, three, seven] = [0.5, 0.25, 3.0, 7.0].map(DoubleDouble::new);
+    let inner_root = DoubleDouble::new(2.0) * (DoubleDouble::new(6.0) / DoubleDouble::new(5.0)).sqrt();
+    let half_width = [(three + inner_root) / seven, (three - inner_root) / seven].map(|square| half * square.sqrt());
+    let change = DoubleDouble::new(30.0).sqrt() / DoubleDouble::new(72.0);
+    let [outer, inner] = half_width;
+    Nodes {
+        c: [half - outer, half - inner, half + inner, half + outer],
+        b: [quarter - change, quarter + change, quarter + change, quarter - change],
+    }
+}
+
 /// p and q, each as numerator and denominator.
 type Coefficient = [[f64; 2]; 2];
 
@@ -65,24 +85,19 @@ impl<const S: usize> Tableau<S> {
         Collocation { linear: [[0.0; 4]; 2], levels, least_level, phase_per_part_rad: PHASE_PER_PART_RAD }
     }
 
-    /// The weights.
-    pub fn b(&self) -> [DoubleDouble; S] {
-        self.b.map(|coefficient| self.value(coefficient))
-    }
-
-    /// The nodes.
-    pub fn c(&self) -> [DoubleDouble; S] {
-        self.c.map(|coefficient| self.value(coefficient))
+    pub fn nodes(&self) -> Nodes<S> {
+        let values = |coefficients: [Coefficient; S]| coefficients.map(|coefficient| self.value(coefficient));
+        Nodes { c: values(self.c), b: values(self.b) }
     }
 
     fn value(&self, [p, q]: Coefficient) -> DoubleDouble {
         let ratio = |[numerator, denominator]: [f64; 2]| DoubleDouble::new(numerator) / DoubleDouble::new(denominator);
-        ratio(p) + ratio(q) * DoubleDouble::sqrt(self.n)
+        ratio(p) + ratio(q) * DoubleDouble::new(self.n).sqrt()
     }
 
     fn step(&self, h_s: f64) -> Step<S> {
         let a = self.a.map(|row| row.map(|coefficient| self.value(coefficient)));
-        let (b, c) = (self.b(), self.c());
+        let Nodes { b, c } = self.nodes();
         let h = DoubleDouble::new(h_s);
         let sum = |term: &dyn Fn(usize) -> DoubleDouble| (0..S).map(term).fold(DoubleDouble::default(), |s, x| s + x);
         let stages: [[[DoubleDouble; 2]; S]; S] =

@@ -81,6 +81,7 @@ enum Method {
     Dop853,
     TwoStages(Box<Collocation<2>>),
     ThreeStages(Box<Collocation<3>>),
+    FourStages(Box<Collocation<4>>),
 }
 
 impl Method {
@@ -90,7 +91,14 @@ impl Method {
             Scheme::Dop853 => Method::Dop853,
             Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(arm, step_s))),
             Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(arm, step_s))),
-            Scheme::Exponential => Method::ThreeStages(Box::new(exponential::collocation(arm, step_s))),
+            Scheme::Exponential => {
+                let nodes = gauss_legendre::GL6.nodes();
+                Method::ThreeStages(Box::new(exponential::collocation(&nodes, 1.0, arm, step_s)))
+            }
+            Scheme::Exponential8 => {
+                let nodes = gauss_legendre::four_nodes();
+                Method::FourStages(Box::new(exponential::collocation(&nodes, 0.5, arm, step_s)))
+            }
         }
     }
 }
@@ -98,7 +106,7 @@ impl Method {
 impl Integrator {
     /// Checks that the scheme is stable for `arm` at `rate_hz` steps a second, and computes what is constant.
     ///
-    /// The `exponential` scheme linearises `arm` at rest; steps of another arm stay right to its order, but not exact
+    /// The exponential schemes linearise `arm` at rest; steps of another arm stay right to its order, but not exact
     /// in the linear part.
     ///
     /// # Errors
@@ -164,6 +172,7 @@ impl Integrator {
             }
             Method::TwoStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
             Method::ThreeStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
+            Method::FourStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
         };
         let next = State::from(next);
         if next.is_finite() { Ok(next) } else { Err(IntegrateError::NotFinite { t_s: t_s + h_s }) }

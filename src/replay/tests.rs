@@ -49,7 +49,7 @@ fn a_run_simulated_again_is_identical() {
     let recording = record(&folder.path().join("same.mcap"), SCENARIO, SCENARIO);
     let verdict = resimulate(&recording).unwrap();
     let integrity = Integrity::Complete;
-    let (samples, steps) = (551, 4 * 550);
+    let (samples, steps) = (551, 2 * 550);
     let expected = Verdict { identical: true, integrity, samples, steps, first_divergence: None, max_drift_rad: 0.0 };
     assert_eq!(verdict, expected);
 }

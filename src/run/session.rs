@@ -344,7 +344,7 @@ impl Session {
             (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
             (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
         };
-        Ok(Bench::new(self.plant.clone(), node, self.scenario.simulation.steps_per_sample, records, on_event))
+        Ok(Bench::new(self.plant.clone(), node, self.scenario.simulation.steps_per_sample(), records, on_event))
     }
 
     /// Creates the recording.

@@ -234,7 +234,7 @@ fn all_loops_give_the_same_states() {
     assert_eq!(free.exciter.responses.len(), 3);
     let states = lockstep.states();
     assert_eq!(states.len() as u64, lockstep.report.samples);
-    assert_eq!(lockstep.report.steps, (lockstep.report.samples - 1) * 4);
+    assert_eq!(lockstep.report.steps, (lockstep.report.samples - 1) * 2);
     assert!(states_of(&Recording::open(&path).unwrap()) == states);
     // In real time the plant is armed some samples later, and moves in the same way from there.
     let moving = |states: &[[u64; 8]]| states.iter().skip_while(|state| **state == [0; 8]).copied().collect::<Vec<_>>();
@@ -450,7 +450,7 @@ fn a_report_as_json_has_the_fixed_keys() {
     stopped.clock.stall(500 * MS, 10 * MS);
     let mut report = stopped.run(Mode::RealTime, &Signals::default()).report;
     (report.wakeup_us, report.exec_us) = (None, None);
-    insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"error":null,"samples":549,"steps":2192,"overruns":10,"slipped":0,"wakeup_us":null,"exec_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"e2e_errors":0},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0,"rate_of_change":0,"travel":0},"recording":null}"#);
+    insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"error":null,"samples":549,"steps":1096,"overruns":10,"slipped":0,"wakeup_us":null,"exec_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"e2e_errors":0},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0,"rate_of_change":0,"travel":0},"recording":null}"#);
 }
 
 /// Why the exciter faulted.

@@ -91,8 +91,10 @@ impl Default for ArmSection {
 pub struct SimulationSection {
     /// Samples a second, whole Hz from 1 to 65535: the wire states it so. At least 100 in real time.
     pub rate_hz: f64,
-    /// Integration steps a sample, even, from 2 to [`MOST_STEPS_PER_SAMPLE`](plant::MOST_STEPS_PER_SAMPLE).
-    pub steps_per_sample: u32,
+    /// Integration steps a sample, even, from 2 to [`MOST_STEPS_PER_SAMPLE`](plant::MOST_STEPS_PER_SAMPLE); without it
+    /// [`Scheme::steps_per_sample`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_per_sample: Option<u32>,
     /// Integration scheme.
     pub scheme: Scheme,
     /// Seed of all noise.
@@ -104,10 +106,22 @@ pub struct SimulationSection {
 }
 
 impl Default for SimulationSection {
-    /// 1 kHz, four steps a sample of the default scheme, seed 0, no end.
+    /// 1 kHz, the default scheme with its own steps a sample, seed 0, no end.
     fn default() -> SimulationSection {
         let scheme = Scheme::default();
-        SimulationSection { rate_hz: 1000.0, steps_per_sample: 4, scheme, seed: 0, duration_s: None }
+        SimulationSection { rate_hz: 1000.0, steps_per_sample: None, scheme, seed: 0, duration_s: None }
+    }
+}
+
+impl SimulationSection {
+    /// Integration steps a sample, stated or the scheme's own.
+    pub fn steps_per_sample(&self) -> u32 {
+        self.steps_per_sample.unwrap_or(self.scheme.steps_per_sample())
+    }
+
+    /// Integration steps a second, Hz.
+    pub fn step_rate_hz(&self) -> f64 {
+        self.rate_hz * f64::from(self.steps_per_sample())
     }
 }
 
@@ -177,7 +191,7 @@ impl Scenario {
     /// is not positive or longer than an hour and for limits that contradict, [`ScenarioError::Fault`] for a fault of
     /// the network that can't be, [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
-        plant::check_steps_per_sample(self.simulation.steps_per_sample)?;
+        plant::check_steps_per_sample(self.simulation.steps_per_sample())?;
         self.network.check()?;
         abort_limits::check(self)?;
         match (&self.excitation, &self.control) {
@@ -198,7 +212,9 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Write`] if a parameter of the arm can't be written.
     pub fn to_toml(&self) -> Result<String, ScenarioError> {
-        toml::to_string(self).map_err(|error| ScenarioError::Write { reason: error.to_string() })
+        let mut whole = self.clone();
+        whole.simulation.steps_per_sample = Some(self.simulation.steps_per_sample());
+        toml::to_string(&whole).map_err(|error| ScenarioError::Write { reason: error.to_string() })
     }
 
     /// The arm's parameters: the preset's, with the scenario's own in their place.
@@ -238,7 +254,7 @@ impl Scenario {
             initial: State::new([x1, x2], [v1, v2]),
             scheme: self.simulation.scheme,
             sample_rate_hz: self.simulation.rate_hz,
-            steps_per_sample: self.simulation.steps_per_sample,
+            steps_per_sample: self.simulation.steps_per_sample(),
             rig: self.rig.clone(),
             seed: self.simulation.seed,
         })

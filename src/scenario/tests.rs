@@ -10,7 +10,9 @@ fn parse(text: &str) -> Result<Scenario, ScenarioError> {
 fn an_empty_scenario_is_the_default_and_survives_writing() {
     let scenario = parse("").unwrap();
     assert_eq!(scenario, Scenario::default());
-    assert_eq!(parse(&scenario.to_toml().unwrap()).unwrap(), scenario);
+    let written = scenario.to_toml().unwrap();
+    assert_eq!(parse(&written).unwrap().to_toml().unwrap(), written);
+    assert!(written.contains("steps_per_sample = 2"), "{written}");
     assert_eq!(scenario.parameters().unwrap(), Preset::Irb1600Fitted.parameters().unwrap());
     assert_eq!(scenario.real_time_timing().unwrap(), Timing::real_time(1000));
     assert_eq!(scenario.lockstep_timing().unwrap(), Timing::lockstep(timing::LOCKSTEP_TIMEOUT_NS));
@@ -132,7 +134,8 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
 
 #[test]
 fn what_was_recorded_is_not_judged_again() {
-    let recorded = Scenario::parse_unchecked("network.partner_timeout_s = 1e9", "test").unwrap();
+    let recorded =
+        Scenario::parse_unchecked("network.partner_timeout_s = 1e9\nsimulation.steps_per_sample = 6", "test").unwrap();
     let configuration = recorded.configuration("free").unwrap();
     assert_eq!(Scenario::from_configuration(&configuration).unwrap(), recorded);
 }

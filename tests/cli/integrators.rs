@@ -24,8 +24,7 @@ fn complaint(arguments: &[&str]) -> String {
 
 #[test]
 fn document_has_every_scheme_measured() {
-    let simulation = Scenario::default().simulation;
-    let rate_hz = simulation.rate_hz * f64::from(simulation.steps_per_sample);
+    let rate_hz = Scenario::default().simulation.step_rate_hz();
     let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
     let got = document(&["--drift-steps", "500"]);
     assert_eq!((&got["configuration"]["preset"], got["rate_hz"].as_f64()), (&"irb1600-fitted".into(), Some(rate_hz)));
@@ -78,7 +77,7 @@ fn table_has_a_line_for_every_scheme() {
     let text = resonarm(here(), &[&["integrators"], &arguments[..]].concat()).stdout;
     let head: Vec<&str> = text.lines().take(6).collect();
     insta::assert_snapshot!(head.join("\n"), @r"
-    irb1600-table1 at β1 = 0°, β2 = 0°, 1000 steps a second; default scheme: exponential
+    irb1600-table1 at β1 = 0°, β2 = 0°, 1000 steps a second; default scheme: exponential8
 
                             mode 1: 21.77 Hz        mode 2: 569.25 Hz       energy, 10 steps
       scheme       order     damping   frequency     damping   frequency    change   spread   ns a step

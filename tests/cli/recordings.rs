@@ -223,7 +223,7 @@ fn a_recording_is_judged_by_the_configuration_it_states() {
     let recording = Recording::open(folder.path().join("run.mcap")).unwrap();
     let scenario = recording.configuration().get("scenario").unwrap();
     let tampered = [
-        ("steps_per_sample = 4", "steps_per_sample = 4000000"),
+        ("steps_per_sample = 2", "steps_per_sample = 4000000"),
         ("rate_hz = 1000.0", "rate_hz = 500.0"),
         ("force_limit_n = 100.0", "force_limit_n = 1e-3"),
     ];

@@ -3,24 +3,23 @@
 use resonarm::analysis::{energy_drift, mode_errors};
 use resonarm::arm::{Arm, Pose, Preset, State};
 use resonarm::integrate::Scheme;
-use resonarm::scenario::Scenario;
+use resonarm::scenario::SimulationSection;
 
 fn arm(preset: Preset, beta2_deg: f64) -> Arm {
     Arm::new(preset.parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg }).unwrap()
 }
 
-/// Integration steps a second of a scenario that says nothing of them.
-fn default_rate_hz() -> f64 {
-    let simulation = Scenario::default().simulation;
-    simulation.rate_hz * f64::from(simulation.steps_per_sample)
+/// Integration steps a second of a scenario that says nothing of them but the scheme.
+fn rate_hz(scheme: Scheme) -> f64 {
+    SimulationSection { scheme, ..SimulationSection::default() }.step_rate_hz()
 }
 
-/// The worst own damping ratio and relative frequency error of `scheme` at the default rate over both presets and both
+/// The worst own damping ratio and relative frequency error of `scheme` at its own rate over both presets and both
 /// modes, β2 from −150° to 150°.
 fn worst_over_the_poses(scheme: Scheme) -> f64 {
     let poses = Preset::ALL.into_iter().flat_map(|preset| (-150..=150).step_by(5).map(move |beta2| (preset, beta2)));
     let errors = poses.flat_map(|(preset, beta2_deg)| {
-        mode_errors(&arm(preset, f64::from(beta2_deg)), scheme, default_rate_hz()).unwrap()
+        mode_errors(&arm(preset, f64::from(beta2_deg)), scheme, rate_hz(scheme)).unwrap()
     });
     errors.map(|error| error.damping_ratio.abs().max(error.frequency_error.abs())).fold(0.0, f64::max)
 }
@@ -43,11 +42,11 @@ fn energy_of_the_symmetric_schemes_goes_nowhere() {
     for (preset, beta2_deg) in [(Preset::Irb1600Fitted, 60.0), (Preset::Irb1600Table1, 120.0)] {
         let arm = arm(preset, beta2_deg);
         for scheme in Scheme::ALL.into_iter().filter(|scheme| scheme.is_symmetric()) {
-            let drift = energy_drift(&arm, scheme, default_rate_hz(), &start, 100_000).unwrap();
+            let drift = energy_drift(&arm, scheme, rate_hz(scheme), &start, 100_000).unwrap();
             assert!(drift.change.abs() < 1e-12, "{preset} {beta2_deg}° {scheme}: {drift:?}");
         }
         // What the schemes that are not symmetric do, the measure sees.
-        let rk4 = energy_drift(&arm, Scheme::Rk4, default_rate_hz(), &start, 20_000).unwrap();
+        let rk4 = energy_drift(&arm, Scheme::Rk4, rate_hz(Scheme::Rk4), &start, 20_000).unwrap();
         assert!(rk4.change < -1e-6, "{preset} {beta2_deg}°: {rk4:?}");
     }
 }

@@ -67,7 +67,12 @@ fn trajectory_error(case: &Value, scheme: Scheme, rate_hz: f64) -> f64 {
 fn trajectories_agree() {
     let cases = oracles("trajectories");
     assert_eq!(cases.len(), 4);
-    for (scheme, rate_hz) in [(Scheme::Dop853, 16_000.0), (Scheme::Exponential, 32_000.0), (Scheme::Gl6, 32_000.0)] {
+    for (scheme, rate_hz) in [
+        (Scheme::Dop853, 16_000.0),
+        (Scheme::Exponential, 32_000.0),
+        (Scheme::Exponential8, 16_000.0),
+        (Scheme::Gl6, 32_000.0),
+    ] {
         for case in &cases {
             let error = trajectory_error(case, scheme, rate_hz);
             assert!(error < 1e-10, "{scheme} at {rate_hz} Hz: {error:e} in {case}");

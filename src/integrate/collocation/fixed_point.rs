@@ -8,8 +8,8 @@
 //! times what the ones before it left.
 
 use super::{Slopes, Solution, Stages, Wide, add_product};
-use crate::arm::State;
-use crate::arm::kernel::{Coefficients, Loads, Motion};
+use crate::arm::attachment::AttachedCoefficients;
+use crate::arm::kernel::{Coefficients, Loads, Motion, Rates};
 use crate::arm::real::Real;
 
 /// Iterations before it is left to Newton's method.
@@ -23,58 +23,54 @@ const LEFT_LIMIT: f64 = 1e-18;
 #[inline(always)]
 pub(super) fn solve<const S: usize>(stages: &Stages<S>) -> Option<Solution<S>> {
     let arm = stages.arm;
-    if arm.attachment().is_some() {
-        return iterate(stages, &|motion: &Motion<Wide>| {
-            let mut accelerations = [Wide::splat(0.0); 2];
-            for i in 0..S {
-                let own = arm.acceleration(&State::from(motion.lane(i)), &stages.loads[i]);
-                (accelerations[0].0[i], accelerations[1].0[i]) = (own.x, own.y);
-            }
-            accelerations
-        });
-    }
     let c = Coefficients::<Wide>::gather(|_lane| &arm.coefficients);
     let loads = Loads::gather(|lane| stages.loads[lane.min(S - 1)]);
-    if c.needs_links(&loads) {
-        iterate(stages, &|motion: &Motion<Wide>| c.acceleration_anywhere::<true>(motion, &loads))
+    if let Some(attached) = arm.attached_coefficients() {
+        let attached = AttachedCoefficients::<Wide>::gather(|_lane| attached);
+        iterate(stages, &|motion| attached.rates_anywhere(&c, motion, &loads))
+    } else if c.needs_links(&loads) {
+        iterate(stages, &|motion| c.rates_anywhere::<true>(motion, &loads))
     } else {
-        iterate(stages, &|motion: &Motion<Wide>| c.acceleration_anywhere::<false>(motion, &loads))
+        iterate(stages, &|motion| c.rates_anywhere::<false>(motion, &loads))
     }
 }
 
 #[inline(always)]
-fn iterate<const S: usize>(
-    stages: &Stages<S>,
-    acceleration: &impl Fn(&Motion<Wide>) -> [Wide; 2],
-) -> Option<Solution<S>> {
+fn iterate<const S: usize>(stages: &Stages<S>, rates: &impl Fn(&Motion<Wide>) -> Rates<Wide>) -> Option<Solution<S>> {
     let first = stages.first_slopes();
-    let (mut slopes, mut before) = pass(stages, &stages.rounded(&first), &first, acceleration);
+    let Pass { mut slopes, size: mut before, .. } = pass(stages, &stages.rounded(&first), &first, rates);
     for _ in 1..MOST_ITERATIONS {
-        let size;
-        (slopes, size) = pass(stages, &stages.rounded(&slopes), &slopes, acceleration);
-        let ratio = size / before;
-        if size * ratio * ratio <= LEFT_LIMIT {
-            let last = stages.states(&slopes);
-            let work_j = stages.work_j(&last);
-            return Some(Solution { slopes: pass(stages, &last, &slopes, acceleration).0, work_j });
+        let next = pass(stages, &stages.rounded(&slopes), &slopes, rates);
+        let ratio = next.size / before;
+        if next.size * ratio * ratio <= LEFT_LIMIT {
+            let last = pass(stages, &stages.states(&next.slopes), &next.slopes, rates);
+            return Some(Solution { slopes: last.slopes, work_j: stages.work_j(|i| last.power_w.lane(i)) });
         }
         if ratio > SLOWEST || ratio.is_nan() {
             return None;
         }
-        before = size;
+        (slopes, before) = (next.slopes, next.size);
     }
     None
 }
 
-/// The slopes at `states`, and by how much they differ from `slopes` relative to the accelerations.
+/// What an iteration finds.
+struct Pass<const S: usize> {
+    slopes: Slopes<S>,
+    /// By how much they differ from those before, relative to the accelerations.
+    size: f64,
+    power_w: Wide,
+}
+
+/// The slopes at `states`, against the `slopes` before.
 #[inline(always)]
 fn pass<const S: usize>(
     stages: &Stages<S>,
     states: &Motion<Wide>,
     slopes: &Slopes<S>,
-    acceleration: &impl Fn(&Motion<Wide>) -> [Wide; 2],
-) -> (Slopes<S>, f64) {
-    let accelerations = acceleration(states);
+    rates: &impl Fn(&Motion<Wide>) -> Rates<Wide>,
+) -> Pass<S> {
+    let Rates { acceleration_rad_s2: accelerations, power_w } = rates(states);
     let next = stages.slope(states, accelerations);
     let known = [0, 1].map(|row| Wide::gather(|i| slopes[i.min(S - 1)][row]));
     let difference = (next[0] - known[0]).abs() + (next[1] - known[1]).abs();
@@ -86,7 +82,7 @@ fn pass<const S: usize>(
         wholes += whole.lane(i);
         *own = [next[0].lane(i), next[1].lane(i)];
     }
-    (own, differences / wholes)
+    Pass { slopes: own, size: differences / wholes, power_w }
 }
 
 impl<const S: usize> Stages<'_, S> {

@@ -215,7 +215,7 @@ type Slopes<const S: usize> = [[f64; 2]; S];
 /// The solved equations of a step.
 struct Solution<const S: usize> {
     slopes: Slopes<S>,
-    /// The work of load and dampers over the step, J.
+    /// The work that goes into motion and springs over the step, J.
     work_j: f64,
 }
 
@@ -278,7 +278,7 @@ impl<const S: usize> Step<S> {
         add_product(&mut change, &self.end.high, &stages.y);
         let [x1, x2, v1, v2] = array::from_fn(|row| stages.y[row] + change[row]);
         let next = State::new([x1, x2], [v1, v2]);
-        let (before, after) = (stages.arm.energy(state).total_j(), stages.arm.energy(&next).total_j());
+        let [before, after] = [state, &next].map(|state| stages.arm.energy_of_motion_and_springs_j(&state.into()));
         let defect_j = libm::fabs(after - before - solution.work_j);
         if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after).max(ENERGY_WHOLE_J) {
             Ok(next)
@@ -330,14 +330,11 @@ impl<const S: usize> Stages<'_, S> {
         Motion { x: [row(0), row(1)], v: [row(2), row(3)] }
     }
 
-    /// The work of load and dampers over the step, J.
+    /// The work that goes into motion and springs over the step, J: h Σ bᵢ times the power at stage i.
     #[inline(always)]
-    fn work_j(&self, states: &Motion<Wide>) -> f64 {
-        let mut power_w = 0.0;
-        for i in 0..S {
-            power_w += self.step.b[i] * self.arm.power_w(&State::from(states.lane(i)), &self.loads[i]);
-        }
-        self.step.h_s * power_w
+    fn work_j(&self, power_w: impl Fn(usize) -> f64) -> f64 {
+        let sum_w: f64 = (0..S).map(|i| self.step.b[i] * power_w(i)).sum();
+        self.step.h_s * sum_w
     }
 }
 

@@ -72,5 +72,6 @@ fn iterate<const S: usize>(stages: &Stages<S>, slopes: &mut Slopes<S>) -> Option
         // NaN counts as infinite.
         size = if libm::fabs(*step) <= size { size } else { libm::fabs(*step) };
     }
-    Some((size / largest, stages.work_j(&states)))
+    let power_w = |i: usize| stages.arm.rates(&State::from(states.lane(i)), &stages.loads[i]).power_w;
+    Some((size / largest, stages.work_j(power_w)))
 }
