@@ -34,8 +34,8 @@ pub(super) trait Batch: prost::Message + Default {
         true
     }
 
-    /// Hands all rows to `visit`, in order. Errors: what is wrong, if columns differ in length or the samples run out of
-    /// range.
+    /// Hands all rows to `visit`, in order. Errors: what is wrong, if columns differ in length or the samples run out
+    /// of range.
     fn rows(&self, mut visit: impl FnMut(Self::Row)) -> Result<(), String> {
         let columns = self.columns();
         let length = columns.iter().copied().max().unwrap_or(0);

@@ -21,8 +21,8 @@ const NAMES: usize = 1000;
 /// `cut.git_commit`. Messages for plotting are made anew.
 ///
 /// # Errors
-/// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if they
-/// are one file.
+/// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
+/// they are one file.
 pub fn cut(
     recording: &Recording,
     samples: RangeInclusive<u64>,

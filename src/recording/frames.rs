@@ -74,7 +74,8 @@ fn fill(batch: &mut FrameBatch, frames: &[FrameRecord]) {
 }
 
 /// Visits every byte of every payload, as row and place, in the order in which they stand in the column `data`: by
-/// ascending identifier the first bytes of all rows, then the second, and so on. So bytes of one meaning stand together.
+/// ascending identifier the first bytes of all rows, then the second, and so on. So bytes of one meaning stand
+/// together.
 fn by_column(ids: &[u32], length: impl Fn(usize) -> usize, mut visit: impl FnMut(usize, usize)) {
     let mut rows: Vec<usize> = (0..ids.len()).collect();
     rows.sort_by_key(|row| ids[*row]); // stable: rows of one identifier stay in order

@@ -22,8 +22,8 @@ impl Plot {
     }
 }
 
-/// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since the
-/// bits below can't be compressed. A value of no filter stays as it is.
+/// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since
+/// the bits below can't be compressed. A value of no filter stays as it is.
 fn plotted(every: u64, value: f64) -> f64 {
     const DROPPED: u64 = (1 << 29) - 1;
     match value.is_finite() && every > 1 {

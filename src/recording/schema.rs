@@ -172,9 +172,9 @@ pub(super) mod metadata {
 /// Version of topics, schemas and metadata that is written.
 pub(super) const FORMAT: u32 = 3;
 
-/// The first version; all from it to [`FORMAT`] are read. 1 has no column of clipped readings and no mark at the end of a
-/// run; its plotting topics are not filtered, its publish times are the log times, and the log times of frames and events
-/// are when they were handled. 1 and 2 have a message for every frame.
+/// The first version; all from it to [`FORMAT`] are read. 1 has no column of clipped readings and no mark at the end of
+/// a run; its plotting topics are not filtered, its publish times are the log times, and the log times of frames and
+/// events are when they were handled. 1 and 2 have a message for every frame.
 pub(super) const FIRST_FORMAT: u32 = 1;
 
 /// The key of the time from sample to sample in [`metadata::RECORDING`].

@@ -172,8 +172,8 @@ pub struct TopicSummary {
 }
 
 impl Origin {
-    /// When a frame was on the bus, ns from the start of the run: in real time by the machine's clock, else in simulated
-    /// time, in which the frames of a sample come together.
+    /// When a frame was on the bus, ns from the start of the run: in real time by the machine's clock, else in
+    /// simulated time, in which the frames of a sample come together.
     pub fn frame_time_ns(&self, frame: &FrameRecord) -> u64 {
         match self.time {
             RunTime::Lockstep => libm::round(frame.sample as f64 * self.dt_s * 1e9) as u64,

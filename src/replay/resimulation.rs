@@ -38,8 +38,8 @@ const PART: usize = 1 << 11;
 /// other.
 ///
 /// # Errors
-/// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes no
-/// plant or not the one that was recorded: other samples, loads beyond its exciter.
+/// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes
+/// no plant or not the one that was recorded: other samples, loads beyond its exciter.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration());
     if let Some(log) = recording.configuration().get(IMPORTED_FROM) {

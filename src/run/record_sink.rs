@@ -22,7 +22,8 @@ impl RecordSink {
         }
     }
 
-    /// Records `record`. If the recording has failed, which its recorder tells, what comes goes nowhere: the run goes on.
+    /// Records `record`. If the recording has failed, which its recorder tells, what comes goes nowhere: the run goes
+    /// on.
     pub fn record(&mut self, record: Record) {
         let failed = match self {
             RecordSink::Off => false,

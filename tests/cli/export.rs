@@ -1,5 +1,5 @@
-//! Exported recordings: which files, what is said of them, and what is refused. What is in them is compared by independent
-//! readers, `tests/recording/test_export.py`.
+//! Exported recordings: which files, what is said of them, and what is refused. What is in them is compared by
+//! independent readers, `tests/recording/test_export.py`.
 
 use std::fs;
 use std::path::Path;

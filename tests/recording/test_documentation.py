@@ -52,5 +52,6 @@ def test_the_example_reads_the_states():
 
 def test_the_example_reads_the_frames():
     _, _, example = examples()
-    counts = {identifier: int(count) for count, identifier in re.findall(r"(\d+) frames (0x[0-9a-f]+)", printed(example))}
+    found = re.findall(r"(\d+) frames (0x[0-9a-f]+)", printed(example))
+    counts = {identifier: int(count) for count, identifier in found}
     assert counts["0x203"] == counts["0x204"] == counts["0x205"] == 1001 and counts["0x201"] == 1000

@@ -9,8 +9,9 @@ import pytest
 from processes import RESONARM
 
 SHORT_S, LONG_S = 10, 100
-# What may come on top for ten times the file, MiB: `resim` holds blocks of 32768 states of 72 bytes in a vector that grows by
-# doubling, old and new at once, 7 MiB, which a short file doesn't fill; what an allocator keeps differs from run to run.
+# What may come on top for ten times the file, MiB: `resim` holds blocks of 32768 states of 72 bytes in a vector that
+# grows by doubling, old and new at once, 7 MiB, which a short file doesn't fill; what an allocator keeps differs from
+# run to run.
 MORE_MIB = 12
 
 SCENARIO = """

@@ -60,7 +60,8 @@ pub struct ExciterNode<C: Answering> {
 }
 
 impl<C: Answering> ExciterNode<C> {
-    /// A node with these capabilities, of an exciter, that lets `controller` answer a plant with `rate_hz` samples a second.
+    /// A node with these capabilities, of an exciter, that lets `controller` answer a plant with `rate_hz` samples a
+    /// second.
     ///
     /// With two samples a frame the controller is asked for both, and what it says to the second is held for two sample
     /// periods. In the classic profile capabilities are not sent.
