@@ -45,7 +45,7 @@ const MOST_TRIES: u32 = 6;
 const MOST_UNSETTLED: u32 = 2;
 /// How near the load's amplitude comes to the wanted one, relative, and where noise asks for more.
 const LOAD_TOLERANCE: f64 = 5e-4;
-const NOISY_LOAD_TOLERANCE: f64 = 1.2e-3;
+const NOISY_LOAD_TOLERANCE: f64 = 1e-3;
 /// How near the lag comes to its target, rad.
 const LAG_TOLERANCE_RAD: f64 = 0.01;
 /// How near a wanted amplitude of the angle comes, relative.
@@ -54,7 +54,7 @@ const AMPLITUDE_TOLERANCE: f64 = 1e-3;
 /// that part is doubtful.
 const DRIFT_TOLERANCE: f64 = 4e-3;
 const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
-const DRIFT_DOUBT: f64 = 0.4;
+const DRIFT_DOUBT: f64 = 0.6;
 /// Lengths of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
 const LEAST_SETTLE: f64 = 2.0;
