@@ -163,7 +163,7 @@ fn of_recoveries() -> Outcome {
     insta::assert_snapshot!(text(recover(&path, &cut, Existing::Refuse), &directory)?, @"recording `run.mcap` is whole: there is nothing to recover");
     let bytes = fs::read(&path)?;
     fs::write(&cut, &bytes[..bytes.len() / 2])?;
-    insta::assert_snapshot!(text(recover(&cut, &cut, Existing::Overwrite), &directory)?, @"recording `cut.mcap` can't be recovered onto itself: name another file for the result");
+    insta::assert_snapshot!(text(recover(&cut, &cut, Existing::Overwrite), &directory)?, @"recording `cut.mcap` can't be written over itself: name another file for the result");
     assert_eq!(fs::metadata(&cut)?.len(), bytes.len() as u64 / 2);
     Ok(())
 }
