@@ -8,8 +8,9 @@ use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, ski
 use crate::protocol::timing::COMMAND_AGE_NS;
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
 
-/// Over so many samples the force rises that drives a plant beyond its travel.
-const SLOPE_SAMPLES: u16 = 50;
+/// Over so many samples, about five periods of a resonance at 25 Hz, the force rises that drives a plant beyond its
+/// travel: what rises faster leaves the arm ringing beyond it in the cases that follow.
+const SLOPE_SAMPLES: u16 = 200;
 /// How long a plant is driven so until it should be beyond it, ns.
 const TRAVEL_NS: u64 = 5_000 * MS;
 
