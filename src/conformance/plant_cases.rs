@@ -3,7 +3,7 @@
 use alloc::format;
 use alloc::vec::Vec;
 
-use super::plant_role::{arm, drive, forces, hold, meet, run_samples, samples, timeout_ns};
+use super::plant_role::{arm, drive, forces, hold, instead, meet, run_samples, samples, timeout_ns};
 use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms};
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_TIMEOUT_NS};
 use crate::protocol::{
@@ -168,7 +168,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     let text = format!("no emergency {} after the last command", ms(timeout_ns(t)));
     let (_, e) = t.expect_emergency(timeout_ns(t), EmergencyCode::CommandTimeout, text)?;
     if e.code != EmergencyCode::CommandTimeout {
-        return failed(format!("without commands it says: {e}"));
+        return instead(&e, "without commands");
     }
     let (age, wanted) = (e.sample.wrapping_sub(last), samples(t, COMMAND_TIMEOUT_NS));
     // A plant that catches up makes up to 3 samples at once; the last command may be late by what held the tester up.
@@ -232,7 +232,7 @@ pub(super) fn partner_fault(t: &mut Tester) -> Result<(), Stop> {
         let text = format!("no emergency after the exciter's heartbeat {state:?}");
         let (_, e) = t.expect_emergency(MARGIN_NS, EmergencyCode::PartnerFault, text)?;
         if e.code != EmergencyCode::PartnerFault {
-            return failed(format!("after the exciter's heartbeat {state:?} it says: {e}"));
+            return instead(&e, &format!("after the exciter's heartbeat {state:?}"));
         }
         if t.wait_for_emergency(HEARTBEAT_TIMEOUT_NS)?.is_some() {
             return failed("it tells its fault more than once");

@@ -2,9 +2,11 @@
 
 use alloc::format;
 
-use super::tester::{Answers, GONE_NS, Heard, MARGIN_NS, MS, Stop, Tester, emergency, inconclusive};
+use super::tester::{Answers, GONE_NS, Heard, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive};
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_TIMEOUT_NS};
-use crate::protocol::{Hello, Message, NodeState, OperatorRequest, SensorPair, SensorValues};
+use crate::protocol::{
+    Emergency, EmergencyCode, Hello, Message, NodeState, OperatorRequest, SensorPair, SensorValues, Trip,
+};
 
 /// The tester boots, and hears what the plant says of itself.
 pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
@@ -65,6 +67,14 @@ pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
         Some(emergency) => inconclusive(format!("it faults while it is answered: {emergency}")),
         None => Ok(()),
     }
+}
+
+/// Another emergency than the one that must come, when it came. A trip at the travel is none of the case's doing.
+pub(super) fn instead<T>(e: &Emergency, when: &str) -> Result<T, Stop> {
+    if (e.code, e.detail) == (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
+        return inconclusive(format!("{when} it says: {e}; let the arm come to rest first, or use less --force-n"));
+    }
+    failed(format!("{when} it says: {e}"))
 }
 
 /// Lets the plant make so many samples.

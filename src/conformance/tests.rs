@@ -6,7 +6,7 @@ mod flaws;
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::protocol::{ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter};
+use crate::protocol::{Emergency, ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter, Trip};
 use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Stops, Virtual};
 
 /// The ids of the marks in the text.
@@ -122,6 +122,23 @@ fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
     wire.held_up_every = Some(400);
     let finding = run(&case, &mut wire, network, settings()).unwrap();
     assert!(matches!(&finding.verdict, Verdict::Inconclusive(text) if text.contains("held up for")), "{finding:?}");
+}
+
+#[test]
+fn a_trip_at_the_travel_in_place_of_what_must_come_is_inconclusive() {
+    let trip = |trip: Trip| Emergency {
+        node: Node::Plant,
+        code: EmergencyCode::ExciterTripped,
+        detail: trip as u16,
+        sample: 1654,
+    };
+    let travel = plant_role::instead::<()>(&trip(Trip::Travel), "without commands");
+    assert!(
+        matches!(&travel, Err(Stop::Inconclusive(text)) if text.contains("let the arm come to rest")),
+        "{travel:?}"
+    );
+    let shaker = plant_role::instead::<()>(&trip(Trip::Shaker), "without commands");
+    assert!(matches!(shaker, Err(Stop::Failed(_))), "{shaker:?}");
 }
 
 #[test]

@@ -131,7 +131,7 @@ fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
         (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump", "plant-soak"]),
         (Flaw::NoHeartbeats, &["plant-heartbeats"]),
         (Flaw::NoRamp, &["plant-command-timeout", "plant-disarm"]),
-        (Flaw::ActsUnarmed, &["plant-not-armed", "plant-too-far", "plant-disarm"]),
+        (Flaw::ActsUnarmed, &["plant-not-armed", "plant-disarm", "plant-too-far"]),
         (Flaw::NoTimeout, &starved),
         (Flaw::Cuts, &["plant-too-large", "plant-too-fast", "plant-too-far"]),
         (Flaw::Jumps, &["plant-too-fast"]),
