@@ -131,12 +131,16 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
-    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with the first of
-    /// `bytes`.
-    pub(crate) fn of_form(id: u16, form: &Form, bytes: &[u8]) -> Frame {
-        let mut data = [0; 64];
-        data[..form.length].copy_from_slice(&bytes[..form.length]);
+    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with `data`, which is
+    /// zero beyond the form's length.
+    pub(crate) fn of_form(id: u16, form: &Form, data: [u8; 64]) -> Frame {
+        debug_assert!(data[form.length..].iter().all(|byte| *byte == 0));
         Frame { id: Id::Standard(id), format: form.format, len: form.length as u8, data }
+    }
+
+    /// All bytes there may be: those beyond the length stay zero.
+    pub(crate) const fn bytes_mut(&mut self) -> &mut [u8; 64] {
+        &mut self.data
     }
 
     /// The identifier.

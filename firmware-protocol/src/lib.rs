@@ -12,6 +12,7 @@
 extern crate std;
 
 pub mod bits;
+mod content;
 pub mod dbc;
 pub mod e2e;
 #[cfg(feature = "embedded-can")]

@@ -1,6 +1,6 @@
 //! Messages to frames.
 
-use crate::e2e::{Protection, profile5, profile11};
+use crate::content::Content;
 use crate::error::EncodeError;
 use crate::frame::Frame;
 use crate::message::{Message, MessageKind};
@@ -30,30 +30,22 @@ impl Transmitter {
     /// # Errors
     /// [`EncodeError`] if a value can't be sent or the profile has no such message; the counter stays as it was.
     pub fn frame(&mut self, message: &Message) -> Result<Frame, EncodeError> {
-        let kind = message.kind();
-        let id = kind.id(self.network);
-        let form = kind.form(self.network.profile()).ok_or(EncodeError::OtherProfile { kind })?;
-        let (Some(protection), Some(data_id)) = (form.protection, kind.data_id(self.network)) else {
-            return Ok(Frame::of_form(id, &form, &message.encode()?.bytes));
-        };
-        let counter = self.counters[kind as usize];
-        let frame = match protection {
-            Protection::Profile11 => {
-                let payload = message.encode()?;
-                let [a, b, c, d, e, f] = payload.bytes;
-                let mut data = [0, payload.flags << 4 | counter, a, b, c, d, e, f];
-                data[0] = profile11::crc(data_id, &data);
-                Frame::of_form(id, &form, &data)
-            }
-            Protection::Profile5 => {
-                let mut data = message.encode_fd()?;
-                data[2] = counter;
-                let crc = profile5::crc(data_id, &data[..form.length]);
-                data[..2].copy_from_slice(&crc.to_le_bytes());
-                Frame::of_form(id, &form, &data)
-            }
-        };
-        self.counters[kind as usize] = protection.counter_after(counter);
+        let content = Content::new(self.network, message)?;
+        let frame = self.next(&content);
+        self.sent(content.kind());
         Ok(frame)
+    }
+
+    /// The frame of a message with the counter that is next.
+    pub(crate) fn next(&self, content: &Content) -> Frame {
+        content.frame(self.network, self.counters[content.kind() as usize])
+    }
+
+    /// The counter of a kind of message is spent.
+    pub(crate) fn sent(&mut self, kind: MessageKind) {
+        if let Some(protection) = kind.form(self.network.profile()).and_then(|form| form.protection) {
+            let counter = &mut self.counters[kind as usize];
+            *counter = protection.counter_after(*counter);
+        }
     }
 }

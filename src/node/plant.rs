@@ -301,7 +301,7 @@ impl PlantNode {
         match self.samples_per_frame {
             SamplesPerFrame::Two if sensors.sample.is_multiple_of(2) && self.is_armed() => {
                 self.first = Some(sensors.values);
-                Message::Sensors(sensors).check(Profile::Fd)
+                Message::Sensors(sensors).check(self.link.network())
             }
             SamplesPerFrame::One | SamplesPerFrame::Two => self.link.send(&Message::Sensors(sensors)),
         }

@@ -313,6 +313,9 @@ impl Session {
         [near, far]: [B; 2],
         clock: &VirtualClock,
     ) -> [Box<dyn VirtualBus>; 2] {
+        if self.scenario.network.faults.is_empty() {
+            return [Box::new(near), Box::new(far)];
+        }
         [
             Box::new(self.with_faults(near, clock.clone(), Node::Plant)),
             Box::new(self.with_faults(far, clock.clone(), Node::Exciter)),

@@ -30,9 +30,9 @@ pub use signals::SignalError;
 
 pub(crate) use payload::Payload;
 
+use crate::content::Content;
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::FrameFormat;
-use crate::network::{Node, Profile};
+use crate::network::{Network, Node};
 
 /// One message.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,16 +88,12 @@ impl Message {
         }
     }
 
-    /// Whether the message can be sent in a profile.
+    /// Whether the message can be sent in a network.
     ///
     /// # Errors
     /// [`EncodeError`] names the value that can't, or says that the profile has no such message.
-    pub fn check(&self, profile: Profile) -> Result<(), EncodeError> {
-        match self.kind().form(profile) {
-            None => Err(EncodeError::OtherProfile { kind: self.kind() }),
-            Some(Form { format: FrameFormat::Fd { .. }, .. }) => self.encode_fd().map(|_| ()),
-            Some(_) => self.encode().map(|_| ()),
-        }
+    pub fn check(&self, network: Network) -> Result<(), EncodeError> {
+        Content::new(network, self).map(|_| ())
     }
 
     /// The content of a message that is a classical frame.

@@ -43,7 +43,7 @@ impl Link {
             node: capabilities.node,
             transmitter: Transmitter::new(network),
             receiver: Receiver::new(network),
-            outbox: Outbox::new(),
+            outbox: Outbox::new(network),
             events: Queue::new(),
             state: NodeState::BootUp,
             hello: Hello::new(network.profile(), rate_hz),
@@ -159,8 +159,7 @@ impl Link {
     /// # Errors
     /// [`EncodeError`] if the protocol can't say it.
     pub fn send(&mut self, message: &Message) -> Result<(), EncodeError> {
-        message.check(self.network().profile())?;
-        self.outbox.push(*message);
+        self.outbox.push(message)?;
         self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
         Ok(())
     }
@@ -238,13 +237,14 @@ impl Link {
 
     /// The frame to send next, as it is now.
     pub fn next_frame(&self) -> Option<Frame> {
-        self.transmitter.clone().frame(&self.outbox.front()?).ok()
+        Some(self.transmitter.next(&self.outbox.front()?))
     }
 
     /// The frame to send next has been sent: its counter is spent.
     pub fn frame_sent(&mut self) {
-        let sent = self.outbox.pop().map(|message| self.transmitter.frame(&message));
-        debug_assert!(matches!(sent, Some(Ok(_))), "{sent:?}");
+        if let Some(kind) = self.outbox.pop() {
+            self.transmitter.sent(kind);
+        }
         self.jammed_since_ns = (self.outbox.waiting() > 0).then(|| self.listening.listened_ns());
     }
 

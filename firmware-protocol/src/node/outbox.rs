@@ -1,12 +1,14 @@
 //! What a node has yet to send.
 //!
-//! A message becomes a frame only when it is sent, so that its counter is that of the frames that left, whatever was
-//! dropped before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of
+//! A message gets its counter only when it is sent, so that it is that of the frames that left, whatever was dropped
+//! before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of
 //! force or torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
 
-use crate::{Capabilities, Emergency, Heartbeat, Hello, Message, MessageKind, Node, OperatorCommand};
-
 use super::queue::Queue;
+use crate::content::Content;
+use crate::{
+    Capabilities, Emergency, EncodeError, Heartbeat, Hello, Message, MessageKind, Network, Node, OperatorCommand,
+};
 
 /// Messages that wait in the queue. None waits twice in a row, so this is many changes of state.
 const CONTROL: usize = 32;
@@ -25,7 +27,7 @@ const LATEST: [&[MessageKind]; 6] = [
 /// The place of commands in [`LATEST`].
 const COMMAND: usize = 0;
 
-/// A message that waits in the queue. A [`Message`] is larger, for two samples in a frame.
+/// A message that waits in the queue. A [`Message`] and a [`Content`] are larger, for two samples in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Control {
     Operator(OperatorCommand),
@@ -64,36 +66,48 @@ impl Control {
 
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {
+    network: Network,
     control: Queue<Control, CONTROL>,
-    latest: [Option<Message>; LATEST.len()],
+    latest: [Option<Content>; LATEST.len()],
     replaced: u64,
 }
 
 impl Outbox {
-    pub fn new() -> Outbox {
-        Outbox { control: Queue::new(), latest: [None; LATEST.len()], replaced: 0 }
+    pub fn new(network: Network) -> Outbox {
+        Outbox { network, control: Queue::new(), latest: [None; LATEST.len()], replaced: 0 }
     }
 
     /// Queues a message. A command or sensor message takes the place of the one before it, if that still waits.
-    pub fn push(&mut self, message: Message) {
-        let kind = message.kind();
-        if let Some(control) = Control::new(&message) {
+    ///
+    /// # Errors
+    /// [`EncodeError`] if the protocol can't say it.
+    pub fn push(&mut self, message: &Message) -> Result<(), EncodeError> {
+        let content = Content::new(self.network, message)?;
+        let kind = content.kind();
+        if let Some(control) = Control::new(message) {
             if self.control.latest(|waiting| waiting.message().kind() == kind) != Some(&control) {
                 self.control.push(control);
             }
         } else if let Some(place) = LATEST.iter().position(|kinds| kinds.contains(&kind)) {
-            self.replaced += u64::from(self.latest[place].replace(message).is_some());
+            self.replaced += u64::from(self.latest[place].replace(content).is_some());
+        }
+        Ok(())
+    }
+
+    /// What to send next.
+    pub fn front(&self) -> Option<Content> {
+        match self.control.front() {
+            Some(control) => Content::new(self.network, &control.message()).ok(),
+            None => self.latest.iter().flatten().next().copied(),
         }
     }
 
-    /// The message to send next.
-    pub fn front(&self) -> Option<Message> {
-        self.control.front().map(Control::message).or_else(|| self.latest.iter().flatten().next().copied())
-    }
-
-    /// Takes the message to send next.
-    pub fn pop(&mut self) -> Option<Message> {
-        self.control.pop().map(|control| control.message()).or_else(|| self.latest.iter_mut().find_map(Option::take))
+    /// Takes out what [`Outbox::front`] gives: its kind.
+    pub fn pop(&mut self) -> Option<MessageKind> {
+        match self.control.pop() {
+            Some(control) => Some(control.message().kind()),
+            None => self.latest.iter_mut().find_map(Option::take).map(|content| content.kind()),
+        }
     }
 
     /// Takes back the command that still waits.
@@ -115,17 +129,20 @@ impl Outbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ForceCommand, TorqueCommand};
+    use crate::{ForceCommand, TorqueCommand, Transmitter};
 
     #[test]
     fn of_commands_of_force_and_torque_only_the_latest_waits() {
         let force = |sample| Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample });
         let torque = |sample| Message::Torque(TorqueCommand { torque1_nm: 1.0, torque2_nm: 0.0, sample });
         for commands in [[force(1), torque(2), force(3)], [torque(1), force(2), torque(3)]] {
-            let mut outbox = Outbox::new();
-            commands.into_iter().for_each(|command| outbox.push(command));
+            let network = Network::default();
+            let mut outbox = Outbox::new(network);
+            commands.iter().for_each(|command| outbox.push(command).unwrap());
             assert_eq!((outbox.waiting(), outbox.unsent()), (1, 2));
-            assert_eq!((outbox.pop(), outbox.pop()), (Some(commands[2]), None));
+            let last = Transmitter::new(network).frame(&commands[2]).unwrap();
+            assert_eq!(outbox.front().map(|content| content.frame(network, 0)), Some(last));
+            assert_eq!((outbox.pop(), outbox.pop()), (Some(commands[2].kind()), None));
         }
     }
 }

@@ -1,0 +1,65 @@
+//! Messages that wait to be sent: all of a frame but its counter and CRC.
+
+use crate::e2e::{Protection, profile5, profile11};
+use crate::error::EncodeError;
+use crate::frame::Frame;
+use crate::message::{Message, MessageKind};
+use crate::network::Network;
+
+/// What a message is on the wire. A [`Message`] is larger, for two samples in a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Content {
+    kind: MessageKind,
+    /// Counter and CRC are zero.
+    frame: Frame,
+}
+
+impl Content {
+    /// # Errors
+    /// [`EncodeError`] if a value can't be sent or the profile has no such message.
+    pub fn new(network: Network, message: &Message) -> Result<Content, EncodeError> {
+        let kind = message.kind();
+        let form = kind.form(network.profile()).ok_or(EncodeError::OtherProfile { kind })?;
+        let mut data = [0; 64];
+        match form.protection {
+            Some(Protection::Profile5) => data = message.encode_fd()?,
+            Some(Protection::Profile11) => {
+                let payload = message.encode()?;
+                data[1] = payload.flags << 4;
+                data[2..8].copy_from_slice(&payload.bytes);
+            }
+            None => data[0] = message.encode()?.bytes[0],
+        }
+        Ok(Content { kind, frame: Frame::of_form(kind.id(network), &form, data) })
+    }
+
+    /// The kind of the message.
+    pub const fn kind(&self) -> MessageKind {
+        self.kind
+    }
+
+    /// The frame with a counter, protected.
+    pub fn frame(&self, network: Network, counter: u8) -> Frame {
+        let mut frame = self.frame;
+        let form = self.kind.form(network.profile());
+        let Some((protection, data_id)) = form.and_then(|form| form.protection).zip(self.kind.data_id(network)) else {
+            return frame;
+        };
+        let length = frame.len();
+        let bytes = frame.bytes_mut();
+        match protection {
+            Protection::Profile11 => {
+                bytes[1] |= counter;
+                if let Some(data) = bytes.first_chunk() {
+                    bytes[0] = profile11::crc(data_id, data);
+                }
+            }
+            Protection::Profile5 => {
+                bytes[2] = counter;
+                let crc = profile5::crc(data_id, &bytes[..length]);
+                bytes[..2].copy_from_slice(&crc.to_le_bytes());
+            }
+        }
+        frame
+    }
+}
