@@ -159,7 +159,7 @@ fn a_hardening_arm_is_walked_as_well() {
         mode: ModeNumber::First,
         shaker: None,
         unstable: 0,
-        tries: 2.5,
+        tries: 2.0,
     });
 }
 

@@ -74,7 +74,7 @@ const PULL: f64 = 1e-6;
 /// at small amplitude may lead to a damping below zero at a large one.
 const SLOPE: f64 = 0.05;
 /// Share of the range of A² at which a finding's weight has fallen to a quarter.
-const REACH: f64 = 0.25;
+const REACH: f64 = 0.4;
 /// How sure theory is of the load at small amplitude, and how sure the surest finding is: what is left is the model's.
 const THEORY: f64 = 0.01;
 const LEAST_DEVIATION: f64 = 2e-4;
