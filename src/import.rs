@@ -11,7 +11,8 @@ use thiserror::Error;
 
 use crate::can_log::{CanLogError, LogFormat, LoggedFrame, LoggedFrames, read};
 use crate::recording::{
-    Configuration, Direction, Existing, FlushPolicy, FrameRecord, Options, Record, Recorder, RecordingError, TimeBase,
+    Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Options, Record, Recorder, RecordingError,
+    TimeBase,
 };
 use crate::scenario::{Scenario, ScenarioError};
 
@@ -93,8 +94,76 @@ pub enum ImportError {
     },
 }
 
-/// Writes the frames of a log into a recording. Sample k begins k sample periods after the first frame. Frames of the
-/// network go the way that their senders have; of others the log says it, or they count as received by the plant.
+/// A recording of frames alone, written frame by frame. Sample k begins k sample periods after the first frame. Frames
+/// of the network go the way that their senders have; of others the log says it, or they count as received by the plant.
+pub struct FrameLog {
+    recorder: Recorder,
+    channel: Channel,
+    log: PathBuf,
+    network: Network,
+    rate_hz: f64,
+    first_ns: u64,
+    frames: u64,
+}
+
+impl FrameLog {
+    /// Begins the recording `path` of the log `log`, whose first frame is `first`; that is still to be written.
+    ///
+    /// # Errors
+    /// [`ImportError`] if the scenario has no network, or the recording can't be begun.
+    pub fn create(
+        log: &Path,
+        format: &str,
+        first: &LoggedFrame,
+        path: &Path,
+        options: &ImportOptions,
+    ) -> Result<FrameLog, ImportError> {
+        let (network, rate_hz) = match &options.scenario {
+            Some(scenario) => (scenario.network()?, scenario.simulation.rate_hz),
+            None => (Network::default(), 1000.0),
+        };
+        let configuration = match &options.scenario {
+            Some(scenario) => scenario.configuration("none")?,
+            None => Configuration::new(),
+        };
+        let configuration = configuration.with(IMPORTED_FROM, log.display()).with("log_format", format);
+        let options = Options {
+            time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
+            flush: FlushPolicy::Samples(1000),
+            existing: options.existing,
+            ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
+        };
+        let recorder = Recorder::create(path, &configuration, options)?;
+        let channel = recorder.channel("log", CAPACITY)?;
+        Ok(FrameLog { recorder, channel, log: log.to_path_buf(), network, rate_hz, first_ns: first.time_ns, frames: 0 })
+    }
+
+    /// Writes a frame, and returns its time since the first, ns.
+    ///
+    /// # Errors
+    /// [`ImportError::Order`] if it is earlier than the first; [`ImportError::Recording`].
+    pub fn push(&mut self, logged: &LoggedFrame) -> Result<u64, ImportError> {
+        let time_ns = logged.time_ns.checked_sub(self.first_ns).ok_or_else(|| ImportError::Order {
+            log: self.log.clone(),
+            frame: self.frames + 1,
+            early_ns: self.first_ns - logged.time_ns,
+        })?;
+        self.channel.push_blocking(Record::Frame(record(logged, time_ns, self.rate_hz, self.network)))?;
+        self.frames += 1;
+        Ok(time_ns)
+    }
+
+    /// Ends the recording, and returns how many frames are in it.
+    ///
+    /// # Errors
+    /// [`ImportError::Recording`].
+    pub fn finish(self) -> Result<u64, ImportError> {
+        self.recorder.finish(&[("frames", self.frames.to_string())])?;
+        Ok(self.frames)
+    }
+}
+
+/// Writes the frames of a log into a recording, as [`FrameLog`] has them.
 ///
 /// The log is read twice, so that none is half imported: first to see that it is one.
 ///
@@ -102,23 +171,7 @@ pub enum ImportError {
 /// [`ImportError`] if the log can't be read or has no frames, or the recording can't be written.
 pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
     let first = check(log, format, options)?;
-    let (network, rate_hz) = match &options.scenario {
-        Some(scenario) => (scenario.network()?, scenario.simulation.rate_hz),
-        None => (Network::default(), 1000.0),
-    };
-    let configuration = match &options.scenario {
-        Some(scenario) => scenario.configuration("none")?,
-        None => Configuration::new(),
-    };
-    let configuration = configuration.with(IMPORTED_FROM, log.display()).with("log_format", format);
-    let options_of_recorder = Options {
-        time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
-        flush: FlushPolicy::Samples(1000),
-        existing: options.existing,
-        ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
-    };
-    let recorder = Recorder::create(path, &configuration, options_of_recorder)?;
-    let mut channel = recorder.channel("log", CAPACITY)?;
+    let mut written = FrameLog::create(log, format.name(), &first, path, options)?;
     let mut imported =
         Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, other_lines: 0, duration_s: 0.0 };
     let mut frames = read(log, format)?;
@@ -128,13 +181,11 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
             imported.of_other_interfaces += 1;
             continue;
         }
-        let time_ns = logged.time_ns.saturating_sub(first.time_ns);
-        channel.push_blocking(Record::Frame(record(&logged, time_ns, rate_hz, network)))?;
-        imported.frames += 1;
+        let time_ns = written.push(&logged)?;
         imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
     }
     imported.other_lines = frames.others();
-    recorder.finish(&[("frames", imported.frames.to_string())])?;
+    imported.frames = written.finish()?;
     Ok(imported)
 }
 

@@ -44,23 +44,33 @@ fn join(ends: &mut [MemoryBus], capacity: usize) {
     for sender in 0..ends.len() {
         for receiver in (0..ends.len()).filter(|&receiver| receiver != sender) {
             let (ring, incoming) = RingBuffer::new(capacity);
-            let mailbox = Arc::clone(&ends[receiver].mailbox);
-            ends[sender].outgoing.push(Outgoing { ring, mailbox });
-            ends[receiver].incoming.push(incoming);
+            let mailbox = Arc::clone(&ends[receiver].receiver.mailbox);
+            ends[sender].sender.outgoing.push(Outgoing { ring, mailbox });
+            ends[receiver].receiver.incoming.push(incoming);
         }
     }
 }
 
 /// One end of the bus that [`hub`] makes.
 pub struct MemoryBus {
+    sender: MemorySender,
+    receiver: MemoryReceiver,
+    open: bool,
+}
+
+/// What an end sends by.
+pub struct MemorySender {
     sequence: Arc<AtomicU64>,
     outgoing: Vec<Outgoing>,
+    sent: u64,
+}
+
+/// What an end receives by.
+pub struct MemoryReceiver {
     incoming: Vec<Consumer<Numbered>>,
     mailbox: Arc<Mailbox>,
     filters: Vec<Filter>,
     received: u64,
-    sent: u64,
-    open: bool,
 }
 
 /// The way to one other end.
@@ -102,24 +112,21 @@ impl Mailbox {
     }
 }
 
-impl MemoryBus {
-    fn new(sequence: Arc<AtomicU64>) -> MemoryBus {
-        MemoryBus {
-            sequence,
-            outgoing: Vec::new(),
-            incoming: Vec::new(),
-            mailbox: Arc::default(),
-            filters: Vec::new(),
-            received: 0,
-            sent: 0,
-            open: true,
+impl MemorySender {
+    /// Sends a frame to every other end.
+    pub fn send(&mut self, frame: &Frame) {
+        let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
+        for Outgoing { ring, mailbox } in &mut self.outgoing {
+            match ring.push(Numbered { sequence, frame: *frame }) {
+                Ok(()) => mailbox.wake(),
+                Err(_) => _ = mailbox.dropped.fetch_add(1, Ordering::Relaxed),
+            }
         }
+        self.sent += 1;
     }
+}
 
-    fn check_open(&self) -> Result<(), BusError> {
-        if self.open { Ok(()) } else { Err(BusError::Closed) }
-    }
-
+impl MemoryReceiver {
     /// The ring that holds the next frame the filters accept, once the refused frames before it are thrown away. Looks
     /// at no more frames than there were at the call, so that a fast sender can't hold it.
     fn next_ring(&mut self) -> Option<usize> {
@@ -134,6 +141,60 @@ impl MemoryBus {
         }
         None
     }
+
+    /// The next frame that has come in, if any.
+    pub fn receive(&mut self) -> Option<Frame> {
+        let next = self.next_ring().and_then(|ring| self.incoming[ring].pop().ok());
+        self.received += u64::from(next.is_some());
+        next.map(|Numbered { frame, .. }| frame)
+    }
+
+    /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`).
+    pub fn wait(&mut self, timeout: Duration) -> bool {
+        let deadline = Deadline::after(timeout);
+        loop {
+            self.mailbox.state.store(WAITING, Ordering::Relaxed);
+            fence(Ordering::SeqCst);
+            let ready = self.next_ring().is_some();
+            let remaining = deadline.remaining();
+            if ready || remaining.is_zero() {
+                self.mailbox.state.store(AWAKE, Ordering::Relaxed);
+                return ready;
+            }
+            // A timeout too long for the system call is endless. Whatever the reason it returns for (woken, time out,
+            // signal, state changed before it slept), the next turn looks again.
+            let relative = remaining.try_into().ok();
+            let _ = futex::wait(&self.mailbox.state, futex::Flags::PRIVATE, WAITING, relative.as_ref());
+        }
+    }
+
+    /// Receives from now on only frames that match one of `filters`; an empty list receives everything.
+    pub fn set_filters(&mut self, filters: &[Filter]) {
+        self.filters = filters.to_vec();
+    }
+
+    /// Frames lost because this end did not receive them in time.
+    pub fn dropped(&self) -> u64 {
+        self.mailbox.dropped.load(Ordering::Relaxed)
+    }
+}
+
+impl MemoryBus {
+    fn new(sequence: Arc<AtomicU64>) -> MemoryBus {
+        let sender = MemorySender { sequence, outgoing: Vec::new(), sent: 0 };
+        let receiver =
+            MemoryReceiver { incoming: Vec::new(), mailbox: Arc::default(), filters: Vec::new(), received: 0 };
+        MemoryBus { sender, receiver, open: true }
+    }
+
+    /// Both directions apart, so that one thread may send while another waits for a frame.
+    pub fn split(self) -> (MemorySender, MemoryReceiver) {
+        (self.sender, self.receiver)
+    }
+
+    fn check_open(&self) -> Result<(), BusError> {
+        if self.open { Ok(()) } else { Err(BusError::Closed) }
+    }
 }
 
 impl Bus for MemoryBus {
@@ -143,64 +204,37 @@ impl Bus for MemoryBus {
 
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         self.check_open()?;
-        let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
-        for Outgoing { ring, mailbox } in &mut self.outgoing {
-            match ring.push(Numbered { sequence, frame: *frame }) {
-                Ok(()) => mailbox.wake(),
-                Err(_) => _ = mailbox.dropped.fetch_add(1, Ordering::Relaxed),
-            }
-        }
-        self.sent += 1;
+        self.sender.send(frame);
         Ok(Sent::Queued)
     }
 
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
         self.check_open()?;
-        let next = self.next_ring().and_then(|ring| self.incoming[ring].pop().ok());
-        self.received += u64::from(next.is_some());
-        Ok(next.map(|Numbered { frame, .. }| Received { frame, timestamp_ns: None }))
+        Ok(self.receiver.receive().map(|frame| Received { frame, timestamp_ns: None }))
     }
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
         self.check_open()?;
-        let deadline = Deadline::after(timeout);
-        loop {
-            self.mailbox.state.store(WAITING, Ordering::Relaxed);
-            fence(Ordering::SeqCst);
-            let ready = self.next_ring().is_some();
-            let remaining = deadline.remaining();
-            if ready || remaining.is_zero() {
-                self.mailbox.state.store(AWAKE, Ordering::Relaxed);
-                return Ok(ready);
-            }
-            // A timeout too long for the system call is endless. Whatever the reason it returns for (woken, time out,
-            // signal, state changed before it slept), the next turn looks again.
-            let relative = remaining.try_into().ok();
-            let _ = futex::wait(&self.mailbox.state, futex::Flags::PRIVATE, WAITING, relative.as_ref());
-        }
+        Ok(self.receiver.wait(timeout))
     }
 
     fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
         self.check_open()?;
-        self.filters = filters.to_vec();
+        self.receiver.set_filters(filters);
         Ok(())
     }
 
     fn statistics(&self) -> Statistics {
-        Statistics {
-            received: self.received,
-            sent: self.sent,
-            dropped: self.mailbox.dropped.load(Ordering::Relaxed),
-            queue_full: 0,
-        }
+        let MemoryBus { sender, receiver, .. } = self;
+        Statistics { received: receiver.received, sent: sender.sent, dropped: receiver.dropped(), queue_full: 0 }
     }
 
     /// The other ends keep what they have not yet received.
     fn close(&mut self) -> Result<(), BusError> {
         self.check_open()?;
         self.open = false;
-        self.outgoing.clear();
-        self.incoming.clear();
+        self.sender.outgoing.clear();
+        self.receiver.incoming.clear();
         Ok(())
     }
 }
@@ -261,6 +295,22 @@ mod tests {
         ends[0].send(&frame(7)).unwrap();
         assert!(ends[1].wait(Duration::ZERO).unwrap());
         assert_eq!(ids(&mut ends[1]), [7]);
+    }
+
+    /// The answer is sent while another thread waits for the next frame of the same end.
+    #[test]
+    fn an_end_in_two_parts_sends_while_it_waits() {
+        let [near, mut far] = pair(8);
+        let (mut sender, mut receiver) = near.split();
+        let waits = std::thread::spawn(move || {
+            assert!(receiver.wait(Duration::from_secs(10)));
+            receiver.receive()
+        });
+        sender.send(&frame(5));
+        assert!(far.wait(Duration::from_secs(10)).unwrap());
+        assert_eq!(ids(&mut far), [5]);
+        far.send(&frame(6)).unwrap();
+        assert_eq!(waits.join().unwrap(), Some(frame(6)));
     }
 
     #[test]

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use super::exciter_end::End;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
 use super::output;
@@ -14,7 +13,7 @@ use super::session::seconds;
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
 use crate::node::Outcome;
-use crate::run::{BusCounts, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
+use crate::run::{BusCounts, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use crate::scenario::Scenario;
 
 /// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the
@@ -45,7 +44,7 @@ pub(super) struct Exciter {
 #[derive(Serialize)]
 struct Document {
     #[serde(flatten)]
-    end: End,
+    end: ExciterEnd,
     fault: Option<Fault>,
     error: Option<String>,
     samples_played: u64,
@@ -97,7 +96,7 @@ impl Exciter {
     }
 
     fn print(&self, report: &ExciterReport) -> Result<(), Failure> {
-        let end = End::from(report);
+        let end = ExciterEnd::from(report);
         if self.json {
             return output::print_json(&Document {
                 end,
@@ -132,6 +131,6 @@ pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
         Some(Outcome::Stopped) if report.samples_played == 0 => {
             Some(String::from("stopped before the plant was armed, so nothing was played"))
         }
-        ref outcome => End::of(outcome.as_ref()).reason,
+        ref outcome => ExciterEnd::of(outcome.as_ref()).reason,
     }
 }

@@ -19,7 +19,6 @@ mod diff;
 mod doctor;
 mod ended_early;
 mod exciter;
-mod exciter_end;
 mod experiment;
 mod export;
 mod failure;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::configuration;
-use super::exciter_end::End;
+
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
 use super::output;
@@ -18,7 +18,7 @@ use crate::bus::{self, BusAddress};
 use crate::control::Length;
 use crate::node::Outcome as NodeOutcome;
 use crate::realtime::OverrunPolicy;
-use crate::run::{ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
+use crate::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
 use crate::scenario::Scenario;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
@@ -66,7 +66,7 @@ struct Document<'a> {
     plant: PlantDocument<'a>,
     /// How the exciter ended, in a free run.
     #[serde(skip_serializing_if = "Option::is_none")]
-    exciter: Option<End>,
+    exciter: Option<ExciterEnd>,
     /// What it read.
     #[serde(skip_serializing_if = "Option::is_none")]
     responses: Option<Vec<ResponseDocument>>,
@@ -140,7 +140,7 @@ impl Run {
         if self.json {
             let responses = exciter.map(|report| responses::documents(&report.responses));
             let plant = PlantDocument { configuration, report: &report };
-            output::print_json(&Document { plant, exciter: exciter.map(End::from), responses })?;
+            output::print_json(&Document { plant, exciter: exciter.map(ExciterEnd::from), responses })?;
         } else {
             let read = exciter.map_or(String::new(), |report| responses::table(&report.responses));
             output::print(&(report_text(&report) + &read))?;

@@ -22,6 +22,7 @@ use crate::recording::Recording;
 
 pub(crate) use channels::{channels, sample_values, state_values};
 pub use error::{ExportError, UnknownExportFormat, UnknownPart};
+#[cfg(feature = "cli")]
 pub(crate) use selection::samples;
 pub use selection::{Part, Selection};
 

@@ -39,6 +39,7 @@ mod bench;
 mod error;
 mod event_record;
 mod exciter;
+mod exciter_end;
 mod finish;
 mod free;
 mod lockstep;
@@ -51,6 +52,7 @@ mod session;
 mod signals;
 
 pub use error::RunError;
+pub use exciter_end::ExciterEnd;
 pub use mode::{Mode, UnknownMode};
 pub use pace::{Speed, SpeedError};
 pub use report::{

@@ -153,8 +153,11 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Reads the load file of the excitation, if it has one.
-    fn read_load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+    /// Reads the load file of the excitation, if it has one; its path counts from `folder`.
+    ///
+    /// # Errors
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`].
+    pub fn read_load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
         let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
         let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
         let path = folder.join(path);
@@ -167,7 +170,7 @@ impl Scenario {
     }
 
     /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
-    /// so that an excitation of it can't be played.
+    /// so that an excitation of it can't be played before [`Scenario::read_load`].
     ///
     /// # Errors
     /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.

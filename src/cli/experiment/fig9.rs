@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::arm::{Arm, Pose};
 use crate::cli::configuration;
-use crate::cli::exciter_end::End;
+
 use crate::cli::failure::{Failure, Verdict};
 use crate::cli::flags::SessionFlags;
 use crate::cli::output::{self, OverwriteFlag};
@@ -22,7 +22,7 @@ use crate::excitation::Amplitude;
 use crate::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
 use crate::number::short;
 use crate::realtime::{Clock, SystemClock};
-use crate::run::Signals;
+use crate::run::{ExciterEnd, Signals};
 use crate::scenario::Scenario;
 
 /// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response,
@@ -90,7 +90,7 @@ struct ZoneDocument {
 struct Run {
     points: Vec<WalkPoint>,
     #[serde(flatten)]
-    end: End,
+    end: ExciterEnd,
 }
 
 #[derive(Serialize)]
@@ -215,7 +215,7 @@ fn scenario() -> Result<Scenario, Failure> {
 impl Run {
     fn new(measured: &Measured, arm: &Arm) -> Run {
         let points = measured.points.iter().map(|point| WalkPoint::new(point, arm)).collect();
-        Run { points, end: End::of(measured.outcome.as_ref()) }
+        Run { points, end: ExciterEnd::of(measured.outcome.as_ref()) }
     }
 
     fn settled(&self) -> usize {

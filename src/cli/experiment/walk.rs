@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::arm::Load;
 use crate::cli::configuration;
 use crate::cli::continuation::DriveFlags;
-use crate::cli::exciter_end::End;
+
 use crate::cli::failure::{Failure, Verdict};
 use crate::cli::flags::SessionFlags;
 use crate::cli::output::{self, OverwriteFlag};
@@ -21,7 +21,7 @@ use crate::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
 use crate::excitation::Amplitude;
 use crate::realtime::{Clock, SystemClock};
 use crate::recording::Existing;
-use crate::run::{BothReport, Mode, Options, RecordTo, Session, Signals};
+use crate::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, Session, Signals};
 use crate::scenario::Scenario;
 
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
@@ -59,7 +59,7 @@ struct Document<'a> {
     configuration: Value,
     points: &'a [WalkPoint],
     #[serde(flatten)]
-    end: &'a End,
+    end: &'a ExciterEnd,
     simulated_s: f64,
     wall_s: f64,
 }
@@ -123,7 +123,7 @@ impl Walk {
         let arm = scenario.build_arm()?;
         let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
-        let end = End::of(exciter.outcome.as_ref());
+        let end = ExciterEnd::of(exciter.outcome.as_ref());
         let unit = scenario.control.as_ref().map_or("", |control| control.amplitude().unit());
         let load = scenario.control.as_ref().map_or(Load::default(), |control| control.amplitude().load());
         let configuration = configuration::of(scenario, &load)?;

@@ -1,22 +1,22 @@
-//! How an exciter ended, in words: one place for every command that runs one.
+//! How an exciter ended, in words: one place for everything that runs one.
 
 use serde::Serialize;
 
+use super::{ExciterReport, fault_text};
 use crate::node::Outcome;
-use crate::run::{ExciterReport, fault_text};
 
 /// How an exciter ended, as a part of a document.
-#[derive(Serialize)]
-pub(super) struct End {
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ExciterEnd {
     /// In a word: finished, aborted, faulted, plant-left, stopped or failed.
     pub outcome: &'static str,
     /// Why it ended before it was finished; none if it was finished or was stopped.
     pub reason: Option<String>,
 }
 
-impl End {
+impl ExciterEnd {
     /// The end of a controller's work; without an outcome it was stopped.
-    pub fn of(outcome: Option<&Outcome>) -> End {
+    pub fn of(outcome: Option<&Outcome>) -> ExciterEnd {
         let (outcome, reason) = match outcome {
             Some(Outcome::Finished) => ("finished", None),
             Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
@@ -26,7 +26,7 @@ impl End {
             }
             Some(Outcome::Stopped) | None => ("stopped", None),
         };
-        End { outcome, reason }
+        ExciterEnd { outcome, reason }
     }
 
     /// Whether the controller did all it was for.
@@ -35,12 +35,12 @@ impl End {
     }
 }
 
-impl From<&ExciterReport> for End {
+impl From<&ExciterReport> for ExciterEnd {
     /// An error of the run comes before what the controller says.
-    fn from(report: &ExciterReport) -> End {
+    fn from(report: &ExciterReport) -> ExciterEnd {
         match &report.error {
-            Some(error) => End { outcome: "failed", reason: Some(error.to_string()) },
-            None => End::of(report.outcome.as_ref()),
+            Some(error) => ExciterEnd { outcome: "failed", reason: Some(error.to_string()) },
+            None => ExciterEnd::of(report.outcome.as_ref()),
         }
     }
 }
