@@ -1,0 +1,38 @@
+"""Resonarm: the vibration of a robot arm with compliant joints, simulated on a bench and computed by analysis.
+
+SI units throughout, angles of the pose in degrees; a name that is not a typed quantity carries its unit. Vibration
+angles α are deflections of the joints about the pose β. What makes no sense is a `ValueError`, what the system
+refuses an `OSError`, what could not be done a `ResonarmError`.
+"""
+
+from ._resonarm import Measurement, Mode, ResonarmError, __version__, presets
+from .arm import Arm
+from .continuation import Branch, BranchEndedEarly, Curve
+from .plant import Plant
+from .protocol import Decoded, Decoder, Encoder, Frame, Network
+from .recording import Recording
+from .scenario import Scenario
+from .session import Node, Report, run
+
+__all__ = [
+    "Arm",
+    "Branch",
+    "BranchEndedEarly",
+    "Curve",
+    "Decoded",
+    "Decoder",
+    "Encoder",
+    "Frame",
+    "Measurement",
+    "Mode",
+    "Network",
+    "Node",
+    "Plant",
+    "Recording",
+    "Report",
+    "ResonarmError",
+    "Scenario",
+    "__version__",
+    "presets",
+    "run",
+]

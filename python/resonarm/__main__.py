@@ -1,0 +1,39 @@
+"""`python3 -m resonarm export`: recordings in the formats that Python's libraries write best."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from . import export
+from ._resonarm import ResonarmError, __version__
+
+
+def main(words: list[str] | None = None) -> int:
+    """Runs a command; the exit code: 0 done, 2 wrong input, 3 something is missing in this environment."""
+    parser = argparse.ArgumentParser(prog="python3 -m resonarm", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"resonarm {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True)
+    exporting = commands.add_parser("export", help="a recording as Parquet, MF4 or BLF")
+    exporting.add_argument("recording", type=Path, help="the recording, an MCAP file")
+    exporting.add_argument("--to", required=True, choices=export.FORMATS, help="the format")
+    exporting.add_argument("--out", type=Path, metavar="STEM", help="stem of the files, else the recording's")
+    exporting.add_argument("--overwrite", action="store_true", help="write over files that are there")
+    given = parser.parse_args(words)
+    try:
+        stem = given.out or given.recording.with_suffix("")
+        for path in export.export(given.recording, given.to, stem, overwrite=given.overwrite):
+            print(path)
+    except ModuleNotFoundError as error:
+        return _refuse(error, 3)
+    except (ValueError, OSError, ResonarmError) as error:
+        return _refuse(error, 2)
+    return 0
+
+
+def _refuse(error: Exception, code: int) -> int:
+    print(f"error: {error}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

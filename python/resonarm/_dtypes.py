@@ -1,0 +1,99 @@
+"""The types through which NumPy sees the rows of words that the extension hands over (`python/src/rows.rs`)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+def _rows(*fields: tuple[str, str, int]) -> np.dtype[Any]:
+    """Fields of so many values each, each field from a new word of 8 bytes on."""
+    formats = [np.dtype((form, (count,))) if count > 1 else np.dtype(form) for _, form, count in fields]
+    offsets, end = [], 0
+    for form in formats:
+        offsets.append(end)
+        end += -(-form.itemsize // 8) * 8
+    names = [name for name, _, _ in fields]
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+COMPLEX: np.dtype[Any] = np.dtype("c16")
+MOTION = _rows(("t_s", "f8", 1), ("alpha_rad", "f8", 2), ("alpha_dot_rad_s", "f8", 2))
+ORBIT = _rows(
+    ("value", "f8", 1),
+    ("frequency_hz", "f8", 1),
+    ("amplitude_rad", "f8", 2),
+    ("harmonic1_rad", "f8", 2),
+    ("stable", "?", 1),
+    ("period", "u8", 1),
+    ("multipliers", "c16", 4),
+)
+SINGULAR = _rows(("value", "f8", 1), ("value2", "f8", 1), ("harmonic1_rad", "f8", 2))
+
+_READINGS = (
+    ("acceleration_b_m_s2", "f8", 2),
+    ("acceleration_c_m_s2", "f8", 2),
+    ("head_force_n", "f8", 2),
+    ("clipped", "u8", 1),
+)
+_MOVES = (("alpha_rad", "f8", 2), ("alpha_dot_rad_s", "f8", 2))
+PLAYED = _rows(("sample", "u8", 1), *_MOVES, *_READINGS)
+RESPONSE = _rows(
+    ("frequency_hz", "f8", 1),
+    ("load", "f8", 1),
+    ("phase_deg", "f8", 1),
+    ("drift", "f8", 1),
+    ("head_force_n", "c16", 2),
+    ("acceleration_b_m_s2", "c16", 2),
+    ("acceleration_c_m_s2", "c16", 2),
+    ("settled", "?", 1),
+    ("clipped", "?", 1),
+    ("tries", "u8", 1),
+)
+PARTS = {
+    "states": _rows(
+        ("sample", "u8", 1),
+        ("time_s", "f8", 1),
+        *_MOVES,
+        ("torque_nm", "f8", 2),
+        ("force_n", "f8", 2),
+        ("is_end", "?", 1),
+    ),
+    "samples": _rows(("sample", "u8", 1), ("time_s", "f8", 1), *_READINGS),
+    "frames": _rows(
+        ("sample", "u8", 1),
+        ("time_ns", "u8", 1),
+        ("bus_unix_ns", "u8", 1),
+        ("received", "?", 1),
+        ("identifier", "u4", 1),
+        ("extended", "?", 1),
+        ("remote", "?", 1),
+        ("fd", "?", 1),
+        ("bitrate_switch", "?", 1),
+        ("error_state_indicator", "?", 1),
+        ("length", "u1", 1),
+        ("data", "u1", 64),
+    ),
+    "ticks": _rows(("sample", "u8", 1), ("wakeup_ns", "u8", 1), ("exec_ns", "u8", 1), ("overruns", "u8", 1)),
+    "events": _rows(("sample", "u8", 1), ("time_ns", "u8", 1), ("value", "i8", 1)),
+}
+
+
+def view(rows: bytearray, dtype: np.dtype[Any]) -> Array:
+    """The rows as an array on the same memory."""
+    return np.frombuffer(rows, dtype) if rows else np.empty(0, dtype)
+
+
+def named(names: list[str], rows: Array, field: str = "kind") -> Array:
+    """The rows with a text before each."""
+    fields = [
+        (field, f"U{max(map(len, names), default=1)}"),
+        *((name, rows.dtype[name]) for name in rows.dtype.names or ()),
+    ]
+    out = np.empty(len(rows), dtype=fields)
+    out[field] = names
+    for name in rows.dtype.names or ():
+        out[name] = rows[name]
+    return out

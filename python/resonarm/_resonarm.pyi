@@ -1,0 +1,227 @@
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import Any, final
+
+from typing_extensions import Self
+
+__version__: str
+
+class ResonarmError(Exception):
+    """What was asked for makes sense, and could not be done."""
+
+@final
+class Mode:
+    """A natural mode of the linearised arm."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """Natural frequency, Hz."""
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio, 1 is critical."""
+    @property
+    def shape(self) -> tuple[float, float]:
+        """Shape (α1, α2), normalised to the mass matrix."""
+
+class Arm:
+    def __new__(
+        cls,
+        preset: str = "irb1600-fitted",
+        *,
+        beta1_deg: float = 0.0,
+        beta2_deg: float = 60.0,
+        parameters: dict[str, Any] | None = None,
+    ) -> Self: ...
+    @property
+    def preset(self) -> str: ...
+    @property
+    def beta1_deg(self) -> float: ...
+    @property
+    def beta2_deg(self) -> float: ...
+    @property
+    def parameters(self) -> dict[str, Any]: ...
+    @property
+    def own_parameters(self) -> dict[str, Any]: ...
+    def modes(self) -> list[Mode]:
+        """Both natural modes, the lower first."""
+    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]: ...
+    def frf_at(self, frequency_hz: bytes, terms: tuple[str, str, str]) -> bytearray: ...
+    def motion(
+        self,
+        initial: tuple[float, float, float, float],
+        sine: tuple[float, float, float, float],
+        stepping: tuple[str | None, float],
+        length: tuple[int, int],
+    ) -> bytearray: ...
+
+@final
+class Traced:
+    @property
+    def branches(self) -> list[tuple[bytearray, list[str], bytearray]]: ...
+    @property
+    def curves(self) -> list[tuple[str, bytearray, bytearray, list[bool]]]: ...
+    @property
+    def ended_early(self) -> str | None: ...
+
+def presets() -> list[str]:
+    """The names of the parameter sets that come with the package."""
+
+def step_rate_hz(name: str | None = None) -> float: ...
+def parameter_label(name: str) -> tuple[str, str]: ...
+def trace_branch(
+    arm: Arm,
+    drive: tuple[tuple[float, float, float], float, float],
+    range: tuple[str, float, float],
+    limits: tuple[int, int, float],
+    doubled: bool,
+    curves: tuple[str, float] | None,
+) -> Traced: ...
+
+_Load = tuple[float, float]
+_Path = str | PathLike[str]
+_FrameParts = tuple[int, bool, bytes, bool, bool]
+_How = tuple[str, _Path | None, bool, float | None, float | None, int, bool]
+_Controller = tuple[Callable[[Measurement], _Load | None], str]
+
+class Scenario:
+    def __new__(cls, text: str = "", *, path: _Path | None = None, folder: _Path | None = None) -> Self: ...
+    def replace(self, **sections: dict[str, Any] | None) -> Self:
+        """The same scenario with other values: of each section that is named the keys that are given, whole; a key,
+        or a section, that is None is taken away. Raises ValueError for what is then no scenario."""
+    def to_toml(self) -> str:
+        """The scenario as TOML, with every default written out."""
+    def values(self) -> dict[str, Any]:
+        """All sections and their values."""
+    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]: ...
+
+@final
+class Measurement:
+    """What the instruments say at a sample, along x and y of the base frame."""
+
+    @property
+    def sample(self) -> int:
+        """Index of the sample."""
+    @property
+    def head_force_n(self) -> tuple[float, float]:
+        """Force in the impedance head, N."""
+    @property
+    def acceleration_b_m_s2(self) -> tuple[float, float]:
+        """Acceleration of the elbow B, m/s²."""
+    @property
+    def acceleration_c_m_s2(self) -> tuple[float, float]:
+        """Acceleration of the tip C, m/s²."""
+    @property
+    def clipped(self) -> int:
+        """Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the
+        head."""
+
+class Plant:
+    def __new__(cls, scenario: Scenario) -> Self: ...
+    @property
+    def sample(self) -> int:
+        """The index of the sample at which the plant stands."""
+    @property
+    def time_s(self) -> float:
+        """The time of that sample, s."""
+    @property
+    def alpha_rad(self) -> tuple[float, float]:
+        """α1 and α2 there, rad."""
+    @property
+    def alpha_dot_rad_s(self) -> tuple[float, float]:
+        """Their rates, rad/s."""
+    def measure(self) -> Measurement:
+        """What the instruments say at the sample. Every call draws new noise: call it once a sample."""
+    def advance(self, force_n: _Load = (0.0, 0.0), torque_nm: _Load = (0.0, 0.0)) -> None:
+        """Advances to the next sample with a force at the tip, N, and torques at the joints, N·m, held. Raises
+        ResonarmError if the integrator can't go on or the shaker trips: the plant then stays where it was."""
+    def play_rows(self, force_n: bytes, torque_nm: bytes) -> bytearray: ...
+
+class Recording:
+    def __new__(cls, path: _Path) -> Self: ...
+    @property
+    def path(self) -> Path:
+        """The file."""
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What it says about itself: the document of `resonarm inspect --json`."""
+    @property
+    def dt_s(self) -> float:
+        """Time from one sample to the next, s."""
+    def scenario_toml(self) -> str: ...
+    def resim(self) -> dict[str, Any]:
+        """Simulates the run again from its recorded loads: the document of `resonarm resim --json`, `identical` and
+        where it differs. Raises ResonarmError if it can't be."""
+    def reader(self, part: str, from_sample: int, to_sample: int) -> Reader: ...
+
+@final
+class Reader:
+    def read(self, most_rows: int) -> tuple[bytearray, list[str]]: ...
+
+@final
+class LogWriter:
+    def __new__(cls, path: _Path) -> Self: ...
+    def write(self, frame: _FrameParts, unix_ns: int, received: bool, interface: str) -> None: ...
+    def finish(self) -> int: ...
+
+class Network:
+    def __new__(
+        cls, *, base: int = 0x200, plant_id: int = 1, exciter_id: int = 2, profile: str = "classic"
+    ) -> Self: ...
+    @property
+    def base(self) -> int: ...
+    @property
+    def plant_id(self) -> int: ...
+    @property
+    def exciter_id(self) -> int: ...
+    @property
+    def profile(self) -> str: ...
+    def dbc(self) -> str:
+        """The DBC of the network."""
+    @staticmethod
+    def messages() -> list[str]:
+        """The names of the messages."""
+
+class Encoder:
+    def __new__(cls, network: Network) -> Self: ...
+    def encode_parts(self, message: str, signals: dict[str, float]) -> _FrameParts: ...
+
+class Decoder:
+    def __new__(cls, network: Network) -> Self: ...
+    @property
+    def lost(self) -> int: ...
+    def decode_parts(self, frame: _FrameParts) -> tuple[str, str, str, dict[str, float], str]: ...
+
+@final
+class Hub:
+    def __new__(cls, ends: int) -> Self: ...
+    def end(self) -> BusEnd: ...
+
+@final
+class BusEnd:
+    def send(self, frame: _FrameParts) -> None: ...
+    def receive(self, timeout_s: float | None = None) -> _FrameParts | None: ...
+    @property
+    def dropped(self) -> int: ...
+    def close(self) -> None: ...
+
+class NodeRun:
+    def __new__(
+        cls, role: str, scenario: Scenario, how: _How, bus: BusEnd | str, controller: _Controller | None = None
+    ) -> Self: ...
+    @property
+    def is_running(self) -> bool:
+        """Whether it runs still."""
+    @property
+    def sample(self) -> int:
+        """The sample at which it is."""
+    def take_events(self) -> list[dict[str, Any]]:
+        """What has happened since the last call: `event` (ready, armed, disarmed, faulted, …) and what belongs to
+        it."""
+    def stop(self) -> None:
+        """Asks it to end in order, without waiting."""
+    def join(self) -> tuple[dict[str, Any], bytearray]: ...
+
+def run_both(
+    scenario: Scenario, how: _How, controller: _Controller | None = None
+) -> tuple[dict[str, Any], dict[str, Any], bytearray]: ...

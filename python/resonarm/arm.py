@@ -1,0 +1,115 @@
+"""The arm: modes, frequency responses, its motion under a sine, and branches of periodic motions."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _resonarm
+from ._dtypes import COMPLEX, MOTION, Array, view
+from .continuation import Branch, trace
+
+MOST_STEPS = 10_000_000_000
+
+
+class Arm(_resonarm.Arm):
+    """The arm in a pose: two rigid links with compliant joints (P. Gierlak, J. Warmiński, Appl. Sci. 2023, 13, 11941).
+
+    `preset` is one of `resonarm.presets()`; `beta1_deg` is the angle of link 1 against the x axis, `beta2_deg` that
+    of link 2 against link 1, degrees, −360 to 360; `parameters` has those that differ from the preset's, by the names
+    that the attribute `parameters` has, in SI units.
+
+    Raises ValueError for what no arm can have.
+    """
+
+    def __repr__(self) -> str:
+        own = f", parameters={self.own_parameters}" if self.own_parameters else ""
+        return f"Arm({self.preset!r}, beta1_deg={self.beta1_deg:g}, beta2_deg={self.beta2_deg:g}{own})"
+
+    def frf(
+        self,
+        frequency_hz: ArrayLike,
+        *,
+        drive: str = "torque1",
+        response: str = "c-x",
+        quantity: str = "receptance",
+    ) -> NDArray[np.complex128]:
+        """Frequency response of the linearised arm: response over drive, complex, as an array of the frequencies'
+        shape.
+
+        `drive` is torque1, torque2 (N·m), force-x or force-y (at the tip C, N); `response` alpha1, alpha2 (rad), b-x,
+        b-y, c-x or c-y (m); `quantity` receptance, mobility or accelerance: the displacement, its first or second
+        derivative in time, over the drive (ISO 7626-1).
+
+        Raises ValueError for an unknown term or a negative frequency, ResonarmError where the response is infinite.
+        """
+        hz = np.asarray(frequency_hz, dtype=np.float64)
+        return view(self.frf_at(hz.tobytes(), (drive, response, quantity)), COMPLEX).reshape(hz.shape)
+
+    def simulate(
+        self,
+        duration_s: float,
+        *,
+        torque1_nm: float = 0.0,
+        force_x_n: float = 0.0,
+        force_y_n: float = 0.0,
+        excitation_hz: float = 0.0,
+        initial: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        rate_hz: float | None = None,
+        scheme: str | None = None,
+        every: int = 1,
+    ) -> Array:
+        """The motion under A·sin(2πft), exact inside the step: rows with `t_s`, `alpha_rad` and `alpha_dot_rad_s`.
+
+        The amplitude A has a torque at joint 1, N·m, and a force at the tip, N; f is `excitation_hz`. `initial` is
+        α1, α2 in rad, α̇1, α̇2 in rad/s; `rate_hz` the integration steps a second, by default those of a scenario
+        with the `scheme` (rk4, dop853, gl4, gl6, exponential, exponential8; by default the last). There is a row for
+        the start, for every `every`th step and for the end. Ctrl-C ends it.
+
+        Raises ValueError if the duration is no whole number of steps, an excitation has no frequency, or the scheme
+        can't carry the arm at the rate.
+        """
+        if excitation_hz <= 0 and (torque1_nm or force_x_n or force_y_n):
+            raise ValueError(
+                f"excitation_hz is {excitation_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
+            )
+        if every < 1:
+            raise ValueError(f"every is {every}: it must be 1 or more")
+        rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
+        stepping, sine = (scheme, rate), (torque1_nm, force_x_n, force_y_n, excitation_hz)
+        return view(self.motion(initial, sine, stepping, (_steps(duration_s, rate), every)), MOTION)
+
+    def continuation(self, parameter: str, start: float, stop: float, **options: Any) -> Branch:
+        """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
+
+        `parameter` is frequency (Hz), amplitude (of the load, N or N·m), beta1_deg, beta2_deg or a parameter of the
+        arm by its name, in its SI unit. The options, all by keyword:
+
+        - `torque1_nm`, or `force_x_n` and `force_y_n`: the amplitude A of a torque at joint 1 or of a force at the
+          tip. Where the amplitude is what varies, a force gives the direction; without one it is the torque.
+        - `frequency_hz`: of the excitation, where it is not what varies.
+        - `doubled`: follow the motions of twice the period that leave at period doublings, too.
+        - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
+        - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
+
+        Raises ValueError for what makes no sense, BranchEndedEarly if the walk ends before `stop`: it has the branch
+        as far as it was followed.
+        """
+        return trace(self, parameter, start, stop, **options)
+
+
+def _steps(duration_s: float, rate_hz: float) -> int:
+    """The whole number of steps that a duration is."""
+    exact = duration_s * rate_hz
+    if not (math.isfinite(exact) and round(exact) >= 1):
+        raise ValueError(f"duration_s is {duration_s:g}: it must be a positive number, of one step at least")
+    steps = round(exact)
+    if steps > MOST_STEPS:
+        raise ValueError(f"duration_s {duration_s:g} is {steps} steps at {rate_hz:g} Hz: at most {MOST_STEPS} are made")
+    if abs(exact - steps) > 1e-6:
+        raise ValueError(
+            f"duration_s {duration_s!r} is {exact!r} steps at {rate_hz:g} Hz, not a whole number: "
+            f"take {steps / rate_hz!r}, or another rate"
+        )
+    return steps

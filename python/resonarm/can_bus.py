@@ -1,0 +1,145 @@
+"""The bus of a simulated plant for python-can: `can.Bus(interface="resonarm", …)`."""
+
+import threading
+import time
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
+
+import can
+
+from . import _resonarm
+from .protocol import Frame
+from .scenario import Scenario
+from .session import Node, Report
+
+_ENDS = 8
+_benches: dict[str, "_Bench"] = {}
+_lock = threading.Lock()
+
+
+@dataclass
+class _Bench:
+    """A plant on its bus in memory, while somebody is on it."""
+
+    plant: Node
+    hub: _resonarm.Hub
+    profile: str
+    users: int = 0
+    report: Report | None = field(default=None)
+
+
+class ResonarmBus(can.BusABC):
+    """One end of the bus of a simulated plant, which lives in this process while somebody is on the bus.
+
+    `channel` is a name: the first to open it starts the plant, with the other arguments; who opens it later joins. Up
+    to seven ends may be opened while a plant lives. `scenario` is a `resonarm.Scenario` or the path of one. With the
+    `mode` lockstep the plant waits for the answer to each sample, so that time is virtual (`speed` holds it to the
+    clock); with real-time it goes by the clock. `record` names an MCAP file.
+
+    Messages have the machine's time. Remote frames and error frames can't be sent.
+    """
+
+    def __init__(
+        self,
+        channel: str = "resonarm",
+        *,
+        scenario: "Scenario | str | PathLike[str] | None" = None,
+        mode: str = "lockstep",
+        speed: float | None = None,
+        record: str | PathLike[str] | None = None,
+        overwrite: bool = False,
+        **kwargs: Any,
+    ) -> None:
+        self._is_open = False
+        self.channel = str(channel)
+        self.channel_info = f"resonarm {self.channel}"
+        with _lock:
+            bench = _benches.get(self.channel)
+            if bench is None:
+                bench = _start(scenario, mode, speed, record, overwrite)
+                _benches[self.channel] = bench
+            elif scenario is not None or record is not None:
+                message = f"the plant of channel {self.channel!r} runs already: join it without scenario and record"
+                raise can.CanInitializationError(message)
+            self._end, self._bench = bench.hub.end(), bench
+            bench.users += 1
+        self._is_open = True
+        self._can_protocol = can.CanProtocol.CAN_FD if bench.profile == "fd" else can.CanProtocol.CAN_20
+        super().__init__(channel=channel, **kwargs)
+
+    @property
+    def dropped(self) -> int:
+        """Messages lost to this end, because more than 16384 of another end had not been received."""
+        return self._end.dropped
+
+    @property
+    def plant(self) -> Node:
+        """The plant: whether it runs, its events."""
+        return self._bench.plant
+
+    @property
+    def report(self) -> Report | None:
+        """The plant's report, after the last end of its bus was shut down."""
+        return self._bench.report
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Sends a message to every other end."""
+        if msg.is_remote_frame or msg.is_error_frame:
+            raise can.CanOperationError("a simulated plant's bus carries no remote frames and no error frames")
+        self._check_open()
+        self._end.send(Frame.of(msg))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._check_open()
+        parts = self._end.receive(timeout)
+        if parts is None:
+            return None, False
+        identifier, extended, data, fd, bitrate_switch = parts
+        message = can.Message(
+            timestamp=time.time(),
+            arbitration_id=identifier,
+            is_extended_id=extended,
+            data=data,
+            is_fd=fd,
+            bitrate_switch=bitrate_switch,
+            channel=self.channel,
+        )
+        return message, False
+
+    def _check_open(self) -> None:
+        if not self._is_open:
+            raise can.CanOperationError("the bus is closed")
+
+    def shutdown(self) -> None:
+        """Leaves the bus; with the last end the plant stops in order."""
+        super().shutdown()
+        if not self._is_open:
+            return
+        self._is_open = False
+        self._end.close()
+        with _lock:
+            self._bench.users -= 1
+            if self._bench.users:
+                return
+            del _benches[self.channel]
+        self._bench.report = self._bench.plant.end()
+
+    @staticmethod
+    def _detect_available_configs() -> list[Any]:
+        return [{"interface": "resonarm", "channel": name} for name in (list(_benches) or ["resonarm"])]
+
+
+def _start(
+    scenario: "Scenario | str | PathLike[str] | None",
+    mode: str,
+    speed: float | None,
+    record: str | PathLike[str] | None,
+    overwrite: bool,
+) -> _Bench:
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario() if scenario is None else Scenario.load(scenario)
+    hub = _resonarm.Hub(_ENDS)
+    options: dict[str, Any] = {"speed": speed, "record": record, "overwrite": overwrite}
+    plant = Node("plant", scenario, hub.end(), mode, **options)
+    return _Bench(plant, hub, scenario.values()["network"]["profile"])

@@ -1,0 +1,75 @@
+"""Recordings as logs of python-can: `can.LogReader("run.mcap")` and `can.Logger("log.mcap")`."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import can
+from can.io.generic import MessageReader, MessageWriter
+from can.typechecking import StringPathLike
+
+from . import _resonarm
+from .protocol import Frame
+from .recording import Recording
+
+CHUNK = 4096
+
+
+class McapReader(MessageReader):
+    """The frames of a recording as messages, in the order of the file. A message that the plant received has `is_rx`.
+
+    The time stamp is that of the bus where there is one, else when the run loop handled the frame, s of the UNIX
+    epoch; of a run in simulated time alone it counts from its start.
+    """
+
+    def __init__(self, file: StringPathLike, **kwargs: Any) -> None:
+        self._recording = Recording(str(file))
+
+    def __iter__(self) -> Iterator[can.Message]:
+        origin = self._recording.summary["origin"]
+        start_ns = origin["start_unix_ns"] or 0
+        for chunk in self._recording.chunks("frames", CHUNK):
+            for row in chunk:
+                yield can.Message(
+                    timestamp=int(row["bus_unix_ns"] or start_ns + int(row["time_ns"])) * 1e-9,
+                    arbitration_id=int(row["identifier"]),
+                    is_extended_id=bool(row["extended"]),
+                    is_remote_frame=bool(row["remote"]),
+                    is_rx=bool(row["received"]),
+                    is_fd=bool(row["fd"]),
+                    bitrate_switch=bool(row["bitrate_switch"]),
+                    error_state_indicator=bool(row["error_state_indicator"]),
+                    dlc=int(row["length"]),
+                    data=self._recording.frame_data(row),
+                    channel=origin["interface"],
+                )
+
+    def stop(self) -> None:
+        """Nothing is held open."""
+
+
+class McapWriter(MessageWriter):
+    """Writes messages into a recording of frames alone, as `resonarm import` makes one; it replaces a file that is
+    there.
+
+    The file is begun with the first message: without one there is none. Error frames and remote frames are left out. It
+    is whole after `stop`. Messages must not be earlier than the first.
+    """
+
+    def __init__(self, file: StringPathLike, *, append: bool = False, **kwargs: Any) -> None:
+        if append:
+            raise ValueError(f"{file}: nothing can be appended to a recording; `resonarm merge` joins parts of one")
+        self._log: _resonarm.LogWriter | None = _resonarm.LogWriter(str(file))
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Writes a message."""
+        if self._log is None:
+            raise ValueError("the log is closed")
+        if not (msg.is_error_frame or msg.is_remote_frame):
+            channel = "" if msg.channel is None else str(msg.channel)
+            self._log.write(Frame.of(msg), round(msg.timestamp * 1e9), msg.is_rx, channel)
+
+    def stop(self) -> None:
+        """Ends the recording."""
+        if self._log is not None:
+            log, self._log = self._log, None
+            log.finish()

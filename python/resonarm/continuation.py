@@ -1,0 +1,164 @@
+"""Branches of periodic motions, their bifurcations, and the curves of these in two parameters."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from . import _extras, _resonarm
+from ._dtypes import ORBIT, SINGULAR, Array, named, view
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Curve:
+    """The curve of a fold or a period doubling in two parameters."""
+
+    kind: str
+    """`fold` or `period-doubling`."""
+    parameters: tuple[str, str]
+    """The parameter of the branch and the second one."""
+    points: Array
+    """Rows with `value` (of the first parameter), `value2` (of the second) and `harmonic1_rad`."""
+    turns: Array
+    """Where it turns back in the second parameter; `kind` is `turn`, or `cusp` where two folds meet and vanish."""
+
+    def __repr__(self) -> str:
+        return f"<Curve of {self.kind}s in {self.parameters[0]} and {self.parameters[1]}: {len(self.points)} points>"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Branch:
+    """A branch of periodic motions."""
+
+    parameter: str
+    """What it was followed in."""
+    points: Array
+    """Rows with `value` (of the parameter), `frequency_hz`, `amplitude_rad` (the largest |α1|, |α2|), `harmonic1_rad`
+    (of the component at the excitation's frequency), `stable`, `period` (in those of the excitation) and the four
+    Floquet `multipliers`, the largest first."""
+    bifurcations: Array
+    """The same with `kind` before it: fold, period-doubling, neimark-sacker or branch-point."""
+    doubled: tuple["Branch", ...] = ()
+    """The branches of twice the period that leave at period doublings, where they were asked for."""
+    curves: tuple[Curve, ...] = ()
+    """The curves of the folds and period doublings, where they were asked for."""
+
+    def __repr__(self) -> str:
+        unstable = int(np.count_nonzero(~self.points["stable"]))
+        kinds, counts = np.unique(self.bifurcations["kind"], return_counts=True)
+        found = ", ".join(f"{count} × {kind}" for kind, count in zip(kinds, counts, strict=True))
+        of = f"<Branch in {self.parameter}: {len(self.points)} motions, {unstable} of them unstable"
+        return f"{of}; {found}>" if found else f"{of}>"
+
+    def plot(self, ax: Any = None, *, joint: int = 1) -> Any:
+        """Draws the largest |α| of a joint, 1 or 2, over the parameter: stable motions as lines, unstable ones dashed,
+        bifurcations as markers. `ax` are matplotlib's axes, by default the current ones; they are returned."""
+        ax, index = _extras.axes(ax), joint - 1
+        x, y, stable = self.points["value"], self.points["amplitude_rad"][:, index], self.points["stable"]
+        # A motion on either side of a change belongs to both stretches, so that the line has no gap.
+        edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
+        for first, last in pairwise(edges):
+            stretch = slice(max(first - 1, 0), last)
+            color, style = ("C0", "-") if len(stable) and stable[first] else ("C3", "--")
+            ax.plot(x[stretch], y[stretch], color=color, linestyle=style)
+        for kind in np.unique(self.bifurcations["kind"]):
+            at = self.bifurcations[self.bifurcations["kind"] == kind]
+            ax.plot(at["value"], at["amplitude_rad"][:, index], "o", markersize=4, label=str(kind))
+        ax.set_xlabel("{} ({})".format(*_label(self.parameter)))
+        ax.set_ylabel(f"largest |α{joint}| (rad)")
+        return ax
+
+
+class BranchEndedEarly(_resonarm.ResonarmError):
+    """A branch that could not be followed to its end. `branch` is what was found."""
+
+    def __init__(self, reason: str, branch: Branch) -> None:
+        super().__init__(reason)
+        self.branch = branch
+
+
+def _label(parameter: str) -> tuple[str, str]:
+    name, unit = _resonarm.parameter_label(parameter)
+    return name, unit or "N or N·m"
+
+
+def trace(
+    arm: _resonarm.Arm,
+    parameter: str,
+    start: float,
+    stop: float,
+    *,
+    torque1_nm: float | None = None,
+    force_x_n: float | None = None,
+    force_y_n: float | None = None,
+    frequency_hz: float | None = None,
+    doubled: bool = False,
+    curves_in: str | None = None,
+    curves_to: float | None = None,
+    most_harmonics: int = 64,
+    most_points: int = 20_000,
+    largest_step: float = 0.25,
+) -> Branch:
+    """`Arm.continuation`, with its options in full."""
+    load = _load(parameter, torque1_nm, force_x_n, force_y_n)
+    amplitude = math.hypot(*load)
+    if not (math.isfinite(amplitude) and amplitude > 0):
+        raise ValueError(f"the excitation's amplitude is {amplitude:g}: it must be a finite number other than 0")
+    if parameter == "frequency":
+        if frequency_hz is not None:
+            raise ValueError("frequency_hz is for runs in another parameter: leave it out")
+        frequency_hz = start
+    elif frequency_hz is None or not (math.isfinite(frequency_hz) and frequency_hz > 0):
+        raise ValueError(f"frequency_hz is {frequency_hz}: it must be a positive number")
+    if not 1e-6 <= largest_step <= 1:
+        raise ValueError(f"largest_step is {largest_step:g}: it must be from 1e-6 to 1")
+    if not 3 <= most_harmonics <= 1000:
+        raise ValueError(f"most_harmonics is {most_harmonics}: it must be from 3 to 1000")
+    if (curves_in is None) != (curves_to is None):
+        raise ValueError("curves_in and curves_to belong together: give both or neither")
+    if curves_in == parameter:
+        raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: name another parameter")
+    direction = (load[0] / amplitude, load[1] / amplitude, load[2] / amplitude)
+    traced = _resonarm.trace_branch(
+        arm,
+        (direction, amplitude, frequency_hz),
+        (parameter, start, stop),
+        (most_harmonics, most_points, largest_step),
+        doubled,
+        (curves_in, curves_to) if curves_in is not None and curves_to is not None else None,
+    )
+    branch = _branch(traced, parameter, curves_in or "")
+    if traced.ended_early is not None:
+        raise BranchEndedEarly(traced.ended_early, branch)
+    return branch
+
+
+def _load(parameter: str, torque1_nm: float | None, x: float | None, y: float | None) -> tuple[float, float, float]:
+    """Torque at joint 1, force along x and y; of the value 1 where the amplitude is what varies."""
+    is_force = x is not None or y is not None
+    if torque1_nm is not None and not is_force and parameter != "amplitude":
+        return (torque1_nm, 0.0, 0.0)
+    if torque1_nm is None and is_force:
+        return (0.0, x or 0.0, y or 0.0)
+    if torque1_nm is None and parameter == "amplitude":
+        return (1.0, 0.0, 0.0)
+    if parameter == "amplitude":
+        raise ValueError("the amplitude is what varies: leave torque1_nm out")
+    raise ValueError("give the excitation: torque1_nm=A, or force_x_n=A and force_y_n=A")
+
+
+def _branch(traced: _resonarm.Traced, parameter: str, second: str) -> Branch:
+    found = [(view(points, ORBIT), named(kinds, view(events, ORBIT))) for points, kinds, events in traced.branches]
+    curves = tuple(
+        Curve(
+            kind,
+            (parameter, second),
+            view(points, SINGULAR),
+            named(["cusp" if cusp else "turn" for cusp in cusps], view(turns, SINGULAR)),
+        )
+        for kind, points, turns, cusps in traced.curves
+    )
+    doubled = tuple(Branch(parameter, *of) for of in found[1:])
+    return Branch(parameter, *found[0], doubled, curves)

@@ -1,0 +1,132 @@
+"""Recordings in the formats that Python's libraries write best, row group by row group, so that a recording may be
+longer than the memory."""
+
+from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _extras
+from ._dtypes import Array
+from .recording import Recording
+
+FORMATS = ("parquet", "mf4", "blf")
+PARTS = ("states", "samples", "frames", "ticks", "events")
+ROWS = 1 << 16
+
+
+def export(
+    recording: str | PathLike[str], to: str, stem: str | PathLike[str], *, overwrite: bool = False
+) -> list[Path]:
+    """Writes a recording: to `parquet` a table a part, `STEM-PART.parquet`; to `mf4` (MDF 4.10) states and samples as
+    channel groups of one file, `STEM.mf4`; to `blf` the frames, `STEM.blf`. Returns the files.
+
+    Columns are those of `Recording.read`, a pair as two columns with `1` and `2` of the joints or `x` and `y` of the
+    axes, as in the CSV of `resonarm export`.
+
+    Raises ModuleNotFoundError if the extra `export` is missing, FileExistsError for a file that is there, ValueError
+    for another format.
+    """
+    writers = {"parquet": _parquet, "mf4": _mf4, "blf": _blf}
+    if to not in writers:
+        raise ValueError(f"there is no format {to!r}: it is one of {', '.join(FORMATS)}")
+    return writers[to](Recording(recording), Path(stem), overwrite)
+
+
+def _free(path: Path, overwrite: bool) -> Path:
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} already exists: name another stem, or allow overwriting it (--overwrite)")
+    return path
+
+
+def _named(stem: Path, ending: str, overwrite: bool) -> Path:
+    return _free(stem.with_name(stem.name + ending), overwrite)
+
+
+def columns(rows: Array) -> dict[str, Array]:
+    """The columns of rows by the names of the CSV of `resonarm export`: pairs apart, payloads as bytes."""
+    found: dict[str, Any] = {}
+    for name in rows.dtype.names or ():
+        column = rows[name]
+        if name == "data":
+            found[name] = [
+                bytes(data[: 0 if row["remote"] else row["length"]]) for row, data in zip(rows, column, strict=True)
+            ]
+        elif column.ndim == 2:
+            for k, pair_name in enumerate(_pair(name)):
+                found[pair_name] = np.ascontiguousarray(column[:, k])
+        else:
+            found[name] = np.ascontiguousarray(column)
+    return found
+
+
+def _pair(name: str) -> tuple[str, str]:
+    """`alpha_rad` as `alpha1_rad` and `alpha2_rad`, `force_n` as `force_x_n` and `force_y_n`."""
+    unit = next(unit for unit in ("_m_s2", "_rad_s", "_rad", "_nm", "_n") if name.endswith(unit))
+    head = name.removesuffix(unit)
+    for joint in ("alpha", "torque"):
+        if head.startswith(joint):
+            rest = head.removeprefix(joint) + unit
+            return f"{joint}1{rest}", f"{joint}2{rest}"
+    return f"{head}_x{unit}", f"{head}_y{unit}"
+
+
+def _parts(recording: Recording, parts: tuple[str, ...]) -> Iterator[str]:
+    """Those of the parts that have records."""
+    topics = {"states": "/plant/steps", "samples": "/plant/samples", "frames": "/can/frames"}
+    topics |= {"ticks": "/realtime/ticks", "events": "/events"}
+    for part in parts:
+        if recording.summary["topics"].get(topics[part], {}).get("records"):
+            yield part
+
+
+def _parquet(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
+    arrow, parquet = _extras.require("pyarrow", "export"), _extras.require("pyarrow.parquet", "export")
+    parts = list(_parts(recording, PARTS))
+    paths = [_named(stem, f"-{part}.parquet", overwrite) for part in parts]
+    for part, path in zip(parts, paths, strict=True):
+        writer = None
+        for rows in recording.chunks(part, ROWS):
+            table = arrow.table(columns(rows))
+            writer = writer or parquet.ParquetWriter(path, table.schema, compression="zstd")
+            writer.write_table(table)
+        if writer is not None:
+            writer.close()
+    return paths
+
+
+def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
+    mdf = _extras.require("asammdf", "export")
+    path = _named(stem, ".mf4", overwrite)
+    with mdf.MDF(version="4.10") as measured:
+        for group, part in enumerate(_parts(recording, ("states", "samples"))):
+            for first, rows in enumerate(recording.chunks(part, ROWS)):
+                named = columns(rows)
+                times = named.pop("time_s")
+                channels = {name: values for name, values in named.items() if values.dtype != bool}
+                if first == 0:
+                    signals = [
+                        mdf.Signal(values, times, name=name, unit=_unit(name)) for name, values in channels.items()
+                    ]
+                    measured.append(signals, acq_name=part, comment=str(recording.path))
+                else:
+                    measured.extend(group, [(times, None), *((values, None) for values in channels.values())])
+        measured.save(path, overwrite=True)
+    return [path]
+
+
+def _unit(name: str) -> str:
+    endings = {"_m_s2": "m/s²", "_rad_s": "rad/s", "_rad": "rad", "_nm": "N·m", "_n": "N"}
+    return next((unit for ending, unit in endings.items() if name.endswith(ending)), "")
+
+
+def _blf(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
+    can = _extras.require("can", "export")
+    path = _named(stem, ".blf", overwrite)
+    with can.BLFWriter(str(path)) as log, can.LogReader(str(recording.path)) as frames:
+        for message in frames:
+            message.channel = 0
+            log(message)
+    return [path]

@@ -1,0 +1,58 @@
+"""The plant: the arm with its instruments, sample by sample."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _resonarm
+from ._dtypes import PLAYED, Array, view
+from .scenario import Scenario
+
+
+class Plant(_resonarm.Plant):
+    """The arm of a scenario with its exciter, its instruments and an integrator, at a sample.
+
+    One sample is `measure()`, then `advance(force_n=…)` with the load held up to the next. The same scenario and the
+    same loads give the same states and readings, bit for bit. The instruments sample half a period before the sample,
+    in the middle of the hold.
+
+        plant = resonarm.Plant(resonarm.Scenario())
+        for _ in range(1000):
+            ax, _ = plant.measure().acceleration_c_m_s2
+            plant.advance((10 - 0.5 * ax, 0.0))
+    """
+
+    def __new__(cls, scenario: Scenario | None = None) -> "Plant":
+        """At sample 0 of the scenario. Raises ValueError if it makes no plant."""
+        return super().__new__(cls, Scenario() if scenario is None else scenario)
+
+    def play(self, force_n: ArrayLike | None = None, torque_nm: ArrayLike | None = None) -> Array:
+        """Measures and advances once for each row of loads: forces (Fx, Fy) at the tip, N, and torques (u1, u2) at the
+        joints, N·m. A row has, before its load acts, `sample`, `alpha_rad`, `alpha_dot_rad_s`, the readings
+        `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, and `clipped` (as `Measurement.clipped`).
+
+        Raises ValueError if the loads don't have two columns and the same number of rows; ResonarmError if the
+        integrator can't go on or the shaker trips: the plant then stands at the sample before.
+        """
+        force, torque = _pairs("force_n", force_n), _pairs("torque_nm", torque_nm)
+        if force is None and torque is None:
+            raise ValueError("give the loads: force_n, torque_nm, or both, a row a sample")
+        force = np.zeros_like(torque) if force is None else force
+        torque = np.zeros_like(force) if torque is None else torque
+        if len(force) != len(torque):
+            raise ValueError(f"force_n has {len(force)} rows and torque_nm {len(torque)}: both need a row a sample")
+        return view(self.play_rows(force.tobytes(), torque.tobytes()), PLAYED)
+
+    def __repr__(self) -> str:
+        (a1, a2), t = self.alpha_rad, self.time_s
+        return f"<Plant at sample {self.sample} ({t:g} s): α = ({a1:+.3e}, {a2:+.3e}) rad>"
+
+
+def _pairs(name: str, loads: ArrayLike | None) -> NDArray[np.float64] | None:
+    if loads is None:
+        return None
+    array: NDArray[Any] = np.asarray(loads, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"{name} has the shape {array.shape}: it must be (samples, 2)")
+    return array

@@ -1,0 +1,89 @@
+"""The protocol's codec, with E2E protection: what `firmware-protocol/SPEC.md` says of frames."""
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from . import _extras, _resonarm
+
+
+class Frame(NamedTuple):
+    """A CAN frame."""
+
+    identifier: int
+    extended: bool
+    data: bytes
+    fd: bool
+    bitrate_switch: bool
+
+    @classmethod
+    def of(cls, message: Any) -> "Frame":
+        """The frame of a `can.Message` with data."""
+        return cls(
+            message.arbitration_id, message.is_extended_id, bytes(message.data), message.is_fd, message.bitrate_switch
+        )
+
+    def message(self, **more: Any) -> Any:
+        """The same as a `can.Message`; `more` are other arguments of it, as `timestamp`."""
+        return _extras.require("can", "can").Message(
+            arbitration_id=self.identifier,
+            is_extended_id=self.extended,
+            data=self.data,
+            is_fd=self.fd,
+            bitrate_switch=self.bitrate_switch,
+            **more,
+        )
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What a frame says, and what a receiver does with it."""
+
+    verdict: str
+    """`taken`; `refused`, for the `reason`; or `foreign`: of another network or protocol."""
+    message: str = ""
+    """The message, by its name in the DBC."""
+    sender: str = ""
+    """`plant` or `exciter`."""
+    signals: dict[str, float] = field(default_factory=dict)
+    """Values by the signals' names in the DBC, in their units; of what is taken alone."""
+    reason: str = ""
+    """Why it is refused."""
+
+
+class Network(_resonarm.Network):
+    """A plant and an exciter on a bus: `base` identifier (a multiple of 0x10 from 0x180 to 0x570), node ids (1 to
+    127), and the `profile` of commands and samples, classic or fd.
+
+    Raises ValueError for what no network can have.
+    """
+
+    def __repr__(self) -> str:
+        ids = f"plant_id={self.plant_id}, exciter_id={self.exciter_id}"
+        return f"Network(base={self.base:#x}, {ids}, profile={self.profile!r})"
+
+
+class Encoder(_resonarm.Encoder):
+    """Makes frames of a network, each message with its own counter, from 0 on."""
+
+    def __new__(cls, network: Network | None = None) -> "Encoder":
+        return super().__new__(cls, Network() if network is None else network)
+
+    def encode(self, message: str, **signals: float) -> Frame:
+        """The next frame of a message by its name in the DBC, protected; marks of saturation that are left out are 0.
+
+        Raises ValueError for an unknown message or signal, one that is missing, or a value that the wire can't carry.
+        """
+        return Frame(*self.encode_parts(message, signals))
+
+
+class Decoder(_resonarm.Decoder):
+    """Takes the frames of a network as a receiver does: checks form, E2E protection and content of each, and
+    supervises the counters. `lost` counts the frames that the counters say were lost."""
+
+    def __new__(cls, network: Network | None = None) -> "Decoder":
+        return super().__new__(cls, Network() if network is None else network)
+
+    def decode(self, frame: Any) -> Decoded:
+        """What a `Frame`, or a `can.Message` with data, says. Raises ValueError for what is no frame."""
+        parts = frame if isinstance(frame, Frame) else Frame.of(frame)
+        return Decoded(*self.decode_parts(parts))

@@ -1,0 +1,46 @@
+"""Scenarios: everything about a run, in one TOML text."""
+
+from os import PathLike
+from typing import Any
+
+from . import _resonarm
+from .arm import Arm
+
+
+class Scenario(_resonarm.Scenario):
+    """Everything about a run, as `scenarios/README.md` describes it; what the TOML `text` leaves out has its default.
+
+    Raises ValueError for what is no scenario, with the message of the command line.
+    """
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], **sections: dict[str, Any] | None) -> "Scenario":
+        """The scenario of a file, with other values in the place of its own: see `replace`.
+
+        Raises OSError if the file, or the load file that it names, can't be read.
+        """
+        scenario = cls(path=path)
+        return scenario.replace(**sections) if sections else scenario
+
+    @property
+    def arm(self) -> Arm:
+        """The arm in its pose."""
+        section = self.values()["arm"]
+        return Arm(
+            section["preset"],
+            beta1_deg=section["beta1_deg"],
+            beta2_deg=section["beta2_deg"],
+            parameters=section.get("parameters"),
+        )
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Samples a second, Hz."""
+        return float(self.values()["simulation"]["rate_hz"])
+
+    def __repr__(self) -> str:
+        values = self.values()
+        controller = next((name for name in ("excitation", "control") if values.get(name)), "no excitation")
+        duration_s = values["simulation"].get("duration_s")
+        end = "" if duration_s is None else f", {duration_s:g} s"
+        return f"<Scenario of {self.arm!r}: {controller}, {self.sample_rate_hz:g} Hz{end}>"

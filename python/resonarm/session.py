@@ -1,0 +1,123 @@
+"""Runs: both nodes of a scenario in this process, or one of them on a bus."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any
+
+from . import _resonarm
+from ._dtypes import RESPONSE, Array, view
+from .recording import Recording
+from .scenario import Scenario
+
+Controller = Callable[[_resonarm.Measurement], tuple[float, float] | None]
+"""What answers a sample: called with a `Measurement`, it returns the load to hold up to the next sample, two
+components, or None when its work is done. If it has a method `restart`, that is called where the exciter begins anew
+after a fault."""
+
+
+@dataclass(frozen=True, repr=False)
+class Report:
+    """What a run came to."""
+
+    plant: dict[str, Any]
+    """The plant's part: the document of `resonarm run --json`; empty of an exciter alone."""
+    exciter: dict[str, Any]
+    """The exciter's part: `outcome`, `reason`, `samples_played` and counts; empty of a plant alone."""
+    responses: Array
+    """What the exciter has read of the response, a row each frequency: `frequency_hz`, `load` (N or N·m), `phase_deg`
+    (NaN in open loop), complex `head_force_n`, `acceleration_b_m_s2`, `acceleration_c_m_s2` against the drive's
+    phase, `drift`, `settled`, `clipped`, `tries`."""
+
+    @property
+    def outcome(self) -> str:
+        """How the plant's run ended, else the exciter's: completed, disarmed, …, finished, …"""
+        return str((self.plant or self.exciter)["outcome"])
+
+    @property
+    def recording(self) -> Recording | None:
+        """The recording of the run, if there is one."""
+        path = self.plant.get("recording")
+        return None if path is None else Recording(path)
+
+    def __repr__(self) -> str:
+        parts = [
+            f"{name} {part['outcome']}" for name, part in (("plant", self.plant), ("exciter", self.exciter)) if part
+        ]
+        samples = f", {self.plant['samples']} samples" if self.plant else ""
+        return f"<Report: {', '.join(parts)}{samples}, {len(self.responses)} responses>"
+
+
+def run(
+    scenario: Scenario,
+    mode: str = "free",
+    *,
+    controller: Controller | None = None,
+    load: str = "force",
+    record: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+    speed: float | None = None,
+    patience_s: float | None = None,
+    rearm: int = 0,
+) -> Report:
+    """Runs plant and exciter of a scenario on a bus inside this process, until the exciter's work is done.
+
+    `mode` is free (simulated time, one loop, as fast as it goes), lockstep (simulated time, the plant waits for each
+    answer; `speed` holds it to the clock: 1 is its speed) or real-time. A `controller` takes the place of the
+    scenario's; `load` says whether it commands a force at the tip (N) or torques at the joints (N·m). `record` names
+    an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the exciter begins anew after
+    a fault. Ctrl-C ends the run in order.
+
+    Raises ValueError and OSError if the run can't begin; what the controller raises. What ends a run early is in the
+    report.
+    """
+    how = (mode, record, overwrite, speed, patience_s, rearm, True)
+    own = None if controller is None else (controller, load)
+    plant, exciter, responses = _resonarm.run_both(scenario, how, own)
+    return Report(plant, exciter, view(responses, RESPONSE))
+
+
+class Node(_resonarm.NodeRun):
+    """A plant or an exciter that runs on a bus, on a thread of its own, from the moment it is made; as a context
+    manager it is stopped at the end of the block.
+
+    `bus` is the address of a bus as on the command line, such as vcan0. Other arguments are those of `run`;
+    `end_on_disarm` ends a plant's run when it is disarmed or faults.
+    """
+
+    def __new__(
+        cls,
+        role: str,
+        scenario: Scenario,
+        bus: "str | _resonarm.BusEnd",
+        mode: str = "real-time",
+        *,
+        controller: Controller | None = None,
+        load: str = "force",
+        record: str | PathLike[str] | None = None,
+        overwrite: bool = False,
+        speed: float | None = None,
+        patience_s: float | None = None,
+        rearm: int = 0,
+        end_on_disarm: bool = False,
+    ) -> "Node":
+        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm)
+        own = None if controller is None else (controller, load)
+        return super().__new__(cls, role, scenario, how, bus, own)
+
+    def wait(self) -> Report:
+        """The report, after the run has ended by itself. Raises what ended it if it could not begin."""
+        report, responses = self.join()
+        parts = (report, {}) if "samples" in report else ({}, report)
+        return Report(*parts, view(responses, RESPONSE))
+
+    def end(self) -> Report:
+        """Ends the run in order; the report."""
+        self.stop()
+        return self.wait()
+
+    def __enter__(self) -> "Node":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()

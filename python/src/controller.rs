@@ -1,0 +1,84 @@
+//! A controller written in Python.
+
+use core::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use pyo3::prelude::*;
+use resonarm::arm::Load;
+use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
+use resonarm::rig;
+
+use crate::errors;
+use crate::plant::Measurement;
+
+/// The exception that ended a controller's work, if one did.
+pub type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// What is called with each sample: it returns two components of a load, or `None` when the work is done.
+pub struct PyController {
+    call: Py<PyAny>,
+    kind: LoadKind,
+    raised: Raised,
+}
+
+impl fmt::Debug for PyController {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("PyController")
+    }
+}
+
+/// Of the name `force` or `torque`.
+pub fn load_kind(name: &str) -> PyResult<LoadKind> {
+    match name {
+        "force" => Ok(LoadKind::Force),
+        "torque" => Ok(LoadKind::Torque),
+        _ => Err(errors::value(format!("load is `{name}`: a controller commands a force or a torque"))),
+    }
+}
+
+impl PyController {
+    /// A controller that keeps what `call` raises in `raised`.
+    pub fn new(call: &Py<PyAny>, kind: LoadKind, raised: &Raised) -> PyController {
+        let call = Python::attach(|py| call.clone_ref(py));
+        PyController { call, kind, raised: Arc::clone(raised) }
+    }
+
+    /// The result, unless it was raised: then the work is done.
+    fn keep<T>(&self, result: PyResult<T>) -> Option<T> {
+        result.map_err(|error| *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error)).ok()
+    }
+}
+
+impl Controller for PyController {
+    fn load_kind(&self) -> LoadKind {
+        self.kind
+    }
+
+    fn restart(&mut self) {
+        let restarted = Python::attach(|py| match self.call.bind(py).getattr_opt("restart")? {
+            Some(restart) => restart.call0().map(drop),
+            None => Ok(()),
+        });
+        self.keep(restarted);
+    }
+
+    fn answer(&mut self, sample: &rig::Measurement) -> Answer {
+        let answered = Python::attach(|py| {
+            let answer = self.call.bind(py).call1((Measurement::from(*sample),))?;
+            if answer.is_none() { Ok(None) } else { answer.extract::<(f64, f64)>().map(Some) }
+        });
+        match (self.keep(answered).flatten(), self.kind) {
+            (None, _) => Answer::Finished,
+            (Some((x, y)), LoadKind::Force) => Answer::Hold(Load::force_n(x, y)),
+            (Some((first, second)), LoadKind::Torque) => Answer::Hold(Load::torque_nm(first, second)),
+        }
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        None
+    }
+
+    fn length(&self) -> Length {
+        Length::Unknown
+    }
+}

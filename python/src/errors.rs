@@ -1,0 +1,111 @@
+//! Errors of the library as Python's exceptions, with the library's messages.
+
+use core::fmt::Display;
+use std::io;
+
+use pyo3::create_exception;
+use pyo3::exceptions::{
+    PyException, PyFileExistsError, PyFileNotFoundError, PyIsADirectoryError, PyOSError, PyPermissionError,
+    PyValueError,
+};
+use pyo3::prelude::*;
+use resonarm::analysis::{AnalysisError, FrfError};
+use resonarm::bus::BusError;
+use resonarm::recording::RecordingError;
+use resonarm::replay::ReplayError;
+use resonarm::run::RunError;
+use resonarm::scenario::ScenarioError;
+
+create_exception!(resonarm, ResonarmError, PyException, "What was asked for makes sense, and could not be done.");
+
+/// A value that makes no sense: `ValueError`.
+pub fn value(error: impl Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// What could not be done: `ResonarmError`.
+pub fn failed(error: impl Display) -> PyErr {
+    ResonarmError::new_err(error.to_string())
+}
+
+/// The system refused: the `OSError` of its kind.
+fn refused(kind: io::ErrorKind, error: &impl Display) -> PyErr {
+    let message = error.to_string();
+    match kind {
+        io::ErrorKind::NotFound => PyFileNotFoundError::new_err(message),
+        io::ErrorKind::AlreadyExists => PyFileExistsError::new_err(message),
+        io::ErrorKind::PermissionDenied => PyPermissionError::new_err(message),
+        io::ErrorKind::IsADirectory => PyIsADirectoryError::new_err(message),
+        _ => PyOSError::new_err(message),
+    }
+}
+
+/// Of a scenario.
+pub fn scenario(error: ScenarioError) -> PyErr {
+    match &error {
+        ScenarioError::Read { source, .. } | ScenarioError::ReadLoad { source, .. } => refused(source.kind(), &error),
+        _ => value(error),
+    }
+}
+
+/// Of a frequency response.
+pub fn frf(error: FrfError) -> PyErr {
+    match error {
+        FrfError::Frequency { .. } => value(error),
+        _ => failed(error),
+    }
+}
+
+/// Of an analysis.
+pub fn analysis(error: AnalysisError) -> PyErr {
+    match error {
+        AnalysisError::Interval { .. } => value(error),
+        _ => failed(error),
+    }
+}
+
+/// Of a recording.
+pub fn recording(error: RecordingError) -> PyErr {
+    match &error {
+        RecordingError::Exists { .. } => refused(io::ErrorKind::AlreadyExists, &error),
+        RecordingError::Open { source, .. }
+        | RecordingError::Create { source, .. }
+        | RecordingError::Write { source, .. } => refused(source.kind(), &error),
+        RecordingError::NotMcap { .. } | RecordingError::NotARecording { .. } | RecordingError::NotAFile { .. } => {
+            value(error)
+        }
+        _ => failed(error),
+    }
+}
+
+/// Of a run that can't begin, or ended early.
+pub fn run(error: RunError) -> PyErr {
+    match error {
+        RunError::Scenario(error) => scenario(error),
+        RunError::Recording(error) | RunError::NotRecorded(error) => recording(error),
+        RunError::Bus(error) => bus(error),
+        RunError::PlantSpec(_)
+        | RunError::Rate(_)
+        | RunError::Speed(_)
+        | RunError::FreeHasNoBus
+        | RunError::BitErrors { .. }
+        | RunError::TimedInRealTime { .. } => value(error),
+        _ => failed(error),
+    }
+}
+
+/// Of a bus: `OSError`, but for an address that names none.
+pub fn bus(error: BusError) -> PyErr {
+    match error {
+        BusError::Address { .. } => value(error),
+        _ => PyOSError::new_err(error.to_string()),
+    }
+}
+
+/// Of a run that is simulated again.
+pub fn replay(error: ReplayError) -> PyErr {
+    match error {
+        ReplayError::Recording(error) => recording(error),
+        _ => failed(error),
+    }
+}

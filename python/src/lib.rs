@@ -1,0 +1,48 @@
+//! The extension module `resonarm._resonarm`: what the Python package `resonarm` calls of the library.
+//!
+//! Public names and documentation for users stand in the package, `python/resonarm`. Calls that take long let go of the
+//! interpreter's lock. Arrays go over as rows of words (`rows`), errors as exceptions of a fitting type (`errors`).
+
+mod arm;
+mod bus;
+mod continuation;
+mod controller;
+mod errors;
+mod log;
+mod plant;
+mod protocol;
+mod recording;
+mod rows;
+mod scenario;
+mod session;
+mod values;
+
+use pyo3::prelude::*;
+
+/// The module.
+#[pymodule]
+fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("ResonarmError", module.py().get_type::<errors::ResonarmError>())?;
+    module.add_class::<arm::Arm>()?;
+    module.add_class::<arm::Mode>()?;
+    module.add_function(wrap_pyfunction!(arm::presets, module)?)?;
+    module.add_function(wrap_pyfunction!(arm::step_rate_hz, module)?)?;
+    module.add_class::<continuation::Traced>()?;
+    module.add_function(wrap_pyfunction!(continuation::trace_branch, module)?)?;
+    module.add_function(wrap_pyfunction!(continuation::parameter_label, module)?)?;
+    module.add_class::<scenario::Scenario>()?;
+    module.add_class::<plant::Plant>()?;
+    module.add_class::<plant::Measurement>()?;
+    module.add_class::<recording::Recording>()?;
+    module.add_class::<recording::Reader>()?;
+    module.add_class::<log::LogWriter>()?;
+    module.add_class::<protocol::Network>()?;
+    module.add_class::<protocol::Encoder>()?;
+    module.add_class::<protocol::Decoder>()?;
+    module.add_class::<bus::Hub>()?;
+    module.add_class::<bus::BusEnd>()?;
+    module.add_class::<session::NodeRun>()?;
+    module.add_function(wrap_pyfunction!(session::run_both, module)?)?;
+    Ok(())
+}

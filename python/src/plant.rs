@@ -1,0 +1,166 @@
+//! The plant, sample by sample and in batches.
+
+use pyo3::prelude::*;
+use pyo3::types::PyByteArray;
+use resonarm::arm::{Load, State};
+use resonarm::plant;
+use resonarm::rig;
+
+use crate::errors;
+use crate::rows::{Rows, numbers};
+use crate::scenario::Scenario;
+
+/// What the instruments say at a sample.
+#[pyclass(frozen, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Measurement {
+    inner: rig::Measurement,
+}
+
+impl From<rig::Measurement> for Measurement {
+    fn from(inner: rig::Measurement) -> Measurement {
+        Measurement { inner }
+    }
+}
+
+#[pymethods]
+impl Measurement {
+    /// Index of the sample.
+    #[getter]
+    fn sample(&self) -> u64 {
+        self.inner.sample
+    }
+
+    /// Force in the impedance head along x and y, N.
+    #[getter]
+    fn head_force_n(&self) -> (f64, f64) {
+        self.inner.head_force_n.map(|reading| reading.value).into()
+    }
+
+    /// Acceleration of the elbow B along x and y, m/s².
+    #[getter]
+    fn acceleration_b_m_s2(&self) -> (f64, f64) {
+        self.inner.acceleration_b_m_s2.map(|reading| reading.value).into()
+    }
+
+    /// Acceleration of the tip C along x and y, m/s².
+    #[getter]
+    fn acceleration_c_m_s2(&self) -> (f64, f64) {
+        self.inner.acceleration_c_m_s2.map(|reading| reading.value).into()
+    }
+
+    /// Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head.
+    #[getter]
+    fn clipped(&self) -> u8 {
+        clipped(&self.inner)
+    }
+
+    fn __repr__(&self) -> String {
+        let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
+        let sample = self.inner.sample;
+        format!(
+            "Measurement(sample={sample}, head_force_n={head:?}, acceleration_b_m_s2={b:?}, acceleration_c_m_s2={c:?})"
+        )
+    }
+}
+
+fn clipped(measurement: &rig::Measurement) -> u8 {
+    let rig::Measurement { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, .. } = measurement;
+    let pairs = [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n];
+    let readings = pairs.into_iter().flatten().enumerate();
+    readings.map(|(bit, reading)| u8::from(reading.clipped) << bit).sum()
+}
+
+/// A plant at a sample: the arm, its instruments and an integrator.
+#[pyclass(subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Plant {
+    inner: plant::Plant,
+}
+
+/// Samples between two looks for signals: some 20 ms of work.
+const SAMPLES_A_LOOK: usize = 1 << 14;
+
+#[pymethods]
+impl Plant {
+    #[new]
+    fn new(scenario: &Scenario) -> PyResult<Plant> {
+        let spec = scenario.inner.plant_spec().map_err(errors::scenario)?;
+        Ok(Plant { inner: plant::Plant::new(&spec).map_err(errors::value)? })
+    }
+
+    /// The index of the sample at which the plant stands.
+    #[getter]
+    fn sample(&self) -> u64 {
+        self.inner.sample()
+    }
+
+    /// The time of that sample, s.
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.inner.time_s()
+    }
+
+    /// α1 and α2 there, rad.
+    #[getter]
+    fn alpha_rad(&self) -> (f64, f64) {
+        let x = &self.inner.state().alpha_rad;
+        (x.x, x.y)
+    }
+
+    /// Their rates, rad/s.
+    #[getter]
+    fn alpha_dot_rad_s(&self) -> (f64, f64) {
+        let v = &self.inner.state().alpha_dot_rad_s;
+        (v.x, v.y)
+    }
+
+    /// What the instruments say at the sample. Every call draws new noise: call it once a sample.
+    fn measure(&mut self) -> Measurement {
+        self.inner.measure().into()
+    }
+
+    /// Advances to the next sample with a load held.
+    #[pyo3(signature = (force_n = (0.0, 0.0), torque_nm = (0.0, 0.0)))]
+    fn advance(&mut self, force_n: (f64, f64), torque_nm: (f64, f64)) -> PyResult<()> {
+        let load = Load { torque_nm: <[f64; 2]>::from(torque_nm).into(), force_n: <[f64; 2]>::from(force_n).into() };
+        self.inner.advance(&load).map_err(errors::failed)
+    }
+
+    /// Measures and advances once for each pair of forces and torques, given as the bytes of arrays; a row of
+    /// readings and states for each.
+    fn play_rows<'py>(
+        &mut self,
+        py: Python<'py>,
+        force_n: &[u8],
+        torque_nm: &[u8],
+    ) -> PyResult<Bound<'py, PyByteArray>> {
+        let pairs = |of: &[u8]| -> Vec<[f64; 2]> { numbers(of).chunks_exact(2).map(|row| [row[0], row[1]]).collect() };
+        let loads: Vec<Load> = (pairs(force_n).into_iter().zip(pairs(torque_nm)))
+            .map(|(force_n, torque_nm)| Load { torque_nm: torque_nm.into(), force_n: force_n.into() })
+            .collect();
+        let mut rows = Rows::default();
+        for part in loads.chunks(SAMPLES_A_LOOK) {
+            py.detach(|| {
+                part.iter().try_for_each(|load| {
+                    let measured = self.inner.measure();
+                    push(&mut rows, self.inner.state(), &measured);
+                    self.inner.advance(load)
+                })
+            })
+            .map_err(errors::failed)?;
+            py.check_signals()?;
+        }
+        rows.into_bytes(py)
+    }
+}
+
+fn push(rows: &mut Rows, state: &State, measured: &rig::Measurement) {
+    let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+    rows.word(measured.sample);
+    rows.numbers(&[x.x, x.y, v.x, v.y]);
+    rows.numbers(&measured.acceleration_b_m_s2.map(|reading| reading.value));
+    rows.numbers(&measured.acceleration_c_m_s2.map(|reading| reading.value));
+    rows.numbers(&measured.head_force_n.map(|reading| reading.value));
+    rows.word(clipped(measured));
+}

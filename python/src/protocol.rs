@@ -1,0 +1,189 @@
+//! The protocol's codec, with E2E protection.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use resonarm::protocol::{
+    self, DecodeError, Frame, FrameFormat, Id, Message, MessageKind, Node, Profile, Transmitter, dbc,
+};
+
+use crate::errors;
+
+/// The frame of `resonarm.Frame`: identifier, whether it is extended, payload, FD, bit rate switch, remote.
+#[derive(Clone, Debug, FromPyObject)]
+pub struct FrameParts(u32, bool, Vec<u8>, bool, bool);
+
+impl FrameParts {
+    /// The frame, if it is one.
+    pub fn frame(&self) -> PyResult<Frame> {
+        let FrameParts(identifier, extended, data, fd, bit_rate_switch) = self;
+        let id = match (extended, u16::try_from(*identifier)) {
+            (false, Ok(identifier)) => Id::Standard(identifier),
+            (false, Err(_)) => {
+                return Err(errors::value(format!("identifier {identifier:#X} does not fit 11 bits (at most 0x7FF)")));
+            }
+            (true, _) => Id::Extended(*identifier),
+        };
+        let format = match fd {
+            true => FrameFormat::Fd { bit_rate_switch: *bit_rate_switch, error_state_indicator: false },
+            false => FrameFormat::Classic,
+        };
+        Frame::new(id, format, data).map_err(errors::value)
+    }
+}
+
+/// The parts of a frame.
+pub fn parts(frame: &Frame) -> (u32, bool, &[u8], bool, bool) {
+    let (fd, bit_rate_switch) = match frame.format() {
+        FrameFormat::Fd { bit_rate_switch, .. } => (true, bit_rate_switch),
+        FrameFormat::Classic | FrameFormat::Remote => (false, false),
+    };
+    (frame.id().raw(), matches!(frame.id(), Id::Extended(_)), frame.data(), fd, bit_rate_switch)
+}
+
+/// One plant and one exciter on a bus.
+#[pyclass(frozen, subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Network {
+    inner: protocol::Network,
+}
+
+#[pymethods]
+impl Network {
+    #[new]
+    #[pyo3(signature = (*, base = 0x200, plant_id = 1, exciter_id = 2, profile = "classic"))]
+    fn new(base: u16, plant_id: u8, exciter_id: u8, profile: &str) -> PyResult<Network> {
+        let profile: Profile = profile.parse().map_err(errors::value)?;
+        let network = protocol::Network::new(base).and_then(|network| network.with_node_ids(plant_id, exciter_id));
+        Ok(Network { inner: network.map_err(errors::value)?.with_profile(profile) })
+    }
+
+    /// Base identifier.
+    #[getter]
+    fn base(&self) -> u16 {
+        self.inner.base()
+    }
+
+    /// Node id of the plant.
+    #[getter]
+    fn plant_id(&self) -> u8 {
+        self.inner.node_id(Node::Plant)
+    }
+
+    /// Node id of the exciter.
+    #[getter]
+    fn exciter_id(&self) -> u8 {
+        self.inner.node_id(Node::Exciter)
+    }
+
+    /// `classic` or `fd`.
+    #[getter]
+    fn profile(&self) -> &'static str {
+        self.inner.profile().name()
+    }
+
+    /// The DBC of the network.
+    fn dbc(&self) -> String {
+        dbc::Dbc(self.inner).to_string()
+    }
+
+    /// The names of the messages.
+    #[staticmethod]
+    fn messages() -> Vec<&'static str> {
+        MessageKind::ALL.map(MessageKind::name).to_vec()
+    }
+}
+
+/// Makes frames of a network: each message with its own counter.
+#[pyclass(subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Encoder {
+    inner: Transmitter,
+}
+
+#[pymethods]
+impl Encoder {
+    #[new]
+    fn new(network: &Network) -> Encoder {
+        Encoder { inner: Transmitter::new(network.inner) }
+    }
+
+    /// The parts of the next frame of a message.
+    fn encode_parts(
+        &mut self,
+        message: &str,
+        signals: &Bound<'_, PyDict>,
+    ) -> PyResult<(u32, bool, Vec<u8>, bool, bool)> {
+        let known = MessageKind::ALL.into_iter().find(|kind| kind.name() == message);
+        let kind = known.ok_or_else(|| {
+            let names = MessageKind::ALL.map(MessageKind::name).join(", ");
+            errors::value(format!("there is no message {message:?}, only {names}"))
+        })?;
+        let mut given: Vec<(String, f64)> = Vec::new();
+        for (name, value) in signals {
+            given.push((name.extract()?, value.extract()?));
+        }
+        let mut used = Vec::new();
+        let message = Message::from_signals(kind, |name| {
+            used.push(name);
+            given.iter().find(|(given, _)| *given == name).map(|(_, value)| *value)
+        });
+        let message = message.map_err(errors::value)?;
+        if let Some((unknown, _)) = given.iter().find(|(given, _)| !used.contains(&given.as_str())) {
+            return Err(errors::value(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
+        }
+        let frame = self.inner.frame(&message).map_err(errors::value)?;
+        let (identifier, extended, data, fd, switch) = parts(&frame);
+        Ok((identifier, extended, data.to_vec(), fd, switch))
+    }
+}
+
+/// What became of a frame: verdict, message, sender, signals, reason.
+type Verdict<'py> = (&'static str, &'static str, String, Bound<'py, PyDict>, String);
+
+/// Takes frames of a network: checks form, E2E protection and content of each, and supervises the counters.
+#[pyclass(subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Decoder {
+    inner: protocol::Receiver,
+}
+
+#[pymethods]
+impl Decoder {
+    #[new]
+    fn new(network: &Network) -> Decoder {
+        Decoder { inner: protocol::Receiver::new(network.inner) }
+    }
+
+    /// Frames that the counters say were lost.
+    #[getter]
+    fn lost(&self) -> u64 {
+        self.inner.lost()
+    }
+
+    /// What a frame says, and whether a receiver takes it.
+    fn decode_parts<'py>(&mut self, py: Python<'py>, frame: FrameParts) -> PyResult<Verdict<'py>> {
+        let signals = PyDict::new(py);
+        Ok(match self.inner.accept(&frame.frame()?) {
+            Ok(None) => ("foreign", "", String::new(), signals, String::new()),
+            Err(error) => {
+                let kind = DecodeError::kind(&error);
+                ("refused", kind.name(), kind.sender().to_string(), signals, error.to_string())
+            }
+            Ok(Some(message)) => {
+                let mut failed = None;
+                message.signals(|name, value| {
+                    if let Err(error) = signals.set_item(name, value) {
+                        failed = Some(error);
+                    }
+                });
+                match failed {
+                    Some(error) => return Err(error),
+                    None => {
+                        let kind = message.kind();
+                        ("taken", kind.name(), kind.sender().to_string(), signals, String::new())
+                    }
+                }
+            }
+        })
+    }
+}

@@ -1,0 +1,179 @@
+//! Recordings: what they say about themselves, their records as rows, and their runs simulated again.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::prelude::*;
+use pyo3::types::PyByteArray;
+use resonarm::export::Part;
+use resonarm::protocol::{FrameFormat, Id};
+use resonarm::recording::{self, Direction, Record, RecordingError, Records};
+use resonarm::replay;
+use resonarm::scenario::Scenario;
+
+use crate::errors;
+use crate::rows::Rows;
+use crate::values;
+
+/// The recording of `resonarm.Recording`.
+#[pyclass(frozen, subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Recording {
+    inner: recording::Recording,
+}
+
+/// The records of one part of a recording, read from the file as they are asked for.
+#[pyclass(frozen, module = "resonarm._resonarm")]
+pub struct Reader {
+    records: Mutex<AnyRecords>,
+    from_sample: u64,
+    to_sample: u64,
+    dt_s: f64,
+}
+
+#[pymethods]
+impl Recording {
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Recording> {
+        let inner = py.detach(|| recording::Recording::open(path)).map_err(errors::recording)?;
+        Ok(Recording { inner })
+    }
+
+    /// The file.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.inner.path().to_path_buf()
+    }
+
+    /// The document of `resonarm inspect --json`, without what only a look at all records tells.
+    #[getter]
+    fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        values::document(py, &self.inner.summary())
+    }
+
+    /// Time from one sample to the next, s.
+    #[getter]
+    fn dt_s(&self) -> f64 {
+        self.inner.origin().dt_s
+    }
+
+    /// The scenario of the run as TOML.
+    fn scenario_toml(&self) -> PyResult<String> {
+        let scenario = Scenario::from_configuration(self.inner.configuration()).map_err(errors::scenario)?;
+        scenario.to_toml().map_err(errors::scenario)
+    }
+
+    /// The run simulated again from its recorded loads: the document of `resonarm resim --json`.
+    fn resim<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let verdict = py.detach(|| replay::resimulate(&self.inner)).map_err(errors::replay)?;
+        values::document(py, &verdict)
+    }
+
+    /// Reads a part: states, samples, frames, ticks or events, between two samples, both among them.
+    fn reader(&self, part: &str, from_sample: u64, to_sample: u64) -> PyResult<Reader> {
+        let part: Part = part.parse().map_err(errors::value)?;
+        let records = match part {
+            Part::States => boxed(self.inner.states(), Record::State),
+            Part::Samples => boxed(self.inner.samples(), Record::Sample),
+            Part::Frames => boxed(self.inner.frames(), Record::Frame),
+            Part::Ticks => boxed(self.inner.ticks(), Record::Tick),
+            Part::Events => boxed(self.inner.events(), Record::Event),
+        };
+        let records = records.map_err(errors::recording)?;
+        Ok(Reader { records: Mutex::new(records), from_sample, to_sample, dt_s: self.inner.origin().dt_s })
+    }
+}
+
+type AnyRecords = Box<dyn Iterator<Item = Result<Record<String>, RecordingError>> + Send>;
+
+fn boxed<T: Send + 'static>(
+    records: Result<Records<T>, RecordingError>,
+    wrap: fn(T) -> Record<String>,
+) -> Result<AnyRecords, RecordingError> {
+    Ok(Box::new(records?.map(move |record| record.map(wrap))))
+}
+
+#[pymethods]
+impl Reader {
+    /// The next rows, at most so many, and the names of events; none at the end.
+    fn read<'py>(&self, py: Python<'py>, most_rows: usize) -> PyResult<(Bound<'py, PyByteArray>, Vec<String>)> {
+        let (mut rows, mut names, mut count) = (Rows::default(), Vec::new(), 0);
+        py.detach(|| {
+            let mut records = self.records.lock().unwrap_or_else(PoisonError::into_inner);
+            while count < most_rows {
+                let Some(record) = records.next().transpose()? else { break };
+                if record.sample() > self.to_sample && !matches!(record, Record::Frame(_) | Record::Event(_)) {
+                    break;
+                }
+                if (self.from_sample..=self.to_sample).contains(&record.sample()) {
+                    push(&mut rows, &mut names, record, self.dt_s);
+                    count += 1;
+                }
+            }
+            Ok(())
+        })
+        .map_err(errors::recording)?;
+        Ok((rows.into_bytes(py)?, names))
+    }
+}
+
+/// Instruments sample in the middle of a hold, so many sample periods before the sample.
+const READING_LEAD: f64 = 0.5;
+/// In format 1 nothing says which readings were clipped.
+const CLIPPING_UNKNOWN: u64 = 0xFF;
+
+fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, dt_s: f64) {
+    rows.word(record.sample());
+    let time_s = record.sample() as f64 * dt_s;
+    match record {
+        Record::State(state) => {
+            rows.numbers(&[time_s]);
+            for pair in [state.alpha_rad, state.alpha_dot_rad_s, state.torque_nm, state.force_n] {
+                rows.numbers(&pair);
+            }
+            rows.word(state.is_end);
+        }
+        Record::Sample(sample) => {
+            rows.numbers(&[(sample.sample as f64 - READING_LEAD) * dt_s]);
+            for pair in [sample.acceleration_b_m_s2, sample.acceleration_c_m_s2, sample.head_force_n] {
+                rows.numbers(&pair);
+            }
+            let bit = |pairs: [[bool; 2]; 3]| {
+                pairs.as_flattened().iter().enumerate().map(|(bit, clipped)| u64::from(*clipped) << bit).sum()
+            };
+            let bits = sample.clipped.map(|of| bit([of.acceleration_b, of.acceleration_c, of.head_force]));
+            rows.word(bits.unwrap_or(CLIPPING_UNKNOWN));
+        }
+        Record::Frame(frame) => push_frame(rows, &frame),
+        Record::Tick(tick) => {
+            rows.word(tick.wakeup_ns);
+            rows.word(tick.exec_ns);
+            rows.word(tick.overruns);
+        }
+        Record::Event(event) => {
+            rows.word(event.time_ns);
+            rows.word(event.value as u64);
+            names.push(event.name);
+        }
+    }
+}
+
+fn push_frame(rows: &mut Rows, record: &recording::FrameRecord) {
+    let frame = &record.frame;
+    let (fd, bit_rate_switch, error_state) = match frame.format() {
+        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => (true, bit_rate_switch, error_state_indicator),
+        FrameFormat::Classic | FrameFormat::Remote => (false, false, false),
+    };
+    rows.word(record.time_ns);
+    rows.word(record.bus_timestamp_ns.unwrap_or(0));
+    rows.word(record.direction == Direction::Received);
+    rows.word(frame.id().raw());
+    rows.word(matches!(frame.id(), Id::Extended(_)));
+    for flag in [frame.format() == FrameFormat::Remote, fd, bit_rate_switch, error_state] {
+        rows.word(flag);
+    }
+    rows.word(frame.len() as u64);
+    let mut data = [0; 64];
+    data[..frame.data().len()].copy_from_slice(frame.data());
+    rows.bytes(&data);
+}

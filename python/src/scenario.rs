@@ -1,0 +1,92 @@
+//! Scenarios.
+
+use std::path::{Path, PathBuf};
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyType};
+use resonarm::scenario::{self, ScenarioError};
+
+use crate::errors;
+use crate::values;
+
+/// The scenario of `resonarm.Scenario`.
+#[pyclass(frozen, subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Scenario {
+    pub inner: scenario::Scenario,
+    /// From where the path of a load file counts.
+    folder: PathBuf,
+}
+
+#[pymethods]
+impl Scenario {
+    /// Of a text, or of a file.
+    #[new]
+    #[pyo3(signature = (text = "", *, path = None, folder = None))]
+    fn new(text: &str, path: Option<PathBuf>, folder: Option<PathBuf>) -> PyResult<Scenario> {
+        match path {
+            Some(path) => Ok(Scenario {
+                inner: scenario::Scenario::read(&path).map_err(errors::scenario)?,
+                folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+            }),
+            None => {
+                let folder = folder.unwrap_or_default();
+                let mut inner = scenario::Scenario::parse(text, "the scenario").map_err(errors::scenario)?;
+                inner.read_load(&folder).map_err(errors::scenario)?;
+                Ok(Scenario { inner, folder })
+            }
+        }
+    }
+
+    /// A scenario of the same class with other values: keys of a section, or the section away where it is `None`.
+    #[pyo3(signature = (**sections))]
+    fn replace<'py>(slf: &Bound<'py, Self>, sections: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        let this = slf.get();
+        let mut whole = this.table()?;
+        for (name, values) in sections.into_iter().flatten() {
+            let name: String = name.extract()?;
+            if values.is_none() {
+                whole.remove(&name);
+                continue;
+            }
+            let section = whole.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            let (Some(section), Ok(values)) = (section.as_table_mut(), values.cast::<PyDict>()) else {
+                return Err(errors::value("a section of a scenario is a dictionary of its keys, or None"));
+            };
+            for (key, value) in values {
+                if value.is_none() {
+                    section.remove(&key.extract::<String>()?);
+                }
+            }
+            section.extend(values::table(values)?);
+        }
+        let keywords = PyDict::new(slf.py());
+        keywords.set_item("folder", &this.folder)?;
+        let class: Bound<'py, PyType> = slf.get_type();
+        class.call((whole.to_string(),), Some(&keywords))
+    }
+
+    /// The scenario as TOML, with every default written out.
+    fn to_toml(&self) -> PyResult<String> {
+        self.inner.to_toml().map_err(errors::scenario)
+    }
+
+    /// All sections and their values.
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        values::document(py, &self.inner)
+    }
+
+    /// What makes the same scenario again.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((String,), Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("folder", &self.folder)?;
+        Ok(((self.table()?.to_string(),), keywords))
+    }
+}
+
+impl Scenario {
+    fn table(&self) -> PyResult<toml::Table> {
+        let unwritable = |error: toml::ser::Error| ScenarioError::Write { reason: error.to_string() };
+        toml::Table::try_from(&self.inner).map_err(|error| errors::scenario(unwritable(error)))
+    }
+}

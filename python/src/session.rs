@@ -1,0 +1,247 @@
+//! Runs: both nodes of a scenario in this process, or one of them on a bus, on a thread of its own.
+
+use core::time::Duration;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+
+use pyo3::prelude::*;
+use pyo3::types::PyByteArray;
+use resonarm::bus::{self, Bus};
+use resonarm::control::ResponsePoint;
+use resonarm::excitation::Phasor;
+use resonarm::recording::Existing;
+use resonarm::run::{
+    BothReport, ExciterEnd, ExciterReport, Mode, Options, PlantReport, RecordTo, RunError, RunEvent, Session, Signals,
+    Speed,
+};
+use serde::Serialize;
+
+use crate::bus::BusEnd;
+use crate::controller::{PyController, Raised, load_kind};
+use crate::errors;
+use crate::rows::Rows;
+use crate::scenario::Scenario;
+use crate::values;
+
+/// Between two looks for signals of the system.
+const LOOK: Duration = Duration::from_millis(50);
+/// Events that are kept until they are asked for.
+const EVENTS: usize = 1024;
+
+/// How to run, as `resonarm.run` and `resonarm.Node` have it: mode, recording and whether it may be written over,
+/// speed, patience, tries after a fault, whether to end when disarmed.
+#[derive(Debug, FromPyObject)]
+pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, bool);
+
+impl How {
+    fn session(self, scenario: &Scenario, controller: Option<(Py<PyAny>, String)>) -> PyResult<(Session, Raised)> {
+        let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm) = self;
+        let mode: Mode = mode.parse().map_err(errors::value)?;
+        let existing = if overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let patience = patience_s.map(Duration::try_from_secs_f64).transpose().map_err(errors::value)?;
+        let options = Options {
+            record: record.map(|path| RecordTo { path, existing }),
+            speed: speed.map_or(Ok(Speed::UNPACED), Speed::new).map_err(errors::value)?,
+            end_on_disarm,
+            patience,
+            rearm,
+            ..Options::default()
+        };
+        let mut session = Session::new(scenario.inner.clone(), mode, options).map_err(errors::run)?;
+        let raised = Raised::default();
+        if let Some((call, kind)) = controller {
+            let (kind, raised) = (load_kind(&kind)?, Arc::clone(&raised));
+            session = session.with_controller(move || Box::new(PyController::new(&call, kind, &raised)));
+        }
+        Ok((session, raised))
+    }
+}
+
+/// The exciter's part of a report.
+#[derive(Serialize)]
+struct ExciterDocument {
+    #[serde(flatten)]
+    end: ExciterEnd,
+    samples_played: u64,
+    missed_samples: u64,
+    slipped_periods: u64,
+    rearmed: u32,
+    bus: resonarm::run::BusCounts,
+}
+
+impl From<&ExciterReport> for ExciterDocument {
+    fn from(report: &ExciterReport) -> ExciterDocument {
+        let ExciterReport { samples_played, missed_samples, slipped_periods, rearmed, bus, .. } = *report;
+        ExciterDocument { end: ExciterEnd::from(report), samples_played, missed_samples, slipped_periods, rearmed, bus }
+    }
+}
+
+/// Plant's document, exciter's document, responses.
+type BothDocuments<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyByteArray>);
+
+/// Runs both nodes. Ctrl-C ends the run in order.
+#[pyfunction]
+#[pyo3(signature = (scenario, how, controller = None))]
+pub fn run_both<'py>(
+    py: Python<'py>,
+    scenario: &Scenario,
+    how: How,
+    controller: Option<(Py<PyAny>, String)>,
+) -> PyResult<BothDocuments<'py>> {
+    let (session, raised) = how.session(scenario, controller)?;
+    let signals = Signals::default();
+    let mut interrupted = None;
+    let report = py.detach(|| {
+        let (ended, end) = sync_channel(1);
+        thread::scope(|scope| {
+            let run = scope.spawn(|| {
+                let report = session.both(&signals, |_event| {});
+                // The other side waits for it.
+                let _ = ended.send(());
+                report
+            });
+            while end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                if let Err(error) = Python::attach(|py| py.check_signals()) {
+                    signals.stop();
+                    interrupted = Some(error);
+                }
+            }
+            run.join()
+        })
+    });
+    let raised = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(error) = interrupted.or(raised) {
+        return Err(error);
+    }
+    let BothReport { plant, exciter } = joined(report)?.map_err(errors::run)?;
+    let documents = (values::document(py, &plant)?, values::document(py, &ExciterDocument::from(&exciter))?);
+    Ok((documents.0, documents.1, responses(py, &exciter.responses)?))
+}
+
+fn joined<T>(result: thread::Result<T>) -> PyResult<T> {
+    result.map_err(|_panic| errors::failed("the run's thread has died: its message is on standard error"))
+}
+
+/// Rows of the responses that an exciter has read.
+fn responses<'py>(py: Python<'py>, points: &[ResponsePoint]) -> PyResult<Bound<'py, PyByteArray>> {
+    let mut rows = Rows::default();
+    for point in points {
+        rows.numbers(&[point.frequency_hz, point.load, point.lag_rad.map_or(f64::NAN, f64::to_degrees), point.drift]);
+        for pair in [point.head_force_n, point.acceleration_b_m_s2, point.acceleration_c_m_s2] {
+            pair.iter().for_each(|Phasor { re, im, .. }| rows.numbers(&[*re, *im]));
+        }
+        rows.word(point.settled);
+        rows.word(point.is_clipped());
+        rows.word(point.tries);
+    }
+    rows.into_bytes(py)
+}
+
+/// What a node's run came to.
+enum Report {
+    Plant(Box<PlantReport>),
+    Exciter(Box<ExciterReport>),
+}
+
+/// A node that runs on a bus, on a thread of its own.
+#[pyclass(frozen, subclass, module = "resonarm._resonarm")]
+pub struct NodeRun {
+    signals: Arc<Signals>,
+    thread: Mutex<Option<JoinHandle<Result<Report, RunError>>>>,
+    events: Mutex<Receiver<RunEvent>>,
+    raised: Raised,
+}
+
+#[pymethods]
+impl NodeRun {
+    /// Starts `role`, plant or exciter, on an end of a bus in memory or on the bus of an address.
+    #[new]
+    #[pyo3(signature = (role, scenario, how, bus, controller = None))]
+    fn new(
+        role: &str,
+        scenario: &Scenario,
+        how: How,
+        bus: &Bound<'_, PyAny>,
+        controller: Option<(Py<PyAny>, String)>,
+    ) -> PyResult<NodeRun> {
+        if how.0 == Mode::Free.name() {
+            return Err(errors::run(RunError::FreeHasNoBus));
+        }
+        let (session, raised) = how.session(scenario, controller)?;
+        let mut bus: Box<dyn Bus> = match bus.cast::<BusEnd>() {
+            Ok(end) => Box::new(end.get().take()?),
+            Err(_) => {
+                let address: String = bus.extract()?;
+                bus::open(&address.parse().map_err(errors::bus)?).map_err(errors::bus)?
+            }
+        };
+        let signals = Arc::new(Signals::default());
+        let (told, events) = sync_channel(EVENTS);
+        let watched = Arc::clone(&signals);
+        let work: Box<dyn FnOnce() -> Result<Report, RunError> + Send> = match role {
+            "plant" => Box::new(move || {
+                // A full queue loses events; the recording has them.
+                let report = session.plant(bus.as_mut(), &watched, |event| _ = told.try_send(event))?;
+                Ok(Report::Plant(Box::new(report)))
+            }),
+            "exciter" => Box::new(move || {
+                session.controller()?;
+                Ok(Report::Exciter(Box::new(session.exciter(bus.as_mut(), &watched)?)))
+            }),
+            _ => return Err(errors::value(format!("role is `{role}`: a node is a plant or an exciter"))),
+        };
+        let thread = Mutex::new(Some(thread::spawn(work)));
+        Ok(NodeRun { signals, thread, events: Mutex::new(events), raised })
+    }
+
+    /// Whether it runs still.
+    #[getter]
+    fn is_running(&self) -> bool {
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
+        thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// The sample at which it is.
+    #[getter]
+    fn sample(&self) -> u64 {
+        self.signals.done()
+    }
+
+    /// What has happened since the last call.
+    fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+        values::document(py, &events.try_iter().collect::<Vec<_>>())
+    }
+
+    /// Asks it to end in order, without waiting.
+    fn stop(&self) {
+        self.signals.stop();
+    }
+
+    /// Its report, after it has ended, and the responses of an exciter. Only the first call has it.
+    fn join<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyByteArray>)> {
+        let taken = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let thread = taken.ok_or_else(|| errors::failed("the report of this node was taken before"))?;
+        while !thread.is_finished() {
+            py.detach(|| thread::park_timeout(Duration::from_millis(1)));
+            if let Err(error) = py.check_signals() {
+                self.signals.stop();
+                *self.thread.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread);
+                return Err(error);
+            }
+        }
+        let report = joined(thread.join())?.map_err(errors::run)?;
+        if let Some(error) = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            return Err(error);
+        }
+        match report {
+            Report::Plant(report) => Ok((values::document(py, &report)?, responses(py, &[])?)),
+            Report::Exciter(report) => {
+                let document = values::document(py, &ExciterDocument::from(report.as_ref()))?;
+                Ok((document, responses(py, &report.responses)?))
+            }
+        }
+    }
+}

@@ -1,0 +1,33 @@
+"""What the tests share."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import resonarm
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = os.environ.get("RESONARM_BIN", ROOT / "target/release/resonarm")
+
+
+@pytest.fixture(scope="session")
+def command():
+    """Runs the program with `--json`: its document; or what it says, where it is to end with another code than 0."""
+
+    def run(*words, code=0):
+        done = subprocess.run(
+            [PROGRAM, *map(str, words), "--json"], capture_output=True, text=True, timeout=300, check=False
+        )
+        assert done.returncode == code, done.stderr
+        return json.loads(done.stdout) if code == 0 else done.stderr
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def bench_scenario():
+    """The ready bench, for a second."""
+    return resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 1.0})

@@ -1,0 +1,212 @@
+"""Scenarios, plant, sessions and recordings: the same bits, however the bench is driven."""
+
+import pickle
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import resonarm
+from resonarm import _resonarm
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_scenario_has_other_values_in_place_of_its_own(bench_scenario):
+    assert bench_scenario.sample_rate_hz == 1000
+    assert bench_scenario.values()["simulation"]["duration_s"] == 1.0
+    other = bench_scenario.replace(arm={"parameters": {"mass2_kg": 40}}, simulation={"duration_s": None, "seed": 7})
+    assert isinstance(other, resonarm.Scenario)
+    assert other.arm.parameters["mass2_kg"] == 40
+    assert "duration_s" not in other.values()["simulation"]
+    assert other.replace(excitation=None).values().get("excitation") is None
+    assert pickle.loads(pickle.dumps(other)).to_toml() == other.to_toml()
+    assert resonarm.Scenario(other.to_toml()).values() == resonarm.Scenario(other.to_toml()).values()
+
+
+def test_a_load_file_counts_from_the_scenarios_folder(tmp_path):
+    (tmp_path / "load.csv").write_text("time_s,load\n" + "".join(f"{k / 100},1\n" for k in range(50)))
+    text = "[excitation]\namplitude = {{ force_x_n = 1.0 }}\nprofile = {{ waveform = 'file', path = '{}' }}\n"
+    path = tmp_path / "file.toml"
+    path.write_text(text.format("load.csv"))
+    scenario = resonarm.Scenario.load(path)
+    assert resonarm.run(scenario.replace(simulation={"seed": 3})).exciter["outcome"] == "finished"
+    path.write_text(text.format("none.csv"))
+    with pytest.raises(FileNotFoundError, match=r"none\.csv"):
+        resonarm.Scenario.load(path)
+
+
+def test_a_batch_is_what_samples_one_by_one_are(bench_scenario):
+    loads = np.random.default_rng(1).normal(scale=20, size=(300, 2))
+    batch = resonarm.Plant(bench_scenario).play(force_n=loads)
+    plant = resonarm.Plant(bench_scenario)
+    for row, load in zip(batch, loads, strict=True):
+        assert plant.sample == row["sample"]
+        assert plant.alpha_rad == tuple(row["alpha_rad"])
+        measured = plant.measure()
+        for name in ("acceleration_b_m_s2", "acceleration_c_m_s2", "head_force_n", "clipped", "sample"):
+            assert np.array_equal(getattr(measured, name), row[name])
+        plant.advance(tuple(load))
+    assert batch["alpha_rad"][-1].any()
+
+
+def test_a_recording_is_what_the_plant_does_with_its_loads(bench_scenario, tmp_path):
+    report = resonarm.run(bench_scenario, record=tmp_path / "run.mcap")
+    recording = report.recording
+    states, samples = recording.states, recording.samples
+    assert recording.summary["integrity"]["state"] == "complete"
+    assert recording.scenario.to_toml() == bench_scenario.to_toml()
+    assert states["is_end"].tolist() == [False] * (len(states) - 1) + [True]
+    played = resonarm.Plant(bench_scenario).play(states["force_n"], states["torque_nm"])
+    np.testing.assert_array_equal(played["alpha_rad"], states["alpha_rad"])
+    for name in ("acceleration_b_m_s2", "acceleration_c_m_s2", "head_force_n", "clipped"):
+        np.testing.assert_array_equal(played[name], samples[name])
+    assert recording.resim() | {"steps": 0} == {
+        "identical": True,
+        "integrity": {"state": "complete"},
+        "samples": len(states),
+        "steps": 0,
+        "first_divergence": None,
+        "max_drift_rad": 0.0,
+    }
+
+
+def test_recordings_are_read_in_parts():
+    recording = resonarm.Recording(ROOT / "recordings/free-sweep.mcap")
+    for part in ("states", "samples", "frames", "events"):
+        whole = recording.read(part)
+        chunks = list(recording.chunks(part, rows=1000))
+        assert len(chunks) == -(-len(whole) // 1000) or len(whole) % 1000 == 0
+        np.testing.assert_array_equal(np.concatenate([chunk["sample"] for chunk in chunks]), whole["sample"])
+        some = recording.read(part, 100, 199)
+        np.testing.assert_array_equal(some, whole[(whole["sample"] >= 100) & (whole["sample"] <= 199)])
+    assert not len(recording.read("ticks")), "in real time alone"
+    with pytest.raises(ValueError, match="it is one of states, samples"):
+        recording.read("wheels")
+
+
+def test_frames_of_a_recording_are_taken_by_the_codec():
+    recording = resonarm.Recording(ROOT / "recordings/fd.mcap")
+    frames, decoder = recording.frames, resonarm.Decoder(resonarm.Network(profile="fd"))
+    verdicts = {"taken": 0, "refused": 0, "foreign": 0}
+    for row in frames:
+        fd, switch = bool(row["fd"]), bool(row["bitrate_switch"])
+        frame = resonarm.Frame(int(row["identifier"]), False, recording.frame_data(row), fd, switch)
+        verdicts[decoder.decode(frame).verdict] += 1
+    assert verdicts == {"taken": len(frames), "refused": 0, "foreign": 0}
+    assert decoder.lost == 0
+
+
+def test_a_recording_draws_itself():
+    recording = resonarm.Recording(ROOT / "recordings/free-sweep.mcap")
+    ax = recording.plot(Figure().subplots(), to_sample=99)
+    assert [len(line.get_xdata()) for line in ax.lines] == [100, 100]
+
+
+def test_files_are_refused_with_the_programs_messages(tmp_path, bench_scenario, command):
+    with pytest.raises(FileNotFoundError) as raised:
+        resonarm.Recording(tmp_path / "none.mcap")
+    assert str(raised.value) in command("resim", tmp_path / "none.mcap", code=2)
+    (tmp_path / "text.mcap").write_text("no recording")
+    with pytest.raises(ValueError, match="is not an MCAP file"):
+        resonarm.Recording(tmp_path / "text.mcap")
+    with pytest.raises(FileExistsError, match="already exists"):
+        resonarm.run(bench_scenario, record=tmp_path / "text.mcap")
+    with pytest.raises(FileNotFoundError, match="can't read the scenario"):
+        resonarm.Scenario.load(tmp_path / "none.toml")
+    with pytest.raises(ValueError, match="Did you mean `preset`"):
+        resonarm.Scenario("[arm]\nprest = 'x'")
+
+
+class Dwell:
+    """Ten newtons for half a second. Begins anew only after a fault."""
+
+    def __init__(self):
+        self.restarts = 0
+
+    def restart(self):
+        self.restarts += 1
+
+    def __call__(self, measured):
+        return (10.0, 0.0) if measured.sample < 500 else None
+
+
+@pytest.mark.parametrize("mode", ["free", "lockstep"])
+def test_a_controller_in_python_drives_the_bench(bench_scenario, tmp_path, mode):
+    dwell = Dwell()
+    report = resonarm.run(bench_scenario.replace(excitation=None), mode, controller=dwell, record=tmp_path / "run.mcap")
+    assert (report.exciter["outcome"], report.outcome, dwell.restarts) == ("finished", "disarmed", 0)
+    states = report.recording.states
+    held = states["force_n"][:, 0]
+    assert (held[:500] == 10).all()
+    assert held[-1] == 0
+    played = resonarm.Plant(bench_scenario).play(states["force_n"])
+    np.testing.assert_array_equal(played["alpha_rad"], states["alpha_rad"])
+
+
+def test_what_a_controller_raises_ends_the_run(bench_scenario):
+    def controller(measured):
+        raise KeyError(measured.sample)
+
+    with pytest.raises(KeyError, match="0"):
+        resonarm.run(bench_scenario, controller=controller)
+    with pytest.raises(ValueError, match="a controller commands a force or a torque"):
+        resonarm.run(bench_scenario, controller=controller, load="weight")
+
+
+def test_both_nodes_on_a_bus_of_ones_own(bench_scenario):
+    hub = _resonarm.Hub(3)
+    listener, decoder = hub.end(), resonarm.Decoder()
+    with resonarm.Node("plant", bench_scenario, hub.end(), "lockstep", end_on_disarm=True) as plant:
+        exciter = resonarm.Node("exciter", bench_scenario, hub.end(), "lockstep").wait()
+        report = plant.wait()
+    assert exciter.outcome in {"finished", "plant-left"}
+    assert report.plant["samples"] >= 1000
+    assert [event["event"] for event in plant.take_events()][:2] == ["ready", "armed"]
+    verdicts = set()
+    while (frame := listener.receive(0.0)) is not None:
+        verdicts.add(decoder.decode(resonarm.Frame(*frame)).verdict)
+    assert verdicts == {"taken"}
+    with pytest.raises(resonarm.ResonarmError, match="taken before"):
+        plant.wait()
+
+
+def test_long_calls_let_other_threads_run(bench_scenario):
+    counted, done = 0, threading.Event()
+
+    def count():
+        nonlocal counted
+        while not done.is_set():
+            counted += 1
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    resonarm.Plant(bench_scenario).play(np.zeros((20_000, 2)))
+    before = counted
+    resonarm.Plant(bench_scenario).play(np.zeros((50_000, 2)))
+    done.set()
+    thread.join()
+    assert counted > before
+
+
+@pytest.mark.parametrize("profile", ["classic", "fd"])
+def test_a_frame_encoded_is_decoded(profile):
+    network = resonarm.Network(base=0x300, plant_id=3, profile=profile)
+    encoder, decoder = resonarm.Encoder(network), resonarm.Decoder(network)
+    for sample in range(40):
+        frame = encoder.encode("ForceCommand", force_x_n=-12.5, force_y_n=0.5, sample=sample)
+        decoded = decoder.decode(frame)
+        assert decoded.verdict == "taken"
+        assert decoded.signals == {"force_x_n": -12.5, "force_y_n": 0.5, "sample": sample}
+        assert decoder.decode(frame.message()).verdict == "refused", "the same counter again"
+    broken = frame._replace(data=bytes([frame.data[0] ^ 1]) + frame.data[1:])
+    assert "CRC" in decoder.decode(broken).reason
+    assert decoder.decode(frame._replace(identifier=5)) == resonarm.Decoded("foreign")
+    with pytest.raises(ValueError, match="ForceCommand needs force_y_n"):
+        encoder.encode("ForceCommand", force_x_n=1)
+    with pytest.raises(ValueError, match="has no signal foo"):
+        encoder.encode("ForceCommand", force_x_n=1, force_y_n=1, sample=1, foo=1)
+    with pytest.raises(ValueError, match="is not a multiple of 0x10: take 0x200"):
+        resonarm.Network(base=0x205)
