@@ -95,7 +95,8 @@ pub enum ImportError {
 }
 
 /// A recording of frames alone, written frame by frame. Sample k begins k sample periods after the first frame. Frames
-/// of the network go the way that their senders have; of others the log says it, or they count as received by the plant.
+/// of the network go the way that their senders have; of others the log says it, or they count as received by the
+/// plant.
 pub struct FrameLog {
     recorder: Recorder,
     channel: Channel,

@@ -134,8 +134,8 @@ impl Arm {
         rows.into_bytes(py)
     }
 
-    /// Rows of t, α and α̇ from `initial` on under a sine of u1, Fx, Fy and its frequency: with a scheme and steps a second,
-    /// so many steps, a row every so many of them and at the end.
+    /// Rows of t, α and α̇ from `initial` on under a sine of u1, Fx, Fy and its frequency: with a scheme and steps a
+    /// second, so many steps, a row every so many of them and at the end.
     fn motion<'py>(
         &self,
         py: Python<'py>,

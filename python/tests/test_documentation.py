@@ -24,4 +24,4 @@ def test_every_block_runs(block, tmp_path, monkeypatch):
 
 
 def test_there_are_blocks():
-    assert len(BLOCKS) >= 7
+    assert len(BLOCKS) >= 8

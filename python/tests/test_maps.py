@@ -1,0 +1,88 @@
+"""Maps: known answers, the same bits by threads and by Dask, and resumed after a kill."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from dask.distributed import Client, LocalCluster
+
+import resonarm
+from resonarm.maps import response_map
+
+HZ = np.linspace(21.5, 22.5, 41)
+GRID = {"frequency_hz": HZ, "torque1_nm": [0.5, 60.0], "beta2_deg": [50.0, 60.0]}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return response_map(resonarm.Arm(), **GRID)
+
+
+def test_the_map_is_what_the_branch_and_the_linear_arm_say(whole):
+    arm = resonarm.Arm(beta2_deg=60)
+    folds = arm.continuation("frequency", 21.5, 22.5, torque1_nm=60).bifurcations
+    low, high = sorted(folds["value"])
+    here = whole.sel(beta2_deg=60.0, torque1_nm=60.0)
+    # A stable motion on either side of the folds, two and an unstable one between them.
+    between = (low < HZ) & (high > HZ)
+    assert here["stable"].values.tolist() == [2 if inside else 1 for inside in between]
+    assert here["unstable"].values.tolist() == [1 if inside else 0 for inside in between]
+    assert (here["largest_rad"].values[between] > 1.5 * here["least_rad"].values[between]).all()
+    weak = whole.sel(beta2_deg=60.0, torque1_nm=0.5)["largest_rad"].values[:, 0]
+    linear = 0.5 * abs(arm.frf(HZ, drive="torque1", response="alpha1"))
+    away = abs(HZ - arm.modes()[0].frequency_hz) > 0.2
+    np.testing.assert_allclose(weak[away], linear[away], rtol=5e-3)
+
+
+def test_the_map_has_units(whole):
+    assert whole["least_rad"].attrs["units"] == "rad"
+    assert whole["frequency_hz"].attrs["units"] == "Hz"
+    assert dict(whole.sizes) == {"beta2_deg": 2, "torque1_nm": 2, "frequency_hz": 41, "joint": 2}
+    assert not whole["ended_early"].any()
+
+
+def test_a_cluster_gives_the_same_bits(whole, tmp_path):
+    with LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        found = response_map(resonarm.Arm(), folder=tmp_path, client=client, **GRID)
+    assert found.identical(whole)
+    assert len(list(tmp_path.glob("chunk-*.npz"))) == 4
+
+
+KILLED = """
+import sys
+import numpy as np, resonarm
+from dask.distributed import Client, LocalCluster
+from resonarm.maps import response_map
+if __name__ == "__main__":
+    with LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        torques = np.linspace(20, 80, 400)
+        response_map(resonarm.Arm(), frequency_hz=np.linspace(21.5, 22.5, 41), torque1_nm=torques, folder=sys.argv[1],
+                     client=client)
+"""
+
+
+def test_a_map_that_was_killed_goes_on(whole, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(KILLED)
+    folder = tmp_path / "chunks"
+    words = [sys.executable, str(script), str(folder)]
+    with subprocess.Popen(words, start_new_session=True, stderr=subprocess.DEVNULL) as run:
+        while run.poll() is None and len(list(folder.glob("chunk-*.npz"))) < 3:
+            time.sleep(0.01)
+        os.killpg(run.pid, signal.SIGKILL)
+    done = {path: path.stat().st_mtime_ns for path in folder.glob("chunk-*.npz")}
+    assert 3 <= len(done) < 400
+    torques = np.linspace(20, 80, 400)[: len(done) + 5]
+    resumed = response_map(resonarm.Arm(), frequency_hz=HZ, torque1_nm=torques, folder=folder)
+    assert {path: path.stat().st_mtime_ns for path in done} == done, "what was there is not computed again"
+    assert resumed.identical(response_map(resonarm.Arm(), frequency_hz=HZ, torque1_nm=torques))
+
+
+def test_what_makes_no_sense_is_a_value_error():
+    for hz in ([22.0], [22.0, 21.0], [-1.0, 1.0]):
+        with pytest.raises(ValueError, match="two or more positive frequencies that rise"):
+            response_map(resonarm.Arm(), frequency_hz=hz, torque1_nm=[1.0])
