@@ -1,8 +1,11 @@
-"""The example suite, in memory; `tests/vcan/test_python.py` runs it on vcan with the controller in C."""
+"""The examples: the suite, which `tests/vcan/test_python.py` runs on vcan with the controller in C, and the notebook."""
 
 import subprocess
 import sys
 from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -12,3 +15,10 @@ def test_the_example_suite_passes_in_memory():
     said = subprocess.run(words, capture_output=True, text=True, timeout=600, cwd=ROOT, check=False)
     assert said.returncode == 0, said.stdout
     assert "6 passed, 3 skipped" in said.stdout
+
+
+def test_the_notebook_runs_and_its_bench_agrees_with_its_branch():
+    notebook = nbformat.read(ROOT / "python/examples/figure4.ipynb", as_version=4)
+    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 2
