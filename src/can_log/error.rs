@@ -70,11 +70,3 @@ impl From<FrameError> for CanLogError {
         CanLogError::Frame(error)
     }
 }
-
-/// A text that names no [`LogFormat`](super::LogFormat).
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("unknown format of logs `{got}`; it is one of candump, asc, blf")]
-pub struct UnknownLogFormat {
-    /// The text.
-    pub got: String,
-}

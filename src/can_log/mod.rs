@@ -9,8 +9,6 @@ mod date;
 mod error;
 mod reader;
 
-use core::fmt;
-use core::str::FromStr;
 use std::io::{Seek, Write};
 
 use resonarm_protocol::Frame;
@@ -18,7 +16,7 @@ use resonarm_protocol::Frame;
 use crate::recording::Direction;
 
 pub use candump::parse_line;
-pub use error::{CanLogError, UnknownLogFormat};
+pub use error::CanLogError;
 pub use reader::{LoggedFrames, read};
 
 /// A frame and what a log says of it.
@@ -74,21 +72,6 @@ impl LogFormat {
             LogFormat::Asc => Box::new(asc::Writer::new(out)),
             LogFormat::Blf => Box::new(blf::Writer::new(out)),
         }
-    }
-}
-
-impl fmt::Display for LogFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for LogFormat {
-    type Err = UnknownLogFormat;
-
-    fn from_str(text: &str) -> Result<LogFormat, UnknownLogFormat> {
-        let found = LogFormat::ALL.into_iter().find(|format| format.name() == text);
-        found.ok_or_else(|| UnknownLogFormat { got: text.to_owned() })
     }
 }
 

@@ -59,7 +59,7 @@ fn what_is_written_is_read() {
             let interface = Some(String::from(interface));
             let expected: Vec<_> =
                 frames.iter().map(|frame| LoggedFrame { interface: interface.clone(), ..frame.clone() }).collect();
-            assert_eq!((found, skipped), (expected, others), "{format}");
+            assert_eq!((found, skipped), (expected, others), "{}", format.name());
         }
     }
 }

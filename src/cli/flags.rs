@@ -1,7 +1,5 @@
 //! Flags that several subcommands share.
 
-use core::error::Error;
-use core::str::FromStr;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -21,12 +19,15 @@ pub(super) fn points() -> RangedI64ValueParser<u32> {
 /// Reads one of these by its name.
 pub(super) fn one_of<T, const N: usize>(
     wanted: [T; N],
-    name: impl Fn(T) -> &'static str,
+    name: impl Fn(T) -> &'static str + Clone + Send + Sync + 'static,
 ) -> impl TypedValueParser<Value = T>
 where
-    T: FromStr<Err: Error + Send + Sync> + Clone + Send + Sync + 'static,
+    T: Copy + Send + Sync + 'static,
 {
-    PossibleValuesParser::new(wanted.map(name)).try_map(|name| name.parse::<T>())
+    PossibleValuesParser::new(wanted.map(&name)).try_map(move |text| {
+        let found = wanted.into_iter().find(|one| name(*one) == text);
+        found.ok_or_else(|| format!("it is one of {}", wanted.map(&name).join(", ")))
+    })
 }
 
 /// The arm and its pose.

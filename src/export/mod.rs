@@ -21,7 +21,7 @@ use crate::can_log::LogFormat;
 use crate::recording::Recording;
 
 pub(crate) use channels::{channels, sample_values, state_values};
-pub use error::{ExportError, UnknownExportFormat, UnknownPart};
+pub use error::{ExportError, UnknownExportFormat};
 #[cfg(feature = "cli")]
 pub(crate) use selection::samples;
 pub use selection::{Part, Selection};

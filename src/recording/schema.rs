@@ -57,7 +57,21 @@ impl Topic {
 
     /// Full name of the message type that is written into it.
     pub const fn schema_name(self) -> &'static str {
-        MessageType::WRITTEN[self as usize].name()
+        self.message_type().name()
+    }
+
+    /// The message type that is written into it.
+    pub(super) const fn message_type(self) -> MessageType {
+        match self {
+            Topic::States => MessageType::StepBatch,
+            Topic::Samples => MessageType::SampleBatch,
+            Topic::State => MessageType::State,
+            Topic::Command => MessageType::Command,
+            Topic::Sensors => MessageType::Sensors,
+            Topic::Frames => MessageType::FrameBatch,
+            Topic::Ticks => MessageType::TickBatch,
+            Topic::Events => MessageType::Event,
+        }
     }
 }
 
@@ -88,18 +102,6 @@ impl MessageType {
         MessageType::TickBatch,
         MessageType::Event,
         MessageType::CanFrame,
-    ];
-
-    /// The types that are written, one for each of [`Topic::ALL`].
-    pub const WRITTEN: [MessageType; Topic::ALL.len()] = [
-        MessageType::StepBatch,
-        MessageType::SampleBatch,
-        MessageType::State,
-        MessageType::Command,
-        MessageType::Sensors,
-        MessageType::FrameBatch,
-        MessageType::TickBatch,
-        MessageType::Event,
     ];
 
     /// Where its messages are.

@@ -86,7 +86,7 @@ impl Writer {
         let about = about(&options, None);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
         let file = sink::open(path, options.existing)?;
-        let sink = Sink::begin(file, path, options.compression, &head, MessageType::WRITTEN)?;
+        let sink = Sink::begin(file, path, options.compression, &head, Topic::ALL.map(Topic::message_type))?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
             FlushPolicy::Samples(_) => Duration::ZERO,
