@@ -42,8 +42,8 @@ pub struct Imported {
     pub frames: u64,
     /// Frames of other interfaces, left out.
     pub of_other_interfaces: u64,
-    /// Lines that are no frames, left out: error frames, comments, other events.
-    pub other_lines: u64,
+    /// Lines or objects that are no frames, left out: error frames, comments, other events.
+    pub others: u64,
     /// Time from the first frame to the last, s.
     pub duration_s: f64,
 }
@@ -174,7 +174,7 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
     let first = check(log, format, options)?;
     let mut written = FrameLog::create(log, format.name(), &first, path, options)?;
     let mut imported =
-        Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, other_lines: 0, duration_s: 0.0 };
+        Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, others: 0, duration_s: 0.0 };
     let mut frames = read(log, format)?;
     for logged in &mut frames {
         let logged = logged?;
@@ -185,7 +185,7 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
         let time_ns = written.push(&logged)?;
         imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
     }
-    imported.other_lines = frames.others();
+    imported.others = frames.others();
     imported.frames = written.finish()?;
     Ok(imported)
 }

@@ -9,21 +9,9 @@ use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::candump::nanoseconds;
 use super::date::Date;
+use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format};
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
-
-/// Lengths of CAN FD frames by their DLC (ISO 11898-1).
-const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-/// Flags of a line `CANFD`: remote, extended data length, bit rate switch, error state indicator.
-const REMOTE: u32 = 1 << 4;
-const EDL: u32 = 1 << 12;
-const BRS: u32 = 1 << 13;
-const ESI: u32 = 1 << 14;
-
-/// The DLC of a frame's length.
-pub(super) fn dlc(frame: &Frame) -> usize {
-    LENGTHS.iter().position(|length| *length == frame.len()).unwrap_or(0)
-}
 
 /// Writes frames of channel 1, with hexadecimal numbers and times from the first frame on.
 pub(super) struct Writer<W> {
@@ -68,7 +56,7 @@ impl<W: Write> LogWriter for Writer<W> {
             FrameFormat::Remote => writeln!(self.out, "1  {id:<15} {direction:<4} r {dlc:x}"),
             FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
                 let (brs, esi) = (u32::from(bit_rate_switch), u32::from(error_state_indicator));
-                let flags = EDL | (BRS * brs) | (ESI * esi);
+                let flags = flags(frame.format());
                 // Behind the data: duration, bits, flags, CRC and bit timings, of which only the flags are known.
                 writeln!(
                     self.out,
@@ -125,9 +113,8 @@ impl Reader {
     fn date(&mut self, line: &str) -> Result<(), CanLogError> {
         let text = line.trim().trim_start_matches("Begin").trim_start();
         let text = text.split_once(char::is_whitespace).map_or("", |(_, text)| text);
-        let unix_ms = Date::from_asc(text).and_then(|date| date.unix_ms());
-        let unix_ms = unix_ms.ok_or_else(|| CanLogError::Date { got: text.to_owned() })?;
-        self.start_ns = unix_ms.saturating_mul(1_000_000);
+        let unix_ns = Date::from_asc(text).and_then(|date| date.unix_ns());
+        self.start_ns = unix_ns.ok_or_else(|| CanLogError::Date { got: text.to_owned() })?;
         Ok(())
     }
 
@@ -157,10 +144,10 @@ impl Reader {
         let length = words.first().map(|dlc| self.number(dlc)).transpose();
         if kind == "r" {
             // Old logs state no length.
-            let length = length.ok().flatten().unwrap_or(0).min(8) as usize;
+            let length = length.ok().flatten().unwrap_or(0).min(LONGEST_CLASSIC as u32) as usize;
             return Ok(Frame::new(self.id(id)?, FrameFormat::Remote, &[0; 8][..length])?);
         }
-        let length = length?.ok_or(CanLogError::AscLine)?.min(8) as usize;
+        let length = length?.ok_or(CanLogError::AscLine)?.min(LONGEST_CLASSIC as u32) as usize;
         let data = self.data(words.get(1..=length).ok_or(CanLogError::AscLine)?)?;
         Ok(Frame::classic(self.id(id)?, &data)?)
     }
@@ -174,12 +161,8 @@ impl Reader {
         let length = length.parse::<usize>().map_err(|_| CanLogError::AscLine)?;
         let data = self.data(rest.get(..length).ok_or(CanLogError::AscLine)?)?;
         let flags = rest.get(length + 2).and_then(|flags| u32::from_str_radix(flags, 16).ok()).unwrap_or(EDL);
-        let format = match (flags & EDL != 0, flags & REMOTE != 0) {
-            (true, _) => FrameFormat::Fd { bit_rate_switch: *brs == "1", error_state_indicator: *esi == "1" },
-            (false, true) => FrameFormat::Remote,
-            (false, false) => FrameFormat::Classic,
-        };
-        Ok(Frame::new(self.id(id)?, format, &data)?)
+        let set = |flag: u32, bit: &str| if bit == "1" { flag } else { 0 };
+        Ok(Frame::new(self.id(id)?, format(flags | set(BRS, brs) | set(ESI, esi)), &data)?)
     }
 
     fn id(&self, text: &str) -> Result<Id, CanLogError> {

@@ -47,8 +47,19 @@ impl Date {
         }
     }
 
+    /// Nanoseconds of the UNIX epoch; `None` if there is no such date, or they don't fit 64 bits, as before 1970 and
+    /// from 2554 on.
+    pub fn unix_ns(&self) -> Option<u64> {
+        self.unix_ms()?.checked_mul(1_000_000)
+    }
+
     /// Milliseconds of the UNIX epoch; `None` before it, or if there is no such date.
-    pub fn unix_ms(&self) -> Option<u64> {
+    fn unix_ms(&self) -> Option<u64> {
+        // What is compared below tells days that a month does not have.
+        let is_there = self.year < 10_000 && self.month < 13 && self.day < 32 && self.hour < 24;
+        if !is_there || self.minute >= 60 || self.second >= 60 || self.millisecond >= 1000 {
+            return None;
+        }
         let year = self.year.checked_sub(u64::from(self.month <= 2))?;
         let (era, year_of_era) = (year / 400, year % 400);
         let month_from_march = (self.month + 9) % 12;
@@ -113,7 +124,15 @@ mod tests {
             assert_eq!(Date::from_asc(text).and_then(|date| date.unix_ms()), Some(unix_ms));
         }
         assert_eq!(Date::from_asc("Sat Sep 30 03:06:13.191 pm 2017").unwrap().unix_ms(), Some(1_506_783_973_191));
-        for wrong in ["Sat Feb 30 00:00:00 2017", "Sat Sep 30 25:00:00 2017", "Sat Sep 30 2017", "then"] {
+        for wrong in [
+            "Sat Feb 30 00:00:00 2017",
+            "Sat Sep 30 25:00:00 2017",
+            "Sat Sep 30 2017",
+            "then",
+            "Sat Sep 18446744073709551615 00:00:00 2017",
+            "Sat Sep 30 00:00:00 18446744073709551615",
+            "Sat Sep 30 18446744073709551615:00:00 2017",
+        ] {
             assert_eq!(Date::from_asc(wrong), None, "{wrong}");
         }
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use resonarm_protocol::FrameError;
 use thiserror::Error;
 
+use super::BlfFault;
 use crate::protocol::FrameTextError;
 
 /// What is wrong with a log, or with a line of one.
@@ -30,14 +31,21 @@ pub enum CanLogError {
         /// What is wrong with it.
         source: Box<CanLogError>,
     },
-    /// A log of a format that is written and not read.
-    #[error(
-        "{}: BLF is written and not read here; python-can makes a candump log of it: \
-         `can_logconvert {} {}`", path.display(), path.display(), path.with_extension("log").display()
-    )]
+    /// A BLF log can't be read on.
+    #[error("{}, byte {offset}: {fault}", path.display())]
     Blf {
         /// The file.
         path: PathBuf,
+        /// Where the object begins, or the container that it is in, bytes from the start of the file.
+        offset: u64,
+        /// What is wrong with it.
+        fault: BlfFault,
+    },
+    /// A line that is longer than any of a log.
+    #[error("it is longer than {most} bytes")]
+    LongLine {
+        /// The longest that is read, bytes.
+        most: usize,
     },
     /// A line that is none of a candump log.
     #[error("it is not a line of `candump -L`, as (12.345678) vcan0 201#1122")]

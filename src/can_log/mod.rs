@@ -1,6 +1,6 @@
 //! Frames in the log files of other tools: `candump -L` of can-utils, ASC and BLF of Vector.
 //!
-//! Every writer takes one frame after the other and keeps none; candump logs and ASC are read likewise.
+//! Every writer takes one frame after the other, and every reader gives one after the other: none is kept.
 
 mod asc;
 mod blf;
@@ -8,6 +8,7 @@ mod candump;
 mod date;
 mod error;
 mod reader;
+mod vector;
 
 use std::io::{Seek, Write};
 
@@ -15,8 +16,10 @@ use resonarm_protocol::Frame;
 
 use crate::recording::Direction;
 
+pub use blf::BlfFault;
 pub use candump::parse_line;
 pub use error::CanLogError;
+use reader::Entry;
 pub use reader::{LoggedFrames, read};
 
 /// A frame and what a log says of it.
@@ -39,7 +42,7 @@ pub enum LogFormat {
     Candump,
     /// The text format of Vector's CANalyzer and CANoe; times have microseconds.
     Asc,
-    /// The binary format of Vector's CANalyzer and CANoe, uncompressed.
+    /// The binary format of Vector's CANalyzer and CANoe; written uncompressed, read compressed as well.
     Blf,
 }
 

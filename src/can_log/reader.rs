@@ -1,23 +1,43 @@
 //! Logs read frame by frame.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::{CanLogError, LogFormat, LoggedFrame, asc, parse_line};
+use super::{CanLogError, LogFormat, LoggedFrame, asc, blf, parse_line};
 
 /// Set in the identifiers of a candump log's error frames, which tell of the bus and were never on it (linux/can.h).
 const ERROR_FRAME: u32 = 0x2000_0000;
 
-/// The frames of a log, in the order of its lines. Ends after the first error.
+/// Longest line that is believed, bytes: far above what a frame needs.
+const LONGEST_LINE: usize = 1 << 20;
+
+/// A line of a text, or an object of a BLF log.
+pub(super) enum Entry {
+    Frame(LoggedFrame),
+    Other,
+}
+
+/// The frames of a log, in its order. Ends after the first error.
 pub struct LoggedFrames {
-    path: PathBuf,
-    lines: BufReader<File>,
-    line: u64,
-    syntax: Syntax,
+    entries: Entries,
     others: u64,
-    text: String,
     has_failed: bool,
+}
+
+enum Entries {
+    Lines(Lines),
+    Objects(blf::Reader),
+}
+
+/// The lines of a text.
+struct Lines {
+    path: PathBuf,
+    file: BufReader<File>,
+    /// The last line, and its number from 1 on.
+    text: String,
+    number: u64,
+    syntax: Syntax,
 }
 
 enum Syntax {
@@ -28,52 +48,74 @@ enum Syntax {
 /// Opens a log.
 ///
 /// # Errors
-/// [`CanLogError::Read`] if the file can't be opened; [`CanLogError::Blf`] for [`LogFormat::Blf`].
+/// [`CanLogError::Read`] if the file can't be opened; [`CanLogError::Blf`] if it should be a BLF log and does not begin
+/// as one.
 pub fn read(path: &Path, format: LogFormat) -> Result<LoggedFrames, CanLogError> {
-    let path = path.to_path_buf();
-    let syntax = match format {
-        LogFormat::Candump => Syntax::Candump,
-        LogFormat::Asc => Syntax::Asc(asc::Reader::new()),
-        LogFormat::Blf => return Err(CanLogError::Blf { path }),
+    let entries = match format {
+        LogFormat::Candump => Entries::Lines(Lines::open(path, Syntax::Candump)?),
+        LogFormat::Asc => Entries::Lines(Lines::open(path, Syntax::Asc(asc::Reader::new()))?),
+        LogFormat::Blf => Entries::Objects(blf::Reader::open(path)?),
     };
-    match File::open(&path) {
-        Ok(file) => {
-            let lines = BufReader::new(file);
-            Ok(LoggedFrames { path, lines, line: 0, syntax, others: 0, text: String::new(), has_failed: false })
-        }
-        Err(source) => Err(CanLogError::Read { path, source }),
-    }
+    Ok(LoggedFrames { entries, others: 0, has_failed: false })
 }
 
 impl LoggedFrames {
-    /// Lines so far that are no frames: error frames, and in ASC the head, comments and other events.
+    /// Lines or objects so far that are no frames: error frames, comments and other events, the head of an ASC log.
     pub fn others(&self) -> u64 {
         self.others
     }
 
     fn next_frame(&mut self) -> Result<Option<LoggedFrame>, CanLogError> {
         loop {
+            let entry = match &mut self.entries {
+                Entries::Lines(lines) => lines.next()?,
+                Entries::Objects(objects) => objects.next()?,
+            };
+            match entry {
+                Some(Entry::Frame(frame)) => return Ok(Some(frame)),
+                Some(Entry::Other) => self.others += 1,
+                None => return Ok(None),
+            }
+        }
+    }
+}
+
+impl Lines {
+    fn open(path: &Path, syntax: Syntax) -> Result<Lines, CanLogError> {
+        let path = path.to_path_buf();
+        match File::open(&path) {
+            Ok(file) => Ok(Lines { path, file: BufReader::new(file), text: String::new(), number: 0, syntax }),
+            Err(source) => Err(CanLogError::Read { path, source }),
+        }
+    }
+
+    /// What stands in the next line that is not empty; `None` at the end.
+    fn next(&mut self) -> Result<Option<Entry>, CanLogError> {
+        loop {
             self.text.clear();
-            let read = self.lines.read_line(&mut self.text);
-            if read.map_err(|source| CanLogError::Read { path: self.path.clone(), source })? == 0 {
+            let read = self.file.by_ref().take(LONGEST_LINE as u64 + 1).read_line(&mut self.text);
+            let read = read.map_err(|source| CanLogError::Read { path: self.path.clone(), source })?;
+            if read == 0 {
                 return Ok(None);
             }
-            self.line += 1;
+            self.number += 1;
+            let failed = |source| {
+                let (path, line) = (self.path.clone(), self.number);
+                CanLogError::Line { path, line, source: Box::new(source) }
+            };
+            if read > LONGEST_LINE {
+                return Err(failed(CanLogError::LongLine { most: LONGEST_LINE }));
+            }
             let line = self.text.trim();
+            if line.is_empty() {
+                continue;
+            }
             let found = match &mut self.syntax {
-                _ if line.is_empty() => continue,
                 Syntax::Candump if is_error_frame(line) => Ok(None),
                 Syntax::Candump => parse_line(line).map(Some),
                 Syntax::Asc(reader) => reader.line(line),
             };
-            match found {
-                Ok(Some(frame)) => return Ok(Some(frame)),
-                Ok(None) => self.others += 1,
-                Err(source) => {
-                    let (path, line, source) = (self.path.clone(), self.line, Box::new(source));
-                    return Err(CanLogError::Line { path, line, source });
-                }
-            }
+            return found.map(|frame| Some(frame.map_or(Entry::Other, Entry::Frame))).map_err(failed);
         }
     }
 }

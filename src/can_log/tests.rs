@@ -54,7 +54,9 @@ fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), 
 fn what_is_written_is_read() {
     for start_ns in [0, 1_785_000_000_123_456_000] {
         let frames = frames(start_ns);
-        for (format, interface, others) in [(LogFormat::Candump, "vcan0", 0), (LogFormat::Asc, "1", 6)] {
+        for (format, interface, others) in
+            [(LogFormat::Candump, "vcan0", 0), (LogFormat::Asc, "1", 6), (LogFormat::Blf, "1", 0)]
+        {
             let (found, skipped) = read_text(format, &written(format, &frames)).unwrap();
             let interface = Some(String::from(interface));
             let expected: Vec<_> =
@@ -103,8 +105,8 @@ fn what_is_wrong_is_said_with_its_line() {
     insta::assert_snapshot!(said(LogFormat::Candump, b"(1.0) can0 123#0"), @", line 1: the data must be pairs of hexadecimal digits");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log, as 0.001000 1 201 Rx d 2 11 22");
     insta::assert_snapshot!(said(LogFormat::Asc, b"date today"), @r#", line 1: "today" is no date, as Sat Sep 30 15:06:13.191 2017"#);
+    insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: it is longer than 1048576 bytes");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");
-    assert!(matches!(read_text(LogFormat::Blf, b"LOGG"), Err(CanLogError::Blf { .. })));
 }
 
 #[test]
@@ -114,4 +116,65 @@ fn a_blf_file_states_its_length_and_count() {
         bytes[at..at + length].iter().rev().fold(0, |sum, byte| sum << 8 | usize::from(*byte))
     };
     assert_eq!((&bytes[..4], number(16, 8), number(24, 8), number(32, 4)), (&b"LOGG"[..], bytes.len(), bytes.len(), 7));
+}
+
+/// What is said of a BLF log, behind the name of its file.
+fn blf_error(bytes: &[u8]) -> String {
+    let error = read_text(LogFormat::Blf, bytes).unwrap_err().to_string();
+    error.rsplit_once("/log, ").map(|(_, said)| said.to_owned()).unwrap_or(error)
+}
+
+#[test]
+fn a_damaged_blf_log_is_said() {
+    let good = written(LogFormat::Blf, &frames(1_785_000_000_123_456_000)[..2]);
+    // Its head has 144 bytes, that of the container 32, then come two objects of 48.
+    let said = |at: usize, bytes: &[u8]| {
+        let mut changed = good.clone();
+        changed[at..at + bytes.len()].copy_from_slice(bytes);
+        blf_error(&changed)
+    };
+    insta::assert_snapshot!(said(0, b"LOGO"), @r#"byte 0: it is no BLF log, which begins with LOGG, but with "LOGO""#);
+    insta::assert_snapshot!(said(4, &[40]), @"byte 0: an object states a length of 40 bytes, expected 56 to 16777216");
+    insta::assert_snapshot!(said(42, &[13]), @"byte 0: the head states no date: [2026, 13, 6, 25, 17, 20, 0, 123] (year, month, weekday, day, hour, minute, second, millisecond)");
+    insta::assert_snapshot!(said(144, b"LOGG"), @"byte 144: there is no object, which begins with LOBJ");
+    insta::assert_snapshot!(said(152, &[15]), @"byte 144: an object states a length of 15 bytes, expected 16 to 16777216");
+    insta::assert_snapshot!(said(160, &[1]), @"byte 144: a container is compressed by method 1; known are 0, none, and 2, deflate");
+    insta::assert_snapshot!(said(160, &[2]), @"byte 144: a container can't be inflated: corrupt deflate stream");
+    insta::assert_snapshot!(said(168, &[95]), @"byte 144: a container holds 96 bytes and states 95");
+    insta::assert_snapshot!(said(176, b"LOB?"), @"byte 144: there is no object, which begins with LOBJ");
+    insta::assert_snapshot!(said(180, &[16]), @"byte 144: the head of a frame states a length of 16 bytes, expected 32 at least");
+    insta::assert_snapshot!(said(182, &[3]), @"byte 144: the head of a frame has version 3; known are 1 and 2");
+    insta::assert_snapshot!(said(184, &[40]), @"byte 144: an object of kind 1 has 40 bytes, expected 48 at least");
+    insta::assert_snapshot!(said(184 + 48, &[49]), @"byte 272: the log ends inside an object: the last container has 48 bytes of it");
+    insta::assert_snapshot!(said(192, &[3]), @"byte 144: the time of a frame has unit 3; known are 1, 10 µs, and 2, 1 ns");
+    insta::assert_snapshot!(said(200, &[0xFF; 8]), @"byte 144: a frame 18446744073709551615 of its units after the start of the log: its time in ns does not fit 64 bits");
+    insta::assert_snapshot!(said(212, &[0, 8]), @"byte 144: identifier 0x800 does not fit 11 bits (at most 0x7FF)");
+    insta::assert_snapshot!(said(212, &[0, 0, 1]), @"byte 144: identifier 0x10000 does not fit 11 bits, and is not marked as extended");
+}
+
+#[test]
+fn a_blf_log_that_is_cut_anywhere_is_said() {
+    let good = written(LogFormat::Blf, &frames(0));
+    (0..good.len()).for_each(|length| drop(blf_error(&good[..length])));
+    insta::assert_snapshot!(blf_error(&good[..200]), @"byte 0: the log is cut short: it has 200 bytes, its head states 716");
+    // One that was not finished does not state its length.
+    let mut unfinished = good.clone();
+    unfinished[16..24].fill(0);
+    insta::assert_snapshot!(blf_error(&unfinished[..200]), @"byte 144: the log is cut short: 556 bytes are expected, 40 are there");
+    assert_eq!(read_text(LogFormat::Blf, &unfinished).unwrap().0.len(), 7);
+}
+
+proptest::proptest! {
+    /// A log with changed bytes gives frames or an error.
+    #[test]
+    fn no_damage_is_a_panic(changes in proptest::collection::vec((0.0..1.0, proptest::num::u8::ANY), 1..8)) {
+        for format in LogFormat::ALL {
+            let mut bytes = written(format, &frames(1_785_000_000_123_456_000));
+            for (place, byte) in &changes {
+                let at = (place * bytes.len() as f64) as usize;
+                bytes[at] = *byte;
+            }
+            let _ = read_text(format, &bytes);
+        }
+    }
 }

@@ -15,11 +15,11 @@ use crate::scenario::Scenario;
 /// `resim` does not take it. The log is read twice and never held in memory.
 #[derive(Debug, Args)]
 pub(super) struct Import {
-    /// The log: of `candump -L`, or ASC of Vector's tools; python-can makes the first of BLF (can_logconvert).
+    /// The log: of `candump -L`, or ASC or BLF of Vector's tools.
     log: PathBuf,
     /// The new recording.
     output: PathBuf,
-    /// The format of the log [default: by its ending, .log for candump, .asc for asc].
+    /// The format of the log [default: by its ending, .log for candump, .asc, .blf].
     #[arg(long, value_name = "FORMAT", value_parser = flags::one_of(LogFormat::ALL, LogFormat::name))]
     from: Option<LogFormat>,
     /// TOML file with the scenario that was logged: its network, and its rate; it goes into the recording.
@@ -61,16 +61,17 @@ impl Import {
         let found = LogFormat::ALL.into_iter().find(|format| name.ends_with(format.ending()));
         found.ok_or_else(|| {
             let log = self.log.display();
-            Failure::Usage(format!("{log}: the ending tells no format; name it by --from candump or --from asc"))
+            let names = LogFormat::ALL.map(LogFormat::name).join(", ");
+            Failure::Usage(format!("{log}: the ending tells no format: name it by --from, one of {names}"))
         })
     }
 }
 
 fn text(imported: &Imported) -> String {
-    let Imported { path, frames, of_other_interfaces, other_lines, duration_s } = imported;
+    let Imported { path, frames, of_other_interfaces, others, duration_s } = imported;
     format!(
         "{}: {frames} frames of {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
-         {other_lines} lines that are no frames\n",
+         {others} lines or objects that are no frames\n",
         path.display()
     )
 }

@@ -18,6 +18,7 @@ fn exported() -> tempfile::TempDir {
         "run --mode free --scenario run.toml --duration-s 0.6 --record run.mcap",
         "export run.mcap --to candump",
         "export run.mcap --to asc",
+        "export run.mcap --to blf",
     ] {
         let words: Vec<&str> = arguments.split(' ').collect();
         assert_eq!(resonarm(folder.path(), &words).code, 0, "{arguments}");
@@ -38,7 +39,7 @@ fn content(frame: &FrameRecord) -> String {
 fn exported_frames_come_back() {
     let folder = exported();
     let expected: Vec<String> = frames(&folder.path().join("run.mcap")).iter().map(content).collect();
-    for log in ["run.log", "run.asc"] {
+    for log in ["run.log", "run.asc", "run.blf"] {
         let import = ["import", log, "back.mcap", "--scenario", "run.toml", "--json", "--overwrite"];
         let imported = document(folder.path(), 0, &import);
         assert_eq!(imported["frames"], expected.len());
@@ -77,8 +78,8 @@ fn what_cannot_be_imported_is_said() {
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n", &["--interface", "can7"]), @"resonarm: a.log has no frames of interface can7");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
-    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending tells no format; name it by --from candump or --from asc");
-    assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf: BLF is written and not read here; python-can makes a candump log of it: `can_logconvert a.blf a.log`");
+    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending tells no format: name it by --from, one of candump, asc, blf");
+    assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: 4 bytes are expected, 0 are there");
     fs::remove_file(folder.path().join("a.log")).unwrap();
     assert_snapshot!(complaint(folder.path(), 2, &["import", "a.log", "new.mcap"]), @"resonarm: can't read a.log: No such file or directory (os error 2)");
 }
@@ -88,6 +89,6 @@ fn one_interface_of_several() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can1 201#00\n(1.75) can0 7FF#R\n").unwrap();
     let said = resonarm(folder.path(), &["import", "a.log", "a.mcap", "--interface", "can0"]);
-    assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 1 of other interfaces and 0 lines that are no frames");
+    assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 1 of other interfaces and 0 lines or objects that are no frames");
     assert_eq!(frames(&folder.path().join("a.mcap")).iter().map(|frame| frame.sample).collect::<Vec<_>>(), [0, 750]);
 }

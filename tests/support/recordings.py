@@ -19,7 +19,7 @@ ACCELERATIONS = tuple(f"acceleration_{point}_{axis}_m_s2" for point in "bc" for 
 SENSORS = (*ACCELERATIONS, "head_force_x_n", "head_force_y_n")
 RECEIVED, SENT = 1, 2
 # Bits of `flags` in a `FrameBatch`.
-EXTENDED, REMOTE, FD, BRS, TIMED = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 5
+EXTENDED, REMOTE, FD, BRS, ESI, TIMED = (1 << bit for bit in range(6))
 
 
 class Recording:
@@ -109,7 +109,7 @@ def unpacked(batch):
         yield SimpleNamespace(
             step=step, time_ns=time_ns, bus_timestamp_ns=timestamp_ns, direction=direction, id=identifier, flags=flags,
             extended=bool(flags & EXTENDED), remote=bool(flags & REMOTE), fd=bool(flags & FD), brs=bool(flags & BRS),
-            data=bytes(payload),
+            esi=bool(flags & ESI), data=bytes(payload),
         )
     assert not list(data) and not list(timestamps)
 

@@ -1,39 +1,22 @@
-//! BLF logs of Vector's CANalyzer and CANoe, written uncompressed.
-//!
-//! A file is a head and containers, a container a sequence of objects, each with a head of its own; all numbers are
-//! little-endian. Vector publishes no layout; this one is that of python-can, can/io/blf.py.
+//! BLF logs written, uncompressed.
 
 use std::io::{self, Seek, SeekFrom, Write};
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use super::date::Date;
-use super::{LogWriter, LoggedFrame, asc};
+use super::{
+    BASE_HEAD, CAN_FD_MESSAGE, CAN_MESSAGE, CONTAINER_HEAD, EXTENDED, FD_SHIFT, FILE_HEAD, LOG_CONTAINER, NANOSECONDS,
+    NO_COMPRESSION, OBJECT_HEAD, OBJECT_SIGNATURE, REMOTE, SENT, SIGNATURE,
+};
+use crate::can_log::date::Date;
+use crate::can_log::{LogWriter, LoggedFrame, vector};
 use crate::recording::Direction;
 
-const FILE_HEAD: usize = 144;
-/// Signature, length of the head, its version, length of the object, kind of the object.
-const BASE_HEAD: usize = 16;
-/// Flags, client, version, time: behind the base of an object with a time.
-const OBJECT_HEAD: usize = BASE_HEAD + 16;
-/// Method of compression and length: behind the base of a container.
-const CONTAINER_HEAD: usize = BASE_HEAD + 16;
 /// Bytes of objects from which on a container is written.
 const CONTAINER: usize = 1 << 17;
 
-const CAN_MESSAGE: u32 = 1;
-const LOG_CONTAINER: u32 = 10;
-const CAN_FD_MESSAGE: u32 = 100;
-
-/// Times in ns.
-const NANOSECONDS: u32 = 2;
-const NO_COMPRESSION: u16 = 0;
-const SENT: u8 = 1;
-const REMOTE: u8 = 0x80;
-const EXTENDED: u32 = 0x8000_0000;
-
 /// Writes frames of channel 1, with times from the first frame on.
-pub(super) struct Writer<W> {
+pub(in crate::can_log) struct Writer<W> {
     out: W,
     /// Objects that wait for a container.
     objects: Vec<u8>,
@@ -67,7 +50,7 @@ impl<W: Write + Seek> Writer<W> {
     /// The head of the file; its counts are known at the end.
     fn write_head(&mut self) -> io::Result<()> {
         let mut head = Vec::with_capacity(FILE_HEAD);
-        head.extend_from_slice(b"LOGG");
+        head.extend_from_slice(SIGNATURE);
         head.extend_from_slice(&(FILE_HEAD as u32).to_le_bytes());
         // The program that wrote the file, none of Vector's; the version of the layout.
         head.extend_from_slice(&[0, 0, 0, 0, 2, 6, 8, 1]);
@@ -124,7 +107,7 @@ impl<W: Write + Seek> LogWriter for Writer<W> {
 
 /// The base of an object's head.
 fn base(bytes: &mut Vec<u8>, head: usize, length: usize, kind: u32) {
-    bytes.extend_from_slice(b"LOBJ");
+    bytes.extend_from_slice(OBJECT_SIGNATURE);
     bytes.extend_from_slice(&(head as u16).to_le_bytes());
     bytes.extend_from_slice(&1_u16.to_le_bytes());
     bytes.extend_from_slice(&(length as u32).to_le_bytes());
@@ -139,11 +122,11 @@ fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
         Id::Standard(id) => u32::from(id),
         Id::Extended(id) => id | EXTENDED,
     };
-    let mut body = vec![1, 0, sent | remote, asc::dlc(frame) as u8];
+    let mut body = vec![1, 0, sent | remote, vector::dlc(frame) as u8];
     body.extend_from_slice(&id.to_le_bytes());
     match frame.format() {
-        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
-            let flags = 1 | u8::from(bit_rate_switch) << 1 | u8::from(error_state_indicator) << 2;
+        FrameFormat::Fd { .. } => {
+            let flags = (vector::flags(frame.format()) >> FD_SHIFT) as u8;
             // Before the flags the length on the wire in ns and the bits of the arbitration, both unknown.
             body.extend_from_slice(&[0, 0, 0, 0, 0, flags, frame.len() as u8, 0, 0, 0, 0, 0]);
             body.extend_from_slice(frame.data());

@@ -1,0 +1,122 @@
+//! What is wrong with a BLF log.
+
+use resonarm_protocol::FrameError;
+use thiserror::Error;
+
+/// What is wrong with a BLF log.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum BlfFault {
+    /// The file has another signature.
+    #[error("it is no BLF log, which begins with LOGG, but with {:?}", got.escape_ascii().to_string())]
+    Signature {
+        /// The first bytes.
+        got: Vec<u8>,
+    },
+    /// The head of the file states no date.
+    #[error("the head states no date: {got:?} (year, month, weekday, day, hour, minute, second, millisecond)")]
+    Date {
+        /// Year, month, weekday, day, hour, minute, second, millisecond.
+        got: [u16; 8],
+    },
+    /// The file is shorter than its head states.
+    #[error("the log is cut short: it has {got} bytes, its head states {expected}")]
+    Short {
+        /// Bytes that the head states.
+        expected: u64,
+        /// Bytes that are there.
+        got: u64,
+    },
+    /// The file ends inside its head or inside an object.
+    #[error("the log is cut short: {expected} bytes are expected, {got} are there")]
+    Truncated {
+        /// Bytes that belong there.
+        expected: usize,
+        /// Bytes that are there.
+        got: usize,
+    },
+    /// The last container ends inside an object that no other goes on with.
+    #[error("the log ends inside an object: the last container has {got} bytes of it")]
+    Unfinished {
+        /// Bytes of it that are there.
+        got: usize,
+    },
+    /// There is no object where one must be.
+    #[error("there is no object, which begins with LOBJ")]
+    NoObject,
+    /// A length that can't be.
+    #[error("an object states a length of {got} bytes, expected {least} to {most}")]
+    Length {
+        /// The length.
+        got: u32,
+        /// The least that it can be.
+        least: usize,
+        /// The most that is read.
+        most: usize,
+    },
+    /// An object that is too short for its kind.
+    #[error("an object of kind {kind} has {got} bytes, expected {expected} at least")]
+    Object {
+        /// The kind.
+        kind: u32,
+        /// Bytes that it has.
+        got: usize,
+        /// Bytes that it must have.
+        expected: usize,
+    },
+    /// A container that is compressed in another way.
+    #[error("a container is compressed by method {got}; known are 0, none, and 2, deflate")]
+    Compression {
+        /// The method.
+        got: u16,
+    },
+    /// A container that can't be inflated.
+    #[error("a container can't be inflated: {cause}")]
+    Inflate {
+        /// Why.
+        cause: String,
+    },
+    /// A container that holds more or less than it states.
+    #[error("a container holds {got} bytes and states {expected}")]
+    Container {
+        /// Bytes that it states.
+        expected: usize,
+        /// Bytes that it holds; of more than it states, one more.
+        got: usize,
+    },
+    /// The head of a frame's object has another layout.
+    #[error("the head of a frame has version {got}; known are 1 and 2")]
+    Version {
+        /// The version.
+        got: u16,
+    },
+    /// The head of a frame is too short for its time.
+    #[error("the head of a frame states a length of {got} bytes, expected {least} at least")]
+    Head {
+        /// The length.
+        got: u16,
+        /// The least that it can be.
+        least: usize,
+    },
+    /// The time of a frame has an unknown unit.
+    #[error("the time of a frame has unit {got}; known are 1, 10 µs, and 2, 1 ns")]
+    Unit {
+        /// The unit.
+        got: u32,
+    },
+    /// The time of a frame is beyond what 64 bits hold.
+    #[error("a frame {got} of its units after the start of the log: its time in ns does not fit 64 bits")]
+    Time {
+        /// Time from the start of the log, in the object's unit.
+        got: u64,
+    },
+    /// An identifier that is not marked as extended and too large to be standard.
+    #[error("identifier {got:#X} does not fit 11 bits, and is not marked as extended")]
+    Id {
+        /// The identifier.
+        got: u32,
+    },
+    /// A frame that can't exist.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+}

@@ -1,0 +1,154 @@
+//! Objects of a BLF log, and the frames in them.
+
+use resonarm_protocol::{Frame, FrameFormat, Id};
+
+use super::{
+    BASE_HEAD, BlfFault, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64, CAN_MESSAGE, CAN_MESSAGE2, DIRECTION, EXTENDED, FD_FLAGS,
+    FD_SHIFT, NANOSECONDS, OBJECT_HEAD, RECEIVED, REMOTE, SENT, TEN_MICROSECONDS,
+};
+use crate::can_log::vector::{self, LONGEST_CLASSIC, format};
+use crate::can_log::{Entry, LoggedFrame};
+use crate::recording::Direction;
+
+/// An object with its head.
+pub(super) struct Object<'a>(&'a [u8]);
+
+/// What an object says of a frame.
+struct Told {
+    channel: u16,
+    direction: u8,
+    frame: Frame,
+}
+
+impl<'a> Object<'a> {
+    /// An object that has the base of its head, at least.
+    pub fn new(bytes: &'a [u8]) -> Object<'a> {
+        Object(bytes)
+    }
+
+    /// The kind, at the end of the base.
+    pub fn kind(&self) -> Result<u32, BlfFault> {
+        self.number(12).map(u32::from_le_bytes)
+    }
+
+    /// The bytes from a place on.
+    pub fn from(&self, at: usize) -> Result<&'a [u8], BlfFault> {
+        self.bytes(at, 0)?;
+        Ok(&self.0[at..])
+    }
+
+    /// What it is in a log that begins at `start_ns`.
+    pub fn entry(&self, start_ns: u64) -> Result<Entry, BlfFault> {
+        Ok(self.frame(start_ns)?.map_or(Entry::Other, Entry::Frame))
+    }
+
+    /// The frame that it tells of; `None` of any other kind, and of requests to
+    /// send.
+    fn frame(&self, start_ns: u64) -> Result<Option<LoggedFrame>, BlfFault> {
+        let told = match self.kind()? {
+            CAN_MESSAGE | CAN_MESSAGE2 => self.classic()?,
+            CAN_FD_MESSAGE => self.fd()?,
+            CAN_FD_MESSAGE_64 => self.fd64()?,
+            _ => return Ok(None),
+        };
+        let direction = match told.direction {
+            RECEIVED => Direction::Received,
+            SENT => Direction::Sent,
+            _ => return Ok(None),
+        };
+        Ok(Some(LoggedFrame {
+            time_ns: self.time_ns(start_ns)?,
+            interface: Some(told.channel.to_string()),
+            direction: Some(direction),
+            frame: told.frame,
+        }))
+    }
+
+    /// Behind the base: unit, then in version 1 client and version, in version 2 status and version; time.
+    fn time_ns(&self, start_ns: u64) -> Result<u64, BlfFault> {
+        let version = u16::from_le_bytes(self.number(6)?);
+        if !matches!(version, 1 | 2) {
+            return Err(BlfFault::Version { got: version });
+        }
+        let unit_ns = match u32::from_le_bytes(self.number(BASE_HEAD)?) {
+            TEN_MICROSECONDS => 10_000,
+            NANOSECONDS => 1,
+            got => return Err(BlfFault::Unit { got }),
+        };
+        let time = u64::from_le_bytes(self.number(BASE_HEAD + 8)?);
+        let time_ns = time.checked_mul(unit_ns).and_then(|time_ns| time_ns.checked_add(start_ns));
+        time_ns.ok_or(BlfFault::Time { got: time })
+    }
+
+    /// Channel, flags, DLC, identifier, data.
+    fn classic(&self) -> Result<Told, BlfFault> {
+        let body = self.body()?;
+        let [flags, dlc] = self.number(body + 2)?;
+        let format = if flags & REMOTE != 0 { FrameFormat::Remote } else { FrameFormat::Classic };
+        let data: [u8; LONGEST_CLASSIC] = self.number(body + 8)?;
+        let frame = Frame::new(self.id(body + 4)?, format, &data[..LONGEST_CLASSIC.min(dlc.into())])?;
+        Ok(Told { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
+    }
+
+    /// Channel, flags, DLC, identifier, length on the wire, bits of the arbitration, flags of CAN FD, length, data.
+    fn fd(&self) -> Result<Told, BlfFault> {
+        let body = self.body()?;
+        let [flags, _dlc] = self.number(body + 2)?;
+        let [of_fd, length] = self.number(body + 13)?;
+        let remote = if flags & REMOTE != 0 { vector::REMOTE } else { 0 };
+        let format = format(u32::from(of_fd & FD_FLAGS) << FD_SHIFT | remote);
+        let frame = Frame::new(self.id(body + 4)?, format, self.bytes(body + 20, length.into())?)?;
+        Ok(Told { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
+    }
+
+    /// Channel, DLC, length, count of tries, identifier, length on the wire, flags, bit timings, direction, place of
+    /// further data, CRC, data. What is missing at the end of the data counts as 0, as in Vector's tools (python-can,
+    /// issue 1905).
+    fn fd64(&self) -> Result<Told, BlfFault> {
+        let body = self.body()?;
+        let [channel, _dlc, length] = self.number(body)?;
+        let format = format(u32::from_le_bytes(self.number(body + 12)?));
+        let [direction, further] = self.number(body + 34)?;
+        let rest = self.from(body + 40)?;
+        let rest = match usize::from(further).checked_sub(body + 40) {
+            Some(end) => &rest[..end.min(rest.len())],
+            None => rest,
+        };
+        let mut data = [0; u8::MAX as usize];
+        let used = rest.len().min(length.into());
+        data[..used].copy_from_slice(&rest[..used]);
+        let frame = Frame::new(self.id(body + 4)?, format, &data[..length.into()])?;
+        Ok(Told { channel: channel.into(), direction, frame })
+    }
+
+    fn id(&self, at: usize) -> Result<Id, BlfFault> {
+        let id = u32::from_le_bytes(self.number(at)?);
+        match id & EXTENDED {
+            0 => u16::try_from(id).map(Id::Standard).map_err(|_| BlfFault::Id { got: id }),
+            _ => Ok(Id::Extended(id & !EXTENDED)),
+        }
+    }
+
+    /// Where the body begins: behind the head, whose length it states.
+    fn body(&self) -> Result<usize, BlfFault> {
+        let got = u16::from_le_bytes(self.number(4)?);
+        let body = usize::from(got);
+        if body < OBJECT_HEAD { Err(BlfFault::Head { got, least: OBJECT_HEAD }) } else { Ok(body) }
+    }
+
+    fn bytes(&self, at: usize, length: usize) -> Result<&'a [u8], BlfFault> {
+        let (got, expected) = (self.0.len(), at + length);
+        self.0.get(at..expected).ok_or_else(|| BlfFault::Object {
+            kind: self.kind().unwrap_or_default(),
+            got,
+            expected,
+        })
+    }
+
+    /// The bytes of a number.
+    pub fn number<const N: usize>(&self, at: usize) -> Result<[u8; N], BlfFault> {
+        let mut number = [0; N];
+        number.copy_from_slice(self.bytes(at, N)?);
+        Ok(number)
+    }
+}

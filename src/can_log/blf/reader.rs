@@ -1,0 +1,218 @@
+//! BLF logs read object by object.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use flate2::read::ZlibDecoder;
+
+use super::object::Object;
+use super::{BASE_HEAD, BlfFault, CONTAINER_HEAD, DEFLATE, LOG_CONTAINER, NO_COMPRESSION, OBJECT_SIGNATURE, SIGNATURE};
+use crate::can_log::date::Date;
+use crate::can_log::{CanLogError, Entry};
+
+/// Longest object, and longest container once inflated, that is believed: 16 MiB. Vector's tools write containers of
+/// 128 KiB.
+const LONGEST: usize = 1 << 24;
+/// Most bytes between two objects: each is filled up to a multiple of 4.
+const PADDING: usize = 3;
+
+/// The entries of a log. Of the file a container is in memory, and the begin of an object that goes on in the next.
+pub(in crate::can_log) struct Reader {
+    path: PathBuf,
+    file: BufReader<File>,
+    /// Bytes read of the file.
+    position: u64,
+    /// Where the object begins that was read last of the file, bytes.
+    offset: u64,
+    /// When the log begins, ns of the UNIX epoch; 0 without a date.
+    start_ns: u64,
+    /// Objects out of containers, of which so many bytes are taken.
+    objects: Vec<u8>,
+    taken: usize,
+}
+
+/// Why there is nothing more to be had.
+enum Stop {
+    Io(io::Error),
+    Fault(BlfFault),
+}
+
+impl From<io::Error> for Stop {
+    fn from(error: io::Error) -> Stop {
+        Stop::Io(error)
+    }
+}
+
+impl From<BlfFault> for Stop {
+    fn from(fault: BlfFault) -> Stop {
+        Stop::Fault(fault)
+    }
+}
+
+impl Reader {
+    /// Opens a log and reads its head.
+    pub fn open(path: &Path) -> Result<Reader, CanLogError> {
+        let path = path.to_path_buf();
+        match File::open(&path) {
+            Ok(file) => {
+                let (file, objects) = (BufReader::new(file), Vec::new());
+                let mut reader = Reader { path, file, position: 0, offset: 0, start_ns: 0, objects, taken: 0 };
+                reader.head().map_err(|stop| reader.error(stop))?;
+                Ok(reader)
+            }
+            Err(source) => Err(CanLogError::Read { path, source }),
+        }
+    }
+
+    /// The next entry; `None` at the end of the log.
+    pub fn next(&mut self) -> Result<Option<Entry>, CanLogError> {
+        self.next_entry().map_err(|stop| self.error(stop))
+    }
+
+    fn error(&self, stop: Stop) -> CanLogError {
+        let (path, offset) = (self.path.clone(), self.offset);
+        match stop {
+            Stop::Io(source) => CanLogError::Read { path, source },
+            Stop::Fault(fault) => CanLogError::Blf { path, offset, fault },
+        }
+    }
+
+    /// Signature, length of the head, program and version, length of the file, that without compression, two counts,
+    /// begin, end.
+    fn head(&mut self) -> Result<(), Stop> {
+        let got = self.read(SIGNATURE.len())?;
+        if got != SIGNATURE {
+            return Err(BlfFault::Signature { got }.into());
+        }
+        let length = u32::from_le_bytes(self.array()?);
+        self.exactly(8)?;
+        let file_bytes = u64::from_le_bytes(self.array()?);
+        self.exactly(16)?;
+        let mut begin = [0; 8];
+        for field in &mut begin {
+            *field = u16::from_le_bytes(self.array()?);
+        }
+        self.start_ns = start_ns(begin)?;
+        let least = self.position as usize;
+        let length = within(length, least)?;
+        self.exactly(length - least)?;
+        let got = self.file.get_ref().metadata()?.len();
+        if got < file_bytes { Err(BlfFault::Short { expected: file_bytes, got }.into()) } else { Ok(()) }
+    }
+
+    fn next_entry(&mut self) -> Result<Option<Entry>, Stop> {
+        loop {
+            if let Some(entry) = self.entry_of_container()? {
+                return Ok(Some(entry));
+            }
+            let Some(bytes) = self.object()? else { break };
+            let object = Object::new(&bytes);
+            if object.kind()? != LOG_CONTAINER {
+                return Ok(Some(object.entry(self.start_ns)?));
+            }
+            self.objects.drain(..core::mem::take(&mut self.taken));
+            unpack(&object, &mut self.objects)?;
+        }
+        let got = self.objects.len() - self.taken;
+        if got > PADDING { Err(BlfFault::Unfinished { got }.into()) } else { Ok(None) }
+    }
+
+    /// The next object of the containers read so far, if it is there to its end.
+    fn entry_of_container(&mut self) -> Result<Option<Entry>, BlfFault> {
+        let rest = &self.objects[self.taken..];
+        for padding in 0..=PADDING {
+            let Some(base) = rest.get(padding..padding + BASE_HEAD) else { return Ok(None) };
+            if base.starts_with(OBJECT_SIGNATURE) {
+                let end = padding + object_length(base)?;
+                let Some(object) = rest.get(padding..end) else { return Ok(None) };
+                let entry = Object::new(object).entry(self.start_ns)?;
+                self.taken += end;
+                return Ok(Some(entry));
+            }
+        }
+        Err(BlfFault::NoObject)
+    }
+
+    /// The next object of the file.
+    fn object(&mut self) -> Result<Option<Vec<u8>>, Stop> {
+        self.offset = self.position;
+        let mut object = self.read(BASE_HEAD)?;
+        if object.is_empty() {
+            return Ok(None);
+        }
+        complete(&object, BASE_HEAD)?;
+        let length = object_length(&object)?;
+        object.append(&mut self.exactly(length - BASE_HEAD)?);
+        // The last object may be without.
+        self.read(length % (PADDING + 1))?;
+        Ok(Some(object))
+    }
+
+    /// As many of so many bytes as the file still has.
+    fn read(&mut self, length: usize) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.position += self.file.by_ref().take(length as u64).read_to_end(&mut bytes)? as u64;
+        Ok(bytes)
+    }
+
+    fn exactly(&mut self, length: usize) -> Result<Vec<u8>, Stop> {
+        let bytes = self.read(length)?;
+        complete(&bytes, length)?;
+        Ok(bytes)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
+        let mut array = [0; N];
+        array.copy_from_slice(&self.exactly(N)?);
+        Ok(array)
+    }
+}
+
+fn complete(bytes: &[u8], expected: usize) -> Result<(), BlfFault> {
+    let got = bytes.len();
+    if got < expected { Err(BlfFault::Truncated { expected, got }) } else { Ok(()) }
+}
+
+/// The length that the base of an object states.
+fn object_length(base: &[u8]) -> Result<usize, BlfFault> {
+    if !base.starts_with(OBJECT_SIGNATURE) {
+        return Err(BlfFault::NoObject);
+    }
+    within(u32::from_le_bytes(Object::new(base).number(8)?), BASE_HEAD)
+}
+
+/// A length that is believed.
+fn within(length: u32, least: usize) -> Result<usize, BlfFault> {
+    let found = usize::try_from(length).ok().filter(|length| (least..=LONGEST).contains(length));
+    found.ok_or(BlfFault::Length { got: length, least, most: LONGEST })
+}
+
+/// Appends what a container holds.
+fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault> {
+    let method = u16::from_le_bytes(container.number(BASE_HEAD)?);
+    let expected = within(u32::from_le_bytes(container.number(BASE_HEAD + 8)?), 0)?;
+    let (content, before) = (container.from(CONTAINER_HEAD)?, objects.len());
+    match method {
+        NO_COMPRESSION => objects.extend_from_slice(content),
+        // One byte more shows that there is more.
+        DEFLATE => ZlibDecoder::new(content)
+            .take(expected as u64 + 1)
+            .read_to_end(objects)
+            .map(drop)
+            .map_err(|error| BlfFault::Inflate { cause: error.to_string() })?,
+        got => return Err(BlfFault::Compression { got }),
+    }
+    let got = objects.len() - before;
+    if got == expected { Ok(()) } else { Err(BlfFault::Container { expected, got }) }
+}
+
+/// When a log begins, ns of the UNIX epoch: a SYSTEMTIME of Windows, taken as UTC; all 0 is no date.
+fn start_ns(got: [u16; 8]) -> Result<u64, BlfFault> {
+    if got == [0; 8] {
+        return Ok(0);
+    }
+    let [year, month, weekday, day, hour, minute, second, millisecond] = got.map(u64::from);
+    let date = Date { year, month, day, weekday, hour, minute, second, millisecond };
+    date.unix_ns().ok_or(BlfFault::Date { got })
+}

@@ -1,0 +1,41 @@
+//! What Vector's formats, ASC and BLF, have in common.
+
+use resonarm_protocol::{Frame, FrameFormat};
+
+/// Lengths of CAN FD frames by their DLC (ISO 11898-1).
+const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+/// Longest data of a classical frame, which larger DLCs stand for as well, bytes (ISO 11898-1).
+pub(super) const LONGEST_CLASSIC: usize = 8;
+
+/// Flags of a frame on a CAN FD channel: remote, extended data length, bit rate switch, error state indicator.
+pub(super) const REMOTE: u32 = 1 << 4;
+pub(super) const EDL: u32 = 1 << 12;
+pub(super) const BRS: u32 = 1 << 13;
+pub(super) const ESI: u32 = 1 << 14;
+
+/// The DLC of a frame's length.
+pub(super) fn dlc(frame: &Frame) -> usize {
+    LENGTHS.iter().position(|length| *length == frame.len()).unwrap_or(0)
+}
+
+/// The flags of a format.
+pub(super) fn flags(format: FrameFormat) -> u32 {
+    let set = |flag: u32, is: bool| if is { flag } else { 0 };
+    match format {
+        FrameFormat::Classic => 0,
+        FrameFormat::Remote => REMOTE,
+        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+            EDL | set(BRS, bit_rate_switch) | set(ESI, error_state_indicator)
+        }
+    }
+}
+
+/// The format that the flags tell of: classical frames are logged on such a channel as well.
+pub(super) fn format(flags: u32) -> FrameFormat {
+    let is = |flag: u32| flags & flag != 0;
+    match (is(EDL), is(REMOTE)) {
+        (true, _) => FrameFormat::Fd { bit_rate_switch: is(BRS), error_state_indicator: is(ESI) },
+        (false, true) => FrameFormat::Remote,
+        (false, false) => FrameFormat::Classic,
+    }
+}
