@@ -120,11 +120,19 @@ fn read(bencher: Bencher) {
         .bench_local(|| recording.records().map(|records| black_box(records.count())));
 }
 
-/// The peer: the same messages by the crate `mcap` from memory, and decoded by `prost` from the same schemas.
+/// The peer: the same records by the crate `mcap` from memory, decoded by `prost` from the same schemas and taken apart
+/// as `docs/recording.md` does it in Python.
 #[divan::bench]
 fn read_by_mcap(bencher: Bencher) {
     let Some((_folder, path)) = recorded() else { return };
-    bencher.counter(ItemsCount::new(SAMPLES)).bench_local(|| by_mcap(&path).map(black_box).ok());
+    bencher.counter(ItemsCount::new(SAMPLES)).bench_local(|| by_mcap(&path, Unit::Records).map(black_box).ok());
+}
+
+/// The same as far as messages: columns, not taken apart.
+#[divan::bench]
+fn messages_by_mcap(bencher: Bencher) {
+    let Some((_folder, path)) = recorded() else { return };
+    bencher.counter(ItemsCount::new(SAMPLES)).bench_local(|| by_mcap(&path, Unit::Messages).map(black_box).ok());
 }
 
 #[allow(missing_docs, dead_code, clippy::doc_markdown)]
@@ -132,19 +140,73 @@ mod proto {
     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));
 }
 
-fn by_mcap(path: &Path) -> Result<usize, Box<dyn Error>> {
+/// What the peer gives.
+#[derive(Clone, Copy, PartialEq)]
+enum Unit {
+    Messages,
+    Records,
+}
+
+fn by_mcap(path: &Path, unit: Unit) -> Result<usize, Box<dyn Error>> {
     let bytes = std::fs::read(path)?;
-    let mut values = 0;
+    let mut count = 0;
     for message in mcap::MessageStream::new(&bytes)? {
         let message = message?;
-        values += match message.channel.topic.as_str() {
-            "/plant/steps" => black_box(proto::StepBatch::decode(&*message.data)?).alpha1_rad.len(),
-            "/plant/samples" => black_box(proto::SampleBatch::decode(&*message.data)?).clipped.len(),
-            "/can/frames" => black_box(proto::FrameBatch::decode(&*message.data)?).id.len(),
-            _ => 0,
-        };
+        match message.channel.topic.as_str() {
+            "/plant/steps" => {
+                let batch = black_box(proto::StepBatch::decode(&*message.data)?);
+                let columns = [&batch.alpha1_rad, &batch.alpha2_rad, &batch.alpha1_dot_rad_s, &batch.alpha2_dot_rad_s];
+                let loads = [&batch.torque1_nm, &batch.torque2_nm, &batch.force_x_n, &batch.force_y_n];
+                count += rows(unit, columns) + rows(unit, loads);
+            }
+            "/plant/samples" => {
+                let batch = black_box(proto::SampleBatch::decode(&*message.data)?);
+                let b = [&batch.acceleration_b_x_m_s2, &batch.acceleration_b_y_m_s2];
+                let c = [&batch.acceleration_c_x_m_s2, &batch.acceleration_c_y_m_s2];
+                count += rows(unit, b) + rows(unit, c) + rows(unit, [&batch.head_force_x_n, &batch.head_force_y_n]);
+            }
+            "/can/frames" => {
+                let batch = black_box(proto::FrameBatch::decode(&*message.data)?);
+                count += if unit == Unit::Records { frames(&batch) } else { batch.id.len() };
+            }
+            _ => {}
+        }
     }
-    Ok(values)
+    Ok(count)
+}
+
+/// The values of each sample side by side.
+fn rows<const N: usize>(unit: Unit, columns: [&Vec<f64>; N]) -> usize {
+    let count = columns[0].len();
+    if unit == Unit::Records {
+        (0..count).for_each(|row| {
+            black_box(columns.map(|column| column[row]));
+        });
+    }
+    count
+}
+
+/// Sample, time, identifier and payload of each frame.
+fn frames(batch: &proto::FrameBatch) -> usize {
+    let mut payloads: Vec<Vec<u8>> = vec![Vec::new(); batch.id.len()];
+    let mut data = batch.data.iter();
+    let mut rows: Vec<usize> = (0..batch.id.len()).collect();
+    rows.sort_by_key(|row| batch.id[*row]);
+    for rows in rows.chunk_by(|one, other| batch.id[*one] == batch.id[*other]) {
+        let longest = rows.iter().map(|row| batch.length[*row]).max().unwrap_or(0);
+        for place in 0..longest {
+            for row in rows.iter().filter(|row| place < batch.length[**row]) {
+                payloads[*row].extend(data.next());
+            }
+        }
+    }
+    let (mut sample, mut time_ns) = (0, 0);
+    for (row, payload) in payloads.into_iter().enumerate() {
+        sample += batch.step_difference[row];
+        time_ns += batch.time_difference_ns[row];
+        drop(black_box((sample, time_ns, batch.direction[row], batch.id[row], payload)));
+    }
+    batch.id.len()
 }
 
 /// The default bench simulated again, opening included; items are simulated seconds.
