@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::failure::{Failure, Verdict};
+use super::time_range::TimeRange;
 use super::{flags, inspect, output};
 use crate::export::{ExportFormat, ExportedFile, Part, Selection, export};
 use crate::recording::Recording;
@@ -40,7 +41,10 @@ pub(super) struct Export {
     #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(Part::ALL, Part::name))]
     parts: Vec<Part>,
     #[command(flatten)]
-    range: super::time_range::TimeRange,
+    range: TimeRange,
+    /// Add the moving arm for 3D views, its vibrations drawn X times as large; only foxglove.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    moving_arm: Option<f64>,
     #[command(flatten)]
     overwrite: output::OverwriteFlag,
     /// Print one JSON document.
@@ -55,7 +59,9 @@ impl Export {
             tracing::warn!("{note}");
         }
         let stem = self.out.clone().unwrap_or_else(|| self.file.with_extension(""));
-        let selection = Selection::of(&recording, self.to, &self.parts, self.range.from_s, self.range.to_s)?;
+        let TimeRange { from_s, to_s } = self.range;
+        let chosen = Selection::of(&recording, self.to, &self.parts, from_s, to_s)?;
+        let selection = Selection { magnification: self.moving_arm, ..chosen };
         self.overwrite.check(self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path))?;
         output::check_folder(&stem)?;
         let files = export(&recording, self.to, &selection, &stem)?;

@@ -8,6 +8,7 @@ use thiserror::Error;
 use super::{ExportFormat, Part};
 use crate::number::short;
 use crate::recording::RecordingError;
+use crate::scenario::ScenarioError;
 
 /// Why a recording can't be exported.
 #[derive(Debug, Error)]
@@ -32,6 +33,21 @@ pub enum ExportError {
         /// What was asked for.
         part: Part,
     },
+    /// The moving arm in a format that has no room for it.
+    #[error("{format} holds no moving arm, only foxglove does")]
+    MovingArm {
+        /// The format.
+        format: ExportFormat,
+    },
+    /// Vibrations can't be drawn so many times as large.
+    #[error("vibrations can't be drawn {} times as large: it must be above 0", short(.got))]
+    Magnification {
+        /// How many times.
+        got: f64,
+    },
+    /// The recording has no scenario with an arm that could be drawn.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
     /// There is nothing to write.
     #[error("the recording has nothing that {format} holds: {}", names(.format.parts()))]
     Nothing {

@@ -1,5 +1,6 @@
 //! A copy for viewers: an MCAP file with a JSON message for every state and sample, which Foxglove, Lichtblick and
-//! PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments.
+//! PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments; the moving arm as
+//! `foxglove.SceneUpdate`, if it is asked for.
 //!
 //! It has no frames and is no recording: what has to be kept is the recording.
 
@@ -14,6 +15,7 @@ use mcap::{Attachment, McapError, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
 
 use super::channels::{channels, lead, sample_values, state_values};
+use super::scene::{self, Scene};
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::protocol::dbc::Dbc;
 use crate::recording::{Event, Origin, Record, RecordedFault, Recording, RunTime};
@@ -26,9 +28,17 @@ const ERROR: u8 = 4;
 
 /// A topic of the copy.
 struct Topic {
-    part: Part,
     id: u16,
     messages: u32,
+}
+
+impl Topic {
+    fn write(&mut self, writer: &mut Writer<BufWriter<File>>, time_ns: u64, message: &Value) -> Result<(), McapError> {
+        self.messages = self.messages.wrapping_add(1);
+        let header =
+            MessageHeader { channel_id: self.id, sequence: self.messages, log_time: time_ns, publish_time: time_ns };
+        writer.write_to_known_channel(&header, message.to_string().as_bytes())
+    }
 }
 
 /// Writes all parts to one file, in one pass.
@@ -46,25 +56,31 @@ fn copy(
     path: PathBuf,
     parts: &[Part],
 ) -> Result<ExportedFile, ExportError> {
+    let scene = selection.magnification.map(|factor| Scene::new(recording, factor)).transpose()?;
     let failed = |error: McapError| write_error(&path, error);
     let file = File::create(&path).map_err(|error| failed(error.into()))?;
     let library = concat!("resonarm ", env!("CARGO_PKG_VERSION"));
     let options = WriteOptions::new().library(library).compression(Some(mcap::Compression::Lz4));
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
-    let mut topics =
-        parts.iter().map(|part| declare(&mut writer, *part)).collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, *part)?)));
+    let mut topics = declared.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let mut arm = match &scene {
+        Some(scene) => Some((scene, declare_arm(&mut writer).map_err(failed)?)),
+        None => None,
+    };
     let mut rows = 0;
     for record in recording.records()? {
         let record = record?;
         if !selection.samples.contains(&record.sample()) {
             continue;
         }
+        if let (Some((scene, topic)), Record::State(state)) = (&mut arm, &record) {
+            let time_ns = sample_ns(recording.origin(), state.sample, 0.0);
+            topic.write(&mut writer, time_ns, &scene.message(state, time_ns)).map_err(failed)?;
+        }
         let Some((part, time_ns, message)) = message(recording.origin(), &record) else { continue };
-        let Some(topic) = topics.iter_mut().find(|topic| topic.part == part) else { continue };
-        topic.messages = topic.messages.wrapping_add(1);
-        let header =
-            MessageHeader { channel_id: topic.id, sequence: topic.messages, log_time: time_ns, publish_time: time_ns };
-        writer.write_to_known_channel(&header, message.to_string().as_bytes()).map_err(failed)?;
+        let Some((_, topic)) = topics.iter_mut().find(|(of, _)| *of == part) else { continue };
+        topic.write(&mut writer, time_ns, &message).map_err(failed)?;
         rows += 1;
     }
     attach(recording, &mut writer).map_err(failed)?;
@@ -93,20 +109,44 @@ fn declare(writer: &mut Writer<BufWriter<File>>, part: Part) -> Result<Topic, Mc
             (format!("/{part}"), name, json!({ "type": "object", "properties": properties }))
         }
     };
+    add_topic(writer, &topic, name, &schema)
+}
+
+/// Declares the topic of the moving arm.
+fn declare_arm(writer: &mut Writer<BufWriter<File>>) -> Result<Topic, McapError> {
+    add_topic(writer, scene::TOPIC, scene::SCHEMA, &scene::schema())
+}
+
+fn add_topic(
+    writer: &mut Writer<BufWriter<File>>,
+    topic: &str,
+    name: &str,
+    schema: &Value,
+) -> Result<Topic, McapError> {
     let schema = writer.add_schema(name, "jsonschema", schema.to_string().as_bytes())?;
-    let id = writer.add_channel(schema, &topic, "json", &BTreeMap::new())?;
-    Ok(Topic { part, id, messages: 0 })
+    let id = writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
+    Ok(Topic { id, messages: 0 })
+}
+
+/// A `time` or a `duration` of Foxglove's schemas.
+pub(super) fn time_schema(title: &str) -> Value {
+    let integer = json!({ "type": "integer" });
+    json!({ "type": "object", "title": title, "properties": { "sec": integer, "nsec": integer } })
+}
+
+/// A point in time, ns.
+pub(super) fn time(time_ns: u64) -> Value {
+    json!({ "sec": time_ns / 1_000_000_000, "nsec": time_ns % 1_000_000_000 })
 }
 
 /// The fields of `foxglove.Log` that its documentation requires.
 fn log_schema() -> Value {
     let (integer, text) = (json!({ "type": "integer" }), json!({ "type": "string" }));
-    let time = json!({ "type": "object", "title": "time", "properties": { "sec": integer, "nsec": integer } });
     json!({
         "title": "foxglove.Log",
         "type": "object",
         "properties": {
-            "timestamp": time, "level": integer, "message": text, "name": text, "file": text, "line": integer
+            "timestamp": time_schema("time"), "level": integer, "message": text, "name": text, "file": text, "line": integer
         },
         "required": ["timestamp", "level", "message", "name", "file", "line"]
     })
@@ -152,8 +192,7 @@ fn log(event: &Event<String>, time_ns: u64) -> Value {
         }
         name => (WARNING, format!("{name} {value} at sample {sample}")),
     };
-    let timestamp = json!({ "sec": time_ns / 1_000_000_000, "nsec": time_ns % 1_000_000_000 });
-    json!({ "timestamp": timestamp, "level": level, "message": message, "name": name, "file": "", "line": 0 })
+    json!({ "timestamp": time(time_ns), "level": level, "message": message, "name": name, "file": "", "line": 0 })
 }
 
 /// Attaches the scenario, and the DBC of its network.

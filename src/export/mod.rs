@@ -9,6 +9,7 @@ mod csv;
 mod error;
 mod foxglove;
 mod log;
+mod scene;
 mod selection;
 mod uff58;
 mod wav;
@@ -33,7 +34,8 @@ pub enum ExportFormat {
     Csv,
     /// The frames as a log.
     Log(LogFormat),
-    /// A copy for viewers: an MCAP file with a JSON message for every state and sample, and events as `foxglove.Log`.
+    /// A copy for viewers: an MCAP file with a JSON message for every state and sample, events as `foxglove.Log`,
+    /// and the moving arm as `foxglove.SceneUpdate`.
     Foxglove,
     /// States and samples as functions of time: dataset 58 of the Universal File Format in ASCII, SDRC 1988.
     Uff58,
@@ -133,6 +135,9 @@ pub fn export(
 ) -> Result<Vec<ExportedFile>, ExportError> {
     if let Some(part) = selection.parts.iter().find(|part| !format.parts().contains(part)) {
         return Err(ExportError::Part { format, part: *part });
+    }
+    if selection.magnification.is_some() && format != ExportFormat::Foxglove {
+        return Err(ExportError::MovingArm { format });
     }
     let files = format.files(stem, &selection.parts);
     match format {

@@ -61,11 +61,13 @@ pub struct Selection {
     pub parts: Vec<Part>,
     /// Of which samples.
     pub samples: RangeInclusive<u64>,
+    /// The moving arm as well, its vibrations drawn so many times as large; only [`ExportFormat::Foxglove`] holds it.
+    pub magnification: Option<f64>,
 }
 
 impl Selection {
     /// The records of `parts`, or if there are none all that the format holds and the recording has, of the samples
-    /// from one simulated time to another, both included, s from sample 0 on.
+    /// from one simulated time to another, both included, s from sample 0 on; no moving arm.
     ///
     /// # Errors
     /// [`ExportError::Interval`] if there is no sample between them, [`ExportError::Nothing`] if the recording has
@@ -89,7 +91,7 @@ impl Selection {
         if parts.is_empty() {
             return Err(ExportError::Nothing { format });
         }
-        Ok(Selection { parts, samples })
+        Ok(Selection { parts, samples, magnification: None })
     }
 }
 

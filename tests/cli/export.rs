@@ -47,6 +47,8 @@ fn what_a_format_cannot_hold_is_said() {
     let folder = recorded();
     let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["export", "run.mcap", "--to"], arguments].concat());
     assert_snapshot!(said(&["wav", "--parts", "frames"]), @"resonarm: wav holds no frames, only states, samples; csv holds all");
+    assert_snapshot!(said(&["csv", "--moving-arm", "1"]), @"resonarm: csv holds no moving arm, only foxglove does");
+    assert_snapshot!(said(&["foxglove", "--moving-arm=-1"]), @"resonarm: vibrations can't be drawn -1 times as large: it must be above 0");
     assert_snapshot!(said(&["csv", "--from-s", "0.2"]), @"resonarm: there is no sample from 0.2 to 0.1 s: the recording has those from 0 to 0.1 s");
     assert_snapshot!(said(&["csv", "--to-s=-0.1"]), @"resonarm: there is no sample from 0 to -0.1 s: the recording has those from 0 to 0.1 s");
     assert_snapshot!(said(&["csv", "--out", "none/x"]), @"resonarm: can't write none/x: No such file or directory (os error 2)");

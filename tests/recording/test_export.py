@@ -15,12 +15,18 @@ import numpy as np
 import pytest
 import pyuff
 import soundfile
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.descriptor import FieldDescriptor
 from mcap.reader import make_reader
 from processes import RESONARM, run
 from recordings import LOAD, SENSORS, STATE, SENT, Recording, bits
 
 # As candump writes a frame: identifier, flags of CAN FD, data.
 FRAME = re.compile(r" ([0-9A-F]+)#(#[0-9A-F])?([0-9A-F]*)\b")
+
+# Names of scalar types by their numbers.
+TYPES = {getattr(FieldDescriptor, f"TYPE_{name}".upper()): name for name in ("double", "bool", "string", "uint32", "fixed32")}
 
 ROOT = Path(__file__).resolve().parents[2]
 FD = """
@@ -37,6 +43,53 @@ profile = { waveform = "dwell", frequency_hz = 22.1, duration_s = 1.0, settle_s 
 def export(folder, recording, *arguments):
     """Exports into the folder under the name `x`."""
     return run(RESONARM, "export", recording, "--out", folder / "x", *arguments)
+
+
+def times(schema):
+    """Whether a message is a time or a duration, which Foxglove has otherwise in JSON than Protobuf."""
+    return schema.full_name in ("google.protobuf.Timestamp", "google.protobuf.Duration")
+
+
+def published(descriptor, message):
+    """Holds a message in JSON to the published schema: every field is there, and of its type."""
+    if times(descriptor):
+        assert set(message) == {"sec", "nsec"} and all(type(part) is int for part in message.values())
+        return
+    fields = {field.name: field for field in descriptor.fields}
+    assert set(message) == set(fields), descriptor.full_name
+    for name, field in fields.items():
+        assert isinstance(message[name], list) == field.is_repeated, name
+        for value in message[name] if field.is_repeated else [message[name]]:
+            if field.message_type:
+                published(field.message_type, value)
+            elif field.enum_type:
+                assert value in field.enum_type.values_by_number, name
+            else:
+                assert type(value) is type(field.default_value if not field.is_repeated else 0), name
+
+
+def declared(descriptor, schema):
+    """Holds a schema that a file states to the published one."""
+    if times(descriptor):
+        assert set(schema["properties"]) == {"sec", "nsec"}
+        return
+    fields = {field.name: field for field in descriptor.fields}
+    assert set(schema["properties"]) == set(fields), descriptor.full_name
+    kinds = {"double": "number", "bool": "boolean", "string": "string", "uint32": "integer", "fixed32": "integer"}
+    for name, field in fields.items():
+        found = schema["properties"][name]
+        if field.is_repeated:
+            assert found["type"] == "array", name
+            found = found["items"]
+        if field.message_type:
+            assert found["type"] == "object", name
+            # What the file leaves empty it does not describe.
+            if "properties" in found:
+                declared(field.message_type, found)
+        elif field.enum_type:
+            assert found["type"] == "integer", name
+        else:
+            assert found["type"] == kinds[TYPES[field.type]], name
 
 
 @pytest.fixture(scope="module", params=["classic", "fd"])
@@ -161,9 +214,10 @@ def test_viewers_find_every_sample(recorded, tmp_path):
     assert schemas["/log"][0] == "foxglove.Log"
     assert [log["name"] for log in rows["/log"]] == [event.name for event in recording.topics["/events"]]
     for log in rows["/log"]:
-        # What https://docs.foxglove.dev/docs/sdk/schemas/log has.
-        assert set(log) == {"timestamp", "level", "message", "name", "file", "line"}
-        assert set(log["timestamp"]) == {"sec", "nsec"} and log["level"] in range(6)
+        published(Log.DESCRIPTOR, log)
+    declared(Log.DESCRIPTOR, schemas["/log"][1])
+    # The moving arm is there if it is asked for.
+    assert set(schemas) == {"/states", "/samples", "/log"}
     assert attached["scenario.toml"] == recording.metadata["resonarm.configuration"]["scenario"]
     assert cantools.database.load_string(attached["resonarm.dbc"]).messages
 
@@ -172,9 +226,36 @@ def test_viewers_find_every_sample(recorded, tmp_path):
     assert len(paths) == 14 - 2
     for value in paths:
         topic, field = value.split(".")
-        assert field in rows[topic][0]
+        assert schemas[topic][1]["properties"][field] == {"type": "number"}
+        assert all(type(row[field]) is float for row in rows[topic])
+    logs = [panel["topicToRender"] for name, panel in layout["configById"].items() if name.startswith("RosOut!")]
+    assert [schemas[topic][0] for topic in logs] == ["foxglove.Log"]
     panels = re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))
     assert sorted(panels) == sorted(layout["configById"])
+
+
+def test_the_moving_arm(recorded, tmp_path):
+    path, recording = recorded
+    export(tmp_path, path, "--to", "foxglove", "--moving-arm", "20", "--to-s", "0.3")
+    with (tmp_path / "x-foxglove.mcap").open("rb") as stream:
+        updates = list(make_reader(stream, validate_crcs=True).iter_messages(topics=["/arm"]))
+    assert [message.log_time for _, _, message in updates] == [k * 1_000_000 for k in range(301)]
+    schema = updates[0][0]
+    assert (schema.name, schema.encoding) == ("foxglove.SceneUpdate", "jsonschema")
+    declared(SceneUpdate.DESCRIPTOR, json.loads(schema.data))
+    # The arm of the preset, straight along x at β1 = 0, bent by β2 = 60°.
+    beta, length_m = np.radians([0.0, 60.0]), (0.63, 0.6)
+    for (_, _, message), (alpha1, alpha2) in zip(updates, recording.states[:, :2], strict=False):
+        update = json.loads(message.data)
+        published(SceneUpdate.DESCRIPTOR, update)
+        (entity,) = update["entities"]
+        assert (entity["id"], entity["frame_id"]) == ("arm", "base")
+        (line,) = entity["lines"]
+        first, second = beta[0] + 20 * alpha1, beta.sum() + 20 * (alpha1 + alpha2)
+        elbow = length_m[0] * np.array([np.cos(first), np.sin(first), 0.0])
+        tip = elbow + length_m[1] * np.array([np.cos(second), np.sin(second), 0.0])
+        found = np.array([[point["x"], point["y"], point["z"]] for point in line["points"]])
+        assert found == pytest.approx(np.array([np.zeros(3), elbow, tip]), abs=1e-12)
 
 
 def test_a_range_of_time(recorded, tmp_path):
