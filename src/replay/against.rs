@@ -85,11 +85,24 @@ pub enum DifferenceKind {
         /// What that was: `arm`, `disarm` or `reset`.
         expected: &'static str,
     },
-    /// It faults.
+    /// It faults; if it is for want of a plant that goes on, what is expected of it is what is missing.
     Fault {
         /// As its emergency says.
         cause: String,
+        /// What the recorded one did: `hello`, `answer`, `arm`, `disarm` or `reset`.
+        expected: &'static str,
     },
+}
+
+impl DifferenceKind {
+    /// What the recorded controller did.
+    const fn expected(&self) -> &'static str {
+        match self {
+            DifferenceKind::Command { .. } | DifferenceKind::NoAnswer => "answer",
+            DifferenceKind::NoHello => "hello",
+            DifferenceKind::NoRequest { expected } | DifferenceKind::Fault { expected, .. } => expected,
+        }
+    }
 }
 
 impl fmt::Display for DifferenceKind {
@@ -104,7 +117,9 @@ impl fmt::Display for DifferenceKind {
             DifferenceKind::NoRequest { expected } => {
                 write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
             }
-            DifferenceKind::Fault { cause } => write!(f, "the controller faults: {cause}"),
+            DifferenceKind::Fault { cause, expected } => {
+                write!(f, "the controller faults: {cause}; the recorded one went on with: {expected}")
+            }
         }
     }
 }
@@ -266,7 +281,7 @@ impl<C: Clock> Test<'_, C> {
         }
         if !self.signals.is_stopped() {
             let kind = match self.live.fault {
-                Some(fault) => DifferenceKind::Fault { cause: fault.to_string() },
+                Some(fault) => DifferenceKind::Fault { cause: fault.to_string(), expected: missing.expected() },
                 None => missing,
             };
             self.compared.first_difference.get_or_insert(Difference { sample, kind });

@@ -14,4 +14,6 @@ pub use resimulation::{Verdict, resimulate};
 pub use responses::responses;
 
 #[cfg(test)]
+mod against_tests;
+#[cfg(test)]
 mod tests;
