@@ -1,5 +1,6 @@
 """Recordings, read by the packages `mcap` and `mcap-protobuf-support` alone."""
 
+import struct
 from collections import defaultdict
 from functools import cached_property
 from itertools import accumulate
@@ -55,7 +56,8 @@ class Recording:
                         channel = channels[record.channel_id]
                         decode = factory.decoder_for(channel.message_encoding, schemas[channel.schema_id])
                         self.topics[channel.topic].append(decode(record.data))
-            except EndOfFile:
+            # Between two fields of a record the package finds no end of the file, but too few bytes.
+            except (EndOfFile, struct.error):
                 return self
         raise AssertionError(f"{path} is whole")
 
