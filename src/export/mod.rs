@@ -23,9 +23,7 @@ use crate::recording::Recording;
 
 pub(crate) use channels::{channels, sample_values, state_values};
 pub use error::{ExportError, UnknownExportFormat};
-#[cfg(feature = "cli")]
-pub(crate) use selection::samples;
-pub use selection::{Part, Selection};
+pub use selection::{Part, Selection, samples};
 
 /// What a recording is exported to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

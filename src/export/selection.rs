@@ -97,7 +97,10 @@ impl Selection {
 
 /// The samples from one simulated time to another, both included. What is off by a millionth of a sample is a time
 /// written in decimals.
-pub(crate) fn samples(
+///
+/// # Errors
+/// [`ExportError::Interval`] if there is no sample between them.
+pub fn samples(
     recording: &Recording,
     from_s: Option<f64>,
     to_s: Option<f64>,

@@ -1,7 +1,7 @@
 //! The reference recordings, simulated again: the arithmetic of today is the arithmetic that made them. If a change of
 //! it is meant, `recordings/make` makes them anew.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use resonarm::arm::{Load, State};
 use resonarm::plant::Plant;
@@ -11,9 +11,11 @@ use resonarm::rig::Reading;
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
+/// From the project's folder, in which tests run.
+const RECORDINGS: &str = "recordings";
+
 fn recordings() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings");
-    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let paths = std::fs::read_dir(RECORDINGS).unwrap().map(|entry| entry.unwrap().path());
     paths.filter(|path| path.extension().is_some_and(|extension| extension == "mcap")).collect()
 }
 
