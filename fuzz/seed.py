@@ -1,6 +1,8 @@
-"""Writes what a run starts from into `fuzz/corpus/`: golden frames, scenarios and the beginnings of recordings."""
+"""Writes what a run starts from into `fuzz/corpus/`: golden frames, scenarios, the beginnings of recordings and logs."""
 
 import json
+import struct
+import zlib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,6 +48,37 @@ def streams():
             yield f"{profile}-{number}", bytes([first]) + b"".join(filter(None, entries))
 
 
+CANDUMP = b"(1436509052.249713) vcan0 044#2A366C2BBA R\n(1436509052.5) vcan0 202##1" + 24 * b"09" + b" T\n"
+ASC = b"""date Sat Sep 30 15:06:13.191 2017
+base hex  timestamps absolute
+   0.001000 1  201             Rx   d 2 11 22
+   0.002000 1  1FFFFFFFx       Tx   r 5
+   0.003000 CANFD   1 Rx         202                                  1 0 9 12 00 01 02 03 04 05 06 07 08 09 0A 0B 0 0 3000
+"""
+
+
+def blf(container):
+    """A BLF log of a classical frame and one of CAN FD, in a container that `container` makes of its objects."""
+    classic = struct.pack("<HBBL8s", 1, 0, 8, 0x201, bytes(8))
+    fd = struct.pack("<HBBLLBBB5x64s", 1, 1, 9, 0x202, 0, 0, 3, 12, bytes(12))
+    objects = b"".join(
+        struct.pack("<4sHHLLLHHQ", b"LOBJ", 32, 1, 32 + len(body), kind, 2, 0, 0, 1000) + body
+        for kind, body in ((1, classic), (100, fd))
+    )
+    method, content = container(objects)
+    head = struct.pack("<4sL8xQQLL32x", b"LOGG", 72, 0, 0, 2, 0)
+    base = struct.pack("<4sHHLLH6xL4x", b"LOBJ", 16, 1, 32 + len(content), 10, method, len(objects))
+    return head + base + content
+
+
+def logs():
+    """A log of each format; the first byte is that of the format."""
+    yield "candump", b"\0" + CANDUMP
+    yield "asc", b"\1" + ASC
+    yield "blf", b"\2" + blf(lambda objects: (0, objects))
+    yield "blf-deflated", b"\2" + blf(lambda objects: (2, zlib.compress(objects)))
+
+
 def write(target, files):
     folder = CORPUS / target
     folder.mkdir(parents=True, exist_ok=True)
@@ -56,4 +89,5 @@ def write(target, files):
 if __name__ == "__main__":
     write("protocol_receive", streams())
     write("scenario", ((path.name, path.read_bytes()) for path in sorted(ROOT.glob("scenarios/*.toml"))))
+    write("can_log", logs())
     write("recording", ((path.stem, path.read_bytes()[:BEGINNING]) for path in sorted(ROOT.glob("recordings/*.mcap"))))

@@ -223,6 +223,8 @@ pub(super) fn single(message: &CanFrame) -> Result<FrameRecord, String> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::any;
+
     use super::*;
 
     /// A batch of two frames: 3 bytes, then 2 with a bus timestamp.
@@ -253,6 +255,34 @@ mod tests {
             data: vec![4, 5, 1, 2, 3],
         };
         assert_eq!(two(), batch);
+    }
+
+    proptest::proptest! {
+        /// Columns of any values are refused, or are those of the frames that they give.
+        #[test]
+        fn any_columns_are_refused_or_come_back(
+            rows in proptest::collection::vec((any::<i64>(), any::<i64>(), 0..4, 0..0x900_u32, 0..80_u32, 0..70_u32), 0..6),
+            bus_timestamp_difference_ns in proptest::collection::vec(any::<i64>(), 0..4),
+            data in proptest::collection::vec(any::<u8>(), 0..40),
+        ) {
+            let columns = FrameBatch {
+                interface: String::new(),
+                step_difference: rows.iter().map(|row| row.0).collect(),
+                time_difference_ns: rows.iter().map(|row| row.1).collect(),
+                direction: rows.iter().map(|row| row.2).collect(),
+                id: rows.iter().map(|row| row.3).collect(),
+                flags: rows.iter().map(|row| row.4).collect(),
+                length: rows.iter().map(|row| row.5).collect(),
+                bus_timestamp_difference_ns,
+                data,
+            };
+            let mut frames = Vec::new();
+            if batch(&columns, |frame| frames.push(frame)).is_ok() {
+                let mut again = FrameBatch::default();
+                fill(&mut again, &frames);
+                assert_eq!(again, columns);
+            }
+        }
     }
 
     #[test]
