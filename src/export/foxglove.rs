@@ -18,7 +18,7 @@ use super::channels::{channels, lead, sample_values, state_values};
 use super::scene::{self, Scene};
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::protocol::dbc::Dbc;
-use crate::recording::{Event, Origin, Record, RecordedFault, Recording, RunTime};
+use crate::recording::{Event, Origin, Record, RecordedFault, Recording};
 use crate::scenario::Scenario;
 
 /// Levels of `foxglove.Log` (foxglove.dev, "LogLevel").
@@ -174,12 +174,8 @@ fn message(origin: &Origin, record: &Record<String>) -> Option<(Part, u64, Value
 
 /// Simulated time, ns; in real time of the UNIX epoch. The readings of sample 0 are of the sample itself.
 fn sample_ns(origin: &Origin, sample: u64, lead: f64) -> u64 {
-    let start_ns = match origin.time {
-        RunTime::RealTime => origin.start_unix_ns.unwrap_or(0),
-        RunTime::Lockstep | RunTime::Simulated => 0,
-    };
     let samples = (sample as f64 - lead).max(0.0);
-    start_ns.saturating_add(libm::round(samples * origin.dt_s * 1e9) as u64)
+    origin.log_start_ns().saturating_add(libm::round(samples * origin.dt_s * 1e9) as u64)
 }
 
 fn log(event: &Event<String>, time_ns: u64) -> Value {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::can_log::{LogFormat, LoggedFrame};
-use crate::recording::{Origin, Recording, RunTime};
+use crate::recording::Recording;
 
 /// Longest name of a network interface, bytes (IFNAMSIZ of Linux, without the terminator).
 const LONGEST_NAME: usize = 15;
@@ -32,7 +32,7 @@ pub(super) fn write(
             if !selection.samples.contains(&record.sample) {
                 continue;
             }
-            let time_ns = start_ns(origin).saturating_add(origin.frame_time_ns(&record));
+            let time_ns = origin.log_start_ns().saturating_add(origin.frame_time_ns(&record));
             let (direction, frame) = (Some(record.direction), record.frame);
             writer.write(&LoggedFrame { time_ns, interface: None, direction, frame }).map_err(failed)?;
             rows += 1;
@@ -41,14 +41,6 @@ pub(super) fn write(
         exported.push(ExportedFile { path, rows, columns: Vec::new() });
     }
     Ok(exported)
-}
-
-/// When the log begins, ns of the UNIX epoch. Simulated time begins at 0.
-fn start_ns(origin: &Origin) -> u64 {
-    match origin.time {
-        RunTime::RealTime => origin.start_unix_ns.unwrap_or(0),
-        RunTime::Lockstep | RunTime::Simulated => 0,
-    }
 }
 
 /// The name of the bus, if it is one that an interface can have.

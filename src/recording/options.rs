@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::RecordingError;
+use super::{RecordingError, RunTime};
 use crate::number::short;
 
 /// Everything that made the run what it is, as keys and values: scenario, seed, scheme, initial state, protocol hash.
@@ -73,9 +73,9 @@ impl TimeBase {
     /// How it is called in the file.
     pub(super) const fn name(self) -> &'static str {
         match self {
-            TimeBase::Simulated => "simulated",
-            TimeBase::Lockstep { .. } => "lockstep",
-            TimeBase::RealTime { .. } => "real-time",
+            TimeBase::Simulated => RunTime::Simulated.name(),
+            TimeBase::Lockstep { .. } => RunTime::Lockstep.name(),
+            TimeBase::RealTime { .. } => RunTime::RealTime.name(),
         }
     }
 }

@@ -172,6 +172,14 @@ pub struct TopicSummary {
 }
 
 impl Origin {
+    /// Where log times begin: in real time when the run began, ns of the UNIX epoch, else 0.
+    pub fn log_start_ns(&self) -> u64 {
+        match self.time {
+            RunTime::RealTime => self.start_unix_ns.unwrap_or(0),
+            RunTime::Lockstep | RunTime::Simulated => 0,
+        }
+    }
+
     /// When a frame was on the bus, ns from the start of the run: in real time by the machine's clock, else in
     /// simulated time, in which the frames of a sample come together.
     pub fn frame_time_ns(&self, frame: &FrameRecord) -> u64 {
