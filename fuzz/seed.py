@@ -1,4 +1,4 @@
-"""Writes what a run starts from into `fuzz/corpus/`: golden frames, scenarios, the beginnings of recordings and logs."""
+"""Writes what a run starts from into `fuzz/corpus/`: golden frames, scenarios, the beginnings of recordings, logs."""
 
 import json
 import struct
@@ -53,7 +53,7 @@ ASC = b"""date Sat Sep 30 15:06:13.191 2017
 base hex  timestamps absolute
    0.001000 1  201             Rx   d 2 11 22
    0.002000 1  1FFFFFFFx       Tx   r 5
-   0.003000 CANFD   1 Rx         202                                  1 0 9 12 00 01 02 03 04 05 06 07 08 09 0A 0B 0 0 3000
+   0.003000 CANFD   1 Rx         202   1 0 9 12 00 01 02 03 04 05 06 07 08 09 0A 0B 0 0 3000
 """
 
 

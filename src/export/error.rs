@@ -104,3 +104,11 @@ fn unknown_format(got: &str) -> String {
         _ => format!("it is one of {}", ExportFormat::ALL.map(ExportFormat::name).join(", ")),
     }
 }
+
+/// A text that names no [`Part`].
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("it is one of {}", names(&Part::ALL))]
+pub struct UnknownPart {
+    /// The text.
+    pub got: String,
+}

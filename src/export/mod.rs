@@ -22,7 +22,7 @@ use crate::can_log::LogFormat;
 use crate::recording::Recording;
 
 pub(crate) use channels::{channels, sample_values, state_values};
-pub use error::{ExportError, UnknownExportFormat};
+pub use error::{ExportError, UnknownExportFormat, UnknownPart};
 pub use selection::{Part, Selection, samples};
 
 /// What a recording is exported to.

@@ -2,8 +2,9 @@
 
 use core::fmt;
 use core::ops::RangeInclusive;
+use core::str::FromStr;
 
-use super::{ExportError, ExportFormat};
+use super::{ExportError, ExportFormat, UnknownPart};
 use crate::recording::{Recording, Topic};
 
 /// A kind of records.
@@ -51,6 +52,15 @@ impl Part {
 impl fmt::Display for Part {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+impl FromStr for Part {
+    type Err = UnknownPart;
+
+    fn from_str(text: &str) -> Result<Part, UnknownPart> {
+        let found = Part::ALL.into_iter().find(|part| part.name() == text);
+        found.ok_or_else(|| UnknownPart { got: text.to_owned() })
     }
 }
 

@@ -26,7 +26,8 @@ from recordings import LOAD, SENSORS, STATE, SENT, Recording, bits
 FRAME = re.compile(r" ([0-9A-F]+)#(#[0-9A-F])?([0-9A-F]*)\b")
 
 # Names of scalar types by their numbers.
-TYPES = {getattr(FieldDescriptor, f"TYPE_{name}".upper()): name for name in ("double", "bool", "string", "uint32", "fixed32")}
+SCALARS = ("double", "bool", "string", "uint32", "fixed32")
+TYPES = {getattr(FieldDescriptor, f"TYPE_{name}".upper()): name for name in SCALARS}
 
 ROOT = Path(__file__).resolve().parents[2]
 FD = """

@@ -19,7 +19,8 @@ def messages(count=1):
         {"arbitration_id": 0x1FFFFFFF, "is_extended_id": True, "data": b"\xab"},
         {"arbitration_id": 0x7FF, "is_remote_frame": True, "dlc": 5},
         {"arbitration_id": 0x202, "is_fd": True, "bitrate_switch": True, "data": bytes([9]) * 64},
-        {"arbitration_id": 0x123, "is_extended_id": True, "is_fd": True, "error_state_indicator": True, "data": bytes(12)},
+        {"arbitration_id": 0x123, "is_extended_id": True, "is_fd": True, "error_state_indicator": True, "dlc": 12,
+         "data": bytes(12)},
         {"arbitration_id": 0x203, "is_fd": True, "data": b"\x01\x02", "is_rx": False},
         {"is_error_frame": True},
     ]
