@@ -1,9 +1,14 @@
 """Scenarios, plant, sessions and recordings: the same bits, however the bench is driven."""
 
 import pickle
+import signal
+import subprocess
+import sys
 import threading
+import time
 from pathlib import Path
 
+import cantools
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -156,6 +161,29 @@ def test_what_a_controller_raises_ends_the_run(bench_scenario):
         resonarm.run(bench_scenario, controller=controller, load="weight")
 
 
+ENDLESS = """
+import sys, resonarm
+try:
+    resonarm.run(resonarm.Scenario(), controller=lambda measured: (1.0, 0.0), record=sys.argv[1])
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_an_interrupt_ends_a_run_in_order(tmp_path):
+    path = tmp_path / "run.mcap"
+    words = [sys.executable, "-c", ENDLESS, str(path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as run:
+        # The first records are flushed: the run goes on.
+        while run.poll() is None and not (path.exists() and path.stat().st_size > 50_000):
+            time.sleep(0.01)
+        run.send_signal(signal.SIGINT)
+        assert run.communicate(timeout=120)[0] == "interrupted\n"
+    recording = resonarm.Recording(path)
+    assert recording.summary["integrity"]["state"] == "complete"
+    assert recording.states["is_end"][-1]
+
+
 def test_both_nodes_on_a_bus_of_ones_own(bench_scenario):
     hub = _resonarm.Hub(3)
     listener, decoder = hub.end(), resonarm.Decoder()
@@ -210,3 +238,17 @@ def test_a_frame_encoded_is_decoded(profile):
         encoder.encode("ForceCommand", force_x_n=1, force_y_n=1, sample=1, foo=1)
     with pytest.raises(ValueError, match="is not a multiple of 0x10: take 0x200"):
         resonarm.Network(base=0x205)
+
+
+@pytest.mark.parametrize("profile", ["classic", "fd"])
+def test_cantools_reads_our_frames_by_our_dbc(profile):
+    network = resonarm.Network(base=0x340, profile=profile)
+    database = cantools.database.load_string(network.dbc())
+    encoder = resonarm.Encoder(network)
+    signals = {"force_x_n": 12.5, "force_y_n": -0.02, "sample": 77}
+    frame = encoder.encode("ForceCommand", **signals)
+    message = database.get_message_by_frame_id(frame.identifier)
+    decoded = message.decode(frame.data)
+    assert message.name == "ForceCommand"
+    assert message.is_fd == frame.fd
+    assert {name: decoded[name] for name in signals} == pytest.approx(signals, abs=1e-6)

@@ -1,4 +1,4 @@
-"""The examples: the suite, which `tests/vcan/test_python.py` runs on vcan with the controller in C, and the notebook."""
+"""The examples: the suite, which `tests/vcan/test_python.py` runs on vcan with the controller in C; the notebook."""
 
 import subprocess
 import sys
