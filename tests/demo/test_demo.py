@@ -41,7 +41,7 @@ def test_the_points_are_those_of_the_branch(demo):
         assert abs(point["excitation"] / FORCE_N - 1) < 2e-3
     assert seen == {True, False}
     lags = [point["phase_deg"] for point in points]
-    assert np.allclose(lags, np.linspace(12, 168, POINTS), atol=0.6)
+    assert np.allclose(lags, np.linspace(24, 144, POINTS), atol=0.6)
 
 
 def test_the_recording_is_whole_and_of_the_same_run(demo):
