@@ -21,7 +21,7 @@ Formats and the files that STEM stands for:
   foxglove STEM-foxglove.mcap  a copy for Foxglove, Lichtblick and PlotJuggler: a JSON message for every state and sample
   uff58    STEM.uff       states and samples as functions of time, for tools of modal analysis: dataset 58, ASCII
   wav      STEM-PART.wav  states and samples as channels of 32-bit floating-point numbers, in SI units
-Parquet and MF4 are made of the CSV by the Python packages pyarrow and asammdf, as docs/recording.md shows.
+Parquet and MF4 are written by the Python package: python3 -m resonarm export RECORDING --to parquet (docs/python.md).
 Times are simulated time; a log of a run in real time has the machine's. Samples are read in the middle of a hold, half a \
 sample period before the sample: their time_s says so.";
 

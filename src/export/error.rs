@@ -99,8 +99,9 @@ pub struct UnknownExportFormat {
 
 fn unknown_format(got: &str) -> String {
     match got {
-        "parquet" => String::from("not written here: pyarrow makes Parquet of the CSV, as docs/recording.md shows"),
-        "mf4" => String::from("not written here: asammdf makes MF4 of the CSV, as docs/recording.md shows"),
+        "parquet" | "mf4" => {
+            format!("the Python package writes it: `python3 -m resonarm export RECORDING --to {got}` (docs/python.md)")
+        }
         _ => format!("it is one of {}", ExportFormat::ALL.map(ExportFormat::name).join(", ")),
     }
 }

@@ -53,8 +53,8 @@ fn what_a_format_cannot_hold_is_said() {
     assert_snapshot!(said(&["csv", "--to-s=-0.1"]), @"resonarm: there is no sample from 0 to -0.1 s: the recording has those from 0 to 0.1 s");
     assert_snapshot!(said(&["csv", "--out", "none/x"]), @"resonarm: can't write none/x: No such file or directory (os error 2)");
     let first = |arguments: &[&str]| said(arguments).lines().next().unwrap().to_owned();
-    assert_snapshot!(first(&["parquet"]), @"error: invalid value 'parquet' for '--to <FORMAT>': not written here: pyarrow makes Parquet of the CSV, as docs/recording.md shows");
-    assert_snapshot!(first(&["mf4"]), @"error: invalid value 'mf4' for '--to <FORMAT>': not written here: asammdf makes MF4 of the CSV, as docs/recording.md shows");
+    assert_snapshot!(first(&["parquet"]), @"error: invalid value 'parquet' for '--to <FORMAT>': the Python package writes it: `python3 -m resonarm export RECORDING --to parquet` (docs/python.md)");
+    assert_snapshot!(first(&["mf4"]), @"error: invalid value 'mf4' for '--to <FORMAT>': the Python package writes it: `python3 -m resonarm export RECORDING --to mf4` (docs/python.md)");
     assert_snapshot!(first(&["xls"]), @"error: invalid value 'xls' for '--to <FORMAT>': it is one of csv, candump, asc, blf, foxglove, uff58, wav");
 }
 
