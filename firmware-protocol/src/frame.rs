@@ -131,8 +131,8 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
-    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with `data`, which is
-    /// zero beyond the form's length.
+    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with `data`, which
+    /// is zero beyond the form's length.
     pub(crate) fn of_form(id: u16, form: &Form, data: [u8; 64]) -> Frame {
         debug_assert!(data[form.length..].iter().all(|byte| *byte == 0));
         Frame { id: Id::Standard(id), format: form.format, len: form.length as u8, data }

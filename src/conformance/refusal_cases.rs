@@ -8,8 +8,8 @@ use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, ski
 use crate::protocol::timing::COMMAND_AGE_NS;
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
 
-/// In this time the force rises that drives a plant beyond its travel, ns: short, for a process that is stopped meanwhile
-/// ends the try.
+/// In this time the force rises that drives a plant beyond its travel, ns: short, for a process that is stopped
+/// meanwhile ends the try.
 const SLOPE_NS: u64 = 250 * MS;
 /// How long a plant is driven so until it should be beyond it, ns.
 const TRAVEL_NS: u64 = 5_000 * MS;
