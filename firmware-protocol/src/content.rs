@@ -10,6 +10,8 @@ use crate::network::Network;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Content {
     kind: MessageKind,
+    /// How it is protected, and with which data id.
+    protection: Option<(Protection, u16)>,
     /// Counter and CRC are zero.
     frame: Frame,
 }
@@ -17,6 +19,7 @@ pub(crate) struct Content {
 impl Content {
     /// # Errors
     /// [`EncodeError`] if a value can't be sent or the profile has no such message.
+    #[inline]
     pub fn new(network: Network, message: &Message) -> Result<Content, EncodeError> {
         let kind = message.kind();
         let form = kind.form(network.profile()).ok_or(EncodeError::OtherProfile { kind })?;
@@ -30,7 +33,8 @@ impl Content {
             }
             None => data[0] = message.encode()?.bytes[0],
         }
-        Ok(Content { kind, frame: Frame::of_form(kind.id(network), &form, data) })
+        let protection = form.protection.zip(kind.data_id(network));
+        Ok(Content { kind, protection, frame: Frame::of_form(kind.id(network), &form, data) })
     }
 
     /// The kind of the message.
@@ -39,26 +43,24 @@ impl Content {
     }
 
     /// The frame with a counter, protected.
-    pub fn frame(&self, network: Network, counter: u8) -> Frame {
+    #[inline]
+    pub fn frame(&self, counter: u8) -> Frame {
         let mut frame = self.frame;
-        let form = self.kind.form(network.profile());
-        let Some((protection, data_id)) = form.and_then(|form| form.protection).zip(self.kind.data_id(network)) else {
-            return frame;
-        };
         let length = frame.len();
         let bytes = frame.bytes_mut();
-        match protection {
-            Protection::Profile11 => {
+        match self.protection {
+            Some((Protection::Profile11, data_id)) => {
                 bytes[1] |= counter;
                 if let Some(data) = bytes.first_chunk() {
                     bytes[0] = profile11::crc(data_id, data);
                 }
             }
-            Protection::Profile5 => {
+            Some((Protection::Profile5, data_id)) => {
                 bytes[2] = counter;
                 let crc = profile5::crc(data_id, &bytes[..length]);
                 bytes[..2].copy_from_slice(&crc.to_le_bytes());
             }
+            None => {}
         }
         frame
     }

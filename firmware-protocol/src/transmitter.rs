@@ -38,7 +38,7 @@ impl Transmitter {
 
     /// The frame of a message with the counter that is next.
     pub(crate) fn next(&self, content: &Content) -> Frame {
-        content.frame(self.network, self.counters[content.kind() as usize])
+        content.frame(self.counters[content.kind() as usize])
     }
 
     /// The counter of a kind of message is spent.

@@ -141,7 +141,7 @@ mod tests {
             commands.iter().for_each(|command| outbox.push(command).unwrap());
             assert_eq!((outbox.waiting(), outbox.unsent()), (1, 2));
             let last = Transmitter::new(network).frame(&commands[2]).unwrap();
-            assert_eq!(outbox.front().map(|content| content.frame(network, 0)), Some(last));
+            assert_eq!(outbox.front().map(|content| content.frame(0)), Some(last));
             assert_eq!((outbox.pop(), outbox.pop()), (Some(commands[2].kind()), None));
         }
     }
