@@ -1,6 +1,7 @@
 //! `resonarm doctor`: what this machine can do.
 
 mod queues;
+mod reception;
 
 use core::fmt::Write;
 
@@ -29,6 +30,7 @@ impl Doctor {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut findings = vec![can(), interfaces(), python_can()];
         findings.extend(queues::findings());
+        findings.extend(reception::findings());
         findings.extend(Privileges::probe().findings());
         if self.json {
             output::print_json(&Document { findings })?;
