@@ -45,7 +45,7 @@ const MOST_TRIES: u32 = 6;
 const MOST_UNSETTLED: u32 = 2;
 /// How near the load's amplitude comes to the wanted one, relative, and where noise asks for more.
 const LOAD_TOLERANCE: f64 = 5e-4;
-const NOISY_LOAD_TOLERANCE: f64 = 1e-3;
+const NOISY_LOAD_TOLERANCE: f64 = 1.1e-3;
 /// How near the lag comes to its target, rad.
 const LAG_TOLERANCE_RAD: f64 = 0.01;
 /// How near a wanted amplitude of the angle comes, relative.
