@@ -231,6 +231,10 @@ def test_viewers_find_every_sample(recorded, tmp_path):
         assert all(type(row[field]) is float for row in rows[topic])
     logs = [panel["topicToRender"] for name, panel in layout["configById"].items() if name.startswith("RosOut!")]
     assert [schemas[topic][0] for topic in logs] == ["foxglove.Log"]
+    # The 3D view shows what `--moving-arm` adds.
+    assert [panel["topics"] for name, panel in layout["configById"].items() if name.startswith("3D!")] == [
+        {"/arm": {"visible": True}}
+    ]
     panels = re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))
     assert sorted(panels) == sorted(layout["configById"])
 
