@@ -65,7 +65,8 @@ impl Exciter {
         let address: BusAddress = self.bus.parse()?;
         let scenario = self.session.scenario(scenario)?;
         let options = Options {
-            thread: if self.mode == Mode::RealTime { Some(self.thread.setup()?) } else { None },
+            thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
+            on_shortfall: self.thread.on_shortfall(),
             patience: Some(seconds("--patience-s", self.patience_s)?),
             rearm: self.rearm,
             ..Options::default()

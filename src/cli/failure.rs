@@ -198,7 +198,10 @@ fn run(error: &RunError) -> Exit {
         | RunError::FreeHasNoBus
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => Exit::Usage,
-        RunError::NoPlant { .. } | RunError::PlantNotArmed { .. } | RunError::Histogram(_) => Exit::Environment,
+        RunError::NoRealTimeThread { .. }
+        | RunError::NoPlant { .. }
+        | RunError::PlantNotArmed { .. }
+        | RunError::Histogram(_) => Exit::Environment,
         RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
     }
 }

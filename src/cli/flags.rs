@@ -1,5 +1,6 @@
 //! Flags that several subcommands share.
 
+use core::fmt;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -8,6 +9,7 @@ use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser
 use super::failure::Failure;
 use crate::integrate::Scheme;
 use crate::realtime::{FifoPriority, ThreadSetup};
+use crate::run::OnShortfall;
 use crate::scenario::Scenario;
 use crate::seed;
 
@@ -66,9 +68,43 @@ pub(super) struct SessionFlags {
     pub duration_s: Option<f64>,
 }
 
+/// How much a run in real time wants a real-time thread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum RealTimeThread {
+    /// What can be had; the rest is told.
+    #[default]
+    Auto,
+    /// All of it, or no run.
+    Require,
+    /// Nothing.
+    Off,
+}
+
+impl RealTimeThread {
+    const ALL: [Self; 3] = [Self::Auto, Self::Require, Self::Off];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Require => "require",
+            Self::Off => "off",
+        }
+    }
+}
+
+impl fmt::Display for RealTimeThread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
 /// What the thread of a run in real time asks of the system.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ThreadFlags {
+    /// Real-time scheduling, locked memory and the core: auto takes what the system gives and tells the rest, require
+    /// ends without them, off does not ask.
+    #[arg(long, value_parser = one_of(RealTimeThread::ALL, RealTimeThread::name), default_value_t)]
+    rt: RealTimeThread,
     /// Core to pin the real-time loop to.
     #[arg(long, value_name = "N")]
     core: Option<usize>,
@@ -79,9 +115,24 @@ pub(super) struct ThreadFlags {
 
 impl ThreadFlags {
     /// What to ask for.
-    pub fn setup(&self) -> Result<ThreadSetup, Failure> {
+    pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
         let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
-        Ok(ThreadSetup { priority: Some(priority), core: self.core, ..ThreadSetup::default() })
+        let setup = ThreadSetup { priority: Some(priority), core: self.core, ..ThreadSetup::default() };
+        match (self.rt, self.core) {
+            (RealTimeThread::Off, None) => Ok(None),
+            (RealTimeThread::Off, Some(core)) => {
+                Err(Failure::Usage(format!("--core {core} asks for what --rt off leaves out: give one of them")))
+            }
+            (RealTimeThread::Auto | RealTimeThread::Require, _) => Ok(Some(setup)),
+        }
+    }
+
+    /// What it leads to if something is not to be had.
+    pub fn on_shortfall(&self) -> OnShortfall {
+        match self.rt {
+            RealTimeThread::Require => OnShortfall::Refuse,
+            RealTimeThread::Auto | RealTimeThread::Off => OnShortfall::Warn,
+        }
     }
 }
 

@@ -31,6 +31,7 @@ mod import;
 mod inspect;
 mod integrators;
 mod interval;
+mod latency;
 mod logging;
 mod modes;
 mod motion_flags;
@@ -109,6 +110,7 @@ enum Command {
     Protocol(protocol::Protocol),
     Conformance(conformance::Conformance),
     Doctor(doctor::Doctor),
+    Latency(latency::Latency),
 }
 
 /// Runs the program on the process's arguments.
@@ -151,6 +153,7 @@ pub fn main() -> ExitCode {
         Command::Protocol(command) => command.execute(),
         Command::Conformance(command) => command.execute(),
         Command::Doctor(command) => command.execute(),
+        Command::Latency(command) => command.execute(),
     };
     match result {
         Ok(Verdict::Positive) => ExitCode::SUCCESS,

@@ -78,7 +78,8 @@ impl Run {
             record: self.record.target(),
             speed: Speed::new(self.speed).map_err(RunError::from)?,
             overrun: self.overrun,
-            thread: if self.mode == Mode::RealTime { Some(self.thread.setup()?) } else { None },
+            thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
+            on_shortfall: self.thread.on_shortfall(),
             end_on_disarm: self.stop_on_disarm,
             patience: self.patience_s.map(|given_s| seconds("--patience-s", given_s)).transpose()?,
             ..Options::default()

@@ -22,6 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bare;
 mod clock;
 mod idle;
 mod latency;
@@ -30,6 +31,7 @@ mod privileges;
 mod rate;
 mod thread;
 
+pub use bare::bare_wakeups;
 pub use clock::{Clock, SystemClock, VirtualClock, unix_time_ns};
 pub use idle::CoresAwake;
 pub use latency::{HISTOGRAM_BOUND_NS, HistogramError, LatencyHistogram, Percentiles};

@@ -122,6 +122,25 @@ pub struct ThreadReport {
     pub shortfalls: Vec<Shortfall>,
 }
 
+impl fmt::Display for ThreadReport {
+    /// What it got: `SCHED_FIFO priority 80, memory locked now and later, core 1`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.priority {
+            Some(priority) => write!(f, "SCHED_FIFO priority {}", priority.get())?,
+            None => f.write_str("ordinary scheduling")?,
+        }
+        f.write_str(match self.memory {
+            MemoryLock::None => ", memory not locked",
+            MemoryLock::Current => ", memory locked as mapped now",
+            MemoryLock::All => ", memory locked now and later",
+        })?;
+        match self.core {
+            Some(core) => write!(f, ", core {core}"),
+            None => f.write_str(", any core"),
+        }
+    }
+}
+
 /// How much of the process's memory is locked into RAM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]

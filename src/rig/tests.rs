@@ -162,6 +162,11 @@ fn the_gate_is_told_of_range_change_and_travel() {
     let free = check(GateSpec::default(), 1e9, Load::force_n(-10.0, 10.0));
     assert_eq!(free, CommandCheck { range: within, change_periods: 0.0, travel: within });
 
+    // From one torque to another: 3 N·m at joint 1, 2 N·m at joint 2.
+    let turned = [Load::torque_nm(2.0, 5.0), Load::torque_nm(-1.0, 3.0)];
+    let torques = limits.command_check(&exciter, 1000.0, 0.0, [&turned[0], &turned[1]]);
+    assert_eq!(torques.change_periods, 12.0);
+
     // Along the shaker, in whatever direction it points.
     let [held, load] = [-1.0, 3.0].map(|force_n| Load { force_n: shaker().direction() * force_n, ..Load::default() });
     let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, 0.0, [&held, &load]);

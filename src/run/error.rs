@@ -6,7 +6,7 @@ use crate::bus::BusError;
 use crate::number::short;
 use crate::plant::{PlantError, PlantSpecError};
 use crate::protocol::EncodeError;
-use crate::realtime::{HistogramError, PeriodicError, RateError};
+use crate::realtime::{HistogramError, PeriodicError, RateError, Shortfall};
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
 
@@ -67,6 +67,12 @@ pub enum RunError {
     /// A measurement could not be put on the wire.
     #[error("a measurement can't be sent: {0}")]
     Encode(#[from] EncodeError),
+    /// The run asks for a real-time thread, and the system refuses it.
+    #[error("the thread of the run must be a real-time thread, and has {}", in_words(shortfalls))]
+    NoRealTimeThread {
+        /// What it can't have.
+        shortfalls: Vec<Shortfall>,
+    },
     /// The real-time loop ended itself.
     #[error(transparent)]
     Periodic(#[from] PeriodicError),
@@ -99,4 +105,9 @@ pub enum RunError {
         /// The exciter's state.
         exciter: crate::protocol::NodeState,
     },
+}
+
+fn in_words(shortfalls: &[Shortfall]) -> String {
+    let words: Vec<String> = shortfalls.iter().map(Shortfall::to_string).collect();
+    format!("{}; without it: --rt auto", words.join("; and "))
 }

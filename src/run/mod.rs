@@ -58,7 +58,7 @@ pub use pace::{Speed, SpeedError};
 pub use report::{
     BothReport, BusCounts, ExciterReport, Fault, Outcome, Pacing, PlantReport, RefusedCommands, fault_text,
 };
-pub use session::{Options, RecordTo, Session};
+pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{RunEvent, Signals};
 
 use self::bench::Bench;

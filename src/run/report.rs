@@ -8,7 +8,7 @@ use crate::bus::Statistics;
 use crate::control::ResponsePoint;
 use crate::node::{self, Refusals};
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
-use crate::realtime::Percentiles;
+use crate::realtime::{Percentiles, ThreadReport};
 use crate::recording::Summary;
 
 /// How a plant's run ended.
@@ -58,6 +58,9 @@ pub struct PlantReport {
     pub overruns: u64,
     /// Real time: sample periods by which the schedule moved.
     pub slipped: u64,
+    /// What the plant's thread got of what it asked of the system; `None` if it asked for nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thread: Option<ThreadReport>,
     /// How late the samples were, µs; `None` if there was no schedule, as in simulated time as fast as it goes.
     pub wakeup_us: Option<Percentiles>,
     /// How long the work of a sample took, µs.
@@ -86,6 +89,7 @@ impl PlantReport {
             steps: bench.steps(),
             overruns: 0,
             slipped: 0,
+            thread: None,
             wakeup_us: None,
             exec_us: None,
             pacing: None,

@@ -19,7 +19,7 @@ use crate::control::Controller;
 use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
-use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadSetup, VirtualClock};
+use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadReport, ThreadSetup, VirtualClock};
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
 
@@ -39,6 +39,16 @@ pub struct RecordTo {
     pub existing: Existing,
 }
 
+/// What it leads to if a run's thread can't have what was asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OnShortfall {
+    /// A warning in the log.
+    #[default]
+    Warn,
+    /// The run does not begin: [`RunError::NoRealTimeThread`].
+    Refuse,
+}
+
 /// How to run a scenario.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -48,9 +58,11 @@ pub struct Options {
     pub speed: Speed,
     /// Real time: what a missed deadline leads to.
     pub overrun: OverrunPolicy,
-    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. What it can't have goes
-    /// to the log.
+    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. The report says
+    /// what it got.
     pub thread: Option<ThreadSetup>,
+    /// What it leads to if the thread can't have something.
+    pub on_shortfall: OnShortfall,
     /// Whether a run ends when an armed plant is disarmed or faults.
     pub end_on_disarm: bool,
     /// How long a plant waits to be armed for the first time, and an exciter for a plant; `None` is without end.
@@ -67,6 +79,7 @@ impl Default for Options {
             speed: Speed::UNPACED,
             overrun: OverrunPolicy::default(),
             thread: None,
+            on_shortfall: OnShortfall::Warn,
             end_on_disarm: false,
             patience: None,
             rearm: 0,
@@ -176,9 +189,7 @@ impl Session {
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
         let bus = &mut self.with_faults(bus, SystemClock, Node::Plant);
         // The recorder's thread is there already, and stays an ordinary one.
-        if let Some(setup) = &self.options.thread {
-            become_real_time(setup);
-        }
+        let thread = self.become_real_time()?;
         let report = match self.mode {
             Mode::RealTime => {
                 let how = (self.rate, self.options.overrun);
@@ -191,7 +202,7 @@ impl Session {
             Mode::Free => return Err(RunError::FreeHasNoBus),
         };
         drop(bench);
-        Ok(finish_recording(recorder, report))
+        Ok(finish_recording(recorder, PlantReport { thread, ..report }))
     }
 
     /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked
@@ -204,9 +215,7 @@ impl Session {
             return Err(RunError::FreeHasNoBus);
         }
         let mut node = self.exciter_node()?;
-        if let Some(setup) = &self.options.thread {
-            become_real_time(setup);
-        }
+        self.become_real_time()?;
         let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
         let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
@@ -350,6 +359,21 @@ impl Session {
         Ok(Bench::new(self.plant.clone(), node, self.scenario.simulation.steps_per_sample(), records, on_event))
     }
 
+    /// Makes the calling thread a real-time thread, if that is asked for, and says what it got and what not.
+    fn become_real_time(&self) -> Result<Option<ThreadReport>, RunError> {
+        let Some(setup) = &self.options.thread else { return Ok(None) };
+        let report = setup.apply();
+        tracing::info!("{report}");
+        match self.options.on_shortfall {
+            OnShortfall::Refuse if !report.shortfalls.is_empty() => {
+                return Err(RunError::NoRealTimeThread { shortfalls: report.shortfalls });
+            }
+            OnShortfall::Refuse | OnShortfall::Warn => {}
+        }
+        report.shortfalls.iter().for_each(|shortfall| tracing::warn!("{shortfall}"));
+        Ok(Some(report))
+    }
+
     /// Creates the recording.
     pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
         let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
@@ -380,13 +404,6 @@ fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> R
         return Err(SpeedError::TooSlow { got, period_s, timeout_s, least });
     }
     Ok(())
-}
-
-/// Makes the calling thread a real-time thread, and says what it could not have.
-fn become_real_time(setup: &ThreadSetup) {
-    for shortfall in setup.apply().shortfalls {
-        tracing::warn!("{shortfall}");
-    }
 }
 
 /// Closes the recording with the run's figures in it. Its failure counts if nothing failed before.

@@ -14,6 +14,7 @@ mod figures;
 mod identify;
 mod import;
 mod integrators;
+mod latency;
 mod numbers;
 mod paper;
 mod protocol;

@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
 /// with little to do.
-const COMMANDS: [(&str, &str); 32] = [
+const COMMANDS: [(&str, &str); 33] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -42,12 +42,14 @@ const COMMANDS: [(&str, &str); 32] = [
     ("protocol encode", "PlantHeartbeat state=5"),
     ("conformance", "--bus vcan999 --role plant"),
     ("doctor", ""),
+    ("latency", "--turn-s 0.01 --turns 1 --rt off"),
 ];
 
 /// Value names of numeric flags in the help, and of all others.
 const NUMERIC: [&str; 17] =
     ["N", "N/S", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "X,Y", "NX,NY", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
-const OTHERS: [&str; 27] = [
+const OTHERS: [&str; 28] = [
+    "RT",
     "ID",
     "PROFILE",
     "ROLE",

@@ -35,18 +35,23 @@ impl Doctor {
         if self.json {
             output::print_json(&Document { findings })?;
         } else {
-            let mut text = String::new();
-            for Finding { subject, state, mend } in &findings {
-                let mark = if mend.is_none() { "ok  " } else { "mend" };
-                let _infallible = writeln!(text, "{mark}  {subject:21} {state}");
-                if let Some(mend) = mend {
-                    let _infallible = writeln!(text, "      {:21} {mend}", "");
-                }
-            }
-            output::print(&text)?;
+            output::print(&told(&findings))?;
         }
         Ok(Verdict::Positive)
     }
+}
+
+/// The findings for people, with their mends.
+pub(super) fn told(findings: &[Finding]) -> String {
+    let mut text = String::new();
+    for Finding { subject, state, mend } in findings {
+        let mark = if mend.is_none() { "ok  " } else { "mend" };
+        let _infallible = writeln!(text, "{mark}  {subject:21} {state}");
+        if let Some(mend) = mend {
+            let _infallible = writeln!(text, "      {:21} {mend}", "");
+        }
+    }
+    text
 }
 
 fn can() -> Finding {
