@@ -18,8 +18,8 @@ use crate::realtime::{
 };
 use crate::run::{Mode, Options, RunError, Session, Signals};
 
-/// Measures how late a loop that does nothing wakes up on this machine, and how late the plant's, side by side: in turns, on
-/// threads with the same settings. Says what would make it better.
+/// Measures how late a loop that does nothing wakes up on this machine, and how late the plant's, side by side: in
+/// turns, on threads with the same settings. Says what would make it better.
 #[derive(Debug, Args)]
 #[command(
     after_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and without a \

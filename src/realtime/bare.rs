@@ -2,9 +2,9 @@
 
 use super::{Clock, LatencyHistogram, SampleRate};
 
-/// Counts into `latencies` how late a loop wakes up that does nothing else, for `ticks` ticks at `rate`: it sleeps until
-/// tick k is due, at start + k / rate, and looks at the clock, as cyclictest does (rt-tests). A tick that is overdue is
-/// not slept for, and counts with its whole lateness.
+/// Counts into `latencies` how late a loop wakes up that does nothing else, for `ticks` ticks at `rate`: it sleeps
+/// until tick k is due, at start + k / rate, and looks at the clock, as cyclictest does (rt-tests). A tick that is
+/// overdue is not slept for, and counts with its whole lateness.
 pub fn bare_wakeups<C: Clock>(clock: &C, rate: SampleRate, ticks: u64, latencies: &mut LatencyHistogram) {
     let start_ns = clock.now_ns();
     for tick in 1..=ticks {

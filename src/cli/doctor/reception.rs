@@ -1,9 +1,10 @@
 //! Whether the frames of an interface reach the programs in the order in which they came.
 //!
-//! A driver without NAPI hands each frame to the core that takes the interrupt (`netif_rx`). Where interrupts go to several
-//! cores, the frames of a burst may overtake one another: so it was with `gs_usb` before Linux 6.6 (Linux commit "can:
-//! gs_usb: convert to NAPI/rx-offload to avoid OoO reception", M. Kleine-Budde, 2023). Interrupts on one core keep the order
-//! with every driver. Which drivers have NAPI the kernel does not say in a file that means the same in all its versions.
+//! A driver without NAPI hands each frame to the core that takes the interrupt (`netif_rx`). Where interrupts go to
+//! several cores, the frames of a burst may overtake one another: so it was with `gs_usb` before Linux 6.6 (Linux
+//! commit "can: gs_usb: convert to NAPI/rx-offload to avoid OoO reception", M. Kleine-Budde, 2023). Interrupts on one
+//! core keep the order with every driver. Which drivers have NAPI the kernel does not say in a file that means the
+//! same in all its versions.
 
 use std::fs;
 use std::path::{Path, PathBuf};
