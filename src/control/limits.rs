@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
+use super::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
 use crate::arm::Load;
 use crate::rig::Measurement;
 
@@ -173,6 +173,10 @@ impl Controller for Limited {
         let response = self.response.take();
         self.fetch_response();
         response
+    }
+
+    fn steer(&mut self, set_point: &SetPoint) -> bool {
+        self.inner.steer(set_point)
     }
 
     fn length(&self) -> Length {

@@ -1,7 +1,8 @@
 //! What an exciter controller does with a sample: the [`Controller`] trait, and the controllers there are.
 //!
 //! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] leads the force in the head to its amplitude;
-//! [`PhaseWalk`] traces a whole response at constant load, stable or not. A controller of one's own implements the
+//! [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is set while it
+//! plays. A controller of one's own implements the
 //! trait; the exciter node carries it over the wire, in real time, in lockstep and free alike
 //! ([`Session::with_controller`](crate::run::Session)).
 
@@ -16,7 +17,9 @@ mod mode_model;
 mod open_loop;
 mod phase_walk;
 mod response;
+mod set_point;
 mod spec;
+mod steered;
 
 use core::fmt::Debug;
 
@@ -30,7 +33,9 @@ pub use mode_model::{Link, ModeModel, ModeNumber, NoSuchMode};
 pub use open_loop::OpenLoop;
 pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec, ResponseControlSpec};
 pub use response::ResponsePoint;
+pub use set_point::SetPoint;
 pub use spec::{ControlError, ControlSpec};
+pub use steered::Steered;
 
 use crate::arm::Load;
 use crate::rig::Measurement;
@@ -83,6 +88,11 @@ pub trait Controller: Debug + Send {
 
     /// The next response that was read, if there is one.
     fn poll_response(&mut self) -> Option<ResponsePoint>;
+
+    /// Leads to `set_point` from now on; `false` if it can't, or takes none: then it goes on as before.
+    fn steer(&mut self, _set_point: &SetPoint) -> bool {
+        false
+    }
 
     /// How long it works, as far as that is known beforehand.
     fn length(&self) -> Length;

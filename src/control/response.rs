@@ -108,7 +108,7 @@ impl Orders {
     pub const SAMPLES_A_PERIOD: f64 = 12.0;
 
     /// As many as `rate_hz` samples a second tell of a motion at `frequency_hz`.
-    fn at(frequency_hz: f64, rate_hz: f64) -> Orders {
+    pub fn at(frequency_hz: f64, rate_hz: f64) -> Orders {
         if rate_hz >= Orders::SAMPLES_A_PERIOD * frequency_hz { Orders::Three } else { Orders::One }
     }
 }
@@ -141,6 +141,11 @@ impl Reading {
         let halves = [SineFit::new(half), SineFit::new(samples - half)];
         let overtones = (orders == Orders::Three).then(|| HarmonicFit::new(samples));
         Reading { window, load, whole: SineFit::new(samples), overtones, halves, clipped: [false; CHANNELS] }
+    }
+
+    /// The first sample after its window.
+    pub fn end(&self) -> u64 {
+        self.window.end
     }
 
     /// Takes in a sample within the window with the phase of the drive then, cycles.

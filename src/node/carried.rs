@@ -6,10 +6,14 @@ use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::sample;
-use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
+use crate::arm::Load;
+use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
+use crate::rig::Measurement;
 
 /// Responses that wait to be fetched.
 const RESPONSES: usize = 16;
+/// Answers that wait to be fetched: those to two samples in a frame.
+const ANSWERS: usize = 2;
 
 /// The exciter controller as a node: the protocol's, with a [`Controller`].
 pub type ExciterNode = node::ExciterNode<Carried>;
@@ -22,12 +26,27 @@ pub type Outcome = node::Outcome<Abort>;
 pub struct Carried {
     controller: Box<dyn Controller>,
     responses: Queue<ResponsePoint, RESPONSES>,
+    answers: Queue<(Measurement, Load), ANSWERS>,
 }
 
 impl Carried {
+    fn new(controller: Box<dyn Controller>) -> Carried {
+        Carried { controller, responses: Queue::new(), answers: Queue::new() }
+    }
+
     /// The next response read.
     pub fn poll_response(&mut self) -> Option<ResponsePoint> {
         self.responses.pop()
+    }
+
+    /// The next sample that was answered, and the load that answers it; those that nobody fetched in time are left out.
+    pub fn poll_answer(&mut self) -> Option<(Measurement, Load)> {
+        self.answers.pop()
+    }
+
+    /// Leads the controller to `set_point`; `false` if it takes it not.
+    pub fn steer(&mut self, set_point: &SetPoint) -> bool {
+        self.controller.steer(set_point)
     }
 }
 
@@ -39,7 +58,11 @@ impl Answering for Carried {
     }
 
     fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
-        let answer = self.controller.answer(&sample::from_values(sample, values));
+        let measurement = sample::from_values(sample, values);
+        let answer = self.controller.answer(&measurement);
+        if let Answer::Hold(load) = answer {
+            self.answers.push((measurement, load));
+        }
         while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);
         }
@@ -59,7 +82,7 @@ impl Answering for Carried {
 /// A node that lets `controller` answer a plant with `rate_hz` samples a second.
 pub fn carry(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
     let capabilities = capabilities(controller.load_kind());
-    ExciterNode::new(network, rate_hz, timing, capabilities, Carried { controller, responses: Queue::new() })
+    ExciterNode::new(network, rate_hz, timing, capabilities, Carried::new(controller))
 }
 
 /// What the exciter commands: as much as the wire carries, of one kind.

@@ -170,7 +170,8 @@ impl PlantNode {
         }
     }
 
-    fn obey(&mut self, now_ns: u64, request: OperatorRequest) {
+    /// Does what an operator asks, be it by a frame or at the plant itself, if the plant's state allows it.
+    pub fn obey(&mut self, now_ns: u64, request: OperatorRequest) {
         match request {
             OperatorRequest::Arm if self.state() == NodeState::PreOperational => self.arm(now_ns),
             OperatorRequest::Disarm if self.is_armed() => self.exit(now_ns, StateEvent::Disarm),

@@ -11,7 +11,7 @@ pub use against::{Compared, Difference, DifferenceKind, Regression, play_against
 pub use error::ReplayError;
 pub use player::{Playback, Played, play};
 pub use resimulation::{Verdict, resimulate};
-pub use responses::responses;
+pub use responses::{responses, timed_responses};
 
 #[cfg(test)]
 mod against_tests;

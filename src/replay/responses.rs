@@ -20,6 +20,14 @@ use crate::scenario::Scenario;
 /// speaks another version of the protocol; [`ReplayError`] if the recording can't be read or its scenario makes no
 /// controller.
 pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
+    Ok(timed_responses(recording)?.into_iter().map(|(_, response)| response).collect())
+}
+
+/// The same responses, each with the sample by which it was read.
+///
+/// # Errors
+/// As [`responses`].
+pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let network = scenario.network()?;
     let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));
@@ -43,7 +51,8 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
         if let Some(Outcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) = exciter.outcome() {
             return Err(ReplayError::Incompatible { detail });
         }
-        responses.extend(core::iter::from_fn(|| exciter.controller_mut().poll_response()));
+        let read = core::iter::from_fn(|| exciter.controller_mut().poll_response());
+        responses.extend(read.map(|response| (record.sample, response)));
         while let Some(frame) = exciter.poll_transmit() {
             commands.extend(made.accept(&frame).ok().flatten().and_then(command));
         }

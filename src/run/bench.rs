@@ -1,15 +1,14 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
-use super::event_record::event_record;
+use super::event_record::{event_record, request_records, sample_record};
 use super::record_sink::RecordSink;
-use super::{BusCounts, Fault, RunError, RunEvent};
+use super::{BusCounts, Fault, Request, RunError, RunEvent, Told, Watched};
 use crate::arm::Load;
 use crate::bus::{Bus, BusError, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
 use crate::plant::{Plant, PlantError};
-use crate::protocol::{EmergencyCode, Frame, NodeState, Trip};
-use crate::recording::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord};
-use crate::rig::Reading;
+use crate::protocol::{EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
+use crate::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
 const FRAMES_AT_ONCE: usize = 256;
@@ -23,6 +22,7 @@ pub(super) struct Bench<'a> {
     node: PlantNode,
     steps_per_sample: u32,
     records: RecordSink,
+    watched: Option<Watched>,
     on_event: &'a mut dyn FnMut(RunEvent),
     /// Since when the bus is off or down, ns.
     lost_since_ns: Option<u64>,
@@ -37,6 +37,7 @@ impl<'a> Bench<'a> {
         node: PlantNode,
         steps_per_sample: u32,
         records: RecordSink,
+        watched: Option<Watched>,
         on_event: &'a mut dyn FnMut(RunEvent),
     ) -> Bench<'a> {
         Bench {
@@ -44,6 +45,7 @@ impl<'a> Bench<'a> {
             node,
             steps_per_sample,
             records,
+            watched,
             on_event,
             lost_since_ns: None,
             samples: 0,
@@ -96,7 +98,35 @@ impl<'a> Bench<'a> {
 
     /// Records a record that the loop itself makes.
     pub fn record(&mut self, record: Record) {
+        self.tell_watcher(record);
         self.records.record(record);
+    }
+
+    /// Tells those who watch, and not the recording, how punctual a sample in simulated time was.
+    pub fn tell_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
+        self.tell_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0 }));
+    }
+
+    /// Frames are for the recording alone.
+    fn tell_watcher(&mut self, record: Record) {
+        if let (Some(watched), false) = (&mut self.watched, matches!(record, Record::Frame(_))) {
+            watched.tell(Told::Record(record));
+        }
+    }
+
+    /// Does what those who watch ask for, by the node's own gate, and records it.
+    fn obey_watcher(&mut self, now_ns: u64) {
+        while let Some(request) = self.watched.as_mut().and_then(Watched::request) {
+            request_records(&request).into_iter().flatten().for_each(|(name, value)| {
+                self.record_event(now_ns, name, value);
+            });
+            match request {
+                Request::Arm => self.node.obey(now_ns, OperatorRequest::Arm),
+                Request::Disarm => self.node.obey(now_ns, OperatorRequest::Disarm),
+                Request::Reset => self.node.obey(now_ns, OperatorRequest::Reset),
+                Request::Set(_) => {} // the exciter's
+            }
+        }
     }
 
     fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) {
@@ -129,6 +159,7 @@ impl<'a> Bench<'a> {
 
     /// Takes in everything that has come over the bus.
     pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
+        self.obey_watcher(now_ns);
         for _ in 0..FRAMES_AT_ONCE {
             match bus.receive() {
                 Ok(Some(received)) => self.take(now_ns, &received),
@@ -193,19 +224,7 @@ impl<'a> Bench<'a> {
     pub fn measure(&mut self) -> Result<(), RunError> {
         let measurement = self.plant.measure();
         self.samples += 1;
-        let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
-        let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);
-        self.record(Record::Sample(SampleRecord {
-            sample: measurement.sample,
-            acceleration_b_m_s2: values(measurement.acceleration_b_m_s2),
-            acceleration_c_m_s2: values(measurement.acceleration_c_m_s2),
-            head_force_n: values(measurement.head_force_n),
-            clipped: Some(Clipped {
-                acceleration_b: clipped(measurement.acceleration_b_m_s2),
-                acceleration_c: clipped(measurement.acceleration_c_m_s2),
-                head_force: clipped(measurement.head_force_n),
-            }),
-        }));
+        self.record(Record::Sample(sample_record(&measurement)));
         self.node.set_travel(self.plant.travel_m());
         Ok(self.node.publish(&measurement)?)
     }

@@ -1,7 +1,12 @@
-//! What a node tells of itself, as it is recorded.
+//! What a node tells of itself, what is asked of it and what it measures, as it is recorded.
 
 use resonarm_protocol::node::NodeEvent;
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
+
+use super::Request;
+use crate::control::SetPoint;
+use crate::recording::{Clipped, SampleRecord};
+use crate::rig::{Measurement, Reading};
 
 /// The name under which a refusal is recorded.
 const fn refusal_name(refusal: Refusal) -> &'static str {
@@ -31,5 +36,38 @@ pub(super) const fn event_record(event: &NodeEvent) -> (&'static str, i64) {
         },
         NodeEvent::Refused(refusal) => (refusal_name(*refusal), 0),
         NodeEvent::Frame(_) => ("frame.refused", 0),
+    }
+}
+
+/// The names and numbers under which a request is recorded. A set-point is recorded in thousandths of N or N·m, of a
+/// hertz and of a degree.
+pub(super) fn request_records(request: &Request) -> [Option<(&'static str, i64)>; 3] {
+    let thousandths = |value: f64| libm::round(value * 1e3) as i64;
+    match request {
+        Request::Arm => [Some(("request.arm", 0)), None, None],
+        Request::Disarm => [Some(("request.disarm", 0)), None, None],
+        Request::Reset => [Some(("request.reset", 0)), None, None],
+        Request::Set(SetPoint { load, frequency_hz, phase_deg }) => [
+            Some(("request.load_thousandths", thousandths(*load))),
+            Some(("request.frequency_mhz", thousandths(*frequency_hz))),
+            Some(("request.phase_mdeg", thousandths(*phase_deg))),
+        ],
+    }
+}
+
+/// The readings of a sample.
+pub(super) fn sample_record(measurement: &Measurement) -> SampleRecord {
+    let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
+    let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);
+    SampleRecord {
+        sample: measurement.sample,
+        acceleration_b_m_s2: values(measurement.acceleration_b_m_s2),
+        acceleration_c_m_s2: values(measurement.acceleration_c_m_s2),
+        head_force_n: values(measurement.head_force_n),
+        clipped: Some(Clipped {
+            acceleration_b: clipped(measurement.acceleration_b_m_s2),
+            acceleration_c: clipped(measurement.acceleration_c_m_s2),
+            head_force: clipped(measurement.head_force_n),
+        }),
     }
 }

@@ -2,12 +2,14 @@
 
 use core::time::Duration;
 
-use super::{BusCounts, ExciterReport, RunError, Signals};
+use super::event_record::{event_record, request_records, sample_record};
+use super::{BusCounts, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
 use crate::bus::{Bus, Sent};
 use crate::control::ResponsePoint;
 use crate::node::ExciterNode;
 use crate::protocol::NodeState;
 use crate::realtime::Clock;
+use crate::recording::{Event, Record};
 
 /// Longest sleep between two looks at the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
@@ -32,10 +34,10 @@ pub(super) fn run<C: Clock>(
     bus: &mut dyn Bus,
     clock: &C,
     patience: Patience,
-    signals: &Signals,
+    (signals, watched): (&Signals, Option<Watched>),
 ) -> ExciterReport {
     let start_ns = clock.now_ns();
-    let mut run = Run { node, bus, clock, start_ns, patience, rearmed: 0, signals, responses: Vec::new() };
+    let mut run = Run { node, bus, clock, start_ns, patience, rearmed: 0, signals, watched, responses: Vec::new() };
     let error = run.answer().and_then(|()| run.send_rest()).err();
     let Run { bus, responses, rearmed, .. } = run;
     let counts = BusCounts::new(bus.statistics(), 0, node.refused_frames());
@@ -66,6 +68,7 @@ struct Run<'r, C: Clock> {
     patience: Patience,
     rearmed: u32,
     signals: &'r Signals,
+    watched: Option<Watched>,
     responses: Vec<ResponsePoint>,
 }
 
@@ -88,7 +91,8 @@ impl<C: Clock> Run<'_, C> {
             }
             self.node.handle_deadline(now_ns);
             let sent = self.transmit()?;
-            self.responses.extend(core::iter::from_fn(|| self.node.controller_mut().poll_response()));
+            self.read_responses();
+            self.tell_watcher(now_ns);
             self.signals.set_responses(self.responses.len());
             self.signals.set_done(self.node.samples_played());
             if self.rearmed < self.patience.rearm && self.node.rearm(now_ns) {
@@ -101,6 +105,25 @@ impl<C: Clock> Run<'_, C> {
             self.check_patience(now_ns)?;
             let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
             self.bus.wait(Duration::from_nanos(due_ns.min(if sent { LOOK_NS } else { RETRY_NS })))?;
+        }
+    }
+
+    fn read_responses(&mut self) {
+        while let Some(response) = self.node.controller_mut().poll_response() {
+            self.responses.push(response);
+            self.watched.iter_mut().for_each(|watched| watched.tell(Told::Response(response)));
+        }
+    }
+
+    /// Tells those who watch what happened, and does what they ask for.
+    fn tell_watcher(&mut self, now_ns: u64) {
+        let Some(watched) = &mut self.watched else { return };
+        if watched.end() == End::Exciter {
+            tell_answers(self.node, watched);
+            tell_events(self.node, watched);
+        }
+        if steer(self.node, watched) {
+            self.node.leave(now_ns);
         }
     }
 
@@ -142,4 +165,42 @@ impl<C: Clock> Run<'_, C> {
         }
         Ok(())
     }
+}
+
+/// The samples that were answered, and the answers.
+fn tell_answers(node: &mut ExciterNode, watched: &mut Watched) {
+    while let Some((measurement, load)) = node.controller_mut().poll_answer() {
+        watched.tell(Told::Record(Record::Sample(sample_record(&measurement))));
+        watched.tell(Told::Command(CommandRecord { sample: measurement.sample, load }));
+    }
+}
+
+fn tell_events(node: &mut ExciterNode, watched: &mut Watched) {
+    while let Some(event) = node.poll_event() {
+        tell_event(node, watched, event_record(&event));
+    }
+}
+
+/// An event at the sample that comes next. When by the clock does not matter to those who watch.
+fn tell_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'static str, i64)) {
+    let event = Event { sample: node.samples_played(), time_ns: 0, name, value };
+    watched.tell(Told::Record(Record::Event(event)));
+}
+
+/// Leads the controller to the set-points that are asked for; whether it is asked to disarm.
+pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
+    let mut disarm = false;
+    while let Some(request) = watched.request() {
+        disarm |= request == Request::Disarm;
+        // A plant beside it records the request.
+        if watched.end() == End::Exciter {
+            request_records(&request).into_iter().flatten().for_each(|record| tell_event(node, watched, record));
+        }
+        if let Request::Set(set_point) = &request
+            && !node.controller_mut().steer(set_point)
+        {
+            tell_event(node, watched, ("request.refused", 0));
+        }
+    }
+    disarm
 }

@@ -1,9 +1,10 @@
 //! Free: plant and exciter in one loop, in simulated time, with the ends of a virtual bus between them.
 
 use super::bench::Bench;
+use super::exciter::steer;
 use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
-use super::{Ending, Outcome, RunError, Signals};
+use super::{Ending, Outcome, RunError, Signals, Told, Watched};
 use crate::bus::{BusError, Sent, Statistics, VirtualBus};
 use crate::control::ResponsePoint;
 use crate::node::ExciterNode;
@@ -29,6 +30,7 @@ pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     /// By when the plant must be armed, ns.
     pub arming_ns: u64,
     pub signals: &'r Signals,
+    pub watched: Option<Watched>,
     pub responses: Vec<ResponsePoint>,
 }
 
@@ -71,7 +73,14 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.pace.note(sample);
         self.bench.measure()?;
         self.exchange()?;
-        self.responses.extend(core::iter::from_fn(|| self.exciter.controller_mut().poll_response()));
+        self.responses.extend(core::iter::from_fn(|| {
+            let response = self.exciter.controller_mut().poll_response()?;
+            self.watched.iter_mut().for_each(|watched| watched.tell(Told::Response(response)));
+            Some(response)
+        }));
+        if let Some(watched) = &mut self.watched {
+            steer(self.exciter, watched);
+        }
         self.signals.set_responses(self.responses.len());
         self.signals.set_done(sample);
         Ok(())

@@ -81,7 +81,9 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             }
             let answered_ns = self.pace.now_ns();
             self.bench.advance(answered_ns)?;
-            self.exec.record(published_ns - begun_ns + (self.pace.now_ns() - answered_ns));
+            let exec_ns = published_ns - begun_ns + (self.pace.now_ns() - answered_ns);
+            self.exec.record(exec_ns);
+            self.bench.tell_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
             self.signals.set_done(self.bench.sample());
         }
     }

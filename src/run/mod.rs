@@ -50,6 +50,7 @@ mod record_sink;
 mod report;
 mod session;
 mod signals;
+mod watch;
 
 pub use error::RunError;
 pub use exciter_end::ExciterEnd;
@@ -60,6 +61,7 @@ pub use report::{
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{RunEvent, Signals};
+pub use watch::{CommandRecord, End, NotAsked, Request, Told, Watch, Watched, Watcher, watch};
 
 use self::bench::Bench;
 use self::finish::EndedBy;

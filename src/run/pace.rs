@@ -157,6 +157,11 @@ impl<'c, C: Clock> Pace<'c, C> {
         self.late.record(self.lag_ns);
     }
 
+    /// How late the sample noted last was, ns; 0 if the clock is not waited for.
+    pub fn lag_ns(&self) -> u64 {
+        self.lag_ns
+    }
+
     /// How late the samples were; `None` if the clock was not waited for.
     pub fn wakeup_us(&self) -> Option<Percentiles> {
         self.late.percentiles()

@@ -12,7 +12,7 @@ use super::lockstep::lockstep;
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::record_sink::RecordSink;
-use super::{BothReport, BusCounts, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals};
+use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use crate::bus::fault::Faulty;
 use crate::bus::{Bus, VirtualBus, memory, timed};
 use crate::control::Controller;
@@ -119,6 +119,8 @@ pub struct Session {
     ending: Ending,
     /// In place of the scenario's controller.
     controller: Option<MakeController>,
+    /// To whom the loops tell what they do.
+    watch: Option<Watch>,
 }
 
 impl Session {
@@ -148,7 +150,7 @@ impl Session {
             on_disarm: options.end_on_disarm,
             patience_ns: options.patience.map(|patience| u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX)),
         };
-        Ok(Session { scenario, mode, options, rate, timing, network, plant, ending, controller: None })
+        Ok(Session { scenario, mode, options, rate, timing, network, plant, ending, controller: None, watch: None })
     }
 
     /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for
@@ -156,6 +158,12 @@ impl Session {
     #[must_use]
     pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
         Session { controller: Some(MakeController(Arc::new(make))), ..self }
+    }
+
+    /// The same session, watched: its loops tell what they do, and take requests.
+    #[must_use]
+    pub fn watched(self, watch: Watch) -> Session {
+        Session { watch: Some(watch), ..self }
     }
 
     /// The exciter's controller, with the scenario's limits, at sample 0.
@@ -215,10 +223,11 @@ impl Session {
             return Err(RunError::FreeHasNoBus);
         }
         let mut node = self.exciter_node()?;
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::Exciter));
         self.become_real_time()?;
         let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
         let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
-        Ok(exciter::run(&mut node, bus, &SystemClock, patience, signals))
+        Ok(exciter::run(&mut node, bus, &SystemClock, patience, (signals, watched)))
     }
 
     /// Runs both: in the mode free in one loop, else on a bus inside this process, the plant on the calling thread and
@@ -253,11 +262,13 @@ impl Session {
     ) -> Result<BothReport, RunError> {
         let mut node = self.exciter_node()?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
             let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
             // The plant keeps the count of samples; the exciter only listens for the stop.
-            let controller = scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, signals));
+            let controller =
+                scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, (signals, watched)));
             let plant = self.plant(&mut near, signals, on_event);
             if plant.is_err() {
                 signals.stop();
@@ -280,6 +291,7 @@ impl Session {
     ) -> Result<BothReport, RunError> {
         let mut exciter = self.exciter_node()?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let clock = VirtualClock::default();
         let [mut near, mut far] = self.virtual_ends(&clock);
         let mut run = Free {
@@ -293,6 +305,7 @@ impl Session {
             ending: self.ending,
             arming_ns: if self.network == Network::Ideal { 0 } else { ARMING_NS },
             signals,
+            watched,
             responses: Vec::new(),
         };
         let (outcome, error) = run.run();
@@ -356,7 +369,9 @@ impl Session {
             (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
             (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
         };
-        Ok(Bench::new(self.plant.clone(), node, self.scenario.simulation.steps_per_sample(), records, on_event))
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
+        let steps = self.scenario.simulation.steps_per_sample();
+        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
     }
 
     /// Makes the calling thread a real-time thread, if that is asked for, and says what it got and what not.

@@ -18,8 +18,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::analysis::modes;
 use crate::arm::{Arm, Parameters, Pose, Preset, State};
-use crate::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop};
+use crate::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
 use crate::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use crate::integrate::Scheme;
 use crate::plant::{self, PlantSpec};
@@ -321,6 +322,23 @@ impl Scenario {
                 Ok(spec.controller(&arm, self.simulation.rate_hz, limit)?)
             }
         }
+    }
+
+    /// A controller that is steered, along the load of the scenario's control or excitation.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NoExcitation`] if it has neither.
+    pub fn steered(&self) -> Result<Steered, ScenarioError> {
+        self.check()?;
+        let control = self.control.as_ref().map(ControlSpec::amplitude);
+        let excitation = self.excitation.as_ref().map(|excitation| &excitation.amplitude);
+        let amplitude = control.or(excitation).ok_or(ScenarioError::NoExcitation)?;
+        let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
+        let load = amplitude.load();
+        let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
+        let [first, _] = modes(&self.build_arm()?);
+        // Away from the resonance, where the arm would ring.
+        Ok(Steered::new(direction, limit, self.simulation.rate_hz, 0.8 * first.frequency_hz))
     }
 
     /// What the exciter plays.

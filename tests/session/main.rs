@@ -16,4 +16,6 @@ mod no_alloc;
 mod real_time_alloc;
 mod scenarios;
 mod soak;
+#[cfg(debug_assertions)]
+mod watch_alloc;
 mod wire;

@@ -1,0 +1,233 @@
+//! A run that is watched while it goes: rings between its loops and whoever watches.
+//!
+//! ```text
+//! run loop ── Watched::tell ──►  ring of Told     ──► Watcher::take
+//! run loop ◄─ Watched::request ── ring of Request ◄── Watcher::ask
+//! ```
+//!
+//! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
+//! is watched.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::arm::Load;
+use crate::control::{ResponsePoint, SetPoint};
+use crate::recording::Record;
+
+/// What waits in a ring at most: at 1 kHz two seconds.
+const TOLD: usize = 1 << 13;
+/// Requests that wait to be taken.
+const REQUESTS: usize = 64;
+
+/// What a run tells those who watch it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
+pub enum Told {
+    /// What is recorded too: states, readings, ticks, events.
+    Record(Record),
+    /// What an exciter answers a sample with, where no plant tells its state.
+    Command(CommandRecord),
+    /// A response that the controller has read.
+    Response(ResponsePoint),
+}
+
+/// The load that an exciter commands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandRecord {
+    /// Index of the sample that it answers, counted from arming.
+    pub sample: u64,
+    /// The load, to be held from that sample to the next.
+    pub load: Load,
+}
+
+/// What is asked of a run by somebody who watches it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Request {
+    /// Arm the plant, as by a frame of the exciter.
+    Arm,
+    /// Disarm the plant; of an exciter: disarm the plant and end.
+    Disarm,
+    /// Reset a plant that has faulted.
+    Reset,
+    /// Lead what is played to a set-point.
+    Set(SetPoint),
+}
+
+/// Which loop is watched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The plant's.
+    Plant,
+    /// The exciter's, of a run that has no plant.
+    Exciter,
+    /// The exciter's, of a run in which the plant tells the samples.
+    ExciterBesidePlant,
+}
+
+/// What a session is given to be watched: each run of it opens rings of its own.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    opened: mpsc::Sender<Opened>,
+    lost: Arc<AtomicU64>,
+}
+
+#[derive(Debug)]
+struct Opened {
+    end: End,
+    told: Consumer<Told>,
+    requests: Producer<Request>,
+}
+
+/// A loop's end of its rings.
+#[derive(Debug)]
+pub struct Watched {
+    end: End,
+    told: Producer<Told>,
+    requests: Consumer<Request>,
+    lost: Arc<AtomicU64>,
+}
+
+/// The end of those who watch.
+#[derive(Debug)]
+pub struct Watcher {
+    opening: mpsc::Receiver<Opened>,
+    open: Vec<Opened>,
+    lost: Arc<AtomicU64>,
+}
+
+/// Why a request goes nowhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotAsked {
+    /// No loop runs that could take it.
+    #[error("no loop of this program takes it: it has not begun, or has ended")]
+    Nobody,
+    /// The ring of requests is full.
+    #[error("the loop takes no requests at the moment: try again")]
+    Busy,
+}
+
+/// Both ends: one for [`Session::watched`](super::Session::watched), one for those who watch.
+pub fn watch() -> (Watch, Watcher) {
+    let ((opened, opening), lost) = (mpsc::channel(), Arc::new(AtomicU64::new(0)));
+    (Watch { opened, lost: Arc::clone(&lost) }, Watcher { opening, open: Vec::new(), lost })
+}
+
+impl Watch {
+    /// Opens the rings of a loop, before it begins.
+    pub fn open(&self, end: End) -> Watched {
+        let (told, reader) = RingBuffer::new(TOLD);
+        let (writer, requests) = RingBuffer::new(REQUESTS);
+        // If nobody watches any more, what is told is lost, and counted.
+        let _nobody = self.opened.send(Opened { end, told: reader, requests: writer });
+        Watched { end, told, requests, lost: Arc::clone(&self.lost) }
+    }
+}
+
+impl Watched {
+    /// Which loop this is.
+    pub fn end(&self) -> End {
+        self.end
+    }
+
+    /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    pub fn tell(&mut self, told: Told) {
+        if self.told.push(told).is_err() {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// The next request, if there is one. Never blocks, locks or allocates.
+    pub fn request(&mut self) -> Option<Request> {
+        self.requests.pop().ok()
+    }
+}
+
+impl Watcher {
+    /// Hands over what was told since, oldest first of each loop, at most `most` of each.
+    pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Told)) {
+        self.open.extend(self.opening.try_iter());
+        for Opened { end, told, .. } in &mut self.open {
+            let waiting = told.slots().min(most);
+            if let Ok(chunk) = told.read_chunk(waiting) {
+                let (first, second) = chunk.as_slices();
+                first.iter().chain(second).for_each(|told| hand(*end, told));
+                chunk.commit_all();
+            }
+        }
+        self.open.retain(|opened| !(opened.told.is_abandoned() && opened.told.is_empty()));
+    }
+
+    /// How much was lost because a ring was full.
+    pub fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Asks the loop that the request is for: a set-point goes to the exciter, and to the plant beside it, which
+    /// records it; everything else to the plant, or to an exciter alone.
+    ///
+    /// # Errors
+    /// [`NotAsked`] if there is no such loop, or it does not take requests.
+    pub fn ask(&mut self, request: Request) -> Result<(), NotAsked> {
+        self.open.extend(self.opening.try_iter());
+        let wanted = |end: End| match request {
+            Request::Set(_) => true,
+            Request::Disarm => end != End::ExciterBesidePlant,
+            Request::Arm | Request::Reset => end == End::Plant,
+        };
+        let mut asked = Err(NotAsked::Nobody);
+        for opened in self.open.iter_mut().filter(|opened| wanted(opened.end) && !opened.requests.is_abandoned()) {
+            opened.requests.push(request).map_err(|_full| NotAsked::Busy)?;
+            asked = Ok(());
+        }
+        asked
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::TickRecord;
+
+    fn tick(sample: u64) -> Told {
+        Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0 }))
+    }
+
+    #[test]
+    fn a_full_ring_loses_and_counts_and_never_waits() {
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::Plant);
+        (0..TOLD as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
+        assert_eq!(watcher.lost(), 100);
+        let mut taken = Vec::new();
+        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
+        assert!(taken.iter().copied().eq((0..TOLD as u64).map(|sample| (End::Plant, tick(sample)))));
+        watched.tell(tick(7));
+        drop(watched);
+        taken.clear();
+        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
+        assert_eq!(taken, [(End::Plant, tick(7))], "what an ended loop has told is there still");
+        assert!(watcher.open.is_empty());
+    }
+
+    #[test]
+    fn requests_reach_the_loops_that_they_are_for() {
+        let set = Request::Set(SetPoint { load: 1.0, frequency_hz: 20.0, phase_deg: 0.0 });
+        let (watch, mut watcher) = watch();
+        assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Nobody));
+        let mut plant = watch.open(End::Plant);
+        let mut exciter = watch.open(End::ExciterBesidePlant);
+        for request in [Request::Arm, set, Request::Disarm, Request::Reset] {
+            assert_eq!(watcher.ask(request), Ok(()));
+        }
+        let asked = |watched: &mut Watched| core::iter::from_fn(|| watched.request()).collect::<Vec<_>>();
+        assert_eq!(asked(&mut plant), [Request::Arm, set, Request::Disarm, Request::Reset]);
+        assert_eq!(asked(&mut exciter), [set]);
+        (0..REQUESTS).for_each(|_| assert_eq!(watcher.ask(Request::Arm), Ok(())));
+        assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Busy));
+        drop(plant);
+        assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Nobody));
+    }
+}

@@ -1,0 +1,32 @@
+//! A loop that is watched takes no memory: what it tells goes into a ring, or is counted as lost. The guard aborts the
+//! process at the first allocation.
+
+use assert_no_alloc::assert_no_alloc;
+use resonarm::arm::Load;
+use resonarm::control::SetPoint;
+use resonarm::recording::{Event, Record, TickRecord};
+use resonarm::run::{CommandRecord, End, Request, Told, watch};
+
+#[test]
+fn telling_losing_and_being_asked_allocate_nothing() {
+    let (watch, mut watcher) = watch();
+    let mut watched = watch.open(End::Exciter);
+    let set = Request::Set(SetPoint { load: 3.0, frequency_hz: 22.0, phase_deg: 0.0 });
+    watcher.ask(set).unwrap();
+    watcher.ask(Request::Disarm).unwrap();
+    let asked = assert_no_alloc(|| {
+        for sample in 0..20_000 {
+            watched.tell(Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0 })));
+            watched.tell(Told::Record(Record::Event(Event { sample, time_ns: 0, name: "state.fault", value: 0 })));
+            watched.tell(Told::Command(CommandRecord { sample, load: Load::force_n(1.0, 0.0) }));
+        }
+        [watched.request(), watched.request(), watched.request()]
+    });
+    assert_eq!(asked, [Some(set), Some(Request::Disarm), None]);
+    let (mut taken, lost) = (0, watcher.lost());
+    watcher.take(usize::MAX, |_, _| taken += 1);
+    assert!(lost > 0 && taken > 0, "{lost} lost, {taken} taken");
+    assert_eq!(taken + lost, 60_000);
+    drop(watcher);
+    assert_no_alloc(|| watched.tell(Told::Command(CommandRecord { sample: 0, load: Load::default() })));
+}
