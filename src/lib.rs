@@ -47,7 +47,7 @@
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
-//! | [`cli`] | the program, with its figures and those of the paper |
+//! | [`cli`] | the program, with its figures, those of the paper, and the live view |
 //!
 //! [`arm`] to [`node`] are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI
 //! units throughout; a number that is not in a typed quantity carries its unit in its name. A `sample` is one of the
@@ -87,6 +87,8 @@ pub mod experiment;
 pub mod export;
 #[cfg(feature = "std")]
 pub mod import;
+#[cfg(feature = "live")]
+mod live;
 #[cfg(feature = "cli")]
 mod paper;
 #[cfg(feature = "cli")]

@@ -12,6 +12,7 @@ use super::demo_report;
 use super::exciter::complaint as complaint_of_exciter;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
+use super::live::{LiveFlags, Part, Role};
 use super::output;
 use super::session::{PlantDocument, complaint, report_text};
 use super::supervise::supervise;
@@ -41,6 +42,8 @@ pub(super) struct Demo {
     /// Folder for demo.mcap, response.svg and response.png; those of an earlier demo are overwritten.
     #[arg(long, value_name = "DIR", default_value = "resonarm-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    live: LiveFlags,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -87,6 +90,9 @@ impl Demo {
         if !self.json {
             output::print(&introduction)?;
         }
+        let part =
+            Part { role: Role::PlantAndExciter, place: String::from("a bus in memory"), json: false, steered: None };
+        let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
         let report = supervise("plant", &signals, length, || {}, move || session.both(&watched, |_| {}))??;

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
+use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
 use super::session::seconds;
@@ -36,6 +37,10 @@ pub(super) struct Exciter {
     /// How often to begin anew after a fault: reset and arm the plant, and begin from the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
     rearm: u32,
+    #[command(flatten)]
+    live: LiveFlags,
+    #[command(flatten)]
+    steer: SteerFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -72,8 +77,11 @@ impl Exciter {
             ..Options::default()
         };
         let session = Session::new(scenario, self.mode, options)?;
+        let (session, steered) = self.steer.steered(session)?;
         let length = session.controller()?.length();
         let mut bus = bus::open(&address)?;
+        let part = Part { role: Role::Exciter, place: address.to_string(), json: false, steered };
+        let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
         let report = supervise(

@@ -68,6 +68,9 @@ pub(super) enum Failure {
     Identify(#[from] IdentifyError),
     #[error(transparent)]
     Run(#[from] RunError),
+    #[cfg(feature = "live")]
+    #[error(transparent)]
+    Live(#[from] crate::live::LiveError),
     #[error(transparent)]
     Plot(#[from] PlotError),
     #[error(transparent)]
@@ -132,6 +135,8 @@ impl Failure {
             Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
             Failure::Study(StudyError::Journal(error)) => journal(error),
+            #[cfg(feature = "live")]
+            Failure::Live(error) => live(error),
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
             _ => Exit::Usage,
         }
@@ -142,6 +147,15 @@ fn bus(error: &BusError) -> Exit {
     match error {
         BusError::Address { .. } | BusError::MemoryIsNotShared => Exit::Usage,
         _ => Exit::Environment,
+    }
+}
+
+#[cfg(feature = "live")]
+fn live(error: &crate::live::LiveError) -> Exit {
+    use crate::live::LiveError;
+    match error {
+        LiveError::Address { .. } | LiveError::Origin { .. } => Exit::Usage,
+        LiveError::Listen { .. } | LiveError::Random(_) | LiveError::Thread(_) => Exit::Environment,
     }
 }
 

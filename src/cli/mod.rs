@@ -32,6 +32,7 @@ mod inspect;
 mod integrators;
 mod interval;
 mod latency;
+mod live;
 mod logging;
 mod modes;
 mod motion_flags;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 
 use super::failure::{Failure, Verdict};
+use super::live::{self, LiveFlags};
 use super::session::seconds;
 use super::supervise::supervise;
 use super::time_range::TimeRange;
@@ -20,7 +21,7 @@ use crate::recording::{Direction, Recording};
 use crate::replay::{Compared, Difference, Playback, Regression, ReplayError, play, play_against};
 use crate::run::Signals;
 
-/// Sends the frames of a recording to a bus, with their recorded timing.
+/// Sends the frames of a recording to a bus, with their recorded timing; or shows the recording in a browser (--live).
 ///
 /// With --against it is the plant of a live controller: it sends what the recorded plant sent, waits for what the
 /// recorded controller answered, and compares the commands, sample by sample (exit code 1 at a difference).
@@ -32,8 +33,8 @@ pub(super) struct Replay {
     /// The recording, an MCAP file.
     file: PathBuf,
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
-    #[arg(long, value_name = "BUS")]
-    bus: String,
+    #[arg(long, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
+    bus: Option<String>,
     /// Times the recorded speed, from 0.001 to 1000000; 0 is as fast as it goes.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
     speed: f64,
@@ -41,6 +42,8 @@ pub(super) struct Replay {
     selection: SelectionFlags,
     #[command(flatten)]
     against: AgainstFlags,
+    #[command(flatten)]
+    live: LiveFlags,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -106,11 +109,15 @@ fn mapping(text: &str) -> Result<(Id, Id), String> {
 
 impl Replay {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let address: BusAddress = self.bus.parse()?;
+        let address = self.bus.as_deref().map(str::parse::<BusAddress>).transpose()?;
         let recording = Recording::open(&self.file)?;
         if let Some(note) = inspect::integrity_note(recording.integrity()) {
             tracing::warn!("{note}");
         }
+        let Some(address) = address else {
+            live::show(&self.live, recording)?;
+            return Ok(Verdict::Positive);
+        };
         if self.against.against {
             let regression = self.regression()?;
             let compared =

@@ -10,6 +10,7 @@ use super::configuration;
 
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
+use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
 use super::session::{EventLog, PlantDocument, RecordFlags, complaint, event_ring, report_text, seconds};
@@ -50,6 +51,10 @@ pub(super) struct Run {
     overrun: OverrunPolicy,
     #[command(flatten)]
     thread: ThreadFlags,
+    #[command(flatten)]
+    live: LiveFlags,
+    #[command(flatten)]
+    steer: SteerFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -99,9 +104,17 @@ impl Run {
                 self.mode
             )));
         };
+        if self.steer.steer {
+            return Err(Failure::Usage(format!(
+                "--steer is for --mode free; in the mode {} the exciter on the bus is steered: `resonarm exciter --live --steer`",
+                self.mode
+            )));
+        }
         let configuration = configuration::of_arm(session.scenario())?;
         let address: BusAddress = bus.parse()?;
         let mut bus = bus::open(&address)?;
+        let part = Part { role: Role::Plant, place: address.to_string(), json: self.json_events, steered: None };
+        let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let (mut told, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
@@ -126,11 +139,15 @@ impl Run {
             return Err(RunError::FreeHasNoBus.into());
         }
         let configuration = configuration::of_arm(session.scenario())?;
+        let (session, steered) = self.steer.steered(session)?;
         let signals = Arc::new(Signals::default());
         let length = match session.scenario().duration_samples()? {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),
         };
+        let part =
+            Part { role: Role::PlantAndExciter, place: String::from("a virtual bus"), json: self.json_events, steered };
+        let (session, _serving) = self.live.watched(session, &part)?;
         let watched = Arc::clone(&signals);
         let report = supervise("plant", &signals, length, || {}, move || session.both(&watched, |_| {}))??;
         self.conclude(configuration, report.plant, Some(&report.exciter))

@@ -7,7 +7,7 @@ use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
 use super::{Clipped, SampleRecord, StateRecord, TickRecord};
 
 /// A message that holds one row for each of a number of consecutive samples, column by column.
-pub(super) trait Batch: prost::Message + Default {
+pub(crate) trait Batch: prost::Message + Default {
     /// What one row is made from.
     type Row: Copy;
 
@@ -47,7 +47,7 @@ pub(super) trait Batch: prost::Message + Default {
 
 /// Gathers rows until a batch is full or the samples stop being consecutive.
 #[derive(Debug)]
-pub(super) struct Batcher<B> {
+pub(crate) struct Batcher<B> {
     batch: B,
     rows: u32,
     limit: u32,

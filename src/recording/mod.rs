@@ -43,10 +43,14 @@ mod summary;
 mod walk;
 mod writer;
 
+#[cfg(feature = "live")]
+pub(crate) use batch::{Batch, Batcher};
 pub use build_info::{BuildInfo, build_info};
 pub use cut::{cut, merge};
 pub use error::RecordingError;
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Options, TimeBase};
+#[cfg(feature = "live")]
+pub(crate) use plots::{Plot, Plots};
 pub use reader::Recording;
 pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};
@@ -54,4 +58,6 @@ pub use records::Records;
 pub use recover::{MissingSamples, Recovered, recover};
 pub use salvage::LostChunk;
 pub use schema::Topic;
+#[cfg(feature = "live")]
+pub(crate) use schema::{MessageType, proto};
 pub use summary::{Integrity, Origin, RecordedFault, RecordingSummary, RunTime, TopicSummary};

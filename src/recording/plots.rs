@@ -5,7 +5,7 @@ use super::schema::proto::{Command, Sensors, State};
 use super::{Clipped, SampleRecord, StateRecord};
 
 /// What is ready for plotting.
-pub(super) enum Plot {
+pub(crate) enum Plot {
     State(State),
     Command(Command),
     Sensors(Sensors),
@@ -33,7 +33,7 @@ fn plotted(every: u64, value: f64) -> f64 {
 }
 
 /// Gathers what is to be plotted.
-pub(super) struct Plots {
+pub(crate) struct Plots {
     /// Every how many samples something is plotted.
     every: u64,
     /// α1, α2, α̇1, α̇2, torques at joints 1 and 2, force along x and y.

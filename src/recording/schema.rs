@@ -2,7 +2,7 @@
 
 /// Generated from `proto/*.proto`; `tests/recording/schemas.rs` holds it to them.
 #[allow(missing_docs, clippy::doc_markdown)]
-pub(super) mod proto {
+pub(crate) mod proto {
     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));
 }
 
@@ -77,7 +77,7 @@ impl Topic {
 
 /// What a message is. A topic has messages of one type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum MessageType {
+pub(crate) enum MessageType {
     StepBatch,
     SampleBatch,
     State,

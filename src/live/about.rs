@@ -1,0 +1,103 @@
+//! What a viewer is told first: what it is that moves here.
+
+use serde::Serialize;
+
+use super::rows::CHANNELS;
+use crate::arm::Arm;
+use crate::scenario::Scenario;
+
+/// What a viewer may ask for, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Action {
+    /// Arm the plant.
+    Arm,
+    /// Disarm the plant.
+    Disarm,
+    /// Reset a faulted plant.
+    Reset,
+    /// Lead the sine to a set-point.
+    Set,
+    /// Play, halt and seek a recording.
+    Play,
+}
+
+/// What is shown, as the page is told.
+#[derive(Clone, Debug, Serialize)]
+pub struct About {
+    /// The program's version.
+    pub version: &'static str,
+    /// What runs here: plant, exciter, plant and exciter, recording.
+    pub role: &'static str,
+    /// What it runs on: a bus, or a file.
+    pub place: String,
+    /// The arm, in words.
+    pub arm: String,
+    /// Lengths of the links, m.
+    pub lengths_m: [f64; 2],
+    /// Angles of the pose, rad: β1 against the x axis, β2 against link 1.
+    pub beta_rad: [f64; 2],
+    /// The unit of the load, N or N·m.
+    pub unit: &'static str,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Frequencies of the modes, Hz.
+    pub modes_hz: [f64; 2],
+    /// Names of the numbers of a sample.
+    pub channels: [&'static str; CHANNELS.len()],
+    /// What may be asked for with the token.
+    pub actions: Vec<Action>,
+    /// What can be set, if a set-point can.
+    pub steering: Option<Steering>,
+    /// Length of the recording, s, if one is shown.
+    pub duration_s: Option<f64>,
+}
+
+/// Limits of a set-point, and where it begins.
+#[derive(Clone, Debug, Serialize)]
+pub struct Steering {
+    /// The largest load.
+    pub load_limit: f64,
+    /// Frequencies are below this, Hz: half the sample rate.
+    pub frequency_limit_hz: f64,
+    /// The frequency before any is set, Hz.
+    pub frequency_hz: f64,
+}
+
+impl About {
+    /// Of a scenario's arm; nothing can be asked for.
+    pub fn new(role: &'static str, place: String, scenario: &Scenario, arm: &Arm) -> About {
+        let (p, pose) = (arm.parameters(), arm.pose());
+        About {
+            version: env!("CARGO_PKG_VERSION"),
+            role,
+            place,
+            arm: format!(
+                "{}, \u{3b2}1 = {}\u{b0}, \u{3b2}2 = {}\u{b0}",
+                scenario.arm.label(),
+                pose.beta1_deg,
+                pose.beta2_deg
+            ),
+            lengths_m: [p.length1_m, p.length2_m],
+            beta_rad: [pose.beta1_deg.to_radians(), pose.beta2_deg.to_radians()],
+            unit: unit(scenario),
+            rate_hz: scenario.simulation.rate_hz,
+            modes_hz: crate::analysis::modes(arm).map(|mode| mode.frequency_hz),
+            channels: CHANNELS,
+            actions: Vec::new(),
+            steering: None,
+            duration_s: None,
+        }
+    }
+
+    /// Whether this may be asked for.
+    pub fn allows(&self, action: Action) -> bool {
+        self.actions.contains(&action)
+    }
+}
+
+/// The unit of the load that the scenario asks for.
+fn unit(scenario: &Scenario) -> &'static str {
+    let control = scenario.control.as_ref().map(|control| control.amplitude().unit());
+    control.or_else(|| scenario.excitation.as_ref().map(|excitation| excitation.amplitude.unit())).unwrap_or("N")
+}

@@ -1,0 +1,160 @@
+//! Who may look, and who may change something.
+//!
+//! A browser lets any page open a WebSocket to any address. So every request is refused whose `Origin`, if it has one,
+//! is not this server's own or one that was allowed. And a name that leads here can be given out by anybody, so that
+//! their page would have the server's own origin: a `Host` that is a name other than `localhost` is refused, too,
+//! unless its origin was allowed. What changes something needs the token, which only this program's terminal shows.
+
+use std::net::IpAddr;
+
+use axum::http::header::{HOST, ORIGIN};
+use axum::http::{HeaderMap, HeaderName};
+
+use super::LiveError;
+
+/// Bytes of a token: nobody guesses 128 bits.
+const TOKEN_BYTES: usize = 16;
+
+/// Origins beyond the server's own from which a browser may connect.
+#[derive(Clone, Debug, Default)]
+pub struct Origins(Vec<String>);
+
+/// Why a request is refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// A header that is missing or no text.
+    #[error("the request has no valid {0}")]
+    Header(&'static str),
+    /// A name that could be anybody's.
+    #[error("the host `{0}` is a name: take the address itself, or allow it by --live-origin http://{0}")]
+    Host(String),
+    /// A page of somebody else.
+    #[error("the origin `{0}` is not this server's: allow it by --live-origin {0}")]
+    Origin(String),
+}
+
+impl Origins {
+    /// These origins, each as `scheme://host[:port]`.
+    ///
+    /// # Errors
+    /// [`LiveError::Origin`] if one is none.
+    pub fn new(origins: &[String]) -> Result<Origins, LiveError> {
+        let is_origin = |text: &str| {
+            text.split_once("://").is_some_and(|(scheme, host)| {
+                !scheme.is_empty() && !host.is_empty() && !host.contains(['/', '?', '#', ' '])
+            })
+        };
+        match origins.iter().find(|text| !is_origin(text)) {
+            Some(text) => Err(LiveError::Origin { got: text.clone() }),
+            None => Ok(Origins(origins.to_vec())),
+        }
+    }
+
+    /// Judges a request.
+    pub fn admit(&self, headers: &HeaderMap) -> Result<(), Refused> {
+        let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().ok());
+        let host = text(HOST).flatten().ok_or(Refused::Header("Host"))?;
+        let own = format!("http://{host}");
+        if !is_address(host) && !self.0.contains(&own) {
+            return Err(Refused::Host(host.to_owned()));
+        }
+        match text(ORIGIN) {
+            None => Ok(()),
+            Some(None) => Err(Refused::Header("Origin")),
+            Some(Some(origin)) if origin == own || self.0.iter().any(|allowed| allowed == origin) => Ok(()),
+            Some(Some(origin)) => Err(Refused::Origin(origin.to_owned())),
+        }
+    }
+}
+
+/// Whether `host[:port]` is an address or `localhost`, which nobody else can give out.
+fn is_address(host: &str) -> bool {
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    };
+    let bare = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
+    name == "localhost" || bare.parse::<IpAddr>().is_ok()
+}
+
+/// What somebody must have who changes something.
+#[derive(Clone, Debug)]
+pub struct Token(String);
+
+impl Token {
+    /// A new one, of random numbers of the system.
+    ///
+    /// # Errors
+    /// [`LiveError::Random`] if the system has none.
+    pub fn new() -> Result<Token, LiveError> {
+        let mut bytes = [0_u8; TOKEN_BYTES];
+        let filled = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
+        match filled.map_err(|error| LiveError::Random(error.into()))? {
+            TOKEN_BYTES => Ok(Token(bytes.iter().map(|byte| format!("{byte:02x}")).collect())),
+            _ => Err(LiveError::Random(std::io::ErrorKind::UnexpectedEof.into())),
+        }
+    }
+
+    /// As text.
+    pub fn text(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether `given` is it; takes as long for every wrong one of its length.
+    pub fn is(&self, given: &str) -> bool {
+        let differing = |sum, (a, b): (u8, u8)| sum | (a ^ b);
+        given.len() == self.0.len() && given.bytes().zip(self.0.bytes()).fold(0, differing) == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn admitted(host: &str, origin: Option<&str>) -> Result<(), Refused> {
+        let mut headers = HeaderMap::new();
+        headers.insert(HOST, host.parse().unwrap());
+        if let Some(origin) = origin {
+            headers.insert(ORIGIN, origin.parse().unwrap());
+        }
+        Origins::new(&[String::from("https://app.foxglove.dev"), String::from("http://bench:80")])
+            .unwrap()
+            .admit(&headers)
+    }
+
+    #[test]
+    fn own_pages_and_programs_may_look_and_no_others() {
+        for host in ["127.0.0.1:8080", "[::1]:8080", "localhost:9", "10.0.0.7", "bench:80"] {
+            assert_eq!(admitted(host, None), Ok(()), "{host}");
+            assert_eq!(admitted(host, Some(&format!("http://{host}"))), Ok(()), "{host}");
+            assert_eq!(admitted(host, Some("https://app.foxglove.dev")), Ok(()));
+            let foreign = String::from("http://example.com");
+            assert_eq!(admitted(host, Some(&foreign)), Err(Refused::Origin(foreign)));
+            assert_eq!(admitted(host, Some("null")), Err(Refused::Origin(String::from("null"))));
+        }
+        let own = "http://127.0.0.1:8080";
+        assert_eq!(admitted("127.0.0.1:8081", Some(own)), Err(Refused::Origin(own.to_owned())));
+        for host in ["rebound.example.com:8080", "bench", "127.0.0.1.example.com", ""] {
+            assert_eq!(admitted(host, Some(&format!("http://{host}"))), Err(Refused::Host(host.to_owned())));
+        }
+        assert_eq!(Origins::default().admit(&HeaderMap::new()), Err(Refused::Header("Host")));
+    }
+
+    #[test]
+    fn what_is_no_origin_is_said() {
+        for text in ["app.foxglove.dev", "https://", "https://a/b", "://x"] {
+            assert!(
+                matches!(Origins::new(&[text.to_owned()]), Err(LiveError::Origin { got }) if got == text),
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn tokens_differ_and_only_the_whole_one_is_it() {
+        let (one, other) = (Token::new().unwrap(), Token::new().unwrap());
+        assert_ne!(one.text(), other.text());
+        assert_eq!(one.text().len(), 32);
+        assert!(one.is(one.text()) && !one.is(other.text()) && !one.is("") && !one.is(&one.text()[1..]));
+    }
+}

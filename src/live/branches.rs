@@ -1,0 +1,69 @@
+//! The computed branch, on a thread of its own that stands back behind everything else.
+
+use std::sync::mpsc;
+use std::thread;
+
+use super::LiveError;
+use super::message::BranchLines;
+
+/// Computes the branch from the lowest to the highest of these frequencies, Hz, and a little beyond; `None` if it can't
+/// be walked.
+pub type ComputeBranch = Box<dyn Fn(f64, f64) -> Option<BranchLines> + Send>;
+
+/// How much less processor time the thread gets than others (nice(2)): the least.
+const NICE: i32 = 19;
+
+/// Asks for branches as the responses spread.
+pub struct Branches {
+    wanted: mpsc::Sender<(f64, f64)>,
+    computed: mpsc::Receiver<BranchLines>,
+    /// What was asked for last.
+    asked_hz: Option<(f64, f64)>,
+}
+
+impl Branches {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// [`LiveError::Thread`] if it can't be started.
+    pub fn start(compute: ComputeBranch) -> Result<Branches, LiveError> {
+        let (wanted, asked) = mpsc::channel();
+        let (done, computed) = mpsc::channel();
+        thread::Builder::new()
+            .name(String::from("live-branch"))
+            .spawn(move || {
+                stand_back(NICE);
+                while let Ok(first) = asked.recv() {
+                    // The last asked for is the widest.
+                    let (low_hz, high_hz) = asked.try_iter().last().unwrap_or(first);
+                    if compute(low_hz, high_hz).is_some_and(|branch| done.send(branch).is_err()) {
+                        break;
+                    }
+                }
+            })
+            .map_err(LiveError::Thread)?;
+        Ok(Branches { wanted, computed, asked_hz: None })
+    }
+
+    /// Asks for a branch over these frequencies, if none was asked for that holds them.
+    pub fn want(&mut self, (low_hz, high_hz): (f64, f64)) {
+        let holds = |(from_hz, to_hz): (f64, f64)| from_hz <= low_hz && high_hz <= to_hz;
+        if !self.asked_hz.is_some_and(holds) {
+            self.asked_hz = Some((low_hz, high_hz));
+            // A thread that has ended computes nothing more.
+            let _ended = self.wanted.send((low_hz, high_hz));
+        }
+    }
+
+    /// The branch computed last since the last call, if there is one.
+    pub fn computed(&self) -> Option<BranchLines> {
+        self.computed.try_iter().last()
+    }
+}
+
+/// Gives the calling thread less processor time than others. Without it the thread works all the same.
+pub fn stand_back(nice: i32) {
+    if let Err(error) = rustix::process::nice(nice) {
+        tracing::debug!("a thread of the live view can't stand back: {error}");
+    }
+}

@@ -1,0 +1,46 @@
+//! What keeps the live view from being served.
+
+use std::io;
+use std::net::SocketAddr;
+
+use thiserror::Error;
+
+/// Why there is no live view.
+#[derive(Debug, Error)]
+pub enum LiveError {
+    /// The address can't be listened on.
+    #[error("--live can't listen on {address}: {source}; {mend}", mend = mend(source))]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// What was given is no address.
+    #[error("--live is `{got}`: it is an address, as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080")]
+    Address {
+        /// What was given.
+        got: String,
+    },
+    /// What was given is no origin.
+    #[error("--live-origin is `{got}`: it is scheme, host and port, as https://app.foxglove.dev or http://bench:8080")]
+    Origin {
+        /// What was given.
+        got: String,
+    },
+    /// The system gives no random numbers for the token.
+    #[error("no random numbers for the token of the live view: {0}")]
+    Random(io::Error),
+    /// The thread can't be started.
+    #[error("can't start the thread of the live view: {0}")]
+    Thread(io::Error),
+}
+
+fn mend(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::AddrInUse => "another program has this port: name another, or leave it out for a free one",
+        io::ErrorKind::AddrNotAvailable => "name an address of this machine: `ip address` lists them",
+        io::ErrorKind::PermissionDenied => "ports below 1024 are for root: name one from 1024 on",
+        _ => "name another address",
+    }
+}

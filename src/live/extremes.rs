@@ -1,0 +1,78 @@
+//! Samples thinned out for the screen: of a stretch of samples the least and the largest of each number, so that no
+//! peak is lost, whatever the width of the screen.
+
+use super::rows::Row;
+
+/// A stretch of samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretch {
+    /// Index of its first sample.
+    pub first: u64,
+    /// The least of each number; NaN if none is known.
+    pub least: Row,
+    /// The largest.
+    pub largest: Row,
+}
+
+/// Gathers stretches.
+#[derive(Debug)]
+pub struct Extremes {
+    width: u64,
+    stretch: Option<Stretch>,
+}
+
+impl Extremes {
+    /// Stretches of `width` samples, at least 1, that begin at its multiples.
+    pub fn new(width: u64) -> Extremes {
+        Extremes { width: width.max(1), stretch: None }
+    }
+
+    /// Samples in a stretch.
+    pub fn width(&self) -> u64 {
+        self.width
+    }
+
+    /// Takes a sample, and hands over the stretch before it, if it begins another.
+    pub fn push(&mut self, sample: u64, row: &Row) -> Option<Stretch> {
+        let first = sample - sample % self.width;
+        match &mut self.stretch {
+            Some(stretch) if stretch.first == first => {
+                // `f32::min` and `max` leave out NaN.
+                for (place, value) in row.iter().enumerate() {
+                    stretch.least[place] = stretch.least[place].min(*value);
+                    stretch.largest[place] = stretch.largest[place].max(*value);
+                }
+                None
+            }
+            stretch => stretch.replace(Stretch { first, least: *row, largest: *row }),
+        }
+    }
+
+    /// Begins anew.
+    pub fn restart(&mut self) {
+        self.stretch = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_peak_is_lost() {
+        let mut extremes = Extremes::new(10);
+        let row = |value: f32| [value; 12];
+        let mut stretches = Vec::new();
+        for sample in 3..45_u64 {
+            let value = if sample == 27 { 9.0 } else { -(sample as f32) };
+            stretches.extend(extremes.push(sample, &row(value)));
+        }
+        let told: Vec<_> = stretches.iter().map(|it| (it.first, it.least[0], it.largest[11])).collect();
+        assert_eq!(told, [(0, -9.0, -3.0), (10, -19.0, -10.0), (20, -29.0, 9.0), (30, -39.0, -30.0)]);
+        extremes.restart();
+        assert_eq!(extremes.push(40, &row(f32::NAN)), None);
+        assert_eq!(extremes.push(41, &row(1.0)), None);
+        let stretch = extremes.push(50, &row(0.0)).unwrap();
+        assert_eq!((stretch.least[3], stretch.largest[3]), (1.0, 1.0), "what is not known is left out");
+    }
+}

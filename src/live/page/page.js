@@ -1,0 +1,174 @@
+// The page: what is told goes into `data`, and is drawn with each update, up to thirty times a second.
+
+import { ArmView } from "./arm.js";
+import { Controls } from "./controls.js";
+import { BandPlot, LinePlot, Lissajous, ResponsePlot } from "./plots.js";
+import { connect, decode } from "./stream.js";
+
+const STRETCHES_KEPT = 800;
+const ROWS_KEPT = 4096;
+const TIMINGS_KEPT = 600;
+const EVENTS_SHOWN = 200;
+
+const element = (id) => document.getElementById(id);
+let data = null;
+let views = null;
+let waiting = false;
+
+// Everything that is known, empty.
+function empty(about) {
+  const columns = () => about.channels.map(() => []);
+  return {
+    about, times: [], least: columns(), largest: columns(), rows: [], newest: 0, head: null, spectrum: null, branch: null,
+    points: [], timing: { times: [], columns: [[], [], [], []] }, frames: 0,
+    // Time that drawing has taken, ms.
+    drawing_ms: 0,
+  };
+}
+
+function makeViews(about) {
+  const torque = about.unit === "N·m";
+  const loads = torque ? [[0, "torque 1"], [1, "torque 2"]] : [[2, "load x"], [3, "load y"], [4, "head x"], [5, "head y"]];
+  return {
+    arm: new ArmView(element("arm"), element("arm-scale")),
+    response: new ResponsePlot(element("response")),
+    bands: {
+      "force": new BandPlot(element("force"), torque ? "N·m" : "N", loads),
+      "acceleration-b": new BandPlot(element("acceleration-b"), "m/s²", [[6, "x"], [7, "y"]]),
+      "acceleration-c": new BandPlot(element("acceleration-c"), "m/s²", [[8, "x"], [9, "y"]]),
+    },
+    lissajous: new Lissajous(element("lissajous")),
+    spectrum: new LinePlot(element("spectrum"), "frequency (Hz)", "amplitude",
+      ["force x (N)", "force y (N)", "C x (m/s²)", "C y (m/s²)"], { log: true }),
+    timing: new LinePlot(element("timing"), "time (s)", "load (%)", ["mean load", "largest load", "mean lateness", "latest"],
+      { secondUnit: "lateness (µs)" }),
+  };
+}
+
+// What a text message of each kind does.
+const told = {
+  about(about) {
+    const first = data === null;
+    data = empty(about);
+    element("events").replaceChildren();
+    element("what").textContent = `${about.role} on ${about.place}: ${about.arm}, ${about.rate_hz} samples a second`;
+    document.title = `Resonarm: ${about.role}`;
+    if (first) views = makeViews(about);
+    controls.about(about);
+    const [first_hz, second_hz] = about.modes_hz.map((hz) => hz.toFixed(2));
+    element("response-title").title = `modes at ${first_hz} and ${second_hz} Hz`;
+  },
+  state({ state, fault }) {
+    element("state").textContent = { operational: "armed", "pre-operational": "ready", fault: "fault" }[state] ?? state;
+    element("state").className = state;
+    element("fault").textContent = fault ?? "";
+  },
+  event({ time_s, name, value, text }) {
+    const entry = document.createElement("li");
+    entry.textContent = `${time_s.toFixed(3)} s  ${text ?? (value === 0 ? name : `${name} ${value}`)}`;
+    entry.className = name === "emergency" || name === "state.fault" ? "bad" : "";
+    element("events").prepend(entry);
+    while (element("events").children.length > EVENTS_SHOWN) element("events").lastChild.remove();
+  },
+  response(point) { data.points.push(point); },
+  branch(branch) { data.branch = branch; },
+  spectrum(spectrum) { data.spectrum = spectrum; },
+  restarted() {
+    Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), rows: [] });
+    Object.assign(data, { points: [], timing: { times: [], columns: [[], [], [], []] } });
+    element("events").replaceChildren();
+    told.state({ state: "unknown", fault: null });
+  },
+  player(player) { controls.player(player); },
+  taken() { controls.answer(""); },
+  refused({ why }) { controls.answer(why); },
+  ended() { element("link").textContent = "the run is over"; },
+};
+
+function updated(buffer) {
+  if (data === null) return;
+  const { head, stretches, rows } = decode(buffer, data.about.channels.length);
+  const { about, times, least, largest } = data;
+  for (const stretch of stretches) {
+    times.push(stretch.first / about.rate_hz);
+    least.forEach((column, channel) => column.push(known(stretch.least[channel])));
+    largest.forEach((column, channel) => column.push(known(stretch.largest[channel])));
+  }
+  [times, ...least, ...largest].forEach((column) => column.splice(0, column.length - STRETCHES_KEPT));
+  if (head.first !== data.newest + 1) data.rows = [];
+  data.rows.push(...rows);
+  data.rows.splice(0, data.rows.length - ROWS_KEPT);
+  data.newest = head.sample;
+  data.head = head;
+  if (head.timing) takeTiming(head);
+  if (!waiting) {
+    waiting = true;
+    requestAnimationFrame(draw);
+  }
+}
+
+const known = (value) => (Number.isNaN(value) ? null : value);
+
+function takeTiming({ time_s, timing }) {
+  const { times, columns } = data.timing;
+  times.push(time_s);
+  [100 * timing.load, 100 * timing.load_most, timing.late_us, timing.late_most_us].forEach((value, k) => columns[k].push(value));
+  [times, ...columns].forEach((column) => column.splice(0, column.length - TIMINGS_KEPT));
+}
+
+// What is on the screen: the rest is not drawn.
+const seen = new Set();
+const watching = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
+  if (isIntersecting) seen.add(target.id); else seen.delete(target.id);
+}));
+document.querySelectorAll("canvas[id], .plot").forEach((place) => watching.observe(place));
+
+function draw() {
+  waiting = false;
+  if (data === null || data.head === null) return;
+  const begun = performance.now();
+  const { about, head, rows, spectrum, branch, points } = data;
+  const peakHz = spectrum?.peak_hz ?? 0;
+  element("time").textContent = `${head.time_s.toFixed(2)} s`;
+  controls.time(head.time_s);
+  const joint = Number(document.querySelector("[name=joint]:checked").value);
+  const choices = { toScale: element("to-scale").checked, stroboscope: element("stroboscope").checked };
+  if (seen.has("arm")) views.arm.draw(rows, data.newest, about, peakHz, choices);
+  for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(data);
+  if (seen.has("lissajous")) views.lissajous.draw(rows, about.rate_hz, peakHz);
+  if (seen.has("spectrum") && spectrum !== drawn.spectrum) drawSpectrum(spectrum);
+  if (seen.has("response")) views.response.draw(branch, points, joint, peakHz);
+  drawTiming(head);
+  data.frames += 1;
+  data.drawing_ms += performance.now() - begun;
+}
+
+const drawn = { spectrum: null };
+
+function drawSpectrum(spectrum) {
+  drawn.spectrum = spectrum;
+  const lines = [...spectrum.force, ...spectrum.acceleration_c];
+  const x = lines[0].map((_, k) => k * spectrum.line_hz);
+  // A logarithm has no zero.
+  views.spectrum.draw(x, lines.map((values) => values.map((value) => (value > 1e-6 ? value : null))));
+  element("peak").textContent = spectrum.peak_hz ? `largest at ${spectrum.peak_hz.toFixed(2)} Hz` : "";
+}
+
+function drawTiming({ timing, lost, lost_updates, viewers }) {
+  const schedule = timing
+    ? `load ${(100 * timing.load).toFixed(1)} %, ${timing.late_us.toFixed(0)} µs late, ${timing.overruns} deadlines missed`
+    : "no schedule";
+  if (timing && seen.has("timing")) views.timing.draw(data.timing.times, data.timing.columns);
+  element("timing-numbers").textContent =
+    `${schedule}, ${viewers} viewers, ${lost} records and ${lost_updates} updates lost`;
+}
+
+function linked(isLinked) {
+  element("link").textContent = isLinked ? "connected" : "not connected";
+  element("link").className = isLinked ? "linked" : "";
+}
+
+const stream = connect({ told: ({ kind, ...message }) => told[kind]?.(message), updated, linked });
+const controls = new Controls(stream.send);
+// For those who look at the page by a program.
+window.resonarm = { ask: controls.ask, get data() { return data; }, get views() { return views; } };

@@ -1,0 +1,140 @@
+//! What is known of each sample, put together from what is told piece by piece.
+
+use std::collections::VecDeque;
+
+use crate::arm::Load;
+use crate::recording::{SampleRecord, StateRecord};
+
+/// The numbers of a sample, by name and in their order.
+pub const CHANNELS: [&str; 12] = [
+    "torque1_nm",
+    "torque2_nm",
+    "force_x_n",
+    "force_y_n",
+    "head_force_x_n",
+    "head_force_y_n",
+    "acceleration_b_x_m_s2",
+    "acceleration_b_y_m_s2",
+    "acceleration_c_x_m_s2",
+    "acceleration_c_y_m_s2",
+    "alpha1_rad",
+    "alpha2_rad",
+];
+
+/// The numbers of a sample; NaN where nothing is known.
+pub type Row = [f32; CHANNELS.len()];
+
+/// A sample whose row waits for its other half at most while so many newer ones come.
+const LONGEST_WAIT: usize = 2048;
+
+const LOAD: u8 = 1;
+const READINGS: u8 = 2;
+
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    sample: u64,
+    row: Row,
+    known: u8,
+}
+
+/// Rows on their way: load and state of a sample come apart from its readings.
+#[derive(Debug, Default)]
+pub struct Rows {
+    pending: VecDeque<Pending>,
+    /// The sample after the last handed out.
+    next: u64,
+    restarted: bool,
+}
+
+impl Rows {
+    /// Takes a state with its load. The load at the end of a run means nothing.
+    pub fn state(&mut self, record: &StateRecord) {
+        let ([t1, t2], [fx, fy], [a1, a2]) = (record.torque_nm, record.force_n, record.alpha_rad);
+        let load = if record.is_end { [f64::NAN; 4] } else { [t1, t2, fx, fy] };
+        self.put(record.sample, LOAD, &[(0, &load), (10, &[a1, a2])]);
+    }
+
+    /// Takes a load that an exciter commands.
+    pub fn command(&mut self, sample: u64, load: &Load) {
+        let (t, f) = (load.torque_nm, load.force_n);
+        self.put(sample, LOAD, &[(0, &[t.x, t.y, f.x, f.y])]);
+    }
+
+    /// Takes the readings of a sample.
+    pub fn readings(&mut self, record: &SampleRecord) {
+        let places: [(usize, &[f64]); 3] =
+            [(4, &record.head_force_n), (6, &record.acceleration_b_m_s2), (8, &record.acceleration_c_m_s2)];
+        self.put(record.sample, READINGS, &places);
+    }
+
+    /// Puts numbers into the row of a sample. A sample before those handed out begins another series.
+    fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) {
+        if sample < self.next {
+            *self = Rows { pending: VecDeque::new(), next: sample, restarted: true };
+        }
+        let at = self.pending.partition_point(|pending| pending.sample < sample);
+        if self.pending.get(at).is_none_or(|pending| pending.sample != sample) {
+            self.pending.insert(at, Pending { sample, row: [f32::NAN; CHANNELS.len()], known: 0 });
+        }
+        let Some(pending) = self.pending.get_mut(at) else { return };
+        pending.known |= known;
+        for (first, values) in places {
+            pending.row.iter_mut().skip(*first).zip(*values).for_each(|(number, value)| *number = *value as f32);
+        }
+    }
+
+    /// The next row that is whole, or has waited long enough.
+    pub fn pop(&mut self) -> Option<(u64, Row)> {
+        let is_due = self.pending.len() > LONGEST_WAIT;
+        let first = *self.pending.front().filter(|first| is_due || first.known == LOAD | READINGS)?;
+        self.pending.pop_front();
+        self.next = first.sample + 1;
+        Some((first.sample, first.row))
+    }
+
+    /// Whether another series has begun since the last call.
+    pub fn take_restarted(&mut self) -> bool {
+        core::mem::take(&mut self.restarted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn readings(sample: u64) -> SampleRecord {
+        let pair = [sample as f64, -1.0];
+        let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
+        SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped: None }
+    }
+
+    #[test]
+    fn halves_come_together_in_any_order() {
+        let mut rows = Rows::default();
+        rows.readings(&readings(0));
+        rows.readings(&readings(1));
+        assert_eq!(rows.pop(), None);
+        rows.command(1, &Load::force_n(2.0, 3.0));
+        assert_eq!(rows.pop(), None, "sample 0 comes first");
+        rows.command(0, &Load::force_n(1.0, 0.0));
+        let (sample, row) = rows.pop().unwrap();
+        assert_eq!((sample, row[2], row[4]), (0, 1.0, 0.0));
+        assert!(row[10].is_nan());
+        let (sample, row) = rows.pop().unwrap();
+        assert_eq!((sample, &row[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
+    }
+
+    #[test]
+    fn half_a_row_is_handed_out_in_the_end_and_an_earlier_sample_begins_anew() {
+        let mut rows = Rows::default();
+        (0..=LONGEST_WAIT as u64).for_each(|sample| rows.readings(&readings(sample)));
+        assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));
+        assert_eq!(rows.pop(), None);
+        assert!(!rows.take_restarted());
+        rows.readings(&readings(0));
+        rows.command(0, &Load::default());
+        assert!(rows.take_restarted() && !rows.take_restarted());
+        assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));
+        assert_eq!(rows.pop(), None);
+    }
+}

@@ -1,0 +1,186 @@
+"""The page of the live view in Chromium, as a user sees it: runs, recordings, steering."""
+
+import re
+import struct
+import zlib
+
+import pytest
+from browser import Browser
+from processes import Programs, wait_until
+
+# What a phone shows, CSS pixels.
+PHONE = {"width": 390, "height": 844, "touch": True}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as started:
+        yield started
+
+
+@pytest.fixture
+def programs():
+    with Programs() as started:
+        yield started
+
+
+def address(program):
+    """Where the program serves its page, with the token."""
+    found = wait_until(lambda: re.search(r"live view +(http://127\.0\.0\.1:\d+/)#(\w+)", program.stderr), "the address")
+    return found[1], found[2]
+
+
+def open_page(browser, program, **size):
+    url, token = address(program)
+    page = browser.page(f"{url}#{token}", **size)
+    page.until("window.resonarm?.data?.frames > 3")
+    return page
+
+
+def free_run(programs, *arguments):
+    """A bench in simulated time that goes with the clock, until it is stopped."""
+    return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", *arguments)
+
+
+def colours_of_png(content):
+    """The different colours of a picture of 8 bits a channel, by a reader of a few lines."""
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height, depth, kind = struct.unpack(">IIBB", content[16:26])
+    assert depth == 8
+    data, at = b"", 8
+    while at < len(content):
+        length, name = struct.unpack(">I4s", content[at : at + 8])
+        data += content[at + 8 : at + 8 + length] if name == b"IDAT" else b""
+        at += 12 + length
+    lines, channels = zlib.decompress(data), {2: 3, 6: 4}[kind]
+    return width, height, len({lines[k : k + 3] for k in range(1, len(lines) - 3, channels)})
+
+
+def test_the_demo_moves_and_its_response_builds_up_on_the_branch(browser, programs, tmp_path):
+    demo = programs.resonarm("demo", "--live", "--out", tmp_path)
+    page = open_page(browser, demo, height=1500)
+    assert page.text("#state") == "armed"
+    assert page.text("#what").startswith("plant and exciter on a bus in memory: irb1600-fitted")
+    page.until("resonarm.data.points.length >= 6 && resonarm.data.branch?.unstable.length > 10")
+    page.until("resonarm.data.spectrum && resonarm.data.times.length > 100")
+    # Every point lies on the computed branch, which has both folds' stretches by then.
+    assert page.value("""(() => {
+        const { branch, points } = resonarm.data;
+        const lines = [...branch.stable, ...branch.unstable].filter((point) => point !== null);
+        return points.every((point) => lines.some(([hz, a1]) =>
+            Math.abs(hz - point.frequency_hz) < 2e-3 && Math.abs(a1 / point.amplitude_rad[0] - 1) < 0.05));
+    })()""")
+    peak_hz = page.value("resonarm.data.spectrum.peak_hz")
+    assert abs(peak_hz - 22.15) < 0.1
+    for canvas in ("#arm", "#lissajous", "#response", "#force canvas", "#acceleration-c canvas", "#spectrum canvas"):
+        seen = page.pixels(canvas)
+        assert seen["colours"] > 20 and seen["drawn"] > 0.005, (canvas, seen)
+    tips = set()
+    tip = "resonarm.views.arm.tip.map(Math.round).join()"
+    wait_until(lambda: tips.add(page.value(tip)) or len(tips) > 8, "the arm to move")
+    assert re.search(r"load [\d.]+ %, \d+ µs late, 0 deadlines missed, 1 viewers", page.text("#timing-numbers"))
+    width, height, colours = colours_of_png(page.picture(tmp_path / "demo.png"))
+    assert (width, height) == (1280, 1500) and colours > 100
+    assert page.errors == []
+
+
+def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_path):
+    run = free_run(programs)
+    page = open_page(browser, run, dark=True, **PHONE)
+    page.until("resonarm.data.times.length > 50")
+    assert page.value("document.documentElement.scrollWidth") <= PHONE["width"], "it is wider than the screen"
+    narrow = "[...document.querySelectorAll('section')].every((it) => it.getBoundingClientRect().width > 340)"
+    assert page.value(narrow)
+    assert page.value("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 26)"
+    # Whatever can be clicked can be reached by Tab, and shows that it is.
+    reached = set()
+    for _ in range(14):
+        page.press("Tab")
+        reached.add(page.value("document.activeElement.id || document.activeElement.dataset?.request || ''"))
+    assert {"disarm", "to-scale", "stroboscope", "events"} <= reached, reached
+    page.value("document.getElementById('to-scale').focus()")
+    page.press(" ")
+    page.until("document.getElementById('arm-scale').textContent === 'to scale'")
+    page.picture(tmp_path / "phone.png")
+    assert page.errors == []
+
+
+def test_thirty_frames_a_second_are_drawn_where_the_machine_allows(browser, programs):
+    """How many depends on the machine, which may stop any process; that the page keeps up with the updates does not."""
+    page = open_page(browser, free_run(programs))
+    page.until("resonarm.data.frames > 150")
+    assert page.value("resonarm.data.newest") > 1000
+    assert page.errors == []
+
+
+def test_a_run_is_disarmed_from_the_page_and_records_it(browser, programs, tmp_path):
+    recording = tmp_path / "run.mcap"
+    run = free_run(programs, "--record", recording, "--json")
+    page = open_page(browser, run)
+    page.until("document.getElementById('state').textContent === 'armed'")
+    page.value("document.querySelector('[data-request=disarm]').click()")
+    said = run.result()
+    assert said["outcome"] == "disarmed" and said["exciter"]["outcome"] == "stopped"
+    page.until("document.getElementById('link').textContent === 'not connected'")
+    assert "request.disarm" in page.text("#events")
+    exported = programs.resonarm("export", recording, "--to", "csv", "--parts", "events", "--out", tmp_path / "out")
+    assert exported.wait() == 0, exported.stderr
+    table = (tmp_path / "out-events.csv").read_text()
+    assert "request.disarm" in table and "state.pre_operational" in table
+
+
+def test_without_the_token_one_can_only_look(browser, programs):
+    run = free_run(programs)
+    url, _ = address(run)
+    page = browser.page(url)
+    page.until("window.resonarm?.data?.frames > 3")
+    assert page.value("document.getElementById('operate').disabled")
+    assert page.text("#answer").startswith("To steer, open the whole address")
+    page.value("document.querySelector('[data-request=disarm]').click()")
+    page.until("resonarm.data.frames > 30")
+    assert run.running() and page.text("#state") == "armed"
+    assert page.errors == []
+
+
+def test_set_points_lead_the_force_and_its_response_is_read(browser, programs):
+    run = free_run(programs, "--steer")
+    page = open_page(browser, run)
+    fill = """for (const [id, value] of Object.entries({load: 12, frequency: 15, phase: 0}))
+        document.getElementById(`set-${id}`).value = value;
+        document.querySelector('#set-point button').click()"""
+    page.value(fill)
+    page.until("document.getElementById('answer').textContent === ''")
+    page.until("Math.max(...resonarm.data.largest[2].slice(-20)) > 11.9")
+    point = page.until("resonarm.data.points[0]")
+    assert point["frequency_hz"] == 15 and abs(point["load"] - 12) < 0.05
+    names = page.value("[...document.querySelectorAll('#events li')].map((it) => it.textContent).join('|')")
+    assert "request.load_thousandths 12000" in names and "request.frequency_mhz 15000" in names
+    page.value(fill.replace("load: 12", "load: 1e6"))
+    # The page itself refuses it by its limits, the program too.
+    assert not page.value("document.getElementById('set-point').checkValidity()")
+    page.value("resonarm.ask({ set: { load: 1e6, frequency_hz: 15, phase_deg: 0 } })")
+    wait_until(lambda: page.text("#answer").startswith("the load is 1000000 N: it must be from 0 to"), "the refusal")
+    assert page.errors == []
+
+
+def test_a_recording_is_shown_with_a_time_bar(browser, programs):
+    replay = programs.resonarm("replay", "recordings/lockstep-dwell.mcap", "--live")
+    page = open_page(browser, replay)
+    duration_s = page.value("resonarm.data.about.duration_s")
+    assert page.value("!document.getElementById('player').hidden && document.getElementById('set-point').hidden")
+    page.until("resonarm.data.head.time_s > 0.3")
+    page.value("resonarm.ask('pause')")
+    page.until("document.getElementById('play').textContent === 'Play'")
+    held_s = page.value("resonarm.data.head.time_s")
+    seek = "const bar = document.getElementById('seek'); bar.value = {}; bar.dispatchEvent(new Event('change'))"
+    page.value(f"(() => {{ {seek.format(duration_s)} }})()")
+    page.value("resonarm.ask('play')")
+    page.until(f"resonarm.data.head.time_s > {duration_s} - 0.05")
+    page.until("document.getElementById('play').textContent === 'Play'")
+    page.value("(() => { " + seek.format(0) + " })()")
+    page.value("resonarm.ask({ speed: { times: 4 } })")
+    page.value("resonarm.ask('play')")
+    page.until(f"resonarm.data.head.time_s > {held_s} && resonarm.data.times[0] < 0.05")
+    assert page.value("document.getElementById('speed').value") == "4"
+    assert page.errors == []
+    assert replay.stop() == 0

@@ -1,0 +1,283 @@
+"""What the live view sends and refuses, by clients other than its own page."""
+
+import base64
+import json
+import os
+import re
+import socket
+import struct
+import subprocess
+import urllib.error
+import urllib.request
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from processes import PATIENCE_S, Programs, wait_until
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+# Where `tests/run` puts what package.json asks for.
+NODE_MODULES = os.environ.get("RESONARM_NODE_MODULES", "target/tests/npm/node_modules")
+SUBPROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
+
+
+@pytest.fixture
+def programs():
+    with Programs() as started:
+        yield started
+
+
+class Viewer:
+    """One that takes the updates of the page."""
+
+    def __init__(self, url, **options):
+        # Closed at the latest when the program ends.
+        opening = connect(url.replace("http:", "ws:") + "live", max_size=None, open_timeout=PATIENCE_S, **options)
+        self.socket = opening.__enter__()
+        self.about = self.next("about")
+
+    def next(self, kind):
+        """The next message of that kind."""
+        while True:
+            told = self.socket.recv(PATIENCE_S)
+            told = update(told) if isinstance(told, bytes) else json.loads(told)
+            if told["kind"] == kind:
+                return told
+
+    def ask(self, text):
+        self.socket.send(text if isinstance(text, str) else json.dumps(text))
+        while True:
+            told = self.socket.recv(PATIENCE_S)
+            if isinstance(told, str) and (answer := json.loads(told))["kind"] in ("taken", "refused"):
+                return answer
+
+
+def update(content):
+    """An update taken apart, as docs/live.md has it."""
+    (length,) = struct.unpack_from("<I", content)
+    head = json.loads(content[4 : 4 + length])
+    numbers = np.frombuffer(content, "<f4", offset=-(-(4 + length) // 4) * 4).reshape(-1, 12)
+    extremes, rows = np.split(numbers, [2 * len(head["stretches"])])
+    assert len(rows) == head["rows"]
+    return {"kind": "update", **head, "least": extremes[::2], "largest": extremes[1::2], "numbers": rows}
+
+
+def address(program):
+    found = wait_until(lambda: re.search(r"live view +(http://127\.0\.0\.1:\d+/)#(\w+)", program.stderr), "the address")
+    return found[1], found[2]
+
+
+def free_run(programs, *arguments):
+    return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", *arguments)
+
+
+def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
+    recording, table = tmp_path / "run.mcap", tmp_path / "table"
+    run = free_run(programs, "--duration-s", 8, "--record", recording)
+    viewer = Viewer(address(run)[0])
+    rows, stretches = {}, {}
+    while len(rows) < 1500:
+        told = viewer.next("update")
+        rows |= {told["first"] + k: row for k, row in enumerate(told["numbers"])}
+        stretches |= {first: (told["least"][k], told["largest"][k]) for k, first in enumerate(told["stretches"])}
+    assert viewer.about["channels"][2:4] == ["force_x_n", "force_y_n"]
+    assert run.wait() == 0
+    exported = programs.resonarm("export", recording, "--to", "csv", "--parts", "samples,states", "--out", table)
+    assert exported.wait() == 0, exported.stderr
+    columns = {}
+    for path in tmp_path.glob("table*.csv"):
+        names, *lines = path.read_text().splitlines()
+        values = np.genfromtxt(lines, delimiter=",")
+        columns |= dict(zip(names.split(","), values.T, strict=True))
+    first = int(columns["sample"][0])
+    recorded = np.array([columns[name] for name in viewer.about["channels"]]).T
+    for sample, row in rows.items():
+        assert np.allclose(row, recorded[sample - first], rtol=1e-6, atol=1e-12), sample
+    for begin, (least, largest) in stretches.items():
+        told = recorded[begin - first : begin - first + 10]
+        if len(told) == 10 and begin >= 10:
+            assert np.allclose(least, told.min(axis=0), rtol=1e-6, atol=1e-12), begin
+            assert np.allclose(largest, told.max(axis=0), rtol=1e-6, atol=1e-12), begin
+
+
+def get(url, path="", **headers):
+    """Status and text of an answer."""
+    request = urllib.request.Request(url + path, headers={name.title(): value for name, value in headers.items()})
+    try:
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_foreign_origins_and_hosts_are_refused(programs):
+    url, _ = address(free_run(programs))
+    assert get(url)[0] == 200 and "<title>Resonarm</title>" in get(url)[1]
+    assert get(url, "no-such-file")[0] == 404
+    status, why = get(url, origin="http://example.com")
+    said = "the origin `http://example.com` is not this server's: allow it by --live-origin http://example.com\n"
+    assert (status, why) == (403, said)
+    assert get(url, host="rebound.example.com")[0] == 403
+    for origin in ("http://example.com", "null", url[:-1].replace("http", "https")):
+        with pytest.raises(InvalidStatus) as refused:
+            Viewer(url, origin=origin)
+        assert refused.value.response.status_code == 403
+    Viewer(url, origin=url[:-1])
+
+
+def test_an_origin_that_is_allowed_may_look(programs):
+    url, _ = address(free_run(programs, "--live-origin", "https://app.foxglove.dev"))
+    Viewer(url, origin="https://app.foxglove.dev")
+    with pytest.raises(InvalidStatus):
+        Viewer(url, origin="https://foxglove.dev")
+
+
+def test_nonsense_and_wrong_tokens_change_nothing(programs):
+    run = free_run(programs)
+    url, token = address(run)
+    viewer = Viewer(url)
+    wrong = "the token is wrong: open the page by the address that the terminal shows"
+    set_point = {"set": {"load": 1, "frequency_hz": 20, "phase_deg": 0}}
+    for asked, why in [
+        ({"token": "0" * 32, "request": "disarm"}, wrong),
+        ({"token": "", "request": "disarm"}, wrong),
+        ({"token": token, "request": "arm"}, "arm can't be asked of a plant and exciter"),
+        ({"token": token, "request": {"seek": {"time_s": 1}}}, "play can't be asked of a plant and exciter"),
+        ({"token": token, "request": set_point}, "set can't be asked of a plant and exciter"),
+        ("", "that is no request: EOF while parsing a value at line 1 column 0"),
+        ("{}", "that is no request: missing field `token` at line 1 column 2"),
+    ]:
+        assert viewer.ask(asked) == {"kind": "refused", "why": why}
+    # A viewer that goes on like this is let go, as is one whose message is too long; the others see nothing of it.
+    other = Viewer(url)
+    with pytest.raises(ConnectionClosed):
+        for _ in range(50):
+            viewer.ask("nonsense")
+    long = Viewer(url)
+    with pytest.raises(ConnectionClosed):
+        long.ask("x" * 100_000)
+    while other.next("update")["sample"] < 100:
+        pass
+    with socket.create_connection(("127.0.0.1", int(url.rstrip("/").rsplit(":")[-1]))) as raw:
+        raw.sendall(b"\x16\x03\x01\x00nonsense\r\n\r\n")
+    assert Viewer(url).ask({"token": token, "request": "disarm"}) == {"kind": "taken"}
+    assert run.wait() == 0
+
+
+def test_a_port_in_use_is_said(programs):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        run = programs.resonarm("run", "--mode", "free", "--live", f"127.0.0.1:{port}")
+        assert run.wait() == 3
+        assert run.stderr == (
+            f"resonarm: --live can't listen on 127.0.0.1:{port}: Address already in use (os error 98); "
+            "another program has this port: name another, or leave it out for a free one\n"
+        )
+
+
+@pytest.mark.parametrize("given", ["nowhere", "127.0.0.1:99999", "http://127.0.0.1"])
+def test_what_is_no_address_is_said(programs, given):
+    run = programs.resonarm("run", "--mode", "free", "--live", given)
+    assert run.wait() == 2
+    expected = "it is an address, as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080"
+    assert run.stderr == f"resonarm: --live is `{given}`: {expected}\n"
+
+
+def test_nothing_listens_unless_it_is_asked_for(programs):
+    run = programs.resonarm("run", "--mode", "free", "--speed", 1)
+    wait_until(lambda: len(list(Path(f"/proc/{run.process.pid}/task").iterdir())) > 1, "the run to begin")
+    # State and inode of each TCP socket (proc_net_tcp(5)); 0A is listening.
+    sockets = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    listening = {words[9] for words in sockets if words[3] == "0A"}
+    files = [os.readlink(entry) for entry in Path(f"/proc/{run.process.pid}/fd").iterdir()]
+    assert not listening & {name[8:-1] for name in files if name.startswith("socket:[")}
+    assert "live view" not in run.stderr
+
+
+def test_fifty_viewers_and_those_who_do_not_read_cost_the_loop_nothing(programs):
+    """What the run tells is lost to slow viewers, and counted, and never to the loop."""
+    run = free_run(programs, "--duration-s", 25, "--json")
+    url, _ = address(run)
+    # Connected, and then they read nothing.
+    idle = [Viewer(url, max_queue=1) for _ in range(5)]
+    with ThreadPoolExecutor(50) as pool:
+        viewers = list(pool.map(lambda _: Viewer(url), range(50)))
+        latest = list(pool.map(lambda viewer: [viewer.next("update") for _ in range(60)][-1], viewers))
+    assert all(told["viewers"] == 55 and told["lost"] == 0 for told in latest)
+    assert len(idle) == 5
+    for viewer in viewers:
+        viewer.socket.close()
+    said = run.result()
+    assert said["samples"] == 25_001 and said["outcome"] == "completed"
+
+
+def test_who_comes_late_is_told_what_was(programs):
+    url, _ = address(free_run(programs))
+    first = Viewer(url)
+    while first.next("update")["sample"] < 3000:
+        pass
+    late = Viewer(url)
+    assert late.next("state")["state"] == "operational"
+    assert late.next("event")["name"].startswith("state.")
+    kept = late.next("update")
+    assert len(kept["stretches"]) > 200 and kept["rows"] == 0
+    assert np.all(np.diff(kept["stretches"]) == 10)
+
+
+def message_types(channels):
+    """What decodes the messages of each schema, made of the schemas that the server told."""
+    pool = descriptor_pool.DescriptorPool()
+    for channel in channels:
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
+        files = descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"]))
+        for file in files.file:
+            pool.Add(file)
+    names = [channel["schemaName"] for channel in channels]
+    return {name: message_factory.GetMessageClass(pool.FindMessageTypeByName(name)) for name in names}
+
+
+@pytest.mark.parametrize("subprotocol", SUBPROTOCOLS)
+def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, subprotocol):
+    url, _ = address(free_run(programs, "--steer"))
+    topics = ["/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples"]
+    environment = os.environ | {"NODE_PATH": str(Path(NODE_MODULES).resolve())}
+    command = ["node", "tests/live/foxglove.js", url.replace("http:", "ws:"), subprotocol, "200", *topics]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["subprotocol"], told["errors"]) == (subprotocol, [])
+    assert told["serverInfo"]["name"].startswith("resonarm ")
+    assert {channel["topic"] for channel in told["channels"]} == {*topics, "/timing/ticks", "/events"}
+    decode = message_types(told["channels"])
+    steps = []
+    for message in told["messages"]:
+        decoded = decode[message["schemaName"]].FromString(base64.b64decode(message["bytes"]))
+        if message["topic"] == "/plant/steps":
+            steps += range(decoded.first_step, decoded.first_step + len(decoded.alpha1_rad))
+            assert decoded.dt_s == 1e-3
+        if message["topic"] == "/plant/sensors":
+            assert decoded.step % 10 == 0
+    assert len(steps) > 50 and steps == list(range(steps[0], steps[0] + len(steps)))
+    times = [int(message["timestamp"]) for message in told["messages"] if message["topic"] == "/plant/state"]
+    assert np.all(np.diff(times) == 10_000_000)
+
+
+def test_another_subprotocol_and_nonsense_from_a_client_are_answered(programs):
+    url, _ = address(free_run(programs))
+    stream = url.replace("http:", "ws:")
+    with pytest.raises(InvalidStatus) as refused:
+        connect(stream, subprotocols=["mqtt"], open_timeout=PATIENCE_S).__enter__()
+    assert refused.value.response.status_code == 400
+    with connect(stream, subprotocols=[SUBPROTOCOLS[0]], open_timeout=PATIENCE_S, origin=url[:-1]) as client:
+        assert [json.loads(client.recv(PATIENCE_S))["op"] for _ in range(2)] == ["serverInfo", "advertise"]
+        client.send('{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 99}]}')
+        assert json.loads(client.recv(PATIENCE_S)) == {"op": "status", "level": 2, "message": "there is no channel 99"}
+        client.send("nonsense")
+        assert json.loads(client.recv(PATIENCE_S))["op"] == "status"
+        client.send(b"\0")
+        assert json.loads(client.recv(PATIENCE_S))["message"] == "resonarm takes no binary messages"
