@@ -17,6 +17,7 @@ use crate::scenario::Scenario;
 
 mod jammed_bus;
 mod network;
+mod watched;
 
 use jammed_bus::JammedBus;
 

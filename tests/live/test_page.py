@@ -6,6 +6,7 @@ import zlib
 
 import pytest
 from browser import Browser
+from live_view import address
 from processes import Programs, wait_until
 
 # What a phone shows, CSS pixels.
@@ -22,12 +23,6 @@ def browser():
 def programs():
     with Programs() as started:
         yield started
-
-
-def address(program):
-    """Where the program serves its page, with the token."""
-    found = wait_until(lambda: re.search(r"live view +(http://127\.0\.0\.1:\d+/)#(\w+)", program.stderr), "the address")
-    return found[1], found[2]
 
 
 def open_page(browser, program, **size):
@@ -121,12 +116,13 @@ def test_a_run_is_disarmed_from_the_page_and_records_it(browser, programs, tmp_p
     page.value("document.querySelector('[data-request=disarm]').click()")
     said = run.result()
     assert said["outcome"] == "disarmed" and said["exciter"]["outcome"] == "stopped"
-    page.until("document.getElementById('link').textContent === 'not connected'")
+    page.until("document.getElementById('link').textContent === 'the run is over'")
     assert "request.disarm" in page.text("#events")
     exported = programs.resonarm("export", recording, "--to", "csv", "--parts", "events", "--out", tmp_path / "out")
     assert exported.wait() == 0, exported.stderr
     table = (tmp_path / "out-events.csv").read_text()
     assert "request.disarm" in table and "state.pre_operational" in table
+    assert page.errors == []
 
 
 def test_without_the_token_one_can_only_look(browser, programs):

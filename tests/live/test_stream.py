@@ -3,9 +3,7 @@
 import base64
 import json
 import os
-import re
 import socket
-import struct
 import subprocess
 import urllib.error
 import urllib.request
@@ -15,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from live_view import OPEN, Viewer, address
 from processes import PATIENCE_S, Programs, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -28,46 +27,6 @@ SUBPROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
 def programs():
     with Programs() as started:
         yield started
-
-
-class Viewer:
-    """One that takes the updates of the page."""
-
-    def __init__(self, url, **options):
-        # Closed at the latest when the program ends.
-        opening = connect(url.replace("http:", "ws:") + "live", max_size=None, open_timeout=PATIENCE_S, **options)
-        self.socket = opening.__enter__()
-        self.about = self.next("about")
-
-    def next(self, kind):
-        """The next message of that kind."""
-        while True:
-            told = self.socket.recv(PATIENCE_S)
-            told = update(told) if isinstance(told, bytes) else json.loads(told)
-            if told["kind"] == kind:
-                return told
-
-    def ask(self, text):
-        self.socket.send(text if isinstance(text, str) else json.dumps(text))
-        while True:
-            told = self.socket.recv(PATIENCE_S)
-            if isinstance(told, str) and (answer := json.loads(told))["kind"] in ("taken", "refused"):
-                return answer
-
-
-def update(content):
-    """An update taken apart, as docs/live.md has it."""
-    (length,) = struct.unpack_from("<I", content)
-    head = json.loads(content[4 : 4 + length])
-    numbers = np.frombuffer(content, "<f4", offset=-(-(4 + length) // 4) * 4).reshape(-1, 12)
-    extremes, rows = np.split(numbers, [2 * len(head["stretches"])])
-    assert len(rows) == head["rows"]
-    return {"kind": "update", **head, "least": extremes[::2], "largest": extremes[1::2], "numbers": rows}
-
-
-def address(program):
-    found = wait_until(lambda: re.search(r"live view +(http://127\.0\.0\.1:\d+/)#(\w+)", program.stderr), "the address")
-    return found[1], found[2]
 
 
 def free_run(programs, *arguments):
@@ -138,32 +97,29 @@ def test_an_origin_that_is_allowed_may_look(programs):
 def test_nonsense_and_wrong_tokens_change_nothing(programs):
     run = free_run(programs)
     url, token = address(run)
-    viewer = Viewer(url)
+    viewer = Viewer(url, token)
     wrong = "the token is wrong: open the page by the address that the terminal shows"
     set_point = {"set": {"load": 1, "frequency_hz": 20, "phase_deg": 0}}
-    for asked, why in [
-        ({"token": "0" * 32, "request": "disarm"}, wrong),
-        ({"token": "", "request": "disarm"}, wrong),
-        ({"token": token, "request": "arm"}, "arm can't be asked of a plant and exciter"),
-        ({"token": token, "request": {"seek": {"time_s": 1}}}, "play can't be asked of a plant and exciter"),
-        ({"token": token, "request": set_point}, "set can't be asked of a plant and exciter"),
-        ("", "that is no request: EOF while parsing a value at line 1 column 0"),
-        ("{}", "that is no request: missing field `token` at line 1 column 2"),
-    ]:
-        assert viewer.ask(asked) == {"kind": "refused", "why": why}
+    for guess in ("0" * 32, "", token[1:]):
+        assert viewer.ask("disarm", guess) == {"kind": "refused", "why": wrong}
+    for request, action in [("arm", "arm"), ({"seek": {"time_s": 1}}, "play"), (set_point, "set")]:
+        why = f"{action} can't be asked of a plant and exciter"
+        assert viewer.ask(request) == {"kind": "refused", "why": why}
+    nothing = "EOF while parsing a value at line 1 column 0"
+    for said, why in [("", nothing), ("{}", "missing field `token` at line 1 column 2")]:
+        assert viewer.say(said) == {"kind": "refused", "why": f"that is no request: {why}"}
     # A viewer that goes on like this is let go, as is one whose message is too long; the others see nothing of it.
     other = Viewer(url)
     with pytest.raises(ConnectionClosed):
         for _ in range(50):
-            viewer.ask("nonsense")
+            viewer.say("nonsense")
     long = Viewer(url)
     with pytest.raises(ConnectionClosed):
-        long.ask("x" * 100_000)
-    while other.next("update")["sample"] < 100:
-        pass
+        long.say("x" * 100_000)
+    other.next("update", lambda told: told["sample"] > 100)
     with socket.create_connection(("127.0.0.1", int(url.rstrip("/").rsplit(":")[-1]))) as raw:
         raw.sendall(b"\x16\x03\x01\x00nonsense\r\n\r\n")
-    assert Viewer(url).ask({"token": token, "request": "disarm"}) == {"kind": "taken"}
+    assert Viewer(url, token).ask("disarm") == {"kind": "taken"}
     assert run.wait() == 0
 
 
@@ -219,8 +175,7 @@ def test_fifty_viewers_and_those_who_do_not_read_cost_the_loop_nothing(programs)
 def test_who_comes_late_is_told_what_was(programs):
     url, _ = address(free_run(programs))
     first = Viewer(url)
-    while first.next("update")["sample"] < 3000:
-        pass
+    first.next("update", lambda told: told["sample"] > 3000)
     late = Viewer(url)
     assert late.next("state")["state"] == "operational"
     assert late.next("event")["name"].startswith("state.")
@@ -271,9 +226,9 @@ def test_another_subprotocol_and_nonsense_from_a_client_are_answered(programs):
     url, _ = address(free_run(programs))
     stream = url.replace("http:", "ws:")
     with pytest.raises(InvalidStatus) as refused:
-        connect(stream, subprotocols=["mqtt"], open_timeout=PATIENCE_S).__enter__()
+        connect(stream, subprotocols=["mqtt"], **OPEN).__enter__()
     assert refused.value.response.status_code == 400
-    with connect(stream, subprotocols=[SUBPROTOCOLS[0]], open_timeout=PATIENCE_S, origin=url[:-1]) as client:
+    with connect(stream, subprotocols=[SUBPROTOCOLS[0]], **OPEN, origin=url[:-1]) as client:
         assert [json.loads(client.recv(PATIENCE_S))["op"] for _ in range(2)] == ["serverInfo", "advertise"]
         client.send('{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 99}]}')
         assert json.loads(client.recv(PATIENCE_S)) == {"op": "status", "level": 2, "message": "there is no channel 99"}

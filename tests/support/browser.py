@@ -59,7 +59,7 @@ class Page:
 
     def __init__(self, url):
         # Closed at the latest when the browser ends.
-        self.socket = connect(url, max_size=None, open_timeout=PATIENCE_S).__enter__()
+        self.socket = connect(url, max_size=None, open_timeout=PATIENCE_S, ping_interval=None).__enter__()
         self.numbers = itertools.count(1)
         self.errors = []
         for domain in ("Page", "Runtime", "Log", "Network"):

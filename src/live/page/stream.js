@@ -13,15 +13,26 @@ export function decode(buffer, channels) {
   return { head, stretches, rows };
 }
 
-// Connects, and again whenever the connection is lost; `told` takes text messages, `updated` binary ones.
+// Connects, and again whenever the connection is lost before the run is over; `told` takes text messages, `updated`
+// binary ones.
 export function connect({ told, updated, linked }) {
-  let socket = null;
+  let [socket, over] = [null, false];
   const open = () => {
     socket = new WebSocket(`ws://${location.host}/live`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => linked(true);
-    socket.onclose = () => { linked(false); setTimeout(open, AGAIN_MS); };
-    socket.onmessage = ({ data }) => (typeof data === "string" ? told(JSON.parse(data)) : updated(data));
+    socket.onclose = () => {
+      if (!over) {
+        linked(false);
+        setTimeout(open, AGAIN_MS);
+      }
+    };
+    socket.onmessage = ({ data }) => {
+      if (typeof data !== "string") return updated(data);
+      const message = JSON.parse(data);
+      over ||= message.kind === "ended";
+      return told(message);
+    };
   };
   open();
   return { send: (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message)) };

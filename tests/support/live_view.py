@@ -1,0 +1,59 @@
+"""A viewer of the live view that is no browser: it takes what the page is sent (docs/live.md)."""
+
+import json
+import re
+import struct
+
+import numpy as np
+from processes import PATIENCE_S, wait_until
+from websockets.sync.client import connect
+
+# Some tests read nothing for a while.
+OPEN = {"open_timeout": PATIENCE_S, "ping_interval": None}
+
+
+def address(program):
+    """Where a program serves its page, and the token."""
+    pattern = r"live view +(http://127\.0\.0\.1:\d+/)#(\w+)"
+    found = wait_until(lambda: re.search(pattern, program.stderr), "the address of the live view")
+    return found[1], found[2]
+
+
+def update(content):
+    """An update taken apart."""
+    (length,) = struct.unpack_from("<I", content)
+    head = json.loads(content[4 : 4 + length])
+    numbers = np.frombuffer(content, "<f4", offset=-(-(4 + length) // 4) * 4).reshape(-1, 12)
+    extremes, rows = np.split(numbers, [2 * len(head["stretches"])])
+    assert len(rows) == head["rows"]
+    return {"kind": "update", **head, "least": extremes[::2], "largest": extremes[1::2], "numbers": rows}
+
+
+class Viewer:
+    """One that takes the updates of the page, and asks with the token it is given."""
+
+    def __init__(self, url, token="", **options):
+        # Closed at the latest when the program ends.
+        self.socket = connect(url.replace("http:", "ws:") + "live", max_size=None, **OPEN, **options).__enter__()
+        self.token = token
+        self.about = self.next("about")
+
+    def next(self, kind, holds=lambda told: True):
+        """The next message of that kind of which something holds."""
+        while True:
+            told = self.socket.recv(PATIENCE_S)
+            told = update(told) if isinstance(told, bytes) else json.loads(told)
+            if told["kind"] == kind and holds(told):
+                return told
+
+    def say(self, text):
+        """The answer to a text."""
+        self.socket.send(text)
+        while True:
+            told = self.socket.recv(PATIENCE_S)
+            if isinstance(told, str) and (answer := json.loads(told))["kind"] in ("taken", "refused"):
+                return answer
+
+    def ask(self, request, token=None):
+        """The answer to a request."""
+        return self.say(json.dumps({"token": self.token if token is None else token, "request": request}))
