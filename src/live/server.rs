@@ -13,6 +13,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::serve::ListenerExt;
 use tokio::sync::{broadcast, oneshot};
 use tokio::time::MissedTickBehavior;
 
@@ -35,6 +36,8 @@ const VIEWERS: usize = 256;
 const FAREWELL: Duration = Duration::from_millis(300);
 /// How much less processor time the thread gets than others (nice(2)).
 const NICE: i32 = 10;
+/// What the system holds for a viewer, bytes: about a second of updates.
+const HELD_BYTES: usize = 1 << 16;
 /// The longest message that a viewer may send, bytes.
 const LONGEST: usize = 4096;
 
@@ -163,6 +166,7 @@ async fn run(
         .merge(page::files())
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), admit))
         .with_state(shared);
+    let listener = listener.tap_io(|stream| prepare(stream));
     let serving = tokio::spawn(async move { axum::serve(listener, router).await });
     let mut beat = tokio::time::interval(BEAT);
     beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -176,6 +180,15 @@ async fn run(
     tokio::time::sleep(FAREWELL).await;
     serving.abort();
     Ok(())
+}
+
+/// Lets the system hold little of what a viewer does not read, so that it is known to be slow, and send at once what is
+/// new. A connection that can't be set so works all the same.
+fn prepare(stream: &tokio::net::TcpStream) {
+    let held = rustix::net::sockopt::set_socket_send_buffer_size(stream, HELD_BYTES);
+    if let Err(error) = held.map_err(std::io::Error::from).and_then(|()| stream.set_nodelay(true)) {
+        tracing::debug!("a connection of the live view: {error}");
+    }
 }
 
 /// Refuses who may not look, and says what a page of this server may do.
