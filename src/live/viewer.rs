@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use axum::extract::ws::{Message, WebSocket};
+use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 
 use super::foxglove::{self, Subscriptions};
@@ -39,52 +40,75 @@ impl Drop for Counted {
     }
 }
 
-/// Sends a message; `false` if the viewer is gone.
-async fn send(socket: &mut WebSocket, message: Message) -> bool {
-    matches!(tokio::time::timeout(PATIENCE, socket.send(message)).await, Ok(Ok(())))
+/// Why a viewer is told no more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LetGo {
+    /// It has left, or says nothing that makes sense.
+    Gone,
+    /// It takes nothing.
+    TooSlow,
 }
 
-async fn send_all(socket: &mut WebSocket, messages: impl IntoIterator<Item = Message>) -> bool {
+/// Sends messages, one after the other.
+async fn send(socket: &mut WebSocket, messages: impl IntoIterator<Item = Message>) -> Result<(), LetGo> {
     for message in messages {
-        if !send(socket, message).await {
-            return false;
+        match tokio::time::timeout(PATIENCE, socket.send(message)).await {
+            Ok(sent) => sent.map_err(|_closed| LetGo::Gone)?,
+            Err(_elapsed) => return Err(LetGo::TooSlow),
         }
     }
-    true
+    Ok(())
 }
 
 /// Tells a page what happens, and takes what it asks for.
 pub async fn view(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let mut nonsense = 0;
-    'anew: loop {
+    loop {
         let (introduction, mut updates) = {
             let (model, source) = (lock(&shared.model), lock(&shared.source));
             (model.introduction(source.lost()), shared.updates.subscribe())
         };
-        if !send_all(&mut socket, introduction).await {
+        let told = match send(&mut socket, introduction).await {
+            Ok(()) => tell(&mut socket, shared, &mut updates, &mut nonsense).await,
+            Err(let_go) => Err(let_go),
+        };
+        let lost = match told {
+            Ok(lost) => lost,
+            Err(LetGo::TooSlow) => updates.len() as u64,
+            Err(LetGo::Gone) => 0,
+        };
+        shared.lost_updates.fetch_add(lost, Ordering::Relaxed);
+        if told.is_err() {
             return;
         }
-        loop {
-            let message = tokio::select! {
-                update = updates.recv() => match update {
-                    Ok(message) => Some(message),
-                    Err(RecvError::Lagged(lost)) => {
-                        shared.lost_updates.fetch_add(lost, Ordering::Relaxed);
-                        continue 'anew;
-                    }
-                    Err(RecvError::Closed) => return,
-                },
-                said = socket.recv() => match said {
-                    Some(Ok(Message::Text(asked))) => answer(shared, &asked, &mut nonsense),
-                    Some(Ok(Message::Binary(_))) => refuse("a request is text", &mut nonsense),
-                    Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
-                    Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                },
-            };
-            if nonsense > NONSENSE || !send_all(&mut socket, message).await {
-                return;
-            }
+    }
+}
+
+/// Tells a page the updates until it has lost some: how many.
+async fn tell(
+    socket: &mut WebSocket,
+    shared: &Shared,
+    updates: &mut Receiver<Message>,
+    nonsense: &mut u32,
+) -> Result<u64, LetGo> {
+    loop {
+        let message = tokio::select! {
+            update = updates.recv() => match update {
+                Ok(message) => Some(message),
+                Err(RecvError::Lagged(lost)) => return Ok(lost),
+                Err(RecvError::Closed) => return Err(LetGo::Gone),
+            },
+            said = socket.recv() => match said {
+                Some(Ok(Message::Text(asked))) => answer(shared, &asked, nonsense),
+                Some(Ok(Message::Binary(_))) => refuse("a request is text", nonsense),
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return Err(LetGo::Gone),
+            },
+        };
+        send(socket, message).await?;
+        if *nonsense > NONSENSE {
+            return Err(LetGo::Gone);
         }
     }
 }
@@ -116,7 +140,7 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let introduction = foxglove::introduction(lock(&shared.model).about(), &shared.session);
     let mut published = shared.published.subscribe();
     let (mut subscriptions, mut nonsense) = (Subscriptions::default(), 0);
-    if !send_all(&mut socket, introduction).await {
+    if send(&mut socket, introduction).await.is_err() {
         return;
     }
     loop {
@@ -140,7 +164,11 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
                 Vec::from_iter(answer)
             },
         };
-        if nonsense > NONSENSE || !send_all(&mut socket, messages).await {
+        let sent = send(&mut socket, messages).await;
+        if sent == Err(LetGo::TooSlow) {
+            shared.lost_updates.fetch_add(published.len() as u64, Ordering::Relaxed);
+        }
+        if nonsense > NONSENSE || sent.is_err() {
             return;
         }
     }

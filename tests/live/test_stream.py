@@ -173,9 +173,9 @@ def test_fifty_viewers_and_five_who_read_nothing_are_served_and_the_run_goes_on(
     with ThreadPoolExecutor(50) as pool:
         viewers = list(pool.map(lambda _: Viewer(url, token), range(50)))
         everybody = list(pool.map(lambda viewer: viewer.next("update", lambda told: told["viewers"] == 55), viewers))
-        lost = viewers[0].next("update", lambda told: told["lost_updates"] > 0)
         let_go = list(pool.map(lambda viewer: viewer.next("update", lambda told: told["viewers"] == 50), viewers))
-    assert len(everybody) == len(let_go) == 50 and lost["sample"] > 0 and len(idle) == 5
+    assert len(everybody) == len(let_go) == 50 and len(idle) == 5
+    viewers[0].next("update", lambda told: told["lost_updates"] > 5)
     assert viewers[0].ask("disarm") == {"kind": "taken"}
     said = run.result()
     assert said["samples"] > let_go[0]["sample"] and said["outcome"] == "disarmed"
