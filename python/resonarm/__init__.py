@@ -5,8 +5,9 @@ angles α are deflections of the joints about the pose β. What makes no sense i
 refuses an `OSError`, what could not be done a `ResonarmError`.
 """
 
-from ._resonarm import Measurement, Mode, ResonarmError, __version__, presets
+from ._resonarm import Measurement, Mode, ResonarmError, StableMotion, __version__, presets
 from .arm import Arm
+from .basins import Basins
 from .continuation import Branch, BranchEndedEarly, Curve
 from .plant import Plant
 from .protocol import Decoded, Decoder, Encoder, Frame, Network
@@ -16,6 +17,7 @@ from .session import Node, Report, run
 
 __all__ = [
     "Arm",
+    "Basins",
     "Branch",
     "BranchEndedEarly",
     "Curve",
@@ -32,6 +34,7 @@ __all__ = [
     "Report",
     "ResonarmError",
     "Scenario",
+    "StableMotion",
     "__version__",
     "presets",
     "run",

@@ -1,4 +1,5 @@
-"""The types through which NumPy sees the rows of words that the extension hands over (`python/src/rows.rs`)."""
+"""The types through which NumPy sees the rows of words that the extension hands over (`python/src/rows.rs`): each word
+has its lowest byte first, whatever the machine."""
 
 from typing import Any
 
@@ -8,18 +9,25 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
+def words(form: np.dtype[Any]) -> int:
+    """The words that a value takes."""
+    return -(-form.itemsize // 8)
+
+
 def _rows(*fields: tuple[str, str, int]) -> np.dtype[Any]:
     """Fields of so many values each, each field from a new word of 8 bytes on."""
-    formats = [np.dtype((form, (count,))) if count > 1 else np.dtype(form) for _, form, count in fields]
+    little = [(np.dtype(form).newbyteorder("<"), count) for _, form, count in fields]
+    formats = [np.dtype((form, (count,))) if count > 1 else form for form, count in little]
     offsets, end = [], 0
     for form in formats:
         offsets.append(end)
-        end += -(-form.itemsize // 8) * 8
+        end += 8 * words(form)
     names = [name for name, _, _ in fields]
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
 
 
-COMPLEX: np.dtype[Any] = np.dtype("c16")
+NUMBER: np.dtype[Any] = np.dtype("<f8")
+COMPLEX: np.dtype[Any] = np.dtype("<c16")
 MOTION = _rows(("t_s", "f8", 1), ("alpha_rad", "f8", 2), ("alpha_dot_rad_s", "f8", 2))
 ORBIT = _rows(
     ("value", "f8", 1),
@@ -30,6 +38,7 @@ ORBIT = _rows(
     ("period", "u8", 1),
     ("multipliers", "c16", 4),
 )
+OUTCOME = _rows(("motion", "i8", 1), ("periods", "u8", 1))
 SINGULAR = _rows(("value", "f8", 1), ("value2", "f8", 1), ("harmonic1_rad", "f8", 2))
 
 _READINGS = (
@@ -97,3 +106,34 @@ def named(names: list[str], rows: Array, field: str = "kind") -> Array:
     for name in rows.dtype.names or ():
         out[name] = rows[name]
     return out
+
+
+_UNITS = {
+    "_m_s2": "m/s²",
+    "_rad_s": "rad/s",
+    "_rad": "rad",
+    "_nm": "N·m",
+    "_n": "N",
+    "_hz": "Hz",
+    "_deg": "°",
+    "_unix_ns": "ns",
+    "_ns": "ns",
+    "_s": "s",
+}
+
+
+def unit(name: str) -> str:
+    """The unit of a column, which its name ends with; empty if it has none."""
+    return next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
+
+
+def pair(name: str) -> tuple[str, str]:
+    """The names of the two columns of a pair: `alpha_rad` is `alpha1_rad` and `alpha2_rad`, `force_n` `force_x_n` and
+    `force_y_n`."""
+    ending = next(ending for ending in _UNITS if name.endswith(ending))
+    head = name.removesuffix(ending)
+    for joint in ("alpha", "torque"):
+        if head.startswith(joint):
+            rest = head.removeprefix(joint) + ending
+            return f"{joint}1{rest}", f"{joint}2{rest}"
+    return f"{head}_x{ending}", f"{head}_y{ending}"

@@ -50,10 +50,38 @@ class Arm:
     def motion(
         self,
         initial: tuple[float, float, float, float],
-        sine: tuple[float, float, float, float],
+        sine: _Sine,
         stepping: tuple[str | None, float],
         length: tuple[int, int],
     ) -> bytearray: ...
+
+def ensemble(arm: Arm, sine: _Sine, initial: bytes, length: tuple[int, int]) -> bytearray: ...
+
+@final
+class StableMotion:
+    """A stable periodic motion of the arm under a sine."""
+
+    @property
+    def period(self) -> int:
+        """Periods of the excitation after which it repeats."""
+    @property
+    def largest_multiplier(self) -> float:
+        """Largest magnitude of its Floquet multipliers, over its own period."""
+    @property
+    def amplitude_rad(self) -> tuple[float, float]:
+        """The largest |α1| and |α2|, rad."""
+    @property
+    def section(self) -> list[tuple[float, float, float, float]]:
+        """The states at phase 0 of the excitation: α1, α2, rad, α̇1, α̇2, rad/s."""
+
+@final
+class Attractors:
+    def __new__(cls, arm: Arm, sine: _Sine) -> Self: ...
+    @property
+    def motions(self) -> list[StableMotion]: ...
+    @property
+    def ended_early(self) -> str | None: ...
+    def outcomes(self, initial: bytes, time_constants: float, on_cores: bool) -> bytearray: ...
 
 @final
 class Traced:
@@ -71,7 +99,7 @@ def step_rate_hz(name: str | None = None) -> float: ...
 def parameter_label(name: str) -> tuple[str, str]: ...
 def trace_branch(
     arm: Arm,
-    drive: tuple[tuple[float, float, float], float, float],
+    drive: tuple[tuple[float, float, float, float], float, float],
     range: tuple[str, float, float],
     limits: tuple[int, int, float],
     doubled: bool,
@@ -81,7 +109,9 @@ def trace_branch(
 _Load = tuple[float, float]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
-_How = tuple[str, _Path | None, bool, float | None, float | None, int, bool]
+_Sine = tuple[_Load, _Load, float]
+_RealTime = tuple[str | None, int | None, int | None]
+_How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
 
 class Scenario:
@@ -157,6 +187,7 @@ class Recording:
 @final
 class Reader:
     def read(self, most_rows: int) -> tuple[bytearray, list[str]]: ...
+    def read_columns(self, most_rows: int) -> tuple[bytearray, list[str], int]: ...
 
 @final
 class LogWriter:

@@ -1,4 +1,4 @@
-"""The arm: modes, frequency responses, its motion under a sine, and branches of periodic motions."""
+"""The arm: modes, frequency responses, its motions under a sine, branches of periodic ones, basins of attraction."""
 
 import math
 from typing import Any
@@ -7,10 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _resonarm
-from ._dtypes import COMPLEX, MOTION, Array, view
+from ._dtypes import COMPLEX, MOTION, NUMBER, Array, view
+from ._load import Load
+from .basins import Basins, basins
 from .continuation import Branch, trace
 
 MOST_STEPS = 10_000_000_000
+MOST_PERIODS = 2**32 - 1
 
 
 class Arm(_resonarm.Arm):
@@ -44,7 +47,7 @@ class Arm(_resonarm.Arm):
 
         Raises ValueError for an unknown term or a negative frequency, ResonarmError where the response is infinite.
         """
-        hz = np.asarray(frequency_hz, dtype=np.float64)
+        hz = np.asarray(frequency_hz, dtype=NUMBER)
         return view(self.frf_at(hz.tobytes(), (drive, response, quantity)), COMPLEX).reshape(hz.shape)
 
     def simulate(
@@ -52,6 +55,7 @@ class Arm(_resonarm.Arm):
         duration_s: float,
         *,
         torque1_nm: float = 0.0,
+        torque2_nm: float = 0.0,
         force_x_n: float = 0.0,
         force_y_n: float = 0.0,
         excitation_hz: float = 0.0,
@@ -62,7 +66,7 @@ class Arm(_resonarm.Arm):
     ) -> Array:
         """The motion under A·sin(2πft), exact inside the step: rows with `t_s`, `alpha_rad` and `alpha_dot_rad_s`.
 
-        The amplitude A has a torque at joint 1, N·m, and a force at the tip, N; f is `excitation_hz`. `initial` is
+        The amplitude A has torques at the joints, N·m, and a force at the tip, N; f is `excitation_hz`. `initial` is
         α1, α2 in rad, α̇1, α̇2 in rad/s; `rate_hz` the integration steps a second, by default those of a scenario
         with the `scheme` (rk4, dop853, gl4, gl6, exponential, exponential8; by default the last). There is a row for
         the start, for every `every`th step and for the end. Ctrl-C ends it.
@@ -70,15 +74,65 @@ class Arm(_resonarm.Arm):
         Raises ValueError if the duration is no whole number of steps, an excitation has no frequency, or the scheme
         can't carry the arm at the rate.
         """
-        if excitation_hz <= 0 and (torque1_nm or force_x_n or force_y_n):
+        load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n)
+        if excitation_hz <= 0 and any(load.components):
             raise ValueError(
                 f"excitation_hz is {excitation_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
             )
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
-        stepping, sine = (scheme, rate), (torque1_nm, force_x_n, force_y_n, excitation_hz)
-        return view(self.motion(initial, sine, stepping, (_steps(duration_s, rate), every)), MOTION)
+        length = (_steps(duration_s, rate), every)
+        return view(self.motion(initial, load.sine(excitation_hz), (scheme, rate), length), MOTION)
+
+    def ensemble(
+        self,
+        initial: ArrayLike,
+        periods: int,
+        *,
+        frequency_hz: float,
+        torque1_nm: float = 0.0,
+        torque2_nm: float = 0.0,
+        force_x_n: float = 0.0,
+        force_y_n: float = 0.0,
+        every: int | None = None,
+    ) -> Array:
+        """Many motions under one A·sin(2πft), side by side in the lanes of the processor and over all cores.
+
+        `initial` has a row α1, α2 (rad), α̇1, α̇2 (rad/s) for each motion, at phase 0 of the excitation. The array
+        has a row for the start, for every `every`th period (by default the last alone) and for the end, and a column
+        for each motion, with `t_s`, `alpha_rad` and `alpha_dot_rad_s`. A motion that grows beyond all bounds is NaN.
+        Steps (`dop853`, so many a period that the frequency is right to 1e-8 of the damping ratio) are the same for
+        all, and each motion has the bits that it has alone. Ctrl-C ends it.
+
+        Raises ValueError for a frequency that is not positive, an arm without damping, or states that are not finite.
+        """
+        states = np.asarray(initial, dtype=NUMBER)
+        if states.ndim != 2 or states.shape[1] != 4 or not len(states):
+            raise ValueError(f"initial has the shape {states.shape}: it must be (motions, 4): α1, α2, α̇1, α̇2")
+        step = periods if every is None else every
+        for name, count in (("periods", periods), ("every", step)):
+            if not 1 <= count <= MOST_PERIODS:
+                raise ValueError(f"{name} is {count}: it must be from 1 to {MOST_PERIODS}")
+        sine = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).sine(frequency_hz)
+        rows = view(_resonarm.ensemble(self, sine, states.tobytes(), (periods, step)), MOTION)
+        return rows.reshape(-1, len(states))
+
+    def basins(self, frequency_hz: float, **options: Any) -> Basins:
+        """Which initial states reach which stable motion under A·sin(2πft), over a grid of two coordinates of the
+        state at phase 0, on all cores: what `resonarm basins` computes. The options, all by keyword:
+
+        - `torque1_nm`, `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A.
+        - `coordinates`: two of alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s, by default α1 and α̇1.
+        - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable
+          motion reaches, to both sides.
+        - `points`: how many values of each, from 2 to 1000, by default (41, 41).
+        - `initial`: the state whose other coordinates all have, by default at rest.
+        - `time_constants`: the longest wait, in those of the arm's slowest mode, by default 40.
+
+        Raises ValueError for what makes no sense, ResonarmError where no stable motion is known. Ctrl-C ends it.
+        """
+        return basins(self, frequency_hz, **options)
 
     def continuation(self, parameter: str, start: float, stop: float, **options: Any) -> Branch:
         """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
@@ -86,8 +140,9 @@ class Arm(_resonarm.Arm):
         `parameter` is frequency (Hz), amplitude (of the load, N or N·m), beta1_deg, beta2_deg or a parameter of the
         arm by its name, in its SI unit. The options, all by keyword:
 
-        - `torque1_nm`, or `force_x_n` and `force_y_n`: the amplitude A of a torque at joint 1 or of a force at the
-          tip. Where the amplitude is what varies, a force gives the direction; without one it is the torque.
+        - `torque1_nm` and `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A of torques at the joints or of
+          a force at the tip. Where the amplitude is what varies, a force gives the direction; without one it is that of
+          the torque at joint 1.
         - `frequency_hz`: of the excitation, where it is not what varies.
         - `doubled`: follow the motions of twice the period that leave at period doublings, too.
         - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _extras, _resonarm
 from ._dtypes import ORBIT, SINGULAR, Array, named, view
+from ._load import Load
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -91,6 +92,7 @@ def trace(
     stop: float,
     *,
     torque1_nm: float | None = None,
+    torque2_nm: float | None = None,
     force_x_n: float | None = None,
     force_y_n: float | None = None,
     frequency_hz: float | None = None,
@@ -102,10 +104,8 @@ def trace(
     largest_step: float = 0.25,
 ) -> Branch:
     """`Arm.continuation`, with its options in full."""
-    load = _load(parameter, torque1_nm, force_x_n, force_y_n)
+    load = _direction(parameter, Load(torque1_nm, torque2_nm, force_x_n, force_y_n))
     amplitude = math.hypot(*load)
-    if not (math.isfinite(amplitude) and amplitude > 0):
-        raise ValueError(f"the excitation's amplitude is {amplitude:g}: it must be a finite number other than 0")
     if parameter == "frequency":
         if frequency_hz is not None:
             raise ValueError("frequency_hz is for runs in another parameter: leave it out")
@@ -120,7 +120,8 @@ def trace(
         raise ValueError("curves_in and curves_to belong together: give both or neither")
     if curves_in == parameter:
         raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: name another parameter")
-    direction = (load[0] / amplitude, load[1] / amplitude, load[2] / amplitude)
+    u1, u2, fx, fy = load
+    direction = (u1 / amplitude, u2 / amplitude, fx / amplitude, fy / amplitude)
     traced = _resonarm.trace_branch(
         arm,
         (direction, amplitude, frequency_hz),
@@ -135,18 +136,13 @@ def trace(
     return branch
 
 
-def _load(parameter: str, torque1_nm: float | None, x: float | None, y: float | None) -> tuple[float, float, float]:
-    """Torque at joint 1, force along x and y; of the value 1 where the amplitude is what varies."""
-    is_force = x is not None or y is not None
-    if torque1_nm is not None and not is_force and parameter != "amplitude":
-        return (torque1_nm, 0.0, 0.0)
-    if torque1_nm is None and is_force:
-        return (0.0, x or 0.0, y or 0.0)
-    if torque1_nm is None and parameter == "amplitude":
-        return (1.0, 0.0, 0.0)
-    if parameter == "amplitude":
+def _direction(parameter: str, load: Load) -> tuple[float, float, float, float]:
+    """u1, u2, Fx, Fy. Where the amplitude is what varies: a force that gives the direction, else 1 N·m at joint 1."""
+    if parameter != "amplitude":
+        return load.checked().components
+    if load.is_torque:
         raise ValueError("the amplitude is what varies: leave torque1_nm out")
-    raise ValueError("give the excitation: torque1_nm=A, or force_x_n=A and force_y_n=A")
+    return load.checked().components if load.is_force else (1.0, 0.0, 0.0, 0.0)
 
 
 def _branch(traced: _resonarm.Traced, parameter: str, second: str) -> Branch:

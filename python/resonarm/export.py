@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _extras
-from ._dtypes import Array
+from ._dtypes import Array, pair, unit
 from .recording import Recording
 
 FORMATS = ("parquet", "mf4", "blf")
@@ -46,31 +46,16 @@ def _named(stem: Path, ending: str, overwrite: bool) -> Path:
 
 
 def columns(rows: Array) -> dict[str, Array]:
-    """The columns of rows by the names of the CSV of `resonarm export`: pairs apart, payloads as bytes."""
+    """The columns of rows of states or samples by the names of the CSV of `resonarm export`: pairs apart."""
     found: dict[str, Any] = {}
     for name in rows.dtype.names or ():
         column = rows[name]
-        if name == "data":
-            found[name] = [
-                bytes(data[: 0 if row["remote"] else row["length"]]) for row, data in zip(rows, column, strict=True)
-            ]
-        elif column.ndim == 2:
-            for k, pair_name in enumerate(_pair(name)):
+        if column.ndim == 2:
+            for k, pair_name in enumerate(pair(name)):
                 found[pair_name] = np.ascontiguousarray(column[:, k])
         else:
             found[name] = np.ascontiguousarray(column)
     return found
-
-
-def _pair(name: str) -> tuple[str, str]:
-    """`alpha_rad` as `alpha1_rad` and `alpha2_rad`, `force_n` as `force_x_n` and `force_y_n`."""
-    unit = next(unit for unit in ("_m_s2", "_rad_s", "_rad", "_nm", "_n") if name.endswith(unit))
-    head = name.removesuffix(unit)
-    for joint in ("alpha", "torque"):
-        if head.startswith(joint):
-            rest = head.removeprefix(joint) + unit
-            return f"{joint}1{rest}", f"{joint}2{rest}"
-    return f"{head}_x{unit}", f"{head}_y{unit}"
 
 
 def _parts(recording: Recording, parts: tuple[str, ...]) -> Iterator[str]:
@@ -83,15 +68,14 @@ def _parts(recording: Recording, parts: tuple[str, ...]) -> Iterator[str]:
 
 
 def _parquet(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
-    arrow, parquet = _extras.require("pyarrow", "export"), _extras.require("pyarrow.parquet", "export")
+    parquet = _extras.require("pyarrow", "export") and _extras.require("pyarrow.parquet", "export")
     parts = list(_parts(recording, PARTS))
     paths = [_named(stem, f"-{part}.parquet", overwrite) for part in parts]
     for part, path in zip(parts, paths, strict=True):
         writer = None
-        for rows in recording.chunks(part, ROWS):
-            table = arrow.table(columns(rows))
-            writer = writer or parquet.ParquetWriter(path, table.schema, compression="zstd")
-            writer.write_table(table)
+        for batch in recording.batches(part, ROWS):
+            writer = writer or parquet.ParquetWriter(path, batch.schema, compression="zstd")
+            writer.write_batch(batch)
         if writer is not None:
             writer.close()
     return paths
@@ -108,18 +92,13 @@ def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
                 channels = {name: values for name, values in named.items() if values.dtype != bool}
                 if first == 0:
                     signals = [
-                        mdf.Signal(values, times, name=name, unit=_unit(name)) for name, values in channels.items()
+                        mdf.Signal(values, times, name=name, unit=unit(name)) for name, values in channels.items()
                     ]
                     measured.append(signals, acq_name=part, comment=str(recording.path))
                 else:
                     measured.extend(group, [(times, None), *((values, None) for values in channels.values())])
         measured.save(path, overwrite=True)
     return [path]
-
-
-def _unit(name: str) -> str:
-    endings = {"_m_s2": "m/s²", "_rad_s": "rad/s", "_rad": "rad", "_nm": "N·m", "_n": "N"}
-    return next((unit for ending, unit in endings.items() if name.endswith(ending)), "")
 
 
 def _blf(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _resonarm
-from ._dtypes import PLAYED, Array, view
+from ._dtypes import NUMBER, PLAYED, Array, view
 from .scenario import Scenario
 
 
@@ -52,7 +52,7 @@ class Plant(_resonarm.Plant):
 def _pairs(name: str, loads: ArrayLike | None) -> NDArray[np.float64] | None:
     if loads is None:
         return None
-    array: NDArray[Any] = np.asarray(loads, dtype=np.float64)
+    array: NDArray[Any] = np.asarray(loads, dtype=NUMBER)
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"{name} has the shape {array.shape}: it must be (samples, 2)")
     return array

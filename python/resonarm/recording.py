@@ -1,4 +1,4 @@
-"""Recordings: MCAP files of runs, as NumPy arrays."""
+"""Recordings: MCAP files of runs, as NumPy arrays or Arrow tables."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _extras, _resonarm
+from . import _arrow, _extras, _resonarm
 from ._dtypes import PARTS, Array, named, view
 from .scenario import Scenario
 
@@ -55,6 +55,30 @@ class Recording(_resonarm.Recording):
             if first or len(chunk):
                 yield chunk
             if len(chunk) < rows:
+                return
+            first = False
+
+    def arrow(self, part: str, from_sample: int = 0, to_sample: int = _END) -> Any:
+        """The same as a `pyarrow.Table`, by the extra `arrow`, with the columns of the CSV of `resonarm export`: pairs
+        apart, payloads as bytes. Columns of 8-byte numbers are not copied. Each field's metadata have its `unit`, those
+        of the schema the recording's `path`, `part`, `dt_s` (s) and, if it has one, `scenario` (TOML).
+        """
+        pyarrow = _extras.require("pyarrow", "arrow")
+        return pyarrow.Table.from_batches([next(self.batches(part, _END, from_sample, to_sample))])
+
+    def batches(self, part: str, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = _END) -> Iterator[Any]:
+        """The same in `pyarrow.RecordBatch`es of so many rows, so that a recording may be longer than the memory; one
+        at least."""
+        reader = self.reader(part, from_sample, to_sample)
+        metadata = _arrow.schema_metadata(path=str(self.path), part=part, dt_s=self.dt_s)
+        if self.summary["configuration"] is not None:
+            metadata["scenario"] = self.scenario_toml()
+        first = True
+        while True:
+            words, names, count = reader.read_columns(rows)
+            if first or count:
+                yield _arrow.batch(words, names, count, PARTS[part], metadata)
+            if count < rows:
                 return
             first = False
 

@@ -59,6 +59,9 @@ def run(
     speed: float | None = None,
     patience_s: float | None = None,
     rearm: int = 0,
+    overrun: str | None = None,
+    priority: int | None = None,
+    core: int | None = None,
 ) -> Report:
     """Runs plant and exciter of a scenario on a bus inside this process, until the exciter's work is done.
 
@@ -68,10 +71,15 @@ def run(
     an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the exciter begins anew after
     a fault. Ctrl-C ends the run in order.
 
+    In real time `overrun` is what a missed deadline leads to: slip (the default), continue, fault or stop
+    (`docs/real-time.md`). The thread of the run, the plant's, asks for the `priority` of SCHED_FIFO, 1 to 99, with the
+    memory of the process locked, and for the `core` it is to stay on; without them it is left as it is. What the system
+    refuses goes to the logger `resonarm`.
+
     Raises ValueError and OSError if the run can't begin; what the controller raises. What ends a run early is in the
     report.
     """
-    how = (mode, record, overwrite, speed, patience_s, rearm, True)
+    how = (mode, record, overwrite, speed, patience_s, rearm, True, (overrun, priority, core))
     own = None if controller is None else (controller, load)
     plant, exciter, responses = _resonarm.run_both(scenario, how, own)
     return Report(plant, exciter, view(responses, RESPONSE))
@@ -100,8 +108,11 @@ class Node(_resonarm.NodeRun):
         patience_s: float | None = None,
         rearm: int = 0,
         end_on_disarm: bool = False,
+        overrun: str | None = None,
+        priority: int | None = None,
+        core: int | None = None,
     ) -> "Node":
-        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm)
+        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, (overrun, priority, core))
         own = None if controller is None else (controller, load)
         return super().__new__(cls, role, scenario, how, bus, own)
 

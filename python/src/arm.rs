@@ -134,23 +134,21 @@ impl Arm {
         rows.into_bytes(py)
     }
 
-    /// Rows of t, α and α̇ from `initial` on under a sine of u1, Fx, Fy and its frequency: with a scheme and steps a
-    /// second, so many steps, a row every so many of them and at the end.
+    /// Rows of t, α and α̇ from `initial` on under a sine: with a scheme and steps a second, so many steps, a row every
+    /// so many of them and at the end.
     fn motion<'py>(
         &self,
         py: Python<'py>,
         initial: [f64; 4],
-        sine: (f64, f64, f64, f64),
+        sine: SineParts,
         stepping: (Option<String>, f64),
         length: (u64, u64),
     ) -> PyResult<Bound<'py, PyByteArray>> {
-        let (torque1_nm, force_x_n, force_y_n, excitation_hz) = sine;
+        let sine = sine.sine();
         let ((scheme, rate_hz), (steps, every)) = (stepping, length);
         let scheme = self::scheme(scheme.as_deref())?;
         let integrator = Integrator::new(scheme, rate_hz, &self.inner).map_err(errors::value)?;
-        let amplitude = Load { torque_nm: [torque1_nm, 0.0].into(), force_n: [force_x_n, force_y_n].into() };
-        let sine = Sine { amplitude, frequency_hz: excitation_hz };
-        let mut state = State::new([initial[0], initial[1]], [initial[2], initial[3]]);
+        let mut state = state(&initial);
         if !state.is_finite() {
             return Err(errors::value(PlantSpecError::Initial(initial)));
         }
@@ -175,7 +173,26 @@ impl Arm {
     }
 }
 
-fn push(rows: &mut Rows, t_s: f64, state: &State) {
+/// A sine of Python: torques at the joints, N·m, and forces at the tip, N, at its crest; its frequency, Hz.
+#[derive(Clone, Copy, Debug, FromPyObject)]
+pub struct SineParts([f64; 2], [f64; 2], f64);
+
+impl SineParts {
+    /// The same for the library.
+    pub fn sine(self) -> Sine {
+        let SineParts(torque_nm, force_n, frequency_hz) = self;
+        Sine { amplitude: Load { torque_nm: torque_nm.into(), force_n: force_n.into() }, frequency_hz }
+    }
+}
+
+/// The state of α1, α2, α̇1, α̇2.
+pub fn state(numbers: &[f64; 4]) -> State {
+    let [x1, x2, v1, v2] = *numbers;
+    State::new([x1, x2], [v1, v2])
+}
+
+/// A row of t, α and α̇.
+pub fn push(rows: &mut Rows, t_s: f64, state: &State) {
     let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
     rows.numbers(&[t_s, x.x, x.y, v.x, v.y]);
 }

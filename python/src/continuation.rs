@@ -47,13 +47,13 @@ fn coordinate(flag: &str, name: &str) -> PyResult<Coordinate<ArmParameter>> {
     })
 }
 
-/// Follows the motions of an arm under a load, its direction (u1, Fx, Fy), amplitude and frequency, in a parameter
+/// Follows the motions of an arm under a load, its direction (u1, u2, Fx, Fy), amplitude and frequency, in a parameter
 /// from one value to another, with at most so many harmonics, points and so long steps.
 #[pyfunction]
 pub fn trace_branch(
     py: Python<'_>,
     arm: &Arm,
-    drive: ([f64; 3], f64, f64),
+    drive: ([f64; 4], f64, f64),
     range: (String, f64, f64),
     limits: (usize, usize, f64),
     doubled: bool,
@@ -66,8 +66,8 @@ pub fn trace_branch(
         Some((name, to)) => Some((coordinate("curves_in", &name)?, to)),
         None => None,
     };
-    let [torque1_nm, force_x_n, force_y_n] = direction;
-    let load = Load { torque_nm: [torque1_nm, 0.0].into(), force_n: [force_x_n, force_y_n].into() };
+    let [torque1_nm, torque2_nm, force_x_n, force_y_n] = direction;
+    let load = Load { torque_nm: [torque1_nm, torque2_nm].into(), force_n: [force_x_n, force_y_n].into() };
     let forced = ForcedArm::new(arm.inner.clone(), load, amplitude);
     let mut options = BranchOptions::new(start, stop);
     options.most_harmonics = most_harmonics;

@@ -9,6 +9,7 @@ use pyo3::exceptions::{
     PyValueError,
 };
 use pyo3::prelude::*;
+use resonarm::analysis::time_domain::TimeDomainError;
 use resonarm::analysis::{AnalysisError, FrfError};
 use resonarm::bus::BusError;
 use resonarm::recording::RecordingError;
@@ -61,6 +62,14 @@ pub fn analysis(error: AnalysisError) -> PyErr {
     match error {
         AnalysisError::Interval { .. } => value(error),
         _ => failed(error),
+    }
+}
+
+/// Of motions followed through time.
+pub fn time_domain(error: TimeDomainError) -> PyErr {
+    match error {
+        TimeDomainError::Integrate { .. } | TimeDomainError::Stopped => failed(error),
+        _ => value(error),
     }
 }
 

@@ -4,11 +4,13 @@
 //! interpreter's lock. Arrays go over as rows of words (`rows`), errors as exceptions of a fitting type (`errors`).
 
 mod arm;
+mod basins;
 mod bus;
 mod continuation;
 mod controller;
 mod errors;
 mod log;
+mod logging;
 mod plant;
 mod protocol;
 mod recording;
@@ -16,18 +18,23 @@ mod rows;
 mod scenario;
 mod session;
 mod values;
+mod watch;
 
 use pyo3::prelude::*;
 
 /// The module.
 #[pymodule]
 fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    logging::begin();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("ResonarmError", module.py().get_type::<errors::ResonarmError>())?;
     module.add_class::<arm::Arm>()?;
     module.add_class::<arm::Mode>()?;
     module.add_function(wrap_pyfunction!(arm::presets, module)?)?;
     module.add_function(wrap_pyfunction!(arm::step_rate_hz, module)?)?;
+    module.add_function(wrap_pyfunction!(basins::ensemble, module)?)?;
+    module.add_class::<basins::StableMotion>()?;
+    module.add_class::<basins::Attractors>()?;
     module.add_class::<continuation::Traced>()?;
     module.add_function(wrap_pyfunction!(continuation::trace_branch, module)?)?;
     module.add_function(wrap_pyfunction!(continuation::parameter_label, module)?)?;

@@ -97,6 +97,24 @@ fn boxed<T: Send + 'static>(
 impl Reader {
     /// The next rows, at most so many, and the names of events; none at the end.
     fn read<'py>(&self, py: Python<'py>, most_rows: usize) -> PyResult<(Bound<'py, PyByteArray>, Vec<String>)> {
+        let (rows, names, _count) = self.gather(py, most_rows)?;
+        Ok((rows.into_bytes(py)?, names))
+    }
+
+    /// The same column by column, with the number of rows.
+    fn read_columns<'py>(
+        &self,
+        py: Python<'py>,
+        most_rows: usize,
+    ) -> PyResult<(Bound<'py, PyByteArray>, Vec<String>, usize)> {
+        let (rows, names, count) = self.gather(py, most_rows)?;
+        Ok((rows.into_columns(py, count)?, names, count))
+    }
+}
+
+impl Reader {
+    /// The next rows, the names of events among them, how many they are.
+    fn gather(&self, py: Python<'_>, most_rows: usize) -> PyResult<(Rows, Vec<String>, usize)> {
         let (mut rows, mut names, mut count) = (Rows::default(), Vec::new(), 0);
         py.detach(|| {
             let mut records = self.records.lock().unwrap_or_else(PoisonError::into_inner);
@@ -113,7 +131,7 @@ impl Reader {
             Ok(())
         })
         .map_err(errors::recording)?;
-        Ok((rows.into_bytes(py)?, names))
+        Ok((rows, names, count))
     }
 }
 

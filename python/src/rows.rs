@@ -1,10 +1,13 @@
 //! Rows of 8-byte words: NumPy sees their bytes as structured arrays.
 //!
-//! A row is a whole number of words: a float or an integer each; a truth value in the first byte of a word. The types
-//! that Python looks at them through stand in `resonarm/_dtypes.py`.
+//! A row is a whole number of words: a float or an integer each; a truth value or a shorter integer in the first bytes of
+//! a word. Every word goes over with its lowest byte first, whatever the machine; the types that Python looks at them
+//! through say so (`resonarm/_dtypes.py`).
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
+
+const WORD: usize = size_of::<u64>();
 
 /// Rows that are being gathered.
 #[derive(Debug, Default)]
@@ -15,7 +18,7 @@ pub struct Rows {
 impl Rows {
     /// An integer; a truth value as 0 or 1.
     pub fn word(&mut self, word: impl Into<u64>) {
-        self.words.push(word.into().to_le());
+        self.words.push(word.into());
     }
 
     /// Numbers.
@@ -25,26 +28,41 @@ impl Rows {
 
     /// Bytes, filled up with zeros to a whole number of words.
     pub fn bytes(&mut self, bytes: &[u8]) {
-        for chunk in bytes.chunks(8) {
-            let mut word = [0; 8];
+        for chunk in bytes.chunks(WORD) {
+            let mut word = [0; WORD];
             word[..chunk.len()].copy_from_slice(chunk);
-            self.words.push(u64::from_ne_bytes(word));
+            self.words.push(u64::from_le_bytes(word));
         }
     }
 
-    /// The words as bytes, which are copied once.
+    /// The words as bytes, row by row, which are copied once.
     pub fn into_bytes(self, py: Python<'_>) -> PyResult<Bound<'_, PyByteArray>> {
-        PyByteArray::new_with(py, 8 * self.words.len(), |bytes| {
-            for (bytes, word) in bytes.chunks_exact_mut(8).zip(&self.words) {
-                bytes.copy_from_slice(&word.to_ne_bytes());
-            }
-            Ok(())
-        })
+        written(py, self.words.len(), self.words.iter())
+    }
+
+    /// The words of so many rows as bytes, column by column: the first word of every row, then the second. They are
+    /// copied once.
+    pub fn into_columns(self, py: Python<'_>, rows: usize) -> PyResult<Bound<'_, PyByteArray>> {
+        let columns = self.words.len().checked_div(rows).unwrap_or(0);
+        written(py, self.words.len(), (0..columns).flat_map(|k| self.words.iter().skip(k).step_by(columns)))
     }
 }
 
-/// The numbers of an array of Python, given as its bytes.
+fn written<'py, 'w>(
+    py: Python<'py>,
+    count: usize,
+    words: impl Iterator<Item = &'w u64>,
+) -> PyResult<Bound<'py, PyByteArray>> {
+    PyByteArray::new_with(py, WORD * count, |bytes| {
+        for (bytes, word) in bytes.chunks_exact_mut(WORD).zip(words) {
+            bytes.copy_from_slice(&word.to_le_bytes());
+        }
+        Ok(())
+    })
+}
+
+/// The numbers of an array of Python, given as its bytes, the lowest byte of each first.
 pub fn numbers(bytes: &[u8]) -> Vec<f64> {
-    let number = |chunk: &[u8]| chunk.iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte));
-    bytes.chunks_exact(8).map(|chunk| f64::from_bits(number(chunk))).collect()
+    let (words, _rest) = bytes.as_chunks::<WORD>();
+    words.iter().map(|word| f64::from_le_bytes(*word)).collect()
 }

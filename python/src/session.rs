@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
@@ -11,6 +11,7 @@ use pyo3::types::PyByteArray;
 use resonarm::bus::{self, Bus};
 use resonarm::control::ResponsePoint;
 use resonarm::excitation::Phasor;
+use resonarm::realtime::{FifoPriority, ThreadSetup};
 use resonarm::recording::Existing;
 use resonarm::run::{
     BothReport, ExciterEnd, ExciterReport, Mode, Options, PlantReport, RecordTo, RunError, RunEvent, Session, Signals,
@@ -20,28 +21,60 @@ use serde::Serialize;
 
 use crate::bus::BusEnd;
 use crate::controller::{PyController, Raised, load_kind};
-use crate::errors;
 use crate::rows::Rows;
 use crate::scenario::Scenario;
 use crate::values;
+use crate::watch::{joined, watched};
+use crate::{errors, logging};
 
-/// Between two looks for signals of the system.
-const LOOK: Duration = Duration::from_millis(50);
 /// Events that are kept until they are asked for.
 const EVENTS: usize = 1024;
 
 /// How to run, as `resonarm.run` and `resonarm.Node` have it: mode, recording and whether it may be written over,
-/// speed, patience, tries after a fault, whether to end when disarmed.
+/// speed, patience, tries after a fault, whether to end when disarmed, real time.
 #[derive(Debug, FromPyObject)]
-pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, bool);
+pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, bool, RealTime);
+
+/// What is said of a run in real time: what a missed deadline leads to, the priority of its thread, its core.
+#[derive(Debug, FromPyObject)]
+pub struct RealTime(Option<String>, Option<i64>, Option<usize>);
+
+impl RealTime {
+    /// In the options of a run in this mode.
+    fn set(self, mode: Mode, options: &mut Options) -> PyResult<()> {
+        let RealTime(overrun, priority, core) = self;
+        let given = [("overrun", overrun.is_some()), ("priority", priority.is_some()), ("core", core.is_some())];
+        if let (false, Some((name, _))) = (mode == Mode::RealTime, given.iter().find(|(_, is_given)| *is_given)) {
+            return Err(errors::value(format!(
+                "{name} is for the mode real-time, and the mode is {mode}: leave it out"
+            )));
+        }
+        if let Some(policy) = overrun {
+            options.overrun = policy.parse().map_err(errors::value)?;
+        }
+        let priority = priority.map(fifo_priority).transpose()?;
+        if priority.is_some() || core.is_some() {
+            options.thread = Some(ThreadSetup { priority, core, lock_memory: priority.is_some() });
+        }
+        Ok(())
+    }
+}
+
+fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
+    let priority = u8::try_from(given).ok().map(FifoPriority::try_from);
+    match priority {
+        Some(priority) => priority.map_err(errors::value),
+        None => Err(errors::value(format!("the real-time priority is {given}; it must be from 1 to 99"))),
+    }
+}
 
 impl How {
     fn session(self, scenario: &Scenario, controller: Option<(Py<PyAny>, String)>) -> PyResult<(Session, Raised)> {
-        let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm) = self;
+        let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time) = self;
         let mode: Mode = mode.parse().map_err(errors::value)?;
         let existing = if overwrite { Existing::Overwrite } else { Existing::Refuse };
         let patience = patience_s.map(Duration::try_from_secs_f64).transpose().map_err(errors::value)?;
-        let options = Options {
+        let mut options = Options {
             record: record.map(|path| RecordTo { path, existing }),
             speed: speed.map_or(Ok(Speed::UNPACED), Speed::new).map_err(errors::value)?,
             end_on_disarm,
@@ -49,6 +82,7 @@ impl How {
             rearm,
             ..Options::default()
         };
+        real_time.set(mode, &mut options)?;
         let mut session = Session::new(scenario.inner.clone(), mode, options).map_err(errors::run)?;
         let raised = Raised::default();
         if let Some((call, kind)) = controller {
@@ -92,36 +126,13 @@ pub fn run_both<'py>(
 ) -> PyResult<BothDocuments<'py>> {
     let (session, raised) = how.session(scenario, controller)?;
     let signals = Signals::default();
-    let mut interrupted = None;
-    let report = py.detach(|| {
-        let (ended, end) = sync_channel(1);
-        thread::scope(|scope| {
-            let run = scope.spawn(|| {
-                let report = session.both(&signals, |_event| {});
-                // The other side waits for it.
-                let _ = ended.send(());
-                report
-            });
-            while end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
-                if let Err(error) = Python::attach(|py| py.check_signals()) {
-                    signals.stop();
-                    interrupted = Some(error);
-                }
-            }
-            run.join()
-        })
-    });
-    let raised = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
-    if let Some(error) = interrupted.or(raised) {
+    let report = watched(py, &|| signals.stop(), || session.both(&signals, |_event| {}))?;
+    if let Some(error) = raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(error);
     }
-    let BothReport { plant, exciter } = joined(report)?.map_err(errors::run)?;
+    let BothReport { plant, exciter } = report.map_err(errors::run)?;
     let documents = (values::document(py, &plant)?, values::document(py, &ExciterDocument::from(&exciter))?);
     Ok((documents.0, documents.1, responses(py, &exciter.responses)?))
-}
-
-fn joined<T>(result: thread::Result<T>) -> PyResult<T> {
-    result.map_err(|_panic| errors::failed("the run's thread has died: its message is on standard error"))
 }
 
 /// Rows of the responses that an exciter has read.
@@ -233,6 +244,7 @@ impl NodeRun {
             }
         }
         let report = joined(thread.join())?.map_err(errors::run)?;
+        logging::hand_over(py)?;
         if let Some(error) = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
             return Err(error);
         }

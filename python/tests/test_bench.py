@@ -10,11 +10,12 @@ from pathlib import Path
 
 import cantools
 import numpy as np
+import pyarrow
 import pytest
 from matplotlib.figure import Figure
 
 import resonarm
-from resonarm import _resonarm
+from resonarm import _dtypes, _resonarm
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -104,6 +105,56 @@ def test_frames_of_a_recording_are_taken_by_the_codec():
     assert decoder.lost == 0
 
 
+def test_rows_say_their_order_of_bytes():
+    dtypes = [*_dtypes.PARTS.values(), _dtypes.MOTION, _dtypes.ORBIT, _dtypes.RESPONSE, _dtypes.PLAYED, _dtypes.OUTCOME]
+    for dtype in dtypes:
+        for name in dtype.names:
+            form = dtype[name].base
+            assert form.str[0] == ("<" if form.itemsize > 1 else "|"), name
+
+
+@pytest.mark.parametrize("part", ["states", "samples", "frames", "events", "ticks"])
+def test_arrow_has_the_numbers_of_numpy(part):
+    recording = resonarm.Recording(ROOT / "recordings/faulty-bus.mcap")
+    rows, table = recording.read(part), recording.arrow(part)
+    assert table.num_rows == len(rows)
+    for name in rows.dtype.names:
+        if name == "data":
+            assert table["data"].to_pylist() == [recording.frame_data(row) for row in rows]
+        elif rows.dtype[name].shape:
+            for k, column in enumerate(_dtypes.pair(name)):
+                np.testing.assert_array_equal(table[column].to_numpy(), rows[name][:, k])
+        else:
+            np.testing.assert_array_equal(table[name].to_numpy(), rows[name])
+    batches = list(recording.batches(part, 100))
+    assert pyarrow.Table.from_batches(batches) == table
+    assert all(batch.num_rows <= 100 for batch in batches)
+    metadata = table.schema.metadata
+    assert (metadata[b"part"], metadata[b"dt_s"]) == (part.encode(), b"0.001")
+    assert resonarm.Scenario(metadata[b"scenario"].decode()).to_toml() == recording.scenario.to_toml()
+
+
+def test_arrow_has_units_and_copies_no_numbers():
+    table = resonarm.Recording(ROOT / "recordings/free-sweep.mcap").arrow("states", 100, 399)
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+    assert units == {
+        "sample": "",
+        "time_s": "s",
+        "alpha1_rad": "rad",
+        "alpha2_rad": "rad",
+        "alpha1_dot_rad_s": "rad/s",
+        "alpha2_dot_rad_s": "rad/s",
+        "torque1_nm": "N·m",
+        "torque2_nm": "N·m",
+        "force_x_n": "N",
+        "force_y_n": "N",
+        "is_end": "",
+    }
+    # One column behind the other, in the memory that the extension has filled.
+    numbers = [table[name].chunk(0).buffers()[1].address for name in table.column_names[:-1]]
+    assert np.diff(numbers).tolist() == [8 * 300] * 9
+
+
 def test_a_recording_draws_itself():
     recording = resonarm.Recording(ROOT / "recordings/free-sweep.mcap")
     ax = recording.plot(Figure().subplots(), to_sample=99)
@@ -182,6 +233,49 @@ def test_an_interrupt_ends_a_run_in_order(tmp_path):
     recording = resonarm.Recording(path)
     assert recording.summary["integrity"]["state"] == "complete"
     assert recording.states["is_end"][-1]
+
+
+# In a process of its own, of which all memory is locked.
+REAL_TIME = """
+import logging, os, sys, resonarm
+logging.basicConfig(format="%(name)s: %(message)s")
+scenario = resonarm.Scenario.load(sys.argv[1], simulation={"duration_s": 0.3})
+options = {"overrun": "continue", "priority": 10, "core": max(os.sched_getaffinity(0))}
+report = resonarm.run(scenario, "real-time", record=sys.argv[2], **options)
+assert report.plant["outcome"] in ("completed", "disarmed"), report.plant
+assert report.plant["slipped"] == 0, "which continue never does"
+assert report.recording.read("ticks")["sample"][-1] >= 300
+"""
+
+
+def test_a_run_in_real_time_asks_for_its_thread(tmp_path):
+    words = [sys.executable, "-c", REAL_TIME, str(ROOT / "scenarios/bench.toml"), str(tmp_path / "run.mcap")]
+    run = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert run.returncode == 0, run.stderr
+    # What this machine does not permit is told, and nothing else.
+    for line in run.stderr.splitlines():
+        assert line.startswith("resonarm: ") and ("priority 10" in line or "memory" in line), line
+
+
+def test_a_core_that_is_not_there_is_told(bench_scenario, caplog):
+    resonarm.run(bench_scenario.replace(simulation={"duration_s": 0.1}), "real-time", core=1000)
+    assert any("1000" in record.getMessage() for record in caplog.records if record.name == "resonarm"), caplog.text
+
+
+@pytest.mark.parametrize(
+    ("mode", "options", "message"),
+    [
+        ("real-time", {"overrun": "panic"}, "unknown overrun policy `panic`"),
+        ("real-time", {"priority": 100}, "the real-time priority is 100; it must be from 1 to 99"),
+        ("real-time", {"priority": 300}, "the real-time priority is 300; it must be from 1 to 99"),
+        ("lockstep", {"priority": 10}, "priority is for the mode real-time, and the mode is lockstep: leave it out"),
+        ("free", {"overrun": "slip"}, "overrun is for the mode real-time, and the mode is free: leave it out"),
+    ],
+)
+def test_what_real_time_cant_have_is_refused(bench_scenario, mode, options, message):
+    with pytest.raises(ValueError) as raised:
+        resonarm.run(bench_scenario, mode, **options)
+    assert message in str(raised.value)
 
 
 def test_both_nodes_on_a_bus_of_ones_own(bench_scenario):

@@ -66,7 +66,7 @@ def test_a_branch_that_ends_early_is_kept():
     ("options", "message"),
     [
         ({}, "give the excitation: torque1_nm=A, or force_x_n=A and force_y_n=A"),
-        ({"torque1_nm": 0.0}, "the excitation's amplitude is 0"),
+        ({"torque1_nm": 0.0}, "force_x_n and force_y_n, is 0: it must be a finite number other than 0"),
         ({"torque1_nm": 1.0, "force_x_n": 1.0}, "give the excitation"),
         ({"torque1_nm": 1.0, "frequency_hz": 2.0}, "leave it out"),
         ({"torque1_nm": 1.0, "largest_step": 0.0}, "largest_step is 0: it must be from 1e-6 to 1"),

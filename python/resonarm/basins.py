@@ -1,0 +1,171 @@
+"""Basins of attraction: which initial states reach which stable motion."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _extras, _resonarm
+from ._dtypes import NUMBER, OUTCOME, Array, view
+from ._load import Load
+
+COORDINATES = ("alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s")
+"""The coordinates of a state, in its order."""
+LABELS = ("α1 (rad)", "α2 (rad)", "α̇1 (rad/s)", "α̇2 (rad/s)")
+UNDECIDED, DIVERGES = 0, -1
+REACH = 1.5
+MOST_POINTS = 1000
+TIME_CONSTANTS = 40.0
+State = tuple[float, float, float, float]
+AT_REST: State = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Basins:
+    """Which initial states reach which stable motion."""
+
+    coordinates: tuple[str, str]
+    """The coordinates that vary, of the columns and of the rows."""
+    x: NDArray[np.float64]
+    """The values of the first, one a column."""
+    y: NDArray[np.float64]
+    """The values of the second, one a row."""
+    motions: tuple[_resonarm.StableMotion, ...]
+    """The stable motions, by their largest |α1|."""
+    motion: NDArray[np.int64]
+    """Which motion each state reaches, from 1; 0 where that is undecided, −1 where it grows beyond all bounds."""
+    periods: NDArray[np.uint64]
+    """Periods of the excitation until that was certain."""
+    ended_early: str | None
+    """Why not all stable motions may be known; None if they are."""
+
+    def __repr__(self) -> str:
+        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(len(self.motions))]
+        for outcome, name in ((UNDECIDED, "undecided"), (DIVERGES, "diverge")):
+            if count := np.count_nonzero(self.motion == outcome):
+                counts.append(f"{count} {name}")
+        of = f"<Basins in {self.coordinates[0]} and {self.coordinates[1]}"
+        return f"{of}: of {self.motion.size} states {', '.join(counts)}>"
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
+        matplotlib's axes, by default the current ones; they are returned."""
+        ax = _extras.axes(ax)
+        for k in sorted({int(k) for k in np.unique(self.motion)}):
+            rows, columns = np.nonzero(self.motion == k)
+            color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
+            name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches motion {k}")
+            ax.plot(self.x[columns], self.y[rows], "s", color=color, markersize=3, label=name)
+        index = [COORDINATES.index(name) for name in self.coordinates]
+        for motion in self.motions:
+            section = np.array(motion.section)
+            ax.plot(section[:, index[0]], section[:, index[1]], "D", color="black", markerfacecolor="white")
+        ax.set_xlabel(LABELS[index[0]])
+        ax.set_ylabel(LABELS[index[1]])
+        return ax
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Initial states over two coordinates."""
+
+    coordinates: tuple[str, str]
+    start: tuple[float, float]
+    stop: tuple[float, float]
+    points: tuple[int, int]
+    initial: State
+
+    def __post_init__(self) -> None:
+        for name in self.coordinates:
+            if name not in COORDINATES:
+                known = ", ".join(COORDINATES)
+                raise ValueError(f"there is no coordinate `{name}`: the coordinates are {known}")
+        if self.coordinates[0] == self.coordinates[1]:
+            raise ValueError(f"coordinates has {self.coordinates[0]} twice: give two")
+        for count in self.points:
+            if not 2 <= count <= MOST_POINTS:
+                raise ValueError(f"points has {count}: it must be from 2 to {MOST_POINTS}")
+        for start, stop in zip(self.start, self.stop, strict=True):
+            if not (math.isfinite(start) and math.isfinite(stop) and start != stop):
+                raise ValueError(f"the grid goes from {start:g} to {stop:g}: both must be numbers, and different")
+
+    def axis(self, index: int) -> NDArray[np.float64]:
+        """The values of a coordinate, as the command line has them to the last bit."""
+        last = self.points[index] - 1
+        places = np.arange(self.points[index])
+        return np.asarray((self.start[index] * (last - places) + self.stop[index] * places) / last)
+
+    def states(self) -> NDArray[np.float64]:
+        """All states, row by row."""
+        states = np.tile(np.array(self.initial, NUMBER), (self.points[0] * self.points[1], 1))
+        y, x = np.meshgrid(self.axis(1), self.axis(0), indexing="ij")
+        for name, values in zip(self.coordinates, (x, y), strict=True):
+            states[:, COORDINATES.index(name)] = values.ravel()
+        return states
+
+
+def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
+    """Two values of an argument."""
+    if len(values) != 2:
+        raise ValueError(f"{name} has {len(values)} values: it needs two, X,Y")
+    return (values[0], values[1])
+
+
+def four(initial: Sequence[float]) -> State:
+    """A state, whole."""
+    if len(initial) != 4:
+        raise ValueError(f"initial has {len(initial)} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s")
+    first, second, third, fourth = initial
+    return (first, second, third, fourth)
+
+
+def found(attractors: _resonarm.Attractors, states: NDArray[np.float64], wait: float, on_cores: bool) -> Array:
+    """Rows with the motion that each state reaches, and after how many periods."""
+    return view(attractors.outcomes(states.astype(NUMBER).tobytes(), wait, on_cores), OUTCOME)
+
+
+def basins(
+    arm: _resonarm.Arm,
+    frequency_hz: float,
+    *,
+    torque1_nm: float | None = None,
+    torque2_nm: float | None = None,
+    force_x_n: float | None = None,
+    force_y_n: float | None = None,
+    coordinates: Sequence[str] = ("alpha1_rad", "alpha_dot1_rad_s"),
+    start: Sequence[float] | None = None,
+    stop: Sequence[float] | None = None,
+    points: Sequence[int] = (41, 41),
+    initial: Sequence[float] = AT_REST,
+    time_constants: float = TIME_CONSTANTS,
+) -> Basins:
+    """`Arm.basins`, with its options in full."""
+    load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).checked()
+    attractors = _resonarm.Attractors(arm, load.sine(frequency_hz))
+    motions = tuple(attractors.motions)
+    if not motions:
+        raise _resonarm.ResonarmError(
+            f"no stable motion is known at {frequency_hz:g} Hz: no state can be said to reach one"
+        )
+    names = pair("coordinates", coordinates)
+    last = _reach(motions, names, frequency_hz) if stop is None else pair("stop", stop)
+    first = (-last[0], -last[1]) if start is None else pair("start", start)
+    grid = Grid(names, first, last, pair("points", points), four(initial))
+    rows = found(attractors, grid.states(), time_constants, True).reshape(grid.points[1], grid.points[0])
+    motion, periods = np.ascontiguousarray(rows["motion"]), np.ascontiguousarray(rows["periods"])
+    return Basins(names, grid.axis(0), grid.axis(1), motions, motion, periods, attractors.ended_early)
+
+
+def _reach(
+    motions: Sequence[_resonarm.StableMotion], coordinates: tuple[str, str], frequency_hz: float
+) -> tuple[float, float]:
+    """How far the grid goes by default: 1.5 times the largest motion; of a rate that times 2πf."""
+    reaches = []
+    for name in coordinates:
+        joint = COORDINATES.index(name) % 2 if name in COORDINATES else 0
+        largest = max(motion.amplitude_rad[joint] for motion in motions)
+        reaches.append(REACH * largest * (2 * math.pi * frequency_hz if name.startswith("alpha_dot") else 1.0))
+    return (reaches[0], reaches[1])

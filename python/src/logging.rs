@@ -1,0 +1,83 @@
+//! What the library logs, for Python's `logging`.
+//!
+//! A thread that logs must not wait for the interpreter's lock, so messages are kept until a call from Python hands them
+//! over to the logger `resonarm`.
+
+use core::fmt::{Debug, Write};
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::prelude::*;
+use tracing::field::{Field, Visit};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Level, Metadata, Subscriber};
+
+/// Messages that are kept until they are handed over; later ones are dropped.
+const KEPT: usize = 256;
+
+static MESSAGES: Mutex<Vec<(Level, String)>> = Mutex::new(Vec::new());
+
+/// Keeps warnings and errors.
+struct Keeper;
+
+impl Subscriber for Keeper {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        *metadata.level() <= Level::WARN
+    }
+
+    fn new_span(&self, _span: &Attributes<'_>) -> Id {
+        // Spans aren't told apart.
+        Id::from_u64(1)
+    }
+
+    fn record(&self, _span: &Id, _values: &Record<'_>) {}
+
+    fn record_follows_from(&self, _span: &Id, _follows: &Id) {}
+
+    fn event(&self, event: &Event<'_>) {
+        let mut text = Text::default();
+        event.record(&mut text);
+        let mut messages = MESSAGES.lock().unwrap_or_else(PoisonError::into_inner);
+        if messages.len() < KEPT {
+            messages.push((*event.metadata().level(), text.message + &text.fields));
+        }
+    }
+
+    fn enter(&self, _span: &Id) {}
+
+    fn exit(&self, _span: &Id) {}
+}
+
+/// A message, and its fields behind it.
+#[derive(Default)]
+struct Text {
+    message: String,
+    fields: String,
+}
+
+impl Visit for Text {
+    fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
+        let _infallible = match field.name() {
+            "message" => write!(self.message, "{value:?}"),
+            name => write!(self.fields, ", {name}: {value:?}"),
+        };
+    }
+}
+
+/// Keeps what is logged from now on.
+pub fn begin() {
+    // Refused where somebody keeps it already, who then has it.
+    let _ = tracing::subscriber::set_global_default(Keeper);
+}
+
+/// Hands over what was logged.
+pub fn hand_over(py: Python<'_>) -> PyResult<()> {
+    let messages = core::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner));
+    if messages.is_empty() {
+        return Ok(());
+    }
+    let logger = py.import("logging")?.call_method1("getLogger", ("resonarm",))?;
+    for (level, message) in messages {
+        logger.call_method1(if level == Level::ERROR { "error" } else { "warning" }, ("%s", message))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,43 @@
+//! Long work, while signals of the system are heard.
+
+use core::time::Duration;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread;
+
+use pyo3::prelude::*;
+
+use crate::{errors, logging};
+
+/// Between two looks for signals of the system.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Does `work` on a thread of its own, without the interpreter's lock. A signal whose handler raises, as Ctrl-C, calls
+/// `stop`; what was raised is returned once the work has ended.
+pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let mut interrupted = None;
+    let result = py.detach(|| {
+        let (ended, end) = sync_channel(1);
+        thread::scope(|scope| {
+            let work = scope.spawn(move || {
+                let result = work();
+                // The other side waits for it.
+                let _ = ended.send(());
+                result
+            });
+            while end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                if let Err(error) = Python::attach(|py| py.check_signals()) {
+                    stop();
+                    interrupted = Some(error);
+                }
+            }
+            work.join()
+        })
+    });
+    logging::hand_over(py)?;
+    interrupted.map_or_else(|| joined(result), Err)
+}
+
+/// What a thread has returned.
+pub fn joined<T>(result: thread::Result<T>) -> PyResult<T> {
+    result.map_err(|_panic| errors::failed("the run's thread has died: its message is on standard error"))
+}
