@@ -11,7 +11,7 @@ import pytest
 from dask.distributed import Client, LocalCluster
 
 import resonarm
-from resonarm.maps import response_map
+from resonarm.maps import basin_map, response_map, seed_map
 
 HZ = np.linspace(21.5, 22.5, 41)
 GRID = {"frequency_hz": HZ, "torque1_nm": [0.5, 60.0], "beta2_deg": [50.0, 60.0]}
@@ -56,7 +56,7 @@ KILLED = """
 import sys
 import numpy as np, resonarm
 from dask.distributed import Client, LocalCluster
-from resonarm.maps import response_map
+from resonarm.maps import basin_map, response_map, seed_map
 if __name__ == "__main__":
     with LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         torques = np.linspace(20, 80, 400)
@@ -80,6 +80,82 @@ def test_a_map_that_was_killed_goes_on(whole, tmp_path):
     resumed = response_map(resonarm.Arm(), frequency_hz=HZ, torque1_nm=torques, folder=folder)
     assert {path: path.stat().st_mtime_ns for path in done} == done, "what was there is not computed again"
     assert resumed.identical(response_map(resonarm.Arm(), frequency_hz=HZ, torque1_nm=torques))
+
+
+DAMPED = resonarm.Arm(parameters={"damping1_nm_s_rad": 4.5, "damping2_nm_s_rad": 4.5})
+BASINS = {
+    "frequency_hz": [21.9, 21.98],
+    "torque1_nm": [600.0],
+    "start": (-0.6, -80),
+    "stop": (0.6, 80),
+    "points": (18, 15),
+}
+BENCH = {"amplitude": {"force_x_n": 80.0}, "ramp_s": 0.1}
+STEPS = {"waveform": "stepped-sine", "from_hz": 14.0, "to_hz": 15.0, "steps": 2, "dwell_s": 0.6, "settle_s": 0.2}
+
+
+@pytest.fixture(scope="module")
+def basins():
+    return basin_map(DAMPED, **BASINS)
+
+
+def test_a_map_of_basins_is_those_of_each_place(basins):
+    assert dict(basins.sizes) == {
+        "beta2_deg": 1,
+        "torque1_nm": 1,
+        "frequency_hz": 2,
+        "alpha_dot1_rad_s": 15,
+        "alpha1_rad": 18,
+        "stable_motion": 2,
+        "joint": 2,
+    }
+    one = DAMPED.basins(21.98, torque1_nm=600.0, start=(-0.6, -80), stop=(0.6, 80), points=(18, 15))
+    here = basins.sel(beta2_deg=60.0, torque1_nm=600.0, frequency_hz=21.98)
+    np.testing.assert_array_equal(here["motion"], one.motion)
+    np.testing.assert_array_equal(here["periods"], one.periods)
+    np.testing.assert_array_equal(here["alpha1_rad"], one.x)
+    np.testing.assert_array_equal(here["amplitude_rad"], [motion.amplitude_rad for motion in one.motions])
+    assert here["alpha_dot1_rad_s"].attrs["units"] == "rad s-1"
+    assert not basins["ended_early"].any()
+
+
+def test_a_cluster_gives_the_same_bits_of_basins_and_seeds(basins, tmp_path):
+    scenario = resonarm.Scenario().replace(simulation={"duration_s": 2.0}, excitation={**BENCH, "profile": STEPS})
+    seeds = seed_map(scenario, [3, 4, 5])
+    with LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        assert basin_map(DAMPED, folder=tmp_path, client=client, **BASINS).identical(basins)
+        assert seed_map(scenario, [3, 4, 5], client=client).identical(seeds)
+    # Two places with their motions and the 270 states of each in two blocks.
+    files = sorted(tmp_path.glob("chunk-*.npz"))
+    assert len(files) == 6
+    for path in files[::2]:
+        path.unlink()
+    left = {path: path.stat().st_mtime_ns for path in files[1::2]}
+    assert basin_map(DAMPED, folder=tmp_path, **BASINS).identical(basins)
+    assert {path: path.stat().st_mtime_ns for path in left} == left, "what was there is not computed again"
+    files[0].write_bytes(b"not a chunk")
+    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed anew"):
+        basin_map(DAMPED, folder=tmp_path, **BASINS)
+
+
+def test_a_map_of_seeds_is_its_runs():
+    scenario = resonarm.Scenario().replace(simulation={"duration_s": 2.0}, excitation={**BENCH, "profile": STEPS})
+    found = seed_map(scenario, [3, 4])
+    report = resonarm.run(scenario.replace(simulation={"seed": 4}))
+    np.testing.assert_array_equal(found["head_force_n"].sel(seed=4), report.responses["head_force_n"])
+    assert (found["head_force_n"].sel(seed=4) != found["head_force_n"].sel(seed=3)).all()
+    assert found["outcome"].values.tolist() == ["finished", "finished"]
+    assert dict(found.sizes) == {"seed": 2, "point": 2, "axis": 2}
+    assert found["load"].attrs["units"] == "N"
+
+
+def test_a_map_goes_over_any_load():
+    found = response_map(resonarm.Arm(), frequency_hz=[14.0, 15.0, 16.0], force_y_n=[0.5])
+    assert found["force_y_n"].attrs["units"] == "N"
+    linear = 0.5 * abs(resonarm.Arm().frf([14.0, 15.0, 16.0], drive="force-y", response="alpha2"))
+    np.testing.assert_allclose(found["largest_rad"].values[0, 0, :, 1], linear, rtol=5e-3)
+    with pytest.raises(ValueError, match="give one of torque1_nm, torque2_nm, force_x_n, force_y_n"):
+        response_map(resonarm.Arm(), frequency_hz=[1.0, 2.0], force_y_n=[0.5], torque2_nm=[1.0])
 
 
 def test_what_makes_no_sense_is_a_value_error():
