@@ -1,7 +1,7 @@
 //! What the library logs, for Python's `logging`.
 //!
-//! A thread that logs must not wait for the interpreter's lock, so messages are kept until a call from Python hands them
-//! over to the logger `resonarm`.
+//! A thread that logs must not wait for the interpreter's lock, so messages are kept until a call from Python hands
+//! them over to the logger `resonarm`.
 
 use core::fmt::{Debug, Write};
 use std::sync::{Mutex, PoisonError};

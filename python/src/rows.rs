@@ -1,8 +1,8 @@
 //! Rows of 8-byte words: NumPy sees their bytes as structured arrays.
 //!
-//! A row is a whole number of words: a float or an integer each; a truth value or a shorter integer in the first bytes of
-//! a word. Every word goes over with its lowest byte first, whatever the machine; the types that Python looks at them
-//! through say so (`resonarm/_dtypes.py`).
+//! A row is a whole number of words: a float or an integer each; a truth value or a shorter integer in the first bytes
+//! of a word. Every word goes over with its lowest byte first, whatever the machine; the types that Python looks at
+//! them through say so (`resonarm/_dtypes.py`).
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
