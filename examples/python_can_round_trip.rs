@@ -1,60 +1,151 @@
-//! How long a frame takes through python-can and back: two ends of one channel, the far one answers at once.
+//! How long a frame takes through python-can and back, over the bridge and without it: two ends of one interface, the
+//! far one answers at once.
 //!
 //! ```text
 //! cargo run --release --features python-can --example python_can_round_trip -- interface=virtual,channel=0
 //! ```
+//!
+//! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. Bare is a script of
+//! Python with `can.Bus`. The far end is a thread each time. Turns of all three follow each other, so that they meet the
+//! same load of the machine, and each opens and closes its ends.
 
 use std::error::Error;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use hdrhistogram::Histogram;
+use pyo3::prelude::*;
+use pyo3::types::PyModule;
 use resonarm::bus::Bus;
-use resonarm::bus::python_can::PythonCan;
+use resonarm::bus::python_can::{self, PythonCan};
 use resonarm::protocol::{Frame, Id};
 
-/// Round trips measured, after a tenth as many to warm up.
-const ROUND_TRIPS: u64 = 10_000;
+/// Turns of each kind.
+const TURNS: u64 = 10;
+/// Round trips of a turn, after a tenth as many to warm up.
+const ROUND_TRIPS: u64 = 1000;
 const PATIENCE: Duration = Duration::from_secs(2);
+const REQUEST: u16 = 0x201;
+const ANSWER: u16 = 0x203;
 
-#[allow(
-    clippy::disallowed_methods,
-    clippy::print_stdout,
-    reason = "a measurement reads the clock and prints what it saw"
-)]
+const BARE: &core::ffi::CStr = cr#"
+import threading
+import time
+
+import can
+from can.util import cast_from_string
+
+
+def open_end(address):
+    words = dict(word.split("=", 1) for word in address.split(","))
+    return can.Bus(**{key: value if key == "channel" else cast_from_string(value) for key, value in words.items()})
+
+
+def round_trips(near_address, far_address, request_id, answer_id, count, patience_s):
+    near, far = open_end(near_address), open_end(far_address)
+
+    def echo():
+        answer = can.Message(arbitration_id=answer_id, is_extended_id=False, data=bytes(8))
+        for _ in range(count):
+            if far.recv(patience_s) is None:
+                return
+            far.send(answer)
+
+    thread = threading.Thread(target=echo)
+    thread.start()
+    request, took_ns = can.Message(arbitration_id=request_id, is_extended_id=False, data=bytes(8)), []
+    for _ in range(count):
+        begun = time.perf_counter_ns()
+        near.send(request)
+        if near.recv(patience_s) is None:
+            raise TimeoutError("the far end does not answer")
+        took_ns.append(time.perf_counter_ns() - begun)
+    thread.join()
+    near.shutdown()
+    far.shutdown()
+    return took_ns
+"#;
+
+#[allow(clippy::print_stdout, reason = "a measurement prints what it saw")]
 fn main() -> Result<(), Box<dyn Error>> {
-    let address =
+    let near =
         std::env::args().nth(1).ok_or("give the near end, and the far end if it is another port: KEY=VALUE,…")?;
-    let mut near = open(&address)?;
-    let mut far = open(&std::env::args().nth(2).unwrap_or(address))?;
-    let request = Frame::classic(Id::Standard(0x201), &[0; 8])?;
-    let answer = Frame::classic(Id::Standard(0x203), &[0; 8])?;
+    let far = std::env::args().nth(2).unwrap_or_else(|| near.clone());
+    println!("python-can {}", python_can::version()?);
+    let script: Py<PyModule> = Python::attach(|py| PyModule::from_code(py, BARE, c"bare.py", c"bare").map(Py::from))?;
+    let mut kinds = [(); 3].map(|()| Histogram::<u64>::new(3));
+    for _ in 0..TURNS {
+        let turn =
+            [bare(&script, &near, &far)?, bridge(&near, &far, Work::OnThreads)?, bridge(&near, &far, Work::OnCaller)?];
+        for (kind, trips_ns) in kinds.iter_mut().zip(turn) {
+            let kind = kind.as_mut().map_err(|error| *error)?;
+            trips_ns.into_iter().try_for_each(|trip_ns| kind.record(trip_ns))?;
+        }
+    }
+    let [bare, threads, caller] = kinds;
+    let (bare, threads, caller) = (bare?, threads?, caller?);
+    println!("{:>6} {:>9} {:>18} {:>24}", "", "bare, µs", "on threads, µs", "on the caller, µs");
+    for (name, quantile) in [("p10", 0.1), ("p50", 0.5), ("p90", 0.9), ("p99", 0.99)] {
+        let us = |trips: &Histogram<u64>| trips.value_at_quantile(quantile) as f64 / 1e3;
+        let (bare, threads, caller) = (us(&bare), us(&threads), us(&caller));
+        let ratios = [threads / bare, caller / bare];
+        println!("{name:>6} {bare:9.1} {threads:11.1} ({:4.2}) {caller:17.1} ({:4.2})", ratios[0], ratios[1]);
+    }
+    Ok(())
+}
+
+/// Where the bridge meets Python.
+#[derive(Clone, Copy, PartialEq)]
+enum Work {
+    OnThreads,
+    OnCaller,
+}
+
+/// Round trips over the bridge at both ends, ns.
+#[allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
+fn bridge(near: &str, far: &str, work: Work) -> Result<Vec<u64>, Box<dyn Error>> {
+    let (mut near, mut far) = (open(near)?, open(far)?);
+    if work == Work::OnCaller {
+        near.work_on_caller()?;
+        far.work_on_caller()?;
+    }
+    let request = Frame::classic(Id::Standard(REQUEST), &[0; 8])?;
+    let answer = Frame::classic(Id::Standard(ANSWER), &[0; 8])?;
+    let count = ROUND_TRIPS + ROUND_TRIPS / 10;
     let echo = thread::spawn(move || -> Result<(), resonarm::bus::BusError> {
-        while far.wait(PATIENCE)? {
-            while far.receive()?.is_some() {
-                far.send(&answer)?;
-            }
+        let mut answered = 0;
+        while answered < count && far.wait(PATIENCE)? {
+            far.receive()?;
+            far.send(&answer)?;
+            answered += 1;
         }
         far.close()
     });
-    let mut round_trip_ns = Histogram::<u64>::new(3)?;
-    for trip in 0..ROUND_TRIPS + ROUND_TRIPS / 10 {
+    let mut took_ns = Vec::new();
+    for trip in 0..count {
         let start = Instant::now();
         near.send(&request)?;
         if !near.wait(PATIENCE)? {
             return Err("the far end does not answer".into());
         }
         near.receive()?;
-        if trip >= ROUND_TRIPS / 10 {
-            round_trip_ns.record(start.elapsed().as_nanos() as u64)?;
+        if trip >= count - ROUND_TRIPS {
+            took_ns.push(start.elapsed().as_nanos() as u64);
         }
     }
-    near.close()?;
     echo.join().map_err(|_| "the far end panicked")??;
-    for (name, quantile) in [("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("max", 1.0)] {
-        println!("{name:>5} {:8.1} µs", round_trip_ns.value_at_quantile(quantile) as f64 / 1e3);
-    }
-    Ok(())
+    near.close()?;
+    Ok(took_ns)
+}
+
+/// The same by `can.Bus` in Python, ns.
+fn bare(script: &Py<PyModule>, near: &str, far: &str) -> Result<Vec<u64>, Box<dyn Error>> {
+    let count = ROUND_TRIPS + ROUND_TRIPS / 10;
+    let took_ns: Vec<u64> = Python::attach(|py| {
+        let arguments = (near, far, REQUEST, ANSWER, count, PATIENCE.as_secs_f64());
+        script.bind(py).getattr("round_trips")?.call1(arguments)?.extract()
+    })?;
+    Ok(took_ns[(count - ROUND_TRIPS) as usize..].to_vec())
 }
 
 fn open(address: &str) -> Result<PythonCan, Box<dyn Error>> {

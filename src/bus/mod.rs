@@ -72,6 +72,16 @@ pub trait Bus: Send {
     /// [`BusError`] if the backend can't filter so.
     fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError>;
 
+    /// Lets the methods of the bus do from now on, on the calling thread, what threads of an adapter do else, and block
+    /// while they do it. It is faster, as nobody has to be woken; a real-time thread must not ask for it. A bus without
+    /// such threads stays as it is.
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus is gone or the backend failed.
+    fn work_on_caller(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+
     /// What this end has seen so far.
     fn statistics(&self) -> Statistics;
 
@@ -108,6 +118,10 @@ impl<B: Bus + ?Sized> Bus for &mut B {
 
     fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
         (**self).set_filters(filters)
+    }
+
+    fn work_on_caller(&mut self) -> Result<(), BusError> {
+        (**self).work_on_caller()
     }
 
     fn statistics(&self) -> Statistics {

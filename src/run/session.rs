@@ -196,6 +196,9 @@ impl Session {
         let recorder = self.recorder(&bus.name())?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
         let bus = &mut self.with_faults(bus, SystemClock, Node::Plant);
+        if self.mode == Mode::Lockstep {
+            bus.work_on_caller()?;
+        }
         // The recorder's thread is there already, and stays an ordinary one.
         let thread = self.become_real_time()?;
         let report = match self.mode {
@@ -227,6 +230,9 @@ impl Session {
         self.become_real_time()?;
         let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
         let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
+        if self.mode == Mode::Lockstep {
+            bus.work_on_caller()?;
+        }
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, (signals, watched)))
     }
 

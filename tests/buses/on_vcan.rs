@@ -117,6 +117,20 @@ fn socketcan_of_python_can_keeps_the_contract() {
     contract(|| (end(), end()), Formats::All, lost_by_the_backlog);
 }
 
+/// The same where the caller does the work.
+#[cfg(feature = "python-can")]
+#[test]
+#[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
+fn socketcan_of_python_can_keeps_the_contract_on_the_caller() {
+    let address = format!("python-can:interface=socketcan,channel={},fd=true", vcan()).parse().unwrap();
+    let end = || {
+        let mut end = resonarm::bus::open(&address).unwrap();
+        end.work_on_caller().unwrap();
+        end
+    };
+    contract(|| (end(), end()), Formats::All, lost_by_the_backlog);
+}
+
 #[test]
 #[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
 fn sends_and_receives_without_allocating() {

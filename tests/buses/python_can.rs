@@ -111,6 +111,59 @@ fn slcan_keeps_the_contract() {
     contract(make, Formats::All, || 0);
 }
 
+/// The same where the caller does the work, from the first frame on.
+#[test]
+fn virtual_keeps_the_contract_on_the_caller() {
+    let pairs = Cell::new(0);
+    let make = || {
+        let channel = format!("contract on the caller {}", pairs.replace(pairs.get() + 1));
+        let end = || {
+            let mut end = Box::new(virtual_end(&channel)) as Box<dyn Bus>;
+            end.work_on_caller().unwrap();
+            end
+        };
+        (end(), end())
+    };
+    contract(make, Formats::All, || 0);
+}
+
+/// What the threads have taken in comes out before what comes later, in order, and the driver is left as it was.
+#[test]
+fn the_caller_goes_on_where_the_threads_were() {
+    let (mut near, mut far) = (virtual_end("taken over"), virtual_end("taken over"));
+    let send = |near: &mut PythonCan, numbers: core::ops::Range<u32>| {
+        numbers.for_each(|number| assert_eq!(near.send(&frame(number)).unwrap(), Sent::Queued));
+    };
+    send(&mut near, 0..5);
+    assert!(far.wait(PATIENCE).unwrap());
+    near.work_on_caller().unwrap();
+    send(&mut near, 5..8);
+    far.work_on_caller().unwrap();
+    far.work_on_caller().unwrap();
+    send(&mut near, 8..10);
+    for number in 0..10 {
+        assert!(far.wait(PATIENCE).unwrap());
+        assert_eq!(far.receive().unwrap().unwrap().frame, frame(number));
+    }
+    assert_eq!(far.receive().unwrap(), None);
+    assert_eq!((near.statistics().sent, far.statistics().received), (10, 10));
+    // A timeout of centuries is no error of the driver's.
+    send(&mut far, 0..1);
+    assert!(near.wait(Duration::MAX).unwrap());
+    near.close().unwrap();
+    assert!(matches!(near.work_on_caller(), Err(BusError::Closed)));
+}
+
+#[test]
+fn an_unplugged_adapter_is_an_error_on_the_caller() {
+    let modem = NullModem::new();
+    let mut near = modem.end("a");
+    near.work_on_caller().unwrap();
+    drop(modem);
+    let error = near.wait(PATIENCE).unwrap_err().to_string();
+    assert!(error.starts_with("python-can could not receive: "), "{error}");
+}
+
 #[test]
 fn carries_every_field_of_a_frame() {
     let (mut near, mut far) = (virtual_end("fields"), virtual_end("fields"));

@@ -198,6 +198,10 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
         self.bus.set_filters(filters)
     }
 
+    fn work_on_caller(&mut self) -> Result<(), BusError> {
+        self.bus.work_on_caller()
+    }
+
     fn statistics(&self) -> Statistics {
         let Statistics { dropped, queue_full, .. } = self.bus.statistics();
         Statistics {

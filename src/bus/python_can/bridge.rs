@@ -35,12 +35,14 @@ pub(super) const ATTEMPTS_WHEN_CLOSING: u32 = 1000;
 /// What both threads and the bus look at.
 #[derive(Default)]
 pub(super) struct Shared {
-    /// This end is leaving.
+    /// This end is leaving, or its threads are.
     pub(super) closing: AtomicBool,
+    /// The threads leave the bus open for the caller.
+    pub(super) keeps_open: AtomicBool,
     /// Frames that met a full receive queue here.
     dropped: AtomicU64,
     /// Frames that met a full receive queue in the kernel.
-    dropped_beneath: AtomicU64,
+    pub(super) dropped_beneath: AtomicU64,
     /// Error frames, and messages that are no frame.
     pub(super) discarded: AtomicU64,
     guard: Mutex<()>,
@@ -124,7 +126,7 @@ impl Sender {
 
 /// Whether the driver only asks to be tried later. python-can has no class for this: its `socketcan` gives `ENOBUFS` or
 /// `EAGAIN` in `error_code`, or, where `select` says that the socket is not writable, this message.
-fn is_queue_full(py: Python<'_>, error: &PyErr) -> bool {
+pub(super) fn is_queue_full(py: Python<'_>, error: &PyErr) -> bool {
     let value = error.value(py);
     let code: Option<i32> = value.getattr("error_code").and_then(|code| code.extract()).ok();
     matches!(code, Some(libc::ENOBUFS | libc::EAGAIN)) || value.to_string() == "Transmit buffer full"
@@ -142,7 +144,8 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    /// Runs until the bus is closing, waits for the sender to empty its queue, and shuts the python-can bus down.
+    /// Runs until the bus is closing, waits for the sender to empty its queue, and shuts the python-can bus down unless
+    /// the caller goes on with it.
     pub(super) fn run(mut self, sender: JoinHandle<()>) -> Result<(), PythonCanError> {
         Python::attach(|py| {
             let bus = self.bus.bind(py).clone();
@@ -164,6 +167,9 @@ impl Receiver {
             }
             // The sender does not panic; were it to, the bus would still have to be shut down.
             let _ = py.detach(|| sender.join());
+            if self.shared.keeps_open.load(Ordering::Acquire) {
+                return Ok(());
+            }
             bus.call_method0("shutdown").map(drop).map_err(|error| exception(py, Operation::Close, error))
         })
     }

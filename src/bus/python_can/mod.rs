@@ -2,7 +2,7 @@
 //!
 //! Two bridge threads hold the Python side; between them and the caller stand bounded queues, so that the methods of
 //! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where
-//! there is one.
+//! there is one. A caller that is no real-time thread can do without the threads: [`Bus::work_on_caller`].
 //!
 //! Error frames are not frames of the bus: they are left out and counted in [`PythonCan::discarded`].
 //!
@@ -10,6 +10,7 @@
 //! `socketcan` full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
 
 mod bridge;
+mod direct;
 mod discovery;
 mod error;
 mod message;
@@ -32,6 +33,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Bus, BusAddress, BusError, Filter, Received, Sent, Statistics};
 use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
+use direct::Direct;
 pub use error::{Operation, PythonCanError};
 use options::{Options, Value};
 
@@ -60,6 +62,10 @@ pub struct PythonCan {
     receiver: Option<JoinHandle<()>>,
     outcome: mpsc::Receiver<Result<(), PythonCanError>>,
     statistics: Statistics,
+    /// What the threads work with, for the caller to go on with; `None` once it does, or after the end.
+    spare: Option<Direct>,
+    /// The bus on the calling thread, once it works there.
+    direct: Option<Direct>,
 }
 
 impl PythonCan {
@@ -98,6 +104,15 @@ impl PythonCan {
         let (requests, requested) = mpsc::channel();
         let (ended, outcome) = mpsc::sync_channel(1);
         let bus = Arc::new(bus);
+        let (class, counted) =
+            Python::attach(|py| (message_class.clone_ref(py), socket.as_ref().map(|s| s.clone_ref(py))));
+        let spare = Direct {
+            bus: Arc::clone(&bus),
+            message_class: class,
+            socket: counted,
+            shared: Arc::clone(&shared),
+            came_in: None,
+        };
         let sender = Sender {
             bus: Arc::clone(&bus),
             message_class,
@@ -134,6 +149,8 @@ impl PythonCan {
             receiver: Some(receiver),
             outcome,
             statistics: Statistics::default(),
+            spare: Some(spare),
+            direct: None,
         })
     }
 
@@ -143,7 +160,20 @@ impl PythonCan {
     }
 
     fn check_open(&self) -> Result<(), BusError> {
-        if self.receiver.is_some() { Ok(()) } else { Err(BusError::Closed) }
+        if self.receiver.is_some() || self.direct.is_some() { Ok(()) } else { Err(BusError::Closed) }
+    }
+
+    /// Ends both threads; `operation` is what they end for.
+    fn end_threads(&mut self, operation: Operation) -> Result<(), BusError> {
+        let receiver = self.receiver.take().ok_or(BusError::Closed)?;
+        self.shared.closing.store(true, Ordering::Release);
+        self.sender.unpark();
+        let Ok(outcome) = self.outcome.recv_timeout(PATIENCE) else {
+            return Err(PythonCanError::Stuck { operation, waited: PATIENCE }.into());
+        };
+        // The thread ends after its outcome, and can't panic on the way.
+        let _ = receiver.join();
+        Ok(outcome?)
     }
 
     /// The oldest failure not yet told.
@@ -163,6 +193,14 @@ impl Bus for PythonCan {
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         self.check_open()?;
         self.check_failures()?;
+        if let Some(direct) = &self.direct {
+            let sent = direct.send(frame)?;
+            match sent {
+                Sent::Queued => self.statistics.sent += 1,
+                Sent::QueueFull => self.statistics.queue_full += 1,
+            }
+            return Ok(sent);
+        }
         if self.outgoing.push(*frame).is_err() {
             self.statistics.queue_full += 1;
             return Ok(Sent::QueueFull);
@@ -174,17 +212,24 @@ impl Bus for PythonCan {
 
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
         self.check_open()?;
-        match self.incoming.pop() {
-            Ok(received) => {
-                self.statistics.received += 1;
-                Ok(Some(received))
-            }
-            Err(_) => self.check_failures().map(|()| None),
+        // What the threads have taken in comes first.
+        let next = match (self.incoming.pop(), &mut self.direct) {
+            (Ok(received), _) => Some(received),
+            (Err(_), Some(direct)) => direct.receive()?,
+            (Err(_), None) => None,
+        };
+        if next.is_none() {
+            self.check_failures()?;
         }
+        self.statistics.received += u64::from(next.is_some());
+        Ok(next)
     }
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
         self.check_open()?;
+        if let Some(direct) = self.direct.as_mut().filter(|_| self.incoming.is_empty()) {
+            return Ok(direct.wait(timeout)?);
+        }
         let PythonCan { incoming, failures, shared, .. } = self;
         shared.wait_while(timeout, || incoming.is_empty() && failures.iter().all(Consumer::is_empty));
         if !self.incoming.is_empty() {
@@ -195,6 +240,9 @@ impl Bus for PythonCan {
 
     fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
         self.check_open()?;
+        if let Some(direct) = &self.direct {
+            return Ok(direct.set_filters(filters)?);
+        }
         let stuck = PythonCanError::Stuck { operation: Operation::SetFilters, waited: PATIENCE };
         let (reply, answer) = mpsc::sync_channel(1);
         let asked = self.requests.send(FilterRequest { filters: filters.to_vec(), reply });
@@ -205,19 +253,28 @@ impl Bus for PythonCan {
     }
 
     fn statistics(&self) -> Statistics {
+        if let Some(direct) = &self.direct {
+            direct.count_drops();
+        }
         Statistics { dropped: self.shared.dropped(), ..self.statistics }
     }
 
+    fn work_on_caller(&mut self) -> Result<(), BusError> {
+        self.check_open()?;
+        if self.direct.is_some() {
+            return Ok(());
+        }
+        self.shared.keeps_open.store(true, Ordering::Release);
+        self.end_threads(Operation::Receive)?;
+        self.direct = self.spare.take();
+        self.check_failures()
+    }
+
     fn close(&mut self) -> Result<(), BusError> {
-        let receiver = self.receiver.take().ok_or(BusError::Closed)?;
-        self.shared.closing.store(true, Ordering::Release);
-        self.sender.unpark();
-        let Ok(outcome) = self.outcome.recv_timeout(PATIENCE) else {
-            return Err(PythonCanError::Stuck { operation: Operation::Close, waited: PATIENCE }.into());
-        };
-        // The thread ends after its outcome, and can't panic on the way.
-        let _ = receiver.join();
-        outcome?;
+        match self.direct.take() {
+            Some(direct) => direct.close()?,
+            None => self.end_threads(Operation::Close)?,
+        }
         self.check_failures()
     }
 }
