@@ -2,6 +2,8 @@
 
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
@@ -13,7 +15,7 @@ from .protocol import Frame
 from .scenario import Scenario
 from .session import Node, Report
 
-_ENDS = 8
+ENDS = 8
 _benches: dict[str, "_Bench"] = {}
 _lock = threading.Lock()
 
@@ -120,7 +122,7 @@ class ResonarmBus(can.BusABC):
         self._end.close()
         with _lock:
             self._bench.users -= 1
-            if self._bench.users:
+            if self._bench.users or self.channel not in _benches:
                 return
             del _benches[self.channel]
         self._bench.report = self._bench.plant.end()
@@ -128,6 +130,19 @@ class ResonarmBus(can.BusABC):
     @staticmethod
     def _detect_available_configs() -> list[Any]:
         return [{"interface": "resonarm", "channel": name} for name in (list(_benches) or ["resonarm"])]
+
+
+@contextmanager
+def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) -> Iterator[None]:
+    """Within the block `can.Bus(interface="resonarm", channel=…)` joins the bus of a plant that runs already."""
+    bench = _Bench(plant, hub, scenario.values()["network"]["profile"], users=1)
+    with _lock:
+        _benches[channel] = bench
+    try:
+        yield
+    finally:
+        with _lock:
+            _benches.pop(channel, None)
 
 
 def _start(
@@ -139,7 +154,7 @@ def _start(
 ) -> _Bench:
     if not isinstance(scenario, Scenario):
         scenario = Scenario() if scenario is None else Scenario.load(scenario)
-    hub = _resonarm.Hub(_ENDS)
+    hub = _resonarm.Hub(ENDS)
     options: dict[str, Any] = {"speed": speed, "record": record, "overwrite": overwrite}
     plant = Node("plant", scenario, hub.end(), mode, **options)
     return _Bench(plant, hub, scenario.values()["network"]["profile"])

@@ -6,6 +6,9 @@
             result = bench.run(my_controller)
         result.assert_completed()
 
+A test may bring its parts itself: `plant` is a plant that runs on the bench's bus, `bus` a `can.Bus` on it,
+`controller_process` starts a program on it; `bench.result(plant)` has what must hold then.
+
 A scenario is parametrised by a fixture of one's own named `scenario`, or by several marks' files:
 `@pytest.mark.scenario("a.toml", "b.toml")` runs the test with each.
 """
@@ -14,7 +17,7 @@ import fcntl
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,7 +25,8 @@ from typing import Any
 import pytest
 
 from .scenario import Scenario
-from .testing import MEMORY, Bench, NeedsInterface
+from .session import Node
+from .testing import MEMORY, Bench, NeedsInterface, Program
 
 _CAN = "280"  # ARPHRD_CAN of Linux's if_arp.h
 
@@ -75,6 +79,35 @@ def bench(request: pytest.FixtureRequest, scenario: Scenario) -> Iterator[Bench]
         shutil.rmtree(folder, ignore_errors=True)
 
 
+@pytest.fixture
+def plant(bench: Bench) -> Iterator[Node]:
+    """A plant that runs, recorded, on the bench's bus until the test has ended."""
+    with bench.plant() as plant:
+        yield plant
+
+
+@pytest.fixture
+def bus(bench: Bench, plant: Node) -> Iterator[Any]:
+    """A `can.Bus` on the bus of the fixture `plant`; python-can is the extra `can`."""
+    with bench.can_bus(plant) as bus:
+        yield bus
+
+
+@pytest.fixture
+def controller_process(bench: Bench) -> Iterator[Callable[..., Program]]:
+    """Starts a controller that is a program, by the words of a command, in which `{bus}` stands for the interface; it
+    is ended with the test. A test that fails shows what it wrote."""
+    started: list[Program] = []
+
+    def start(*words: str) -> Program:
+        started.append(bench.program(words))
+        return started[-1]
+
+    yield start
+    for program in started:
+        program.end()
+
+
 _BENCH = pytest.StashKey[Bench]()
 _FAILED = pytest.StashKey[bool]()
 
@@ -93,6 +126,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
     elif report.failed:
         item.stash[_FAILED] = True
         written = [str(path) for path in bench.recordings if path.exists()]
+        for program in bench.programs:
+            report.sections.append(("resonarm controller", program.output))
         report.sections.append(("resonarm recordings", "\n".join([*written, f"on {bench.bus}, {bench.scenario!r}"])))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _resonarm
+from . import _extras, _resonarm
 from ._dtypes import Array
 from .recording import Recording
 from .scenario import Scenario
@@ -153,6 +153,42 @@ class Result:
             self.fail(f"{name} has an amplitude of {halves[1]:g}: expected {amplitude:g} within {within:.1%}", name, at)
 
 
+class Program:
+    """A controller that is a program of its own, from the moment it is made."""
+
+    def __init__(self, words: Sequence[str], log: Path) -> None:
+        self._log = log
+        with log.open("wb") as file:
+            self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=file, stderr=file)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it runs still."""
+        return self._process.poll() is None
+
+    @property
+    def output(self) -> str:
+        """What it has written up to now."""
+        return self._log.read_text(errors="replace")
+
+    def wait(self, within_s: float = 60.0) -> int:
+        """Its exit code. AssertionError with its output if it has not ended within a time, s."""
+        __tracebackhide__ = True
+        try:
+            return self._process.wait(within_s)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"the controller has not ended within {within_s:g} s:\n{self.output}") from None
+
+    def end(self) -> None:
+        """Asks it to end, and ends it where it does not within ten seconds."""
+        self._process.terminate()
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
 class Bench:
     """A scenario, a bus and a folder for recordings: runs a controller against the simulated plant.
 
@@ -162,6 +198,8 @@ class Bench:
     def __init__(self, scenario: Scenario, folder: Path, bus: str = MEMORY, mode: str = "lockstep") -> None:
         self.scenario, self.folder, self.bus, self.mode = scenario, folder, bus, mode
         self.recordings: list[Path] = []
+        self.programs: list[Program] = []
+        self._hub: _resonarm.Hub | None = None
 
     def run(self, controller: Controller | Sequence[str] | None = None, *, patience_s: float = 60.0) -> Result:
         """Runs until the controller has disarmed the plant, the scenario's duration has passed, or an error ends it.
@@ -170,39 +208,80 @@ class Bench:
         which `{bus}` stands for the interface: then NeedsInterface is raised on a bus in memory. `patience_s` is how
         long a plant waits to be armed.
         """
-        words = (
-            None if controller is None or callable(controller) else [word.format(bus=self.bus) for word in controller]
-        )
-        if words is not None and self.bus == MEMORY:
-            raise NeedsInterface("a controller that is a program needs a CAN interface: --resonarm-bus vcan0")
-        path = self.folder / f"run-{len(self.recordings) + 1}.mcap"
-        self.recordings.append(path)
+        if controller is not None and not callable(controller) and self.bus == MEMORY:
+            self.program(controller)  # which says what is missing
+        path = self._next()
         hub = _resonarm.Hub(2) if self.bus == MEMORY else None
         near, far = (hub.end(), hub.end()) if hub else (self.bus, self.bus)
         options: dict[str, Any] = {"record": path, "patience_s": patience_s, "end_on_disarm": True}
         with Node("plant", self.scenario, near, self.mode, **options) as plant:
             exciter, output = None, ""
-            if words is not None:
-                output = self._program(words, plant)
-            else:
+            if controller is None or callable(controller):
                 own = controller if callable(controller) else None
                 exciter = Node("exciter", self.scenario, far, self.mode, controller=own, patience_s=patience_s).wait()
+            else:
+                program = self.program(controller)
+                while program.is_running and plant.is_running:
+                    time.sleep(0.01)
+                # It hears that the plant leaves.
+                ending = time.monotonic() + 10
+                while program.is_running and time.monotonic() < ending:
+                    time.sleep(0.01)
+                program.end()
+                plant.stop()
+                output = program.output
             return Result(plant.wait(), exciter, output, path)
 
-    def _program(self, words: list[str], plant: Node) -> str:
-        """Runs a program until it or the plant has ended; what it wrote."""
-        with (self.folder / "controller.txt").open("w+b") as log:
-            with subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=log, stderr=log) as program:
-                while program.poll() is None and plant.is_running:
-                    time.sleep(0.01)
-                try:
-                    # It hears that the plant leaves.
-                    program.wait(10)
-                except subprocess.TimeoutExpired:
-                    program.kill()
+    def _next(self) -> Path:
+        """The file of the next recording."""
+        path = self.folder / f"run-{len(self.recordings) + 1}.mcap"
+        self.recordings.append(path)
+        return path
+
+    @contextmanager
+    def plant(self, **options: Any) -> Iterator[Node]:
+        """A plant that runs, recorded, on the bench's bus within the block, for whatever is to meet it there: a
+        `can_bus`, a `program`. `options` are those of `Node`. `result` has its report."""
+        self._hub = _resonarm.Hub(8) if self.bus == MEMORY else None
+        near = self.bus if self._hub is None else self._hub.end()
+        plant = Node("plant", self.scenario, near, self.mode, record=self._next(), **options)
+        try:
+            yield plant
+        finally:
+            self._hub = None
             plant.stop()
-            log.seek(0)
-            return log.read().decode(errors="replace")
+            # A stop is heard between two samples; a plant that waits in lockstep hears it, too.
+            ending = time.monotonic() + 60
+            while plant.is_running and time.monotonic() < ending:
+                time.sleep(0.005)
+
+    def result(self, plant: Node) -> Result:
+        """What the run of a `plant` came to: it is asked to end, if it has not."""
+        return Result(plant.end(), None, "".join(program.output for program in self.programs), self.recordings[-1])
+
+    @contextmanager
+    def can_bus(self, plant: Node) -> Iterator[Any]:
+        """A `can.Bus` on the bus of a running plant; in memory `can.Bus(interface="resonarm", channel=bus.channel)` is
+        another."""
+        can = _extras.require("can", "can")
+        if self._hub is None:
+            is_fd = self.scenario.values()["network"]["profile"] == "fd"
+            with can.Bus(interface="socketcan", channel=self.bus, fd=is_fd) as bus:
+                yield bus
+            return
+        served = _extras.require("resonarm.can_bus", "can").served
+        channel = self.folder.name
+        with served(channel, plant, self._hub, self.scenario), can.Bus(interface="resonarm", channel=channel) as bus:
+            yield bus
+
+    def program(self, words: Sequence[str]) -> Program:
+        """Starts a controller that is a program: the words of a command, in which `{bus}` stands for the interface.
+        Raises NeedsInterface on a bus in memory."""
+        if self.bus == MEMORY:
+            raise NeedsInterface("a controller that is a program needs a CAN interface: --resonarm-bus vcan0")
+        log = self.folder / f"controller-{len(self.programs) + 1}.txt"
+        self.programs.append(Program([word.format(bus=self.bus) for word in words], log))
+        return self.programs[-1]
 
     @contextmanager
     def fault(self, kind: str, *, node: str = "plant", **values: Any) -> Iterator[None]:

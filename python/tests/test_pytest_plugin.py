@@ -60,6 +60,99 @@ def test_it(bench):
     assert "resonarm recordings" in text
 
 
+REPORT = """\
+=================================== FAILURES ===================================
+___________________________________ test_it ____________________________________
+test_the_report_of_a_failure.py:7: in test_it
+    result.assert_force_below(50)
+E   AssertionError: the force along x reaches 74.76 N: limit 50 N
+E     force_n_x:
+E     sample    192      0.1920 s           +48
+E     sample    193      0.1930 s        +48.24
+E     sample    194      0.1940 s         +48.5
+E     sample    195      0.1950 s        +48.76
+E     sample    196      0.1960 s           +49
+E     sample    197      0.1970 s        +49.24
+E     sample    198      0.1980 s         +49.5
+E     sample    199      0.1990 s        +49.76
+E   > sample    200      0.2000 s           +50
+E     sample    201      0.2010 s        +50.24
+E     sample    202      0.2020 s         +50.5
+E     sample    203      0.2030 s        +50.76
+E     sample    204      0.2040 s           +51
+E     sample    205      0.2050 s        +51.24
+E     sample    206      0.2060 s         +51.5
+E     sample    207      0.2070 s        +51.76
+E     sample    208      0.2080 s           +52
+E   recording: FOLDER/run-1.mcap
+----------------------------- resonarm recordings ------------------------------
+FOLDER/run-1.mcap
+on memory, <Scenario of Arm('irb1600-fitted', beta1_deg=30, beta2_deg=60): excitation, 1000 Hz, 1 s>
+=========================== short test summary info ============================
+"""
+
+
+def test_the_report_of_a_failure(pytester):
+    """Word for word, but for where the recording is."""
+    suite = """
+def test_it(bench):
+    result = bench.run(lambda measured: (0.25 * measured.sample, 0.0) if measured.sample < 300 else None)
+    result.assert_force_below(50)
+"""
+    lines = run(pytester, suite, "--no-header", "--tb=short").outlines
+    first = next(k for k, line in enumerate(lines) if " FAILURES " in line)
+    last = next(k for k, line in enumerate(lines) if " short test summary info " in line)
+    report = "".join(line + "\n" for line in lines[first : last + 1])
+    assert re.sub(r"/\S*/resonarm-\w+", "FOLDER", report) == REPORT
+
+
+def test_a_test_brings_its_parts_itself(pytester):
+    suite = """
+import can, resonarm
+def test_a_plant_is_heard_and_armed(bench, plant, bus):
+    decoder = resonarm.Decoder()
+    names = set()
+    for _ in range(200):
+        names.add(decoder.decode(bus.recv(60)).message)
+        if names >= {"PlantHello", "PlantHeartbeat"}:
+            break
+    assert names == {"PlantHello", "PlantHeartbeat"}
+    assert plant.is_running
+    joined = can.Bus(interface="resonarm", channel=bus.channel) if bench.bus == "memory" else None
+    if joined:
+        assert decoder.decode(joined.recv(60)).verdict in ("taken", "refused")
+        joined.shutdown()
+    assert plant.is_running, "which the other end's leaving does not end"
+    result = bench.result(plant)
+    result.assert_state_reached("pre_operational", within_s=0.0)
+    assert result.plant["outcome"] == "not-armed", result.plant
+def test_it_fails(bench, plant, bus):
+    assert bus.recv(60) is None
+"""
+    result = run(pytester, suite)
+    result.assert_outcomes(passed=1, failed=1)
+    path = Path(re.search(r"^(/\S+/run-1\.mcap)$", result.stdout.str(), re.M)[1])
+    assert resonarm.Recording(path).summary["integrity"]["state"] == "complete"
+
+
+def test_an_overrun_is_found(pytester):
+    """The process is stopped for a third of a second, in the midst of a run in real time."""
+    suite = """
+import os, signal, subprocess
+def test_it(bench):
+    bench.mode = "real-time"
+    def controller(measured):
+        if measured.sample == 300:
+            subprocess.Popen(["sh", "-c", f"sleep 0.3; kill -CONT {os.getpid()}"])
+            os.kill(os.getpid(), signal.SIGSTOP)
+        return (1.0, 0.0) if measured.sample < 800 else None
+    bench.run(controller).assert_no_overrun()
+"""
+    result = run(pytester, suite)
+    result.assert_outcomes(failed=1)
+    assert re.search(r"[0-9]+ deadlines were missed", result.stdout.str())
+
+
 @pytest.mark.parametrize(
     ("fault", "assertion", "message"),
     [
@@ -97,8 +190,14 @@ def test_it(bench):
 
 
 def test_a_program_needs_an_interface(pytester):
-    result = run(pytester, "\ndef test_it(bench):\n    bench.run(['controller', '{bus}'])\n", "-rs")
-    result.assert_outcomes(skipped=1)
+    suite = """
+def test_a_run(bench):
+    bench.run(["controller", "{bus}"])
+def test_a_process(controller_process):
+    controller_process("controller", "{bus}")
+"""
+    result = run(pytester, suite, "-rs")
+    result.assert_outcomes(skipped=2)
     result.stdout.fnmatch_lines(["*a controller that is a program needs a CAN interface: --resonarm-bus vcan0"])
 
 

@@ -16,3 +16,33 @@ def test_the_example_suite_passes_with_all_three_controllers():
     said = subprocess.run(words, capture_output=True, text=True, timeout=600, env=environment, check=False)
     assert said.returncode == 0, said.stdout
     assert "9 passed" in said.stdout
+
+
+SUITE = """
+import resonarm
+
+def test_a_test_brings_its_parts_itself(bench, plant, bus, controller_process):
+    assert bench.bus == bus.channel == "vcan0"
+    process = controller_process(*{words}.split())
+    decoder = resonarm.Decoder()
+    while process.is_running:
+        message = bus.recv(0.1)
+        assert message is None or decoder.decode(message).verdict == "taken"
+    assert process.wait() == 0, process.output
+    result = bench.result(plant)
+    result.assert_no_refused_command()
+    result.assert_force_below(3.0)
+
+def test_a_failure_shows_what_the_program_wrote(plant, controller_process):
+    assert controller_process("sh", "-c", "echo on {{bus}}; exit 3").wait() == 0
+"""
+
+
+def test_a_process_on_the_bus_of_a_test(tmp_path):
+    held = "--frequencies-hz 14 --amplitude-n 2 --ramp-s 0.3 --settle-s 0.3 --window-s 0.5"
+    words = f"{Path(CONTROLLER).resolve()} {{bus}} --lockstep {held}"
+    (tmp_path / "test_suite.py").write_text(SUITE.format(words=repr(words)))
+    command = [sys.executable, "-m", "pytest", "-q", "--resonarm-bus", "vcan0", "-p", "no:cacheprovider", "test_suite.py"]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=tmp_path, check=False)
+    assert "1 failed, 1 passed" in said.stdout, said.stdout
+    assert "on vcan0" in said.stdout[said.stdout.index("resonarm controller") :]
