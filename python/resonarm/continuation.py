@@ -113,7 +113,7 @@ def trace(
     elif frequency_hz is None or not (math.isfinite(frequency_hz) and frequency_hz > 0):
         raise ValueError(f"frequency_hz is {frequency_hz}: it must be a positive number")
     if not 1e-6 <= largest_step <= 1:
-        raise ValueError(f"largest_step is {largest_step:g}: it must be from 1e-6 to 1")
+        raise ValueError(f"largest_step is {largest_step:g}: it must be from 0.000001 to 1")
     if not 3 <= most_harmonics <= 1000:
         raise ValueError(f"most_harmonics is {most_harmonics}: it must be from 3 to 1000")
     if (curves_in is None) != (curves_to is None):

@@ -60,6 +60,11 @@ impl RealTime {
     }
 }
 
+fn patience(given_s: f64) -> PyResult<Duration> {
+    Duration::try_from_secs_f64(given_s)
+        .map_err(|error| errors::value(format!("patience_s is {given_s}: {error}; it is a time in seconds, 0 or more")))
+}
+
 fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
     let priority = u8::try_from(given).ok().map(FifoPriority::try_from);
     match priority {
@@ -73,7 +78,7 @@ impl How {
         let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time) = self;
         let mode: Mode = mode.parse().map_err(errors::value)?;
         let existing = if overwrite { Existing::Overwrite } else { Existing::Refuse };
-        let patience = patience_s.map(Duration::try_from_secs_f64).transpose().map_err(errors::value)?;
+        let patience = patience_s.map(patience).transpose()?;
         let mut options = Options {
             record: record.map(|path| RecordTo { path, existing }),
             speed: speed.map_or(Ok(Speed::UNPACED), Speed::new).map_err(errors::value)?,

@@ -69,7 +69,7 @@ def test_a_branch_that_ends_early_is_kept():
         ({"torque1_nm": 0.0}, "force_x_n and force_y_n, is 0: it must be a finite number other than 0"),
         ({"torque1_nm": 1.0, "force_x_n": 1.0}, "give the excitation"),
         ({"torque1_nm": 1.0, "frequency_hz": 2.0}, "leave it out"),
-        ({"torque1_nm": 1.0, "largest_step": 0.0}, "largest_step is 0: it must be from 1e-6 to 1"),
+        ({"torque1_nm": 1.0, "largest_step": 0.0}, "largest_step is 0: it must be from 0.000001 to 1"),
         ({"torque1_nm": 1.0, "curves_in": "amplitude"}, "give both or neither"),
         ({"torque1_nm": 1.0, "curves_in": "foo", "curves_to": 1}, "curves_in is `foo`: it must be one of frequency"),
     ],

@@ -17,8 +17,9 @@ def test_the_example_suite_passes_in_memory():
     assert "6 passed, 3 skipped" in said.stdout
 
 
-def test_the_notebook_runs_and_its_bench_agrees_with_its_branch():
-    notebook = nbformat.read(ROOT / "python/examples/figure4.ipynb", as_version=4)
-    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+def test_the_notebook_runs_and_its_benches_agree_with_their_branches():
+    notebook = nbformat.read(ROOT / "python/examples/paper.ipynb", as_version=4)
+    where = {"metadata": {"path": ROOT / "python/examples"}}
+    NotebookClient(notebook, timeout=300, kernel_name="python3", resources=where).execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
-    assert sum("image/png" in output.get("data", {}) for output in outputs) == 2
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3

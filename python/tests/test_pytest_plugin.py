@@ -139,6 +139,7 @@ def test_an_overrun_is_found(pytester):
     """The process is stopped for a third of a second, in the midst of a run in real time."""
     suite = """
 import os, signal, subprocess
+@pytest.mark.scenario(network={"command_timeout_s": 60.0, "partner_timeout_s": 60.0})
 def test_it(bench):
     bench.mode = "real-time"
     def controller(measured):

@@ -1,0 +1,112 @@
+"""What is wrong with an input is said in the words of the command line, by the exception that fits."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from conftest import PROGRAM
+
+import resonarm
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = ROOT / "Cargo.toml"
+NONE = ROOT / "none.mcap"
+CONTINUE = "continue --from-hz 21 --to-hz 23"
+BASINS = "basins --frequency-hz 22 --torque1-nm 1"
+
+
+def in_pythons_words(said):
+    """Without the program's name and what clap puts before an error of ours; flags as keywords."""
+    said = re.sub(r"^(resonarm: |error: invalid value '[^']*' for '[^']*': )", "", said.strip())
+    said = said.partition("\n\nFor more information")[0]
+    said = re.sub(r"--([a-z0-9-]+) A\b", lambda flag: flag[1].replace("-", "_") + "=A", said)
+    return re.sub(r"--([a-z0-9-]+)", lambda flag: flag[1].replace("-", "_"), said)
+
+
+def branch(**options):
+    return resonarm.Arm().continuation("frequency", 21, 23, **options)
+
+
+def run(mode="free", **options):
+    sections = options.pop("sections", {})
+    return resonarm.run(resonarm.Scenario.load(ROOT / "scenarios/bench.toml").replace(**sections), mode, **options)
+
+
+CASES = [
+    ("modes --preset irb", lambda: resonarm.Arm("irb"), ValueError),
+    ("modes --beta2-deg 400", lambda: resonarm.Arm(beta2_deg=400), ValueError),
+    ("simulate --duration-s 0.00033", lambda: resonarm.Arm().simulate(0.00033), ValueError),
+    ("simulate --duration-s=-1", lambda: resonarm.Arm().simulate(-1), ValueError),
+    ("simulate --duration-s 1 --torque1-nm 1", lambda: resonarm.Arm().simulate(1, torque1_nm=1), ValueError),
+    ("simulate --duration-s 1 --scheme euler", lambda: resonarm.Arm().simulate(1, scheme="euler"), ValueError),
+    (CONTINUE, branch, ValueError),
+    (f"{CONTINUE} --torque1-nm 0", lambda: branch(torque1_nm=0), ValueError),
+    (f"{CONTINUE} --torque1-nm 1 --largest-step 0", lambda: branch(torque1_nm=1, largest_step=0), ValueError),
+    (
+        f"{CONTINUE} --torque1-nm 1 --curves-in foo --curves-to 1",
+        lambda: branch(torque1_nm=1, curves_in="foo", curves_to=1),
+        ValueError,
+    ),
+    (
+        "continue --from-hz 0 --to-hz 23 --torque1-nm 1",
+        lambda: resonarm.Arm().continuation("frequency", 0, 23, torque1_nm=1),
+        ValueError,
+    ),
+    (
+        "continue --parameter foo --from 1 --to 2 --torque1-nm 1 --frequency-hz 2",
+        lambda: resonarm.Arm().continuation("foo", 1, 2, torque1_nm=1, frequency_hz=2),
+        ValueError,
+    ),
+    ("basins --frequency-hz 22", lambda: resonarm.Arm().basins(22), ValueError),
+    ("basins --torque1-nm 1 --frequency-hz=-1", lambda: resonarm.Arm().basins(-1, torque1_nm=1), ValueError),
+    (f"{BASINS} --points 1,5", lambda: resonarm.Arm().basins(22, torque1_nm=1, points=(1, 5)), ValueError),
+    (f"{BASINS} --points 5", lambda: resonarm.Arm().basins(22, torque1_nm=1, points=(5,)), ValueError),
+    (
+        f"{BASINS} --from 1,1 --to 1,2",
+        lambda: resonarm.Arm().basins(22, torque1_nm=1, start=(1, 1), stop=(1, 2)),
+        ValueError,
+    ),
+    (
+        f"{BASINS} --coordinates a,b",
+        lambda: resonarm.Arm().basins(22, torque1_nm=1, coordinates=("a", "b")),
+        ValueError,
+    ),
+    (
+        f"{BASINS} --points 2,2 --time-constants 0",
+        lambda: resonarm.Arm().basins(22, torque1_nm=1, points=(2, 2), time_constants=0),
+        ValueError,
+    ),
+    (f"{BASINS} --initial 1,2", lambda: resonarm.Arm().basins(22, torque1_nm=1, initial=(1, 2)), ValueError),
+    ("run --mode free --rate-hz 0", lambda: run(sections={"simulation": {"rate_hz": 0.0}}), ValueError),
+    ("run --mode free --speed=-1", lambda: run(speed=-1.0), ValueError),
+    ("run --mode free --patience-s=-1", lambda: run(patience_s=-1.0), ValueError),
+    ("run --mode real-time --bus memory --priority 100", lambda: run("real-time", priority=100), ValueError),
+    ("run --mode real-time --bus memory --overrun panic", lambda: run("real-time", overrun="panic"), ValueError),
+    ("run --mode free --bus vcan0", lambda: resonarm.Node("plant", resonarm.Scenario(), "vcan0", "free"), ValueError),
+    ("run --bus foo:bar", lambda: resonarm.Node("plant", resonarm.Scenario(), "foo:bar"), ValueError),
+    (f"resim {NONE}", lambda: resonarm.Recording(NONE), FileNotFoundError),
+    (f"resim {TEXT}", lambda: resonarm.Recording(TEXT), ValueError),
+    (f"resim {ROOT}", lambda: resonarm.Recording(ROOT), (ValueError, OSError)),
+    (f"modes --scenario {NONE}", lambda: resonarm.Scenario.load(NONE), FileNotFoundError),
+    (f"modes --scenario {TEXT}", lambda: resonarm.Scenario.load(TEXT), ValueError),
+    (f"run --mode free --scenario scenarios/bench.toml --record {TEXT}", lambda: run(record=TEXT), FileExistsError),
+    ("protocol dbc --base 0x205", lambda: resonarm.Network(base=0x205), ValueError),
+    ("protocol dbc --plant-id 0", lambda: resonarm.Network(plant_id=0), ValueError),
+]
+
+
+@pytest.mark.parametrize(("words", "call", "kind"), CASES, ids=[re.sub(r"/\S+/", "", words) for words, _, _ in CASES])
+def test_messages_are_those_of_the_program(words, call, kind):
+    environment = {**os.environ, "NO_COLOR": "1"}
+    program = subprocess.run(
+        [PROGRAM, *words.split()], capture_output=True, text=True, timeout=60, check=False, cwd=ROOT, env=environment
+    )
+    assert program.returncode in (2, 3), program.stderr
+    said = in_pythons_words(program.stderr)
+    with pytest.raises(kind) as raised:
+        call()
+    own = in_pythons_words(str(raised.value))
+    # Either may say more: the program where along a walk, the package what else there is.
+    assert own in said or said in own, (own, said)
