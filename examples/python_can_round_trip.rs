@@ -5,9 +5,9 @@
 //! cargo run --release --features python-can --example python_can_round_trip -- interface=virtual,channel=0
 //! ```
 //!
-//! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. Bare is a script of
-//! Python with `can.Bus`. The far end is a thread each time. Turns of all three follow each other, so that they meet the
-//! same load of the machine, and each opens and closes its ends.
+//! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. Bare is a script
+//! of Python with `can.Bus`. The far end is a thread each time. Turns of all three follow each other, so that they meet
+//! the same load of the machine, and each opens and closes its ends.
 
 use std::error::Error;
 use std::thread;

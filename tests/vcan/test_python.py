@@ -42,7 +42,8 @@ def test_a_process_on_the_bus_of_a_test(tmp_path):
     held = "--frequencies-hz 14 --amplitude-n 2 --ramp-s 0.3 --settle-s 0.3 --window-s 0.5"
     words = f"{Path(CONTROLLER).resolve()} {{bus}} --lockstep {held}"
     (tmp_path / "test_suite.py").write_text(SUITE.format(words=repr(words)))
-    command = [sys.executable, "-m", "pytest", "-q", "--resonarm-bus", "vcan0", "-p", "no:cacheprovider", "test_suite.py"]
+    options = ["-q", "-p", "no:cacheprovider", "--resonarm-bus", "vcan0"]
+    command = [sys.executable, "-m", "pytest", *options, "test_suite.py"]
     said = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=tmp_path, check=False)
     assert "1 failed, 1 passed" in said.stdout, said.stdout
     assert "on vcan0" in said.stdout[said.stdout.index("resonarm controller") :]
