@@ -28,6 +28,18 @@ class Curve:
     def __repr__(self) -> str:
         return f"<Curve of {self.kind}s in {self.parameters[0]} and {self.parameters[1]}: {len(self.points)} points>"
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the second parameter over the first, turns and cusps as markers. `ax` are matplotlib's axes, by default
+        the current ones; they are returned."""
+        ax = _extras.axes(ax)
+        ax.plot(self.points["value"], self.points["value2"], label=self.kind)
+        for kind in np.unique(self.turns["kind"]):
+            at = self.turns[self.turns["kind"] == kind]
+            ax.plot(at["value"], at["value2"], "o", markersize=4, label=str(kind))
+        ax.set_xlabel("{} ({})".format(*_label(self.parameters[0])))
+        ax.set_ylabel("{} ({})".format(*_label(self.parameters[1])))
+        return ax
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Branch:

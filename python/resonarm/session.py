@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
-from . import _resonarm
-from ._dtypes import RESPONSE, Array, view
+import numpy as np
+
+from . import _extras, _resonarm
+from ._dtypes import RESPONSE, Array, unit, view
 from .recording import Recording
 from .scenario import Scenario
 
+READINGS = ("head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2")
 Controller = Callable[[_resonarm.Measurement], tuple[float, float] | None]
 """What answers a sample: called with a `Measurement`, it returns the load to hold up to the next sample, two
 components, or None when its work is done. If it has a method `restart`, that is called where the exciter begins anew
@@ -39,6 +42,26 @@ class Report:
         """The recording of the run, if there is one."""
         path = self.plant.get("recording")
         return None if path is None else Recording(path)
+
+    def plot(self, ax: Any = None, *, quantity: str = "acceleration_c_m_s2") -> Any:
+        """Draws the amplitudes of the responses along x and y over the frequency: of `head_force_n`,
+        `acceleration_b_m_s2` or `acceleration_c_m_s2`; those that had not settled are crosses. `ax` are matplotlib's
+        axes, by default the current ones; they are returned."""
+        if quantity not in READINGS:
+            raise ValueError(f"there is no reading {quantity!r}, only {', '.join(READINGS)}")
+        ax = _extras.axes(ax)
+        for axis, color in (("x", "C0"), ("y", "C1")):
+            for settled, marker in ((True, "o"), (False, "x")):
+                rows = self.responses[self.responses["settled"] == settled]
+                if len(rows):
+                    amplitude = np.abs(rows[quantity][:, "xy".index(axis)])
+                    label = f"along {axis}" if settled else f"along {axis}, not settled"
+                    ax.plot(rows["frequency_hz"], amplitude, marker, color=color, markerfacecolor="none", label=label)
+        name = quantity.removesuffix("_m_s2").removesuffix("_n").replace("_", " ")
+        ax.set_xlabel("frequency (Hz)")
+        ax.set_ylabel(f"amplitude of the {name} ({unit(quantity)})")
+        ax.legend()
+        return ax
 
     def __repr__(self) -> str:
         parts = [

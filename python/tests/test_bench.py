@@ -161,6 +161,20 @@ def test_a_recording_draws_itself():
     assert [len(line.get_xdata()) for line in ax.lines] == [100, 100]
 
 
+def test_a_report_draws_its_responses(bench_scenario):
+    excitation = bench_scenario.values()["excitation"]
+    profile = {"waveform": "stepped-sine", "from_hz": 14, "to_hz": 16, "steps": 2, "dwell_s": 0.5, "settle_s": 0.1}
+    scenario = bench_scenario.replace(
+        simulation={"duration_s": None}, excitation={**excitation, "ramp_s": 0.05, "profile": profile}
+    )
+    report = resonarm.run(scenario)
+    ax = report.plot(Figure().subplots(), quantity="head_force_n")
+    assert sum(len(line.get_xdata()) for line in ax.lines) == 2 * len(report.responses) == 4
+    assert ax.get_ylabel() == "amplitude of the head force (N)"
+    with pytest.raises(ValueError, match="there is no reading 'alpha', only head_force_n"):
+        report.plot(quantity="alpha")
+
+
 def test_files_are_refused_with_the_programs_messages(tmp_path, bench_scenario, command):
     with pytest.raises(FileNotFoundError) as raised:
         resonarm.Recording(tmp_path / "none.mcap")

@@ -40,6 +40,9 @@ def test_curves_of_folds_are_those_of_the_program(command):
         np.testing.assert_array_equal(curve.points["value"], [point["frequency_hz"] for point in expected["points"]])
         np.testing.assert_array_equal(curve.points["value2"], [point["torque1_nm"] for point in expected["points"]])
         assert curve.turns["kind"].tolist() == [turn["kind"] for turn in expected["turns"]]
+    ax = branch.curves[0].plot(Figure().subplots())
+    assert len(ax.lines[0].get_xdata()) == len(branch.curves[0].points)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("excitation frequency (Hz)", "A (N or N·m)")
 
 
 def test_the_amplitude_can_vary(command):
