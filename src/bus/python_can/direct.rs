@@ -106,14 +106,14 @@ impl Direct {
     }
 }
 
-/// Keeps what the interpreter knows of the calling thread from one call to the next, without its lock: made anew for each
-/// frame, its stack alone takes two system calls and a page fault. It stays until the process ends, one a thread.
+/// Keeps what the interpreter knows of the calling thread from one call to the next, without its lock: made anew for
+/// each frame, its stack alone takes two system calls and a page fault. It stays until the process ends, one a thread.
 #[allow(unsafe_code, reason = "pyo3 keeps a thread's state within a scope alone, and a caller's methods share none")]
 fn keep_thread_state() {
     std::thread_local! { static IS_KEPT: Cell<bool> = const { Cell::new(false) } }
-    // SAFETY: the interpreter runs, or there were no bus. `PyGILState_Ensure` takes its lock and `PyEval_SaveThread` gives
-    // it back; the state's counter stays at 1 or more, as no release matches this call. A thread that holds the lock has
-    // a state already, and keeps both.
+    // SAFETY: the interpreter runs, or there were no bus. `PyGILState_Ensure` takes its lock and `PyEval_SaveThread`
+    // gives it back; the state's counter stays at 1 or more, as no release matches this call. A thread that holds the
+    // lock has a state already, and keeps both.
     unsafe {
         if !IS_KEPT.replace(true) {
             match ffi::PyGILState_Ensure() {
