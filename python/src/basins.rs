@@ -52,7 +52,7 @@ pub fn ensemble<'py>(
     let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
     let mut rows = Rows::default();
     for k in 0..=periods.div_ceil(every) {
-        let t_s = f64::from((k * every).min(periods)) / sine.frequency_hz;
+        let t_s = f64::from(k.saturating_mul(every).min(periods)) / sine.frequency_hz;
         for group in &found {
             group.get(k as usize).into_iter().flatten().for_each(|state| push(&mut rows, t_s, state));
         }
@@ -71,7 +71,7 @@ fn followed(
     let (mut states, mut done) = (group.to_vec(), 0);
     let mut kept = vec![states.clone()];
     while done < periods && !stop() {
-        let next = (done / every + 1) * every;
+        let next = (done / every + 1).saturating_mul(every);
         let more = (next.min(periods) - done).min(AT_ONCE);
         map.advance_all(&mut states, more);
         done += more;
