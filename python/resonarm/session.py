@@ -83,6 +83,7 @@ def run(
     patience_s: float | None = None,
     rearm: int = 0,
     overrun: str | None = None,
+    rt: str | None = None,
     priority: int | None = None,
     core: int | None = None,
 ) -> Report:
@@ -95,14 +96,16 @@ def run(
     a fault. Ctrl-C ends the run in order.
 
     In real time `overrun` is what a missed deadline leads to: slip (the default), continue, fault or stop
-    (`docs/real-time.md`). The thread of the run, the plant's, asks for the `priority` of SCHED_FIFO, 1 to 99, with the
-    memory of the process locked, and for the `core` it is to stay on; without them it is left as it is. What the system
-    refuses goes to the logger `resonarm`.
+    (`docs/real-time.md`). With `rt` auto the thread of the run, the plant's, asks for what `resonarm run` asks for:
+    SCHED_FIFO with the `priority` of 80, or another from 1 to 99, all memory of the process locked, and the `core` if
+    one is given. With require the run does not begin without them. By default only what is given is asked for: a
+    priority, with it the memory, or a core. What the thread got is `thread` in the plant's report; what it did not get
+    goes to the logger `resonarm`, too.
 
     Raises ValueError and OSError if the run can't begin; what the controller raises. What ends a run early is in the
     report.
     """
-    how = (mode, record, overwrite, speed, patience_s, rearm, True, (overrun, priority, core))
+    how = (mode, record, overwrite, speed, patience_s, rearm, True, (overrun, rt, priority, core))
     own = None if controller is None else (controller, load)
     plant, exciter, responses = _resonarm.run_both(scenario, how, own)
     return Report(plant, exciter, view(responses, RESPONSE))
@@ -132,10 +135,11 @@ class Node(_resonarm.NodeRun):
         rearm: int = 0,
         end_on_disarm: bool = False,
         overrun: str | None = None,
+        rt: str | None = None,
         priority: int | None = None,
         core: int | None = None,
     ) -> "Node":
-        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, (overrun, priority, core))
+        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, (overrun, rt, priority, core))
         own = None if controller is None else (controller, load)
         return super().__new__(cls, role, scenario, how, bus, own)
 

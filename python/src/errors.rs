@@ -99,6 +99,7 @@ pub fn run(error: RunError) -> PyErr {
         | RunError::FreeHasNoBus
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => value(error),
+        RunError::NoRealTimeThread { .. } => refused(io::ErrorKind::PermissionDenied, &error),
         _ => failed(error),
     }
 }

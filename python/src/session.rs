@@ -14,8 +14,8 @@ use resonarm::excitation::Phasor;
 use resonarm::realtime::{FifoPriority, ThreadSetup};
 use resonarm::recording::Existing;
 use resonarm::run::{
-    BothReport, ExciterEnd, ExciterReport, Mode, Options, PlantReport, RecordTo, RunError, RunEvent, Session, Signals,
-    Speed,
+    BothReport, ExciterEnd, ExciterReport, Mode, OnShortfall, Options, PlantReport, RecordTo, RunError, RunEvent,
+    Session, Signals, Speed,
 };
 use serde::Serialize;
 
@@ -35,26 +35,46 @@ const EVENTS: usize = 1024;
 #[derive(Debug, FromPyObject)]
 pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, bool, RealTime);
 
-/// What is said of a run in real time: what a missed deadline leads to, the priority of its thread, its core.
+/// What is said of a run in real time: what a missed deadline leads to, how much its thread wants to be a real-time
+/// thread, its priority, its core.
 #[derive(Debug, FromPyObject)]
-pub struct RealTime(Option<String>, Option<i64>, Option<usize>);
+pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>);
 
 impl RealTime {
     /// In the options of a run in this mode.
     fn set(self, mode: Mode, options: &mut Options) -> PyResult<()> {
-        let RealTime(overrun, priority, core) = self;
-        let given = [("overrun", overrun.is_some()), ("priority", priority.is_some()), ("core", core.is_some())];
+        let RealTime(overrun, rt, priority, core) = self;
+        let given = [
+            ("overrun", overrun.is_some()),
+            ("rt", rt.is_some()),
+            ("priority", priority.is_some()),
+            ("core", core.is_some()),
+        ];
         if let (false, Some((name, _))) = (mode == Mode::RealTime, given.iter().find(|(_, is_given)| *is_given)) {
-            return Err(errors::value(format!(
-                "{name} is for the mode real-time, and the mode is {mode}: leave it out"
-            )));
+            let message = format!("{name} is for the mode real-time, and the mode is {mode}: leave it out");
+            return Err(errors::value(message));
         }
         if let Some(policy) = overrun {
             options.overrun = policy.parse().map_err(errors::value)?;
         }
         let priority = priority.map(fifo_priority).transpose()?;
-        if priority.is_some() || core.is_some() {
-            options.thread = Some(ThreadSetup { priority, core, lock_memory: priority.is_some() });
+        let whole =
+            ThreadSetup { priority: priority.or(ThreadSetup::default().priority), core, ..ThreadSetup::default() };
+        match (rt.as_deref(), core) {
+            (None, _) if priority.is_some() || core.is_some() => {
+                options.thread = Some(ThreadSetup { priority, core, lock_memory: priority.is_some() });
+            }
+            (None, _) | (Some("off"), None) => {}
+            (Some("off"), Some(core)) => {
+                return Err(errors::value(format!("core {core} asks for what rt off leaves out: give one of them")));
+            }
+            (Some("auto"), _) => options.thread = Some(whole),
+            (Some("require"), _) => {
+                (options.thread, options.on_shortfall) = (Some(whole), OnShortfall::Refuse);
+            }
+            (Some(other), _) => {
+                return Err(errors::value(format!("rt is `{other}`: it is one of auto, require, off")));
+            }
         }
         Ok(())
     }

@@ -261,6 +261,14 @@ report = resonarm.run(scenario, "real-time", record=sys.argv[2], **options)
 assert report.plant["outcome"] in ("completed", "disarmed"), report.plant
 assert report.plant["slipped"] == 0, "which continue never does"
 assert report.recording.read("ticks")["sample"][-1] >= 300
+thread = report.plant["thread"]
+assert thread["core"] == options["core"] or thread["shortfalls"], thread
+del options["priority"]
+try:
+    required = resonarm.run(scenario, "real-time", rt="require", **options).plant["thread"]
+    assert (required["priority"], required["shortfalls"], thread["shortfalls"]) == (80, [], []), required
+except PermissionError as error:
+    assert thread["shortfalls"] and "the thread of the run must be a real-time thread, and has " in str(error), error
 """
 
 
@@ -284,6 +292,7 @@ def test_a_core_that_is_not_there_is_told(bench_scenario, caplog):
         ("real-time", {"overrun": "panic"}, "unknown overrun policy `panic`"),
         ("real-time", {"priority": 100}, "the real-time priority is 100; it must be from 1 to 99"),
         ("real-time", {"priority": 300}, "the real-time priority is 300; it must be from 1 to 99"),
+        ("real-time", {"rt": "maybe"}, "rt is `maybe`: it is one of auto, require, off"),
         ("lockstep", {"priority": 10}, "priority is for the mode real-time, and the mode is lockstep: leave it out"),
         ("free", {"overrun": "slip"}, "overrun is for the mode real-time, and the mode is free: leave it out"),
     ],

@@ -84,6 +84,7 @@ CASES = [
     ("run --mode free --patience-s=-1", lambda: run(patience_s=-1.0), ValueError),
     ("run --mode real-time --bus memory --priority 100", lambda: run("real-time", priority=100), ValueError),
     ("run --mode real-time --bus memory --overrun panic", lambda: run("real-time", overrun="panic"), ValueError),
+    ("run --bus memory --rt off --core 1", lambda: run("real-time", rt="off", core=1), ValueError),
     ("run --mode free --bus vcan0", lambda: resonarm.Node("plant", resonarm.Scenario(), "vcan0", "free"), ValueError),
     ("run --bus foo:bar", lambda: resonarm.Node("plant", resonarm.Scenario(), "foo:bar"), ValueError),
     (f"resim {NONE}", lambda: resonarm.Recording(NONE), FileNotFoundError),
