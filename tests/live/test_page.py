@@ -25,6 +25,15 @@ def programs():
         yield started
 
 
+# Whether what stands in a section stands one below the other.
+IN_ORDER = """[...document.querySelectorAll('section')].every((section) => {
+    if (section.id === 'controls') return true;
+    const parts = [...section.querySelectorAll('h2, canvas, .u-legend, p, ol')];
+    const shown = parts.map((part) => part.getBoundingClientRect()).filter((part) => part.height > 0);
+    return shown.every((part, k) => k === 0 || part.top >= shown[k - 1].bottom - 1);
+})"""
+
+
 def open_page(browser, program, **size):
     url, token = address(program)
     page = browser.page(f"{url}#{token}", **size)
@@ -75,6 +84,7 @@ def test_the_demo_moves_and_its_response_builds_up_on_the_branch(browser, progra
     tip = "resonarm.views.arm.tip.map(Math.round).join()"
     wait_until(lambda: tips.add(page.value(tip)) or len(tips) > 8, "the arm to move")
     assert re.search(r"load [\d.]+ %, \d+ µs late, 0 deadlines missed, 1 viewers", page.text("#timing-numbers"))
+    assert page.value(IN_ORDER)
     width, height, colours = colours_of_png(page.picture(tmp_path / "demo.png"))
     assert (width, height) == (1280, 1500) and colours > 100
     assert page.errors == []
@@ -86,7 +96,7 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
     page.until("resonarm.data.times.length > 50")
     assert page.value("document.documentElement.scrollWidth") <= PHONE["width"], "it is wider than the screen"
     narrow = "[...document.querySelectorAll('section')].every((it) => it.getBoundingClientRect().width > 340)"
-    assert page.value(narrow)
+    assert page.value(narrow) and page.value(IN_ORDER)
     assert page.value("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 26)"
     # Whatever can be clicked can be reached by Tab, and shows that it is.
     reached = set()

@@ -40,7 +40,7 @@ function makeViews(about) {
     lissajous: new Lissajous(element("lissajous")),
     spectrum: new LinePlot(element("spectrum"), "frequency (Hz)", "amplitude",
       ["force x (N)", "force y (N)", "C x (m/s²)", "C y (m/s²)"], { log: true }),
-    timing: new LinePlot(element("timing"), "time (s)", "load (%)", ["mean load", "largest load", "mean lateness", "latest"],
+    timing: new LinePlot(element("timing"), "time (s)", "load (%)", ["load", "largest", "lateness", "latest"],
       { secondUnit: "lateness (µs)" }),
   };
 }

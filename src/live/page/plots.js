@@ -4,15 +4,26 @@ import { axes, begin, color, line, range } from "./canvas.js";
 
 const HUES = ["first", "second", "third", "fourth"];
 
+// Height of a plot without its legend, CSS pixels.
+const HEIGHT = 200;
+
 const axis = (label) => ({
   label, labelSize: 18, labelFont: "12px system-ui", font: "12px system-ui", size: 46, stroke: () => color("faint"),
   grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false },
 });
 const below = (label) => ({ ...axis(label), size: 30 });
 
+// Of a logarithmic axis lines at powers of ten alone.
+const isPower = (value) => Number.isInteger(Math.round(Math.log10(value) * 1e6) / 1e6);
+const powers = (_, values) => values.map((value) => (isPower(value) ? value : null));
+const logarithmic = (label) => ({
+  ...axis(label), grid: { stroke: () => color("grid"), width: 1, filter: powers }, filter: powers,
+  values: (_, values) => values.map((value) => (value === null ? "" : value.toExponential(0))),
+});
+
 // A plot that fills its place in the page.
 function plot(place, options, data) {
-  const size = () => ({ width: Math.max(80, place.clientWidth), height: Math.max(80, place.clientHeight - 26) });
+  const size = () => ({ width: Math.max(80, place.clientWidth), height: HEIGHT });
   const made = new uPlot({
     ...size(), legend: { live: false, isolate: true }, cursor: { drag: { x: false, y: false }, points: { show: false } }, ...options,
   }, data, place);
@@ -53,7 +64,7 @@ export class LinePlot {
     const scales = { x: { time: false }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(1e-3, high * 1.1)] } };
     if (secondUnit) scales.z = { range: (_, __, high) => [0, Math.max(1, high * 1.1)] };
     const second = secondUnit ? [{ ...axis(secondUnit), scale: "z", side: 1, grid: { show: false } }] : [];
-    this.plot = plot(place, { series: [{}, ...series], scales, axes: [below(xLabel), axis(unit), ...second] },
+    this.plot = plot(place, { series: [{}, ...series], scales, axes: [below(xLabel), (log ? logarithmic : axis)(unit), ...second] },
       [[], ...labels.map(() => [])]);
   }
 
