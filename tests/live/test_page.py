@@ -111,11 +111,11 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
     assert page.errors == []
 
 
-def test_thirty_frames_a_second_are_drawn_where_the_machine_allows(browser, programs):
-    """How many depends on the machine, which may stop any process; that the page keeps up with the updates does not."""
+def test_the_page_keeps_up_with_a_run_at_1_khz(browser, programs):
+    """How many frames a second are drawn depends on the machine, which may stop any process; that every sample comes,
+    for three seconds without a gap, does not."""
     page = open_page(browser, free_run(programs))
-    page.until("resonarm.data.frames > 150")
-    assert page.value("resonarm.data.newest") > 1000
+    page.until("resonarm.data.frames > 150 && resonarm.data.rows.length >= 3000")
     assert page.errors == []
 
 
