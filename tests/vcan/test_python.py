@@ -19,15 +19,19 @@ def test_the_example_suite_passes_with_all_three_controllers():
 
 
 SUITE = """
+import pytest
 import resonarm
 
+@pytest.mark.scenario(network={{"lockstep_timeout_s": 30.0}})
 def test_a_test_brings_its_parts_itself(bench, plant, bus, controller_process):
     assert bench.bus == bus.channel == "vcan0"
     process = controller_process(*{words}.split())
-    decoder = resonarm.Decoder()
+    decoder, verdicts = resonarm.Decoder(), set()
     while process.is_running:
-        message = bus.recv(0.1)
-        assert message is None or decoder.decode(message).verdict == "taken"
+        if message := bus.recv(0.1):
+            verdicts.add(decoder.decode(message).verdict)
+    # Simulated time goes faster than this loop may: the kernel then drops frames, and the counters have gaps.
+    assert "taken" in verdicts and "foreign" not in verdicts, verdicts
     assert process.wait() == 0, process.output
     result = bench.result(plant)
     result.assert_no_refused_command()
