@@ -1,0 +1,41 @@
+"""What the real-time loop asks of the kernel: what docs/real-time.md says, and nothing else."""
+
+import re
+from pathlib import Path
+
+from processes import RESONARM
+
+DOCUMENTED = Path(__file__).parents[2] / "docs/real-time.md"
+
+SCENARIO = """
+simulation = { rate_hz = 200 }
+network = { command_timeout_s = 10, partner_timeout_s = 30 }
+[excitation]
+amplitude = { force_x_n = 50.0 }
+profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 1, settle_s = 0.2 }
+"""
+
+
+def documented():
+    """The names in the table's column for SocketCAN."""
+    table = DOCUMENTED.read_text().split("## System calls", 1)[1].split("\n## ", 1)[0]
+    return {name for row in re.findall(r"^\| .* \| yes \|$", table, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)}
+
+
+def test_the_loop_makes_no_other_system_calls_than_documented(tmp_path, programs):
+    scenario, trace = tmp_path / "scenario.toml", tmp_path / "trace"
+    scenario.write_text(SCENARIO)
+    common = ["--bus", "vcan0", "--scenario", scenario]
+    record = ["--record", tmp_path / "run.mcap", "--stop-on-disarm"]
+    plant = programs.start("strace", "strace", "-f", "-o", trace, RESONARM, "run", *common, *record)
+    assert programs.resonarm("exciter", *common, "--patience-s", 60).wait() == 0
+    assert plant.wait() == 0, plant.stderr
+    # `PID NAME(…`; the end of a call that another thread's came between has no name at this place.
+    calls = re.findall(r"^(\d+) +(\w+)\(", trace.read_text(), re.MULTILINE)
+    loop = max({thread for thread, name in calls}, key=lambda thread: calls.count((thread, "sendto")))
+    names = [name for thread, name in calls if thread == loop]
+    # From the first frame that is sent to the last.
+    first, last = names.index("sendto"), len(names) - names[::-1].index("sendto")
+    made = names[first:last]
+    assert made.count("sendto") > 3 * 200 and made.count("recvmsg") > 200
+    assert set(made) <= documented(), {name: made.count(name) for name in set(made)}
