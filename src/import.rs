@@ -82,7 +82,7 @@ pub enum ImportError {
         /// That of another.
         other: String,
     },
-    /// A frame that was seen before the first.
+    /// A frame that was seen before the first, by more than [`DISORDER_NS`].
     #[error("{}: frame {frame} is {early_ns} ns earlier than the first: the log is not in order", log.display())]
     Order {
         /// The log.
@@ -94,7 +94,11 @@ pub enum ImportError {
     },
 }
 
-/// A recording of frames alone, written frame by frame. Sample k begins k sample periods after the first frame. Frames
+/// How much earlier than the first frame of a log others may be, ns: a program that logs what it sends and what it
+/// receives stamps frames that waited in a queue with when they came. The earliest is the beginning.
+pub const DISORDER_NS: u64 = 100_000_000;
+
+/// A recording of frames alone, written frame by frame. Sample k begins k sample periods after the beginning. Frames
 /// of the network go the way that their senders have; of others the log says it, or they count as received by the
 /// plant.
 pub struct FrameLog {
@@ -108,7 +112,7 @@ pub struct FrameLog {
 }
 
 impl FrameLog {
-    /// Begins the recording `path` of the log `log`, whose first frame is `first`; that is still to be written.
+    /// Begins the recording `path` of the log `log`, whose earliest frame is `first`; that is still to be written.
     ///
     /// # Errors
     /// [`ImportError`] if the scenario has no network, or the recording can't be begun.
@@ -139,10 +143,10 @@ impl FrameLog {
         Ok(FrameLog { recorder, channel, log: log.to_path_buf(), network, rate_hz, first_ns: first.time_ns, frames: 0 })
     }
 
-    /// Writes a frame, and returns its time since the first, ns.
+    /// Writes a frame, and returns its time since the beginning, ns.
     ///
     /// # Errors
-    /// [`ImportError::Order`] if it is earlier than the first; [`ImportError::Recording`].
+    /// [`ImportError::Order`] if it is earlier than that; [`ImportError::Recording`].
     pub fn push(&mut self, logged: &LoggedFrame) -> Result<u64, ImportError> {
         let time_ns = logged.time_ns.checked_sub(self.first_ns).ok_or_else(|| ImportError::Order {
             log: self.log.clone(),
@@ -190,9 +194,10 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
     Ok(imported)
 }
 
-/// The first frame that is wanted, if the whole log can be imported.
+/// The first frame that is wanted, with the time of the earliest, if the whole log can be imported.
 fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<LoggedFrame, ImportError> {
     let mut first: Option<LoggedFrame> = None;
+    let mut earliest_ns = u64::MAX;
     for (frame, logged) in (1..).zip(wanted(read(log, format)?, options.interface.as_deref())) {
         let logged = logged?;
         let first = first.get_or_insert_with(|| logged.clone());
@@ -201,10 +206,13 @@ fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<Logge
             let [first, other] = [first, &logged].map(|logged| logged.interface.clone().unwrap_or_default());
             return Err(ImportError::Interfaces { log: log(), first, other });
         }
-        if let Some(early_ns) = first.time_ns.checked_sub(logged.time_ns).filter(|early_ns| *early_ns > 0) {
+        let early_ns = first.time_ns.saturating_sub(logged.time_ns);
+        if early_ns > DISORDER_NS {
             return Err(ImportError::Order { log: log(), frame, early_ns });
         }
+        earliest_ns = earliest_ns.min(logged.time_ns);
     }
+    let first = first.map(|first| LoggedFrame { time_ns: earliest_ns, ..first });
     first.ok_or_else(|| ImportError::Empty { log: log.to_path_buf(), interface: options.interface.clone() })
 }
 

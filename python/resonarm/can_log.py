@@ -51,8 +51,9 @@ class McapWriter(MessageWriter):
     """Writes messages into a recording of frames alone, as `resonarm import` makes one; it replaces a file that is
     there.
 
-    The file is begun with the first message: without one there is none. Error frames and remote frames are left out. It
-    is whole after `stop`. Messages must not be earlier than the first.
+    The file is begun once a tenth of a second of messages is there, or at the end: without one there is none. Error
+    frames and remote frames are left out. It is whole after `stop`. Messages must not be earlier than the first by more
+    than a tenth of a second; of those the earliest is the beginning.
     """
 
     def __init__(self, file: StringPathLike, *, append: bool = False, **kwargs: Any) -> None:

@@ -1,21 +1,59 @@
 //! Frames written into a recording, one by one.
 
-use std::path::PathBuf;
+use core::mem;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
 use resonarm::can_log::LoggedFrame;
-use resonarm::import::{FrameLog, ImportError, ImportOptions};
+use resonarm::import::{DISORDER_NS, FrameLog, ImportError, ImportOptions};
 use resonarm::recording::{Direction, Existing};
 
 use crate::errors;
 use crate::protocol::FrameParts;
 
-/// A recording of frames alone; begun with the first.
+/// A recording of frames alone; begun when no frame can come any more that is earlier than all so far.
 #[pyclass(frozen, module = "resonarm._resonarm")]
 pub struct LogWriter {
     path: PathBuf,
-    log: Mutex<Option<FrameLog>>,
+    log: Mutex<Log>,
+}
+
+enum Log {
+    /// The frames so far.
+    Waiting(Vec<LoggedFrame>),
+    Begun(FrameLog),
+}
+
+impl Log {
+    /// Takes a frame in.
+    fn push(&mut self, path: &Path, logged: LoggedFrame) -> Result<(), ImportError> {
+        let waiting = match self {
+            Log::Begun(log) => return log.push(&logged).map(drop),
+            Log::Waiting(waiting) => waiting,
+        };
+        let first_ns = waiting.first().map_or(logged.time_ns, |first| first.time_ns);
+        let early_ns = first_ns.saturating_sub(logged.time_ns);
+        if early_ns > DISORDER_NS {
+            return Err(ImportError::Order { log: path.to_path_buf(), frame: waiting.len() as u64 + 1, early_ns });
+        }
+        let is_late = logged.time_ns > first_ns + DISORDER_NS;
+        waiting.push(logged);
+        if is_late { self.begin(path) } else { Ok(()) }
+    }
+
+    /// Begins the recording with the earliest of the frames that wait, if there are any.
+    fn begin(&mut self, path: &Path) -> Result<(), ImportError> {
+        let Log::Waiting(waiting) = self else { return Ok(()) };
+        let Some(earliest) = waiting.iter().min_by_key(|logged| logged.time_ns) else { return Ok(()) };
+        let options = ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite };
+        let mut log = FrameLog::create(path, "python-can", earliest, path, &options)?;
+        for logged in waiting.iter() {
+            log.push(logged)?;
+        }
+        *self = Log::Begun(log);
+        Ok(())
+    }
 }
 
 fn refused(error: ImportError) -> PyErr {
@@ -30,7 +68,7 @@ impl LogWriter {
     /// Of the file of this path, over what is there.
     #[new]
     fn new(path: PathBuf) -> LogWriter {
-        LogWriter { path, log: Mutex::new(None) }
+        LogWriter { path, log: Mutex::new(Log::Waiting(Vec::new())) }
     }
 
     /// Writes a frame that was seen at a time of the UNIX epoch, ns.
@@ -38,21 +76,16 @@ impl LogWriter {
         let direction = if received { Direction::Received } else { Direction::Sent };
         let interface = Some(interface).filter(|name| !name.is_empty());
         let logged = LoggedFrame { time_ns: unix_ns, interface, direction: Some(direction), frame: frame.frame()? };
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
-        if log.is_none() {
-            let options = ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite };
-            let begun = FrameLog::create(&self.path, "python-can", &logged, &self.path, &options);
-            *log = Some(begun.map_err(refused)?);
-        }
-        if let Some(log) = log.as_mut() {
-            log.push(&logged).map_err(refused)?;
-        }
-        Ok(())
+        self.log.lock().unwrap_or_else(PoisonError::into_inner).push(&self.path, logged).map_err(refused)
     }
 
     /// Ends the recording; how many frames are in it.
     fn finish(&self, py: Python<'_>) -> PyResult<u64> {
-        let log = self.log.lock().unwrap_or_else(PoisonError::into_inner).take();
-        py.detach(|| log.map_or(Ok(0), FrameLog::finish)).map_err(refused)
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        log.begin(&self.path).map_err(refused)?;
+        match mem::replace(&mut *log, Log::Waiting(Vec::new())) {
+            Log::Begun(log) => py.detach(|| log.finish()).map_err(refused),
+            Log::Waiting(_) => Ok(0),
+        }
     }
 }

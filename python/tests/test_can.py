@@ -18,6 +18,7 @@ from resonarm.can_bus import ResonarmBus
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = ROOT / "scenarios/bench.toml"
 SWEEP = ROOT / "recordings/free-sweep.mcap"
+LOCKSTEP = ROOT / "recordings/lockstep-dwell.mcap"
 
 
 def tool(name, *words):
@@ -133,6 +134,20 @@ def test_a_log_becomes_a_recording(tmp_path):
     again = list(can.LogReader(tmp_path / "log.mcap"))
     assert [m.arbitration_id for m in again] == [m.arbitration_id for m in messages]
     assert resonarm.Recording(tmp_path / "log.mcap").summary["integrity"]["state"] == "complete"
+
+
+def test_frames_that_waited_in_a_queue_are_earlier_than_the_first(tmp_path):
+    """Of a plant that began when frames of the exciter's had waited for 24 ms: from its recording, from a BLF log."""
+    messages = list(can.LogReader(LOCKSTEP))
+    assert min(message.timestamp for message in messages) < messages[0].timestamp - 0.02
+    tool("logconvert", LOCKSTEP, tmp_path / "log.blf")
+    for log in (LOCKSTEP, tmp_path / "log.blf"):
+        tool("logconvert", log, tmp_path / "log.mcap")
+        expected, got = list(can.LogReader(log)), list(can.LogReader(tmp_path / "log.mcap"))
+        assert [(m.arbitration_id, m.data) for m in got] == [(m.arbitration_id, m.data) for m in expected]
+        # As exact as a time of this century is as a 64-bit float.
+        late_s = [m.timestamp - n.timestamp for m, n in zip(got, expected, strict=True)]
+        assert len(got) == len(messages) and np.abs(late_s).max() < 1e-6
 
 
 def test_a_log_that_goes_back_is_refused(tmp_path):

@@ -76,6 +76,10 @@ fn what_cannot_be_imported_is_said() {
     assert_snapshot!(said("a.log", "", &[]), @"resonarm: a.log has no frames");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(1.5) can1 123#00\n", &[]), @"resonarm: a.log has frames of can0 and of can1: choose one (--interface)");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n", &["--interface", "can7"]), @"resonarm: a.log has no frames of interface can7");
+    // A tenth of a second is not too much.
+    fs::write(folder.path().join("early.log"), "(1.0) can0 123#00\n(0.9) can0 124#00\n").unwrap();
+    let early = resonarm(folder.path(), &["import", "early.log", "early.mcap"]);
+    assert_snapshot!(early.stdout, @"early.mcap: 2 frames of 0.100 s; left out 0 of other interfaces and 0 lines or objects that are no frames");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
     assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending tells no format: name it by --from, one of candump, asc, blf");
