@@ -19,7 +19,8 @@ profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 1, settle_s = 
 def documented():
     """The names in the table's column for SocketCAN."""
     table = DOCUMENTED.read_text().split("## System calls", 1)[1].split("\n## ", 1)[0]
-    return {name for row in re.findall(r"^\| .* \| yes \|$", table, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)}
+    rows = re.findall(r"^\| .* \| yes \|$", table, re.MULTILINE)
+    return {name for row in rows for name in re.findall(r"`(\w+)`", row)}
 
 
 def test_the_loop_makes_no_other_system_calls_than_documented(tmp_path, programs):
