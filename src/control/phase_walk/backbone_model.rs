@@ -145,8 +145,8 @@ impl BackboneModel {
             let x = (finding.square - square) / scale;
             let p = Vector3::new(1.0, x, if curve == Curve::Parabola { x * x } else { 0.0 });
             let far = 1.0 + (x / REACH) * (x / REACH);
-            let deviation = finding.deviation.max(LEAST_DEVIATION);
-            let weight = recency / (far * far * deviation * deviation);
+            let variance = finding.deviation * finding.deviation + LEAST_DEVIATION * LEAST_DEVIATION;
+            let weight = recency / (far * far * variance);
             recency *= FADING;
             normal += p * p.transpose() * weight;
             moment += p * (weight * (value(finding) - origin));
