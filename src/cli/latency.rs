@@ -1,7 +1,6 @@
 //! `resonarm latency`: how punctual the real-time loop is on this machine, beside a loop that does nothing.
 
 use core::fmt::Write;
-use core::time::Duration;
 use std::thread;
 
 use clap::Args;
@@ -44,8 +43,6 @@ pub(super) struct Latency {
     json: bool,
 }
 
-/// How much longer than a turn the controller waits for a plant, which on a busy machine may come and go unheard.
-const CONTROLLER_PATIENCE: Duration = Duration::from_secs(1);
 /// How long the controller may be held up before the plant takes it for lost, s.
 const PATIENCE_S: f64 = 3600.0;
 
@@ -110,10 +107,7 @@ impl Latency {
         scenario.simulation.duration_s = Some(self.turn_s);
         // A controller that is held up is no matter of the plant's loop.
         scenario.network.command_timeout_s = PATIENCE_S;
-        // A plant that has ended before the controller got to run is never heard of by it.
-        let patience = Some(seconds("--turn-s", self.turn_s)? + CONTROLLER_PATIENCE);
-        let options =
-            Options { thread: setup, on_shortfall: self.thread.on_shortfall(), patience, ..Options::default() };
+        let options = Options { thread: setup, on_shortfall: self.thread.on_shortfall(), ..Options::default() };
         Ok(Session::new(scenario, Mode::RealTime, options)?)
     }
 

@@ -1,12 +1,13 @@
 //! The exciter controller on a bus: answers samples as they come, in real time and in lockstep alike.
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
 use super::event_record::{event_record, request_records, sample_record};
 use super::{BusCounts, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
 use crate::bus::{Bus, Sent};
 use crate::control::ResponsePoint;
-use crate::node::ExciterNode;
+use crate::node::{ExciterNode, Outcome};
 use crate::protocol::NodeState;
 use crate::realtime::Clock;
 use crate::recording::{Event, Record};
@@ -21,11 +22,20 @@ const SEND_LIMIT_NS: u64 = 500_000_000;
 
 /// How long to wait for a plant, and how often to begin anew after a fault.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Patience {
+pub(super) struct Patience<'r> {
     /// How long to wait until a plant is armed; `None` is without end.
     pub wait: Option<Duration>,
     /// How often to begin anew.
     pub rearm: u32,
+    /// Set once the only plant on the bus has ended, where one process has both: then no plant is waited for.
+    pub plant_ended: Option<&'r AtomicBool>,
+}
+
+impl Patience<'_> {
+    /// Whether no plant will come any more. What the plant has sent is on the bus by then.
+    fn has_plant_ended(&self) -> bool {
+        self.plant_ended.is_some_and(|ended| ended.load(Ordering::Acquire))
+    }
 }
 
 /// Runs the exciter on the calling thread until its profile is played, it faults, or it is asked to stop.
@@ -33,15 +43,26 @@ pub(super) fn run<C: Clock>(
     node: &mut ExciterNode,
     bus: &mut dyn Bus,
     clock: &C,
-    patience: Patience,
+    patience: Patience<'_>,
     (signals, watched): (&Signals, Option<Watched>),
 ) -> ExciterReport {
     let start_ns = clock.now_ns();
     let mut run = Run { node, bus, clock, start_ns, patience, rearmed: 0, signals, watched, responses: Vec::new() };
-    let error = run.answer().and_then(|()| run.send_rest()).err();
+    let answered = run.answer();
+    let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(Outcome::PlantLeft);
+    let error = answered.and_then(|_end| run.send_rest()).err();
     let Run { bus, responses, rearmed, .. } = run;
     let counts = BusCounts::new(bus.statistics(), 0, node.refused_frames());
-    ExciterReport { responses, rearmed, bus: counts, ..ExciterReport::new(node, error) }
+    let report = ExciterReport::new(node, error);
+    ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, ..report }
+}
+
+/// What ended the exciter's loop.
+enum Answered {
+    /// The node's work is done.
+    Node,
+    /// The plant has ended, and was never heard to be armed.
+    PlantEnded,
 }
 
 impl ExciterReport {
@@ -65,7 +86,7 @@ struct Run<'r, C: Clock> {
     bus: &'r mut dyn Bus,
     clock: &'r C,
     start_ns: u64,
-    patience: Patience,
+    patience: Patience<'r>,
     rearmed: u32,
     signals: &'r Signals,
     watched: Option<Watched>,
@@ -77,10 +98,12 @@ impl<C: Clock> Run<'_, C> {
         self.clock.now_ns().saturating_sub(self.start_ns)
     }
 
-    fn answer(&mut self) -> Result<(), RunError> {
+    fn answer(&mut self) -> Result<Answered, RunError> {
         self.node.start(0);
         loop {
             let now_ns = self.now_ns();
+            // Looked at before the bus, so that all that the plant has sent is taken in by then.
+            let plant_ended = self.patience.has_plant_ended();
             while let Some(received) = self.bus.receive()? {
                 self.node.handle_frame(now_ns, &received.frame);
                 // An answer must not wait for the frames behind the sample.
@@ -100,7 +123,10 @@ impl<C: Clock> Run<'_, C> {
                 self.responses.clear();
             }
             if self.node.outcome().is_some() {
-                return Ok(());
+                return Ok(Answered::Node);
+            }
+            if plant_ended && self.waits_for_plant() {
+                return Ok(Answered::PlantEnded);
             }
             self.check_patience(now_ns)?;
             let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
@@ -135,10 +161,15 @@ impl<C: Clock> Run<'_, C> {
         if !self.node.has_heard_plant() {
             return Err(RunError::NoPlant { waited_s });
         }
-        if self.rearmed == 0 && self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0 {
+        if self.rearmed == 0 && self.waits_for_plant() {
             return Err(RunError::PlantNotArmed { waited_s });
         }
         Ok(())
+    }
+
+    /// Whether the plant was not heard to be armed yet.
+    fn waits_for_plant(&self) -> bool {
+        self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0
     }
 
     /// Sends what there is to send; `true` if all is sent.

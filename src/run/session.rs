@@ -1,5 +1,6 @@
 //! A scenario put to work: everything of a run put together, in one place.
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -228,7 +229,7 @@ impl Session {
         let mut node = self.exciter_node()?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Exciter));
         self.become_real_time()?;
-        let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
+        let patience = self.patience(None);
         let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
         if self.mode == Mode::Lockstep {
             bus.work_on_caller()?;
@@ -269,9 +270,10 @@ impl Session {
         let mut node = self.exciter_node()?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
+        let plant_ended = AtomicBool::new(false);
+        let patience = self.patience(Some(&plant_ended));
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
-            let patience = Patience { wait: self.options.patience, rearm: self.options.rearm };
             // The plant keeps the count of samples; the exciter only listens for the stop.
             let controller =
                 scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, (signals, watched)));
@@ -280,12 +282,17 @@ impl Session {
                 signals.stop();
             }
             drop(near);
+            plant_ended.store(true, Ordering::Release);
             let exciter = match controller.join() {
                 Ok(report) => report,
                 Err(panic) => std::panic::resume_unwind(panic),
             };
             Ok(BothReport { plant: plant?, exciter })
         })
+    }
+
+    fn patience<'r>(&self, plant_ended: Option<&'r AtomicBool>) -> Patience<'r> {
+        Patience { wait: self.options.patience, rearm: self.options.rearm, plant_ended }
     }
 
     /// Both in one loop, recorded by `recorder`.

@@ -15,6 +15,7 @@ use crate::realtime::{Clock, OverrunPolicy, SampleRate};
 use crate::recording::{Existing, Record, Recording};
 use crate::scenario::Scenario;
 
+mod both_ends;
 mod jammed_bus;
 mod network;
 mod watched;
@@ -415,7 +416,7 @@ fn an_exciter_s_last_disarm_waits_for_the_queue_though_frames_are_unread() {
         &mut node,
         &mut bus,
         &clock,
-        super::exciter::Patience { wait: None, rearm: 0 },
+        super::exciter::Patience { wait: None, rearm: 0, plant_ended: None },
         (&Signals::default(), None),
     );
     assert_eq!(report.outcome, Some(ExciterOutcome::Stopped));
