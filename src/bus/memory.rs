@@ -226,7 +226,8 @@ impl Bus for MemoryBus {
 
     fn statistics(&self) -> Statistics {
         let MemoryBus { sender, receiver, .. } = self;
-        Statistics { received: receiver.received, sent: sender.sent, dropped: receiver.dropped(), queue_full: 0 }
+        let (received, sent, dropped) = (receiver.received, sender.sent, receiver.dropped());
+        Statistics { received, sent, dropped, ..Statistics::default() }
     }
 
     /// The other ends keep what they have not yet received.

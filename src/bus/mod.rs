@@ -1,6 +1,7 @@
 //! CAN buses behind one trait. Every backend passes the same contract test.
 
 mod address;
+mod controller;
 mod deadline;
 mod error;
 pub mod fault;
@@ -17,6 +18,7 @@ use core::time::Duration;
 use resonarm_protocol::{Frame, Id};
 
 pub use address::BusAddress;
+pub use controller::{ControllerErrors, ControllerState};
 pub use error::BusError;
 
 /// Opens the bus that `address` names, with the default options of its backend.
@@ -51,7 +53,18 @@ pub trait Bus: Send {
     /// [`BusError`] if the bus is gone or the backend failed.
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError>;
 
-    /// The next frame that has come in, if any.
+    /// Queues frames for sending, in their order, in one go where the backend can. `frames` is left with those that
+    /// were not queued: none after [`Sent::Queued`]; after [`Sent::QueueFull`], which is counted once, and after an
+    /// error the first of them is the one concerned.
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus is gone or the backend failed.
+    fn send_all(&mut self, frames: &mut &[Frame]) -> Result<Sent, BusError> {
+        one_by_one(self, frames)
+    }
+
+    /// The next frame that has come in, if any. A backend may look for several at a time: `None` then tells that those
+    /// have been received, and the next call looks again.
     ///
     /// # Errors
     /// [`BusError`] if the bus is gone or the backend failed.
@@ -85,6 +98,12 @@ pub trait Bus: Send {
     /// What this end has seen so far.
     fn statistics(&self) -> Statistics;
 
+    /// What the controller of this end told of itself last, up to the frame received last. That of a bus without
+    /// controllers, and of one that does not tell, is [`ControllerState::Active`].
+    fn controller(&self) -> ControllerState {
+        ControllerState::Active
+    }
+
     /// Leaves the bus; whatever is called afterwards answers [`BusError::Closed`]. Frames queued before are still sent.
     ///
     /// # Errors
@@ -108,6 +127,10 @@ impl<B: Bus + ?Sized> Bus for &mut B {
         (**self).send(frame)
     }
 
+    fn send_all(&mut self, frames: &mut &[Frame]) -> Result<Sent, BusError> {
+        (**self).send_all(frames)
+    }
+
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
         (**self).receive()
     }
@@ -128,9 +151,24 @@ impl<B: Bus + ?Sized> Bus for &mut B {
         (**self).statistics()
     }
 
+    fn controller(&self) -> ControllerState {
+        (**self).controller()
+    }
+
     fn close(&mut self) -> Result<(), BusError> {
         (**self).close()
     }
+}
+
+/// [`Bus::send_all`] where a backend takes one frame at a time.
+fn one_by_one<B: Bus + ?Sized>(bus: &mut B, frames: &mut &[Frame]) -> Result<Sent, BusError> {
+    while let Some((first, rest)) = frames.split_first() {
+        if bus.send(first)? == Sent::QueueFull {
+            return Ok(Sent::QueueFull);
+        }
+        *frames = rest;
+    }
+    Ok(Sent::Queued)
 }
 
 /// What became of a frame given to [`Bus::send`].
@@ -184,6 +222,8 @@ pub struct Statistics {
     /// (`net.core.netdev_max_backlog`, counted for all interfaces in the second column of `/proc/net/softnet_stat`) is
     /// not in it; there the counters within the frames tell.
     pub dropped: u64,
-    /// Calls of [`Bus::send`] that met a full transmit queue.
+    /// Calls of [`Bus::send`] and [`Bus::send_all`] that met a full transmit queue.
     pub queue_full: u64,
+    /// What the controller of this end told of errors; nothing where the backend does not tell.
+    pub errors: ControllerErrors,
 }

@@ -384,6 +384,12 @@ impl PlantNode {
         self.link.next_frame()
     }
 
+    /// All frames to send, in their order: [`PlantNode::next_frame`] gives the first, and the one behind it once
+    /// [`PlantNode::frame_sent`] is told.
+    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
+        self.link.waiting_frames()
+    }
+
     /// The bus has taken the frame that [`PlantNode::next_frame`] gave.
     pub fn frame_sent(&mut self) {
         self.link.frame_sent();

@@ -12,6 +12,8 @@ use crate::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickR
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
 const FRAMES_AT_ONCE: usize = 256;
+/// Frames given to the bus in one go. More wait only after a jam.
+const FRAMES_SENT_AT_ONCE: usize = 16;
 /// How long a run goes on without its bus, ns: long enough for a controller's automatic restart, or for somebody to
 /// plug the cable in again.
 const BUS_PATIENCE_NS: u64 = 10_000_000_000;
@@ -24,6 +26,8 @@ pub(super) struct Bench<'a> {
     records: RecordSink,
     watched: Option<Watched>,
     on_event: &'a mut dyn FnMut(RunEvent),
+    /// Memory for the frames that are sent next.
+    batch: Vec<Frame>,
     /// Since when the bus is off or down, ns.
     lost_since_ns: Option<u64>,
     samples: u64,
@@ -47,6 +51,7 @@ impl<'a> Bench<'a> {
             records,
             watched,
             on_event,
+            batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
             lost_since_ns: None,
             samples: 0,
             was_armed: false,
@@ -271,21 +276,37 @@ impl<'a> Bench<'a> {
 
     /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
     pub fn transmit(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<bool, RunError> {
-        while let Some(frame) = self.node.next_frame() {
-            match bus.send(&frame) {
-                Ok(Sent::Queued) => {
-                    self.node.frame_sent();
-                    self.regain_bus(now_ns);
-                    self.record_sent(now_ns, frame);
-                }
-                Ok(Sent::QueueFull) => return Ok(false),
+        loop {
+            let mut batch = core::mem::take(&mut self.batch);
+            batch.clear();
+            batch.extend(self.node.waiting_frames().take(FRAMES_SENT_AT_ONCE));
+            let outcome = self.send(now_ns, bus, &batch);
+            let is_more = batch.len() == FRAMES_SENT_AT_ONCE;
+            self.batch = batch;
+            match outcome {
+                Ok(Sent::Queued) if is_more => {}
+                Ok(sent) => return Ok(sent == Sent::Queued),
                 Err(error) => {
                     self.lose_bus(now_ns, error)?;
                     return Ok(false);
                 }
             }
         }
-        Ok(true)
+    }
+
+    /// Sends the frames that wait, and records those that the bus took.
+    fn send(&mut self, now_ns: u64, bus: &mut dyn Bus, frames: &[Frame]) -> Result<Sent, BusError> {
+        let mut rest = frames;
+        let outcome = bus.send_all(&mut rest);
+        let sent = &frames[..frames.len() - rest.len()];
+        if !sent.is_empty() {
+            self.regain_bus(now_ns);
+        }
+        for frame in sent {
+            self.node.frame_sent();
+            self.record_sent(now_ns, *frame);
+        }
+        outcome
     }
 
     /// A bus that is off or down may come back: an armed plant faults, and the run goes on for a while.

@@ -29,12 +29,15 @@ const SILENCE: Duration = Duration::from_millis(50);
 /// the two ends where neither can know of it.
 pub fn contract(make: impl Fn() -> Pair, formats: Formats, lost_beneath: impl Fn() -> u64) {
     apart_from_overflow(&make, formats);
-    no_frame_vanishes_uncounted(make(), lost_beneath);
+    no_frame_vanishes_uncounted(make(), &lost_beneath, 1);
+    no_frame_vanishes_uncounted(make(), &lost_beneath, 50);
 }
 
 /// All but one, for a bus whose queues have no end.
 pub fn apart_from_overflow(make: &impl Fn() -> Pair, formats: Formats) {
     keeps_order_and_content(make());
+    a_batch_is_sent_as_its_frames_are(make());
+    what_was_not_received_ends_a_wait(make());
     carries_remote_frames(make());
     carries_fd_frames(make(), formats);
     does_not_hear_itself(make());
@@ -64,6 +67,17 @@ fn send(end: &mut dyn Bus, frame: &Frame) {
         assert!(start.elapsed() < PATIENCE, "the transmit queue stays full");
         end.wait(Duration::from_millis(1)).unwrap();
     }
+}
+
+/// Sends all, waiting while the transmit queue is full.
+fn send_all(end: &mut dyn Bus, mut frames: &[Frame]) {
+    #[allow(clippy::disallowed_methods, reason = "a test bounds itself in real time")]
+    let start = Instant::now();
+    while end.send_all(&mut frames).unwrap() == Sent::QueueFull {
+        assert!(start.elapsed() < PATIENCE, "the transmit queue stays full");
+        end.wait(Duration::from_millis(1)).unwrap();
+    }
+    assert!(frames.is_empty(), "{} frames are left", frames.len());
 }
 
 /// The next frame, which must come.
@@ -117,6 +131,36 @@ fn keeps_order_and_content((mut near, mut far): Pair) {
         Statistics { sent: 200, queue_full: near.statistics().queue_full, ..Default::default() }
     );
     assert_eq!(far.statistics(), Statistics { received: 200, ..Default::default() });
+}
+
+/// Frames of both lengths of identifiers, more than any backend takes in one go, between single ones.
+fn a_batch_is_sent_as_its_frames_are((mut near, mut far): Pair) {
+    let frames: Vec<Frame> =
+        (0..60u8).map(|k| if k % 2 == 0 { standard(0x100, &[k]) } else { extended(0x1000 + u32::from(k)) }).collect();
+    let (first, last) = (standard(1, &[1, 2]), standard(2, &[3]));
+    send(&mut *near, &first);
+    send_all(&mut *near, &frames);
+    send(&mut *near, &last);
+    assert_eq!(next(&mut *far).frame, first);
+    for frame in &frames {
+        assert_eq!(next(&mut *far).frame, *frame);
+    }
+    assert_eq!(next(&mut *far).frame, last);
+    assert_eq!(near.send_all(&mut &[][..]).unwrap(), Sent::Queued, "nothing is sent at once");
+    assert_eq!((near.statistics().sent, far.statistics().received), (62, 62));
+}
+
+/// Also where a backend takes in several frames in one go.
+fn what_was_not_received_ends_a_wait((mut near, mut far): Pair) {
+    let frames = [1, 2, 3].map(|id| standard(id, &[]));
+    send_all(&mut *near, &frames);
+    for frame in frames {
+        assert_eq!(next(&mut *far).frame, frame);
+    }
+    assert!(!far.wait(Duration::ZERO).unwrap());
+    // What comes now is found though the call before found nothing.
+    send(&mut *near, &frames[0]);
+    assert_eq!(next(&mut *far).frame, frames[0]);
 }
 
 fn carries_remote_frames((mut near, mut far): Pair) {
@@ -209,15 +253,21 @@ fn empty_filters_pass_everything((mut near, mut far): Pair) {
 }
 
 /// Sends far more than an end that does not listen can keep: each frame is refused with [`Sent::QueueFull`], received,
-/// counted as dropped, or lost beneath; those that are received keep their order.
-fn no_frame_vanishes_uncounted((mut near, mut far): Pair, lost_beneath: impl Fn() -> u64) {
+/// counted as dropped, or lost beneath; those that are received keep their order. `at_once` are sent in one go; what
+/// the queue refuses of them is given up.
+fn no_frame_vanishes_uncounted((mut near, mut far): Pair, lost_beneath: &impl Fn() -> u64, at_once: usize) {
     const ATTEMPTS: u32 = 20_000;
     let lost_before = lost_beneath();
-    for k in 0..ATTEMPTS {
-        near.send(&standard(0x100, &k.to_le_bytes())).unwrap();
+    let all: Vec<Frame> = (0..ATTEMPTS).map(|k| standard(0x100, &k.to_le_bytes())).collect();
+    let mut refused = 0;
+    for mut batch in all.chunks(at_once) {
+        let outcome = near.send_all(&mut batch).unwrap();
+        assert_eq!(outcome == Sent::QueueFull, !batch.is_empty(), "{} are left", batch.len());
+        refused += batch.len() as u64;
     }
     let tx = near.statistics();
-    assert_eq!(tx.sent + tx.queue_full, u64::from(ATTEMPTS));
+    assert_eq!(tx.sent + refused, u64::from(ATTEMPTS));
+    assert!(tx.queue_full <= refused && (tx.queue_full > 0) == (refused > 0), "{refused} refused: {tx:?}");
     let (mut kept, mut silence) = (Vec::new(), Duration::ZERO);
     while far.statistics().received + far.statistics().dropped < tx.sent && silence < PATIENCE {
         silence = if far.wait(SILENCE).unwrap() { Duration::ZERO } else { silence + SILENCE };
@@ -240,9 +290,13 @@ fn no_frame_vanishes_uncounted((mut near, mut far): Pair, lost_beneath: impl Fn(
 fn answers_closed_after_close((mut near, mut far): Pair) {
     send(&mut *near, &standard(1, &[]));
     next(&mut *far);
+    // The second is taken in with the first, where a backend does so, and is gone with the bus.
+    send_all(&mut *far, &[standard(3, &[]), standard(4, &[])]);
+    assert_eq!(next(&mut *near).frame, standard(3, &[]));
     let before = near.statistics();
     near.close().unwrap();
     assert!(matches!(near.send(&standard(1, &[])), Err(BusError::Closed)));
+    assert!(matches!(near.send_all(&mut &[standard(1, &[])][..]), Err(BusError::Closed)));
     assert!(matches!(near.receive(), Err(BusError::Closed)));
     assert!(matches!(near.wait(Duration::ZERO), Err(BusError::Closed)));
     assert!(matches!(near.set_filters(&[]), Err(BusError::Closed)));

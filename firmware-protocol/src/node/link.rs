@@ -248,6 +248,18 @@ impl Link {
         self.jammed_since_ns = (self.outbox.waiting() > 0).then(|| self.listening.listened_ns());
     }
 
+    /// The frames that wait, in the order in which they go, each as it is once those before it are sent.
+    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
+        let (mut outbox, mut transmitter) = (self.outbox.clone(), self.transmitter.clone());
+        core::iter::from_fn(move || {
+            let frame = transmitter.next(&outbox.front()?);
+            if let Some(kind) = outbox.pop() {
+                transmitter.sent(kind);
+            }
+            Some(frame)
+        })
+    }
+
     /// Whether frames wait.
     pub fn has_frames(&self) -> bool {
         self.outbox.waiting() > 0

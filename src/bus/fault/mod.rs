@@ -17,7 +17,7 @@ use resonarm_protocol::{Frame, Id, Node};
 pub use spec::{FaultDirection, FaultError, FaultKind, FaultNode, FaultSpec, MOST_FAULTS, check};
 
 use self::line::{Line, stream};
-use super::{Bus, BusError, Filter, Received, Sent, Statistics, VirtualBus};
+use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics, VirtualBus, one_by_one};
 use crate::noise::Noise;
 use crate::realtime::Clock;
 
@@ -139,15 +139,12 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        if self.outgoing.is_sound() {
+            return self.send_all(&mut core::slice::from_ref(frame));
+        }
         let now_ns = self.now_ns();
         self.check(now_ns)?;
-        let is_free = self.pump(now_ns)? && self.outgoing.has_room();
-        if is_free && self.outgoing.is_sound() {
-            let sent = self.bus.send(frame)?;
-            self.sent += u64::from(sent == Sent::Queued);
-            return Ok(sent);
-        }
-        if !is_free {
+        if !self.pump(now_ns)? || !self.outgoing.has_room() {
             self.queue_full += 1;
             return Ok(Sent::QueueFull);
         }
@@ -155,6 +152,20 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
         self.sent += 1;
         self.pump(now_ns)?;
         Ok(Sent::Queued)
+    }
+
+    fn send_all(&mut self, frames: &mut &[Frame]) -> Result<Sent, BusError> {
+        if !self.outgoing.is_sound() {
+            return one_by_one(self, frames);
+        }
+        let now_ns = self.now_ns();
+        self.check(now_ns)?;
+        // On a sound line nothing waits: what it pumps is the babble's.
+        self.pump(now_ns)?;
+        let before = frames.len();
+        let outcome = self.bus.send_all(frames);
+        self.sent += (before - frames.len()) as u64;
+        outcome
     }
 
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
@@ -203,13 +214,18 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
     }
 
     fn statistics(&self) -> Statistics {
-        let Statistics { dropped, queue_full, .. } = self.bus.statistics();
+        let Statistics { dropped, queue_full, errors, .. } = self.bus.statistics();
         Statistics {
             received: self.received,
             sent: self.sent,
             dropped: dropped + self.incoming.dropped,
             queue_full: queue_full + self.queue_full,
+            errors,
         }
+    }
+
+    fn controller(&self) -> ControllerState {
+        self.bus.controller()
     }
 
     /// What still waits is sent at once.

@@ -1,61 +1,77 @@
 //! Frames and filters as the kernel lays them out (`linux/can.h`), and back.
 
-use libc::{CAN_EFF_FLAG, CAN_EFF_MASK, CAN_RTR_FLAG, CANFD_BRS, CANFD_ESI};
+use core::mem;
+
+use libc::{CAN_EFF_FLAG, CAN_EFF_MASK, CAN_MTU, CAN_RTR_FLAG, CAN_SFF_MASK, CANFD_BRS, CANFD_ESI, CANFD_MTU};
 use resonarm_protocol::{Frame, FrameError, FrameFormat, Id};
-use socketcan::frame::{can_frame_default, canfd_frame_default};
-use socketcan::{CanAnyFrame, CanFdFrame, CanFilter, CanFrame, EmbeddedFrame, Frame as _};
+use socketcan::CanFilter;
 
 use crate::bus::Filter;
 
-/// A frame in the size that its format has on the socket: `CAN_MTU` or `CANFD_MTU`.
-pub(super) enum KernelFrame {
-    Classical(CanFrame),
-    Fd(CanFdFrame),
+/// The kernel's `struct canfd_frame`, and its `struct can_frame`, which has identifier word, length and content at the
+/// same places.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RawFrame {
+    pub can_id: u32,
+    pub len: u8,
+    pub flags: u8,
+    pub reserved: [u8; 2],
+    pub data: [u8; 64],
+}
+
+const _: () = assert!(mem::size_of::<RawFrame>() == CANFD_MTU && mem::offset_of!(RawFrame, data) + 8 == CAN_MTU);
+
+/// A frame and the size that its format has on the socket, bytes: `CAN_MTU` or `CANFD_MTU`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KernelFrame {
+    pub raw: RawFrame,
+    pub size: usize,
+}
+
+impl KernelFrame {
+    /// Memory for a frame.
+    pub const NONE: KernelFrame =
+        KernelFrame { raw: RawFrame { can_id: 0, len: 0, flags: 0, reserved: [0; 2], data: [0; 64] }, size: 0 };
 }
 
 impl From<&Frame> for KernelFrame {
     fn from(frame: &Frame) -> KernelFrame {
         let (can_id, data) = (id_word(frame.id()), frame.data());
+        let mut raw = RawFrame { can_id, len: frame.len() as u8, ..KernelFrame::NONE.raw };
+        raw.data[..data.len()].copy_from_slice(data);
         match frame.format() {
-            FrameFormat::Classic | FrameFormat::Remote => {
-                let remote = if frame.format() == FrameFormat::Remote { CAN_RTR_FLAG } else { 0 };
-                let mut raw = can_frame_default();
-                raw.can_id = can_id | remote;
-                raw.can_dlc = frame.len() as u8;
-                raw.data[..data.len()].copy_from_slice(data);
-                KernelFrame::Classical(raw.into())
+            FrameFormat::Classic => KernelFrame { raw, size: CAN_MTU },
+            FrameFormat::Remote => {
+                KernelFrame { raw: RawFrame { can_id: can_id | CAN_RTR_FLAG, ..raw }, size: CAN_MTU }
             }
             FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
                 let brs = if bit_rate_switch { CANFD_BRS as u8 } else { 0 };
                 let esi = if error_state_indicator { CANFD_ESI as u8 } else { 0 };
-                let mut raw = canfd_frame_default();
-                raw.can_id = can_id;
-                raw.len = frame.len() as u8;
-                raw.flags = brs | esi;
-                raw.data[..data.len()].copy_from_slice(data);
-                KernelFrame::Fd(raw.into())
+                KernelFrame { raw: RawFrame { flags: brs | esi, ..raw }, size: CANFD_MTU }
             }
         }
     }
 }
 
-/// The frame that came in, or `None` for an error frame, which is a message of the local controller and was never on
-/// the bus.
-pub(super) fn from_kernel(frame: &CanAnyFrame) -> Result<Option<Frame>, FrameError> {
-    let id = match frame.id_word() {
-        word if word & CAN_EFF_FLAG != 0 => Id::Extended(word & CAN_EFF_MASK),
-        word => Id::Standard((word & 0x7FF) as u16),
-    };
-    let (format, data) = match frame {
-        CanAnyFrame::Normal(frame) => (FrameFormat::Classic, frame.data()),
-        CanAnyFrame::Remote(frame) => (FrameFormat::Remote, &[0; 8][..frame.dlc()]),
-        CanAnyFrame::Fd(frame) => {
-            let format = FrameFormat::Fd { bit_rate_switch: frame.is_brs(), error_state_indicator: frame.is_esi() };
-            (format, frame.data())
-        }
-        CanAnyFrame::Error(_) => return Ok(None),
-    };
-    Frame::new(id, format, data).map(Some)
+impl KernelFrame {
+    /// The frame that came in, if it is one.
+    pub fn frame(&self) -> Result<Frame, FrameError> {
+        let KernelFrame { raw: RawFrame { can_id, len, flags, data, .. }, size } = self;
+        let id = match can_id {
+            word if word & CAN_EFF_FLAG != 0 => Id::Extended(word & CAN_EFF_MASK),
+            word => Id::Standard((word & CAN_SFF_MASK) as u16),
+        };
+        let has = |flag: i32| i32::from(*flags) & flag != 0;
+        let format = match *size {
+            CANFD_MTU => FrameFormat::Fd { bit_rate_switch: has(CANFD_BRS), error_state_indicator: has(CANFD_ESI) },
+            _ if can_id & CAN_RTR_FLAG != 0 => FrameFormat::Remote,
+            _ => FrameFormat::Classic,
+        };
+        // The kernel hands on no content that is longer than a frame of its format has room for.
+        let content = if format == FrameFormat::Remote { &[0; 64] } else { data };
+        Frame::new(id, format, content.get(..usize::from(*len)).unwrap_or(content))
+    }
 }
 
 /// The kernel's form of a filter: the format bit always counts, the remote bit never.
@@ -98,19 +114,18 @@ mod tests {
     proptest! {
         #[test]
         fn every_frame_survives_the_kernel_layout(frame in frames()) {
-            let back = match KernelFrame::from(&frame) {
-                KernelFrame::Classical(raw) => from_kernel(&raw.into()),
-                KernelFrame::Fd(raw) => from_kernel(&raw.into()),
-            };
-            prop_assert_eq!(back, Ok(Some(frame)));
+            prop_assert_eq!(KernelFrame::from(&frame).frame(), Ok(frame));
         }
     }
 
     #[test]
     fn the_kernel_layout_is_that_of_linux_can_h() {
         let frame = Frame::new(Id::Extended(0x123), FrameFormat::Remote, &[0; 5]).unwrap();
-        let KernelFrame::Classical(raw) = KernelFrame::from(&frame) else { panic!("a classical frame") };
-        assert_eq!((raw.id_word(), raw.dlc()), (0xC000_0123, 5));
+        let KernelFrame { raw, size } = KernelFrame::from(&frame);
+        assert_eq!((raw.can_id, raw.len, size), (0xC000_0123, 5, 16));
+        let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+        let KernelFrame { raw, size } = KernelFrame::from(&Frame::new(Id::Standard(0x7FF), format, &[7; 12]).unwrap());
+        assert_eq!((raw.can_id, raw.len, raw.flags, raw.data[11], size), (0x7FF, 12, 1, 7, 72));
         let word = |id, mask| *filter(&Filter { id, mask }).as_ref();
         let standard = word(Id::Standard(0x123), u32::MAX);
         assert_eq!((standard.can_id, standard.can_mask), (0x123, 0x9FFF_FFFF));

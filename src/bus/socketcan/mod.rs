@@ -1,14 +1,20 @@
 //! CAN interfaces of this Linux, through SocketCAN raw sockets (kernel document `networking/can.rst`).
 //!
-//! **Error frames** are messages of the local controller, not of the bus. Only bus-off is asked for: it comes out of
-//! [`Bus::receive`] as [`BusError::BusOff`], in its place among the frames, and the end works again once the controller
-//! has been restarted. Error warning, error passive and lost arbitration are not errors of the bus: `candump -e` and
-//! `ip -details -statistics link show` tell of them.
+//! **In one call** the kernel takes what there is to send (`sendmmsg`), and hands over what has come (`recvmmsg`), up
+//! to 32 frames. [`Bus::receive`] gives them out one by one.
+//!
+//! **Error frames** are messages of the local controller, not of the bus. Those that tell of its state and of faults of
+//! the wire are asked for, and counted in their place among the frames ([`Statistics::errors`], [`Bus::controller`]).
+//! Bus-off also comes out of [`Bus::receive`], as [`BusError::BusOff`], and the end works again once the controller has
+//! been restarted. Nothing else of them is an error of the bus. A virtual interface has no controller and makes none.
 //!
 //! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel
 //! counter, but only with the next frame that comes in after the loss, so never those at the end of a run.
 
+mod batch;
+mod error_frame;
 mod frame;
+mod incoming;
 mod interface;
 
 use alloc::borrow::ToOwned;
@@ -16,21 +22,23 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::time::Duration;
 use std::io;
+use std::os::fd::AsFd;
 
 use libc::{
-    CAN_ERR_BUSOFF, EAFNOSUPPORT, EINVAL, EMSGSIZE, ENETDOWN, ENOBUFS, ENODEV, ENXIO, EPROTONOSUPPORT, SO_MEMINFO,
-    SOL_SOCKET,
+    EAFNOSUPPORT, EAGAIN, EINVAL, EMSGSIZE, ENETDOWN, ENOBUFS, ENODEV, ENXIO, EPROTONOSUPPORT, SO_MEMINFO, SOL_SOCKET,
 };
-use resonarm_protocol::Frame;
+use resonarm_protocol::{Frame, FrameFormat};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use rustix::net::sockopt;
 use socketcan::timestamp::{SOF_TIMESTAMPING_OPT_CMSG, SOF_TIMESTAMPING_RX_SOFTWARE, SOF_TIMESTAMPING_SOFTWARE};
-use socketcan::{CanAddr, CanFdSocket, CanFilter, ShouldRetry, Socket, SocketOptions};
+use socketcan::{CanAddr, CanFdSocket, CanFilter, Socket, SocketOptions};
 
-use self::frame::{KernelFrame, filter, from_kernel};
+use self::error_frame::{ASKED_FOR, ErrorFrame};
+use self::frame::filter;
+use self::incoming::Incoming;
 use super::deadline::Deadline;
-use super::{Bus, BusError, Filter, Received, Sent, Statistics};
+use super::{Bus, BusError, ControllerErrors, ControllerState, Filter, Received, Sent, Statistics};
 
 pub use interface::interfaces;
 
@@ -61,9 +69,12 @@ pub struct SocketCan {
     interface: String,
     socket: Option<CanFdSocket>,
     buffers: Options,
+    incoming: Incoming,
     received: u64,
     sent: u64,
     queue_full: u64,
+    errors: ControllerErrors,
+    controller: ControllerState,
     /// The kernel's count when the socket was closed.
     dropped_at_close: u64,
 }
@@ -93,9 +104,12 @@ impl SocketCan {
             interface: interface.to_owned(),
             socket: Some(socket),
             buffers,
+            incoming: Incoming::new(),
             received: 0,
             sent: 0,
             queue_full: 0,
+            errors: ControllerErrors::default(),
+            controller: ControllerState::default(),
             dropped_at_close: 0,
         };
         // The kernel binds to an interface that is down, and leaves ENETDOWN as the pending error of the socket.
@@ -125,6 +139,27 @@ impl SocketCan {
         }
     }
 
+    /// Asks the kernel for what has come; `false` if nothing has.
+    fn take_in(&mut self) -> Result<bool, BusError> {
+        let socket = self.socket.as_ref().ok_or(BusError::Closed)?;
+        self.incoming.fill(socket.as_fd()).map_err(|source| self.failure("receiving", source))
+    }
+
+    /// Whether what was taken in holds something that [`Bus::receive`] gives out. Error frames before that are counted.
+    fn has_frame(&mut self) -> bool {
+        while let Some(slot) = self.incoming.peek() {
+            let Some(error) = ErrorFrame::of(&slot.frame.raw).filter(|error| !error.is_bus_off()) else { return true };
+            self.note(error);
+            self.incoming.pop();
+        }
+        false
+    }
+
+    fn note(&mut self, error: ErrorFrame) {
+        error.count(&mut self.errors);
+        self.controller = error.state().unwrap_or(self.controller);
+    }
+
     /// Names what an error of the open socket means.
     fn failure(&self, action: &'static str, source: io::Error) -> BusError {
         let interface = self.interface.clone();
@@ -142,55 +177,67 @@ impl Bus for SocketCan {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
-        let socket = self.socket()?;
-        let kernel_frame = KernelFrame::from(frame);
-        let written = match &kernel_frame {
-            KernelFrame::Classical(frame) => socket.write_frame(frame),
-            KernelFrame::Fd(frame) => socket.write_frame(frame),
-        };
-        match written {
-            Ok(()) => {
-                self.sent += 1;
-                Ok(Sent::Queued)
-            }
-            // EAGAIN: the socket's send buffer is full. ENOBUFS: the interface's transmit queue is.
-            Err(error) if error.should_retry() || error.raw_os_error() == Some(ENOBUFS) => {
-                self.queue_full += 1;
-                Ok(Sent::QueueFull)
-            }
-            Err(error) => match (kernel_frame, error.raw_os_error()) {
-                (KernelFrame::Fd(_), Some(EINVAL | EMSGSIZE)) => {
-                    Err(BusError::FdNotEnabled { interface: self.interface.clone() })
+        self.send_all(&mut core::slice::from_ref(frame))
+    }
+
+    fn send_all(&mut self, frames: &mut &[Frame]) -> Result<Sent, BusError> {
+        while let Some(first) = frames.first() {
+            match batch::send(self.socket()?.as_fd(), frames) {
+                Ok(count) => {
+                    self.sent += count as u64;
+                    *frames = &frames[count..];
                 }
-                _ => Err(self.failure("sending", error)),
-            },
+                Err(error) => match (error.raw_os_error(), first.format()) {
+                    // EAGAIN: the socket's send buffer is full. ENOBUFS: the interface's transmit queue is.
+                    (Some(EAGAIN | ENOBUFS), _) => {
+                        self.queue_full += 1;
+                        return Ok(Sent::QueueFull);
+                    }
+                    (Some(EINVAL | EMSGSIZE), FrameFormat::Fd { .. }) => {
+                        return Err(BusError::FdNotEnabled { interface: self.interface.clone() });
+                    }
+                    _ => return Err(self.failure("sending", error)),
+                },
+            }
         }
+        Ok(Sent::Queued)
     }
 
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
-        let (kernel_frame, stamps) = match self.socket()?.read_frame_with_timestamps() {
-            Ok(read) => read,
-            Err(error) if error.should_retry() => return Ok(None),
-            Err(error) => return Err(self.failure("receiving", error)),
-        };
-        let Some(frame) = from_kernel(&kernel_frame).map_err(BusError::Malformed)? else {
-            return Err(BusError::BusOff { interface: self.interface.clone() });
-        };
-        let since_epoch = stamps.sw.and_then(|stamp| stamp.duration_since(std::time::UNIX_EPOCH).ok());
-        let timestamp_ns = since_epoch.and_then(|duration| u64::try_from(duration.as_nanos()).ok());
-        self.received += 1;
-        Ok(Some(Received { frame, timestamp_ns }))
+        self.socket()?;
+        loop {
+            let Some(slot) = self.incoming.pop() else {
+                if self.incoming.take_last() || !self.take_in()? {
+                    return Ok(None);
+                }
+                continue;
+            };
+            let Some(error) = ErrorFrame::of(&slot.frame.raw) else {
+                let frame = slot.frame.frame().map_err(BusError::Malformed)?;
+                self.received += 1;
+                return Ok(Some(Received { frame, timestamp_ns: slot.timestamp_ns() }));
+            };
+            self.note(error);
+            if error.is_bus_off() {
+                return Err(BusError::BusOff { interface: self.interface.clone() });
+            }
+        }
     }
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
-        let socket = self.socket()?;
+        self.socket()?;
         let deadline = Deadline::after(timeout);
         loop {
+            if self.has_frame() {
+                return Ok(true);
+            }
+            self.incoming.take_last();
+            let socket = self.socket()?;
             let mut polled = [PollFd::new(socket, PollFlags::IN)];
             // A timeout too long for the system call is endless.
             match poll(&mut polled, deadline.remaining().try_into().ok().as_ref()) {
                 Ok(0) => return Ok(false),
-                Ok(_) if polled[0].revents().contains(PollFlags::IN) => return Ok(true),
+                Ok(_) if polled[0].revents().contains(PollFlags::IN) => _ = self.take_in()?,
                 Ok(_) => self.pending_error(socket)?,
                 Err(Errno::INTR) => {}
                 Err(errno) => return Err(self.failure("waiting", errno.into())),
@@ -211,7 +258,12 @@ impl Bus for SocketCan {
     fn statistics(&self) -> Statistics {
         // That the kernel answers was checked when the socket was opened.
         let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
-        Statistics { received: self.received, sent: self.sent, dropped, queue_full: self.queue_full }
+        let SocketCan { received, sent, queue_full, errors, .. } = *self;
+        Statistics { received, sent, dropped, queue_full, errors }
+    }
+
+    fn controller(&self) -> ControllerState {
+        self.controller
     }
 
     /// The kernel sends what it has queued.
@@ -241,7 +293,7 @@ fn configure(socket: &CanFdSocket, options: Options) -> Result<Options, (&'stati
     let stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_OPT_CMSG;
     socket.set_nonblocking(true).map_err(|e| ("making the socket non-blocking", e))?;
     socket.set_timestamping(stamps).map_err(|e| ("asking for kernel timestamps", e))?;
-    socket.set_error_filter(CAN_ERR_BUSOFF).map_err(|e| ("asking for bus-off", e))?;
+    socket.set_error_filter(ASKED_FOR).map_err(|e| ("asking for error frames", e))?;
     drops(socket).map_err(|e| ("reading the count of lost frames", e))?;
     grant_buffers(socket, options).map_err(|e| ("setting the buffer sizes", e.into()))
 }

@@ -195,7 +195,8 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
 
     fn statistics(&self) -> Statistics {
         let dropped = self.lock().controllers[self.node].dropped;
-        Statistics { received: self.received, sent: self.sent, dropped, queue_full: self.queue_full }
+        let TimedBus { received, sent, queue_full, .. } = *self;
+        Statistics { received, sent, dropped, queue_full, ..Statistics::default() }
     }
 
     fn close(&mut self) -> Result<(), BusError> {

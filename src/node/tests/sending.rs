@@ -120,3 +120,17 @@ fn a_command_that_still_waits_when_the_controller_stops_is_taken_back() {
     let ids: Vec<Id> = core::iter::from_fn(|| exciter.poll_transmit()).map(|frame| frame.id()).collect();
     assert_eq!(ids, [0x200, 0x702].map(Id::Standard));
 }
+
+/// Two heartbeats wait at once, so that a counter goes on within the list.
+#[test]
+fn what_waits_is_what_goes_one_by_one() {
+    let mut plant = plant_node();
+    plant.start(0);
+    publish(&mut plant, 0);
+    let waiting: Vec<Frame> = plant.waiting_frames().collect();
+    assert_eq!(waiting.len(), 6, "boot-up, pre-operational, hello, three of the sample");
+    assert_eq!(plant.waiting_frames().next(), plant.next_frame());
+    let one_by_one: Vec<Frame> = core::iter::from_fn(|| plant.poll_transmit()).collect();
+    assert_eq!(waiting, one_by_one);
+    assert_eq!(plant.waiting_frames().count(), 0);
+}

@@ -1,0 +1,53 @@
+//! Frames that came in with one call and were not yet handed out.
+
+use alloc::boxed::Box;
+use std::io;
+use std::os::fd::BorrowedFd;
+
+use super::batch::{self, FRAMES, Slot};
+
+/// What the last call brought.
+pub(super) struct Incoming {
+    slots: Box<[Slot; FRAMES]>,
+    next: usize,
+    len: usize,
+    /// Whether the kernel had no more, which the caller has not been told yet.
+    is_last: bool,
+}
+
+impl Incoming {
+    /// Nothing yet.
+    pub fn new() -> Incoming {
+        Incoming { slots: Box::new([Slot::EMPTY; FRAMES]), next: 0, len: 0, is_last: false }
+    }
+
+    /// The next, without taking it.
+    pub fn peek(&self) -> Option<&Slot> {
+        self.slots[..self.len].get(self.next)
+    }
+
+    /// Takes the next.
+    pub fn pop(&mut self) -> Option<Slot> {
+        let slot = self.peek().copied()?;
+        self.next += 1;
+        Some(slot)
+    }
+
+    /// Whether a call brought fewer than it could, so that asking the kernel again would tell only that; once.
+    pub fn take_last(&mut self) -> bool {
+        core::mem::take(&mut self.is_last)
+    }
+
+    /// Asks the kernel for what has come. `false` if nothing has.
+    pub fn fill(&mut self, socket: BorrowedFd<'_>) -> io::Result<bool> {
+        (self.next, self.len, self.is_last) = (0, 0, false);
+        match batch::receive(socket, &mut self.slots) {
+            Ok(count) => {
+                (self.len, self.is_last) = (count, count < FRAMES);
+                Ok(true)
+            }
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+}
