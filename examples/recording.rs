@@ -71,6 +71,6 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
         }),
         frame(0x201, Direction::Received)?,
         frame(0x203, Direction::Sent)?,
-        Record::Tick(TickRecord { sample, wakeup_ns: 1000 + sample, exec_ns: 2000, overruns: 0 }),
+        Record::Tick(TickRecord { sample, wakeup_ns: 1000 + sample, exec_ns: 2000, overruns: 0, cause: None }),
     ])
 }

@@ -294,4 +294,57 @@ pub struct TickBatch {
     /// Deadlines missed since the tick before; 0 when on time.
     #[prost(uint32, repeated, tag = "4")]
     pub overruns: ::prost::alloc::vec::Vec<u32>,
+    /// Why they were missed. Recordings made before it was recorded have no such column.
+    #[prost(enumeration = "tick_batch::Cause", repeated, tag = "5")]
+    pub cause: ::prost::alloc::vec::Vec<i32>,
+}
+/// Nested message and enum types in `TickBatch`.
+pub mod tick_batch {
+    /// Why deadlines were missed.
+    #[derive(
+        Clone,
+        Copy,
+        Debug,
+        PartialEq,
+        Eq,
+        Hash,
+        PartialOrd,
+        Ord,
+        ::prost::Enumeration
+    )]
+    #[repr(i32)]
+    pub enum Cause {
+        /// None was missed.
+        None = 0,
+        /// The loop slept for an earlier deadline, and was woken too late.
+        WokeLate = 1,
+        /// The loop worked on the tick before, half of the time or more on something else than the bus.
+        StepLong = 2,
+        /// The loop worked on the tick before, most of the time on the bus.
+        BusLong = 3,
+    }
+    impl Cause {
+        /// String value of the enum field names used in the ProtoBuf definition.
+        ///
+        /// The values are not transformed in any way and thus are considered stable
+        /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+        pub fn as_str_name(&self) -> &'static str {
+            match self {
+                Self::None => "CAUSE_NONE",
+                Self::WokeLate => "CAUSE_WOKE_LATE",
+                Self::StepLong => "CAUSE_STEP_LONG",
+                Self::BusLong => "CAUSE_BUS_LONG",
+            }
+        }
+        /// Creates an enum from field names used in the ProtoBuf definition.
+        pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+            match value {
+                "CAUSE_NONE" => Some(Self::None),
+                "CAUSE_WOKE_LATE" => Some(Self::WokeLate),
+                "CAUSE_STEP_LONG" => Some(Self::StepLong),
+                "CAUSE_BUS_LONG" => Some(Self::BusLong),
+                _ => None,
+            }
+        }
+    }
 }

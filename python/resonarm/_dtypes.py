@@ -85,7 +85,9 @@ PARTS = {
         ("length", "u1", 1),
         ("data", "u1", 64),
     ),
-    "ticks": _rows(("sample", "u8", 1), ("wakeup_ns", "u8", 1), ("exec_ns", "u8", 1), ("overruns", "u8", 1)),
+    "ticks": _rows(
+        ("sample", "u8", 1), ("wakeup_ns", "u8", 1), ("exec_ns", "u8", 1), ("overruns", "u8", 1), ("cause", "u1", 1)
+    ),
     "events": _rows(("sample", "u8", 1), ("time_ns", "u8", 1), ("value", "i8", 1)),
 }
 

@@ -37,7 +37,8 @@ class Recording(_resonarm.Recording):
           C, 4 and 5 for the head; 255 where the format does not say.
         - `frames`: `sample`, `time_ns` (since the start), `bus_unix_ns` (0 if unknown), `received` (by the plant),
           `identifier`, `extended`, `remote`, `fd`, `bitrate_switch`, `error_state_indicator`, `length`, `data`.
-        - `ticks`: `sample`, `wakeup_ns`, `exec_ns`, `overruns`, in real time alone.
+        - `ticks`: `sample`, `wakeup_ns`, `exec_ns`, `overruns`, `cause` (0 none, 1 woke late, 2 step long, 3 bus
+          long), in real time alone.
         - `events`: `name`, `sample`, `time_ns`, `value`.
 
         Raises ResonarmError if there is no such part or samples are missing.

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::export::Part;
 use resonarm::protocol::{FrameFormat, Id};
+use resonarm::realtime::OverrunCause;
 use resonarm::recording::{self, Direction, Record, RecordingError, Records};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
@@ -167,6 +168,12 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, dt_s: 
             rows.word(tick.wakeup_ns);
             rows.word(tick.exec_ns);
             rows.word(tick.overruns);
+            rows.word(match tick.cause {
+                None => 0_u64,
+                Some(OverrunCause::WokeLate) => 1,
+                Some(OverrunCause::StepLong) => 2,
+                Some(OverrunCause::BusLong) => 3,
+            });
         }
         Record::Event(event) => {
             rows.word(event.time_ns);

@@ -213,6 +213,7 @@ fn run(error: &RunError) -> Exit {
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => Exit::Usage,
         RunError::NoRealTimeThread { .. }
+        | RunError::NoThread { .. }
         | RunError::NoPlant { .. }
         | RunError::PlantNotArmed { .. }
         | RunError::Histogram(_) => Exit::Environment,

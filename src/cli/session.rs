@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::failure::Failure;
 use crate::number::short;
-use crate::realtime::Percentiles;
+use crate::realtime::{OverrunCauses, Percentiles};
 use crate::recording::Existing;
 use crate::run::{Outcome, PlantReport, RecordTo, RunEvent, fault_text};
 
@@ -102,6 +102,9 @@ pub(super) fn report_text(report: &PlantReport) -> String {
         let _infallible = write!(text, ", {} overruns", report.overruns);
     }
     text.push('\n');
+    if report.overruns > 0 {
+        let _infallible = writeln!(text, "overruns     {}", causes_text(&report.overrun_causes));
+    }
     if let Some(pacing) = report.pacing {
         let _infallible = writeln!(
             text,
@@ -146,6 +149,20 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     text
 }
 
+/// Why deadlines were missed.
+fn causes_text(causes: &OverrunCauses) -> String {
+    let OverrunCauses { woke_late, step_long, bus_long, stolen, preempted } = *causes;
+    let told = [
+        (stolen, "while the host had the core"),
+        (preempted, "while other threads had the core"),
+        (woke_late, "woke late"),
+        (step_long, "step long"),
+        (bus_long, "bus long"),
+    ];
+    let told = told.iter().filter(|(count, _)| *count > 0).map(|(count, why)| format!("{count} {why}"));
+    told.collect::<Vec<_>>().join(", ")
+}
+
 /// Why a run did not do what it was for, and what to do; `None` if it did.
 pub(super) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (&report.emergency, report.outcome) {
@@ -165,4 +182,15 @@ pub(super) fn complaint(report: &PlantReport) -> Option<String> {
         );
     }
     Some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_told_that_there_were() {
+        let causes = OverrunCauses { woke_late: 2, step_long: 4, bus_long: 0, stolen: 58, preempted: 1 };
+        insta::assert_snapshot!(causes_text(&causes), @"58 while the host had the core, 1 while other threads had the core, 2 woke late, 4 step long");
+    }
 }

@@ -13,6 +13,7 @@ use resonarm_protocol::{FrameFormat, Id};
 use super::channels::{Channel, channels, lead, sample_values, state_values};
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::number::short;
+use crate::realtime::OverrunCause;
 use crate::recording::{Direction, Event, FrameRecord, Origin, Record, Recording, TickRecord};
 
 /// Names of the columns.
@@ -23,7 +24,7 @@ fn columns(part: Part) -> Vec<&'static str> {
         Part::Frames => {
             &["bus_unix_ns", "direction", "identifier", "extended", "remote", "fd", "brs", "esi", "length", "data"]
         }
-        Part::Ticks => &["wakeup_ns", "exec_ns", "overruns"],
+        Part::Ticks => &["wakeup_ns", "exec_ns", "overruns", "cause"],
         Part::Events => &["name", "value"],
     };
     let of_channels = channels(part).iter().map(|Channel { name, .. }| *name);
@@ -116,8 +117,9 @@ impl Display for Row<'_> {
                 write!(f, ",{}", Optional(record.clipped.map(|clipped| clipped.bits())))
             }
             Record::Frame(record) => frame(f, record),
-            Record::Tick(TickRecord { wakeup_ns, exec_ns, overruns, .. }) => {
-                write!(f, "{sample},{},{wakeup_ns},{exec_ns},{overruns}", short(&time_s))
+            Record::Tick(TickRecord { wakeup_ns, exec_ns, overruns, cause, .. }) => {
+                let cause = cause.map_or("", OverrunCause::name);
+                write!(f, "{sample},{},{wakeup_ns},{exec_ns},{overruns},{cause}", short(&time_s))
             }
             Record::Event(Event { time_ns, name, value, .. }) => {
                 write!(f, "{sample},{},{},{value}", Seconds(*time_ns), Text(name))

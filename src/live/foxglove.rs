@@ -274,7 +274,13 @@ mod tests {
         let Some(Message::Text(refused)) = subscriptions.said(subscribe) else { panic!("nothing refused") };
         assert_eq!(refused.as_str(), r#"{"level":2,"message":"there is no channel 99","op":"status"}"#);
         let mut stream = Stream::new(1e-3, 1_000);
-        stream.record(&Record::<&str>::Tick(TickRecord { sample: 2, wakeup_ns: 1, exec_ns: 2, overruns: 0 }));
+        stream.record(&Record::<&str>::Tick(TickRecord {
+            sample: 2,
+            wakeup_ns: 1,
+            exec_ns: 2,
+            overruns: 0,
+            cause: None,
+        }));
         stream.record(&Record::Event(Event { sample: 3, time_ns: 0, name: "state.fault", value: 0 }));
         let published = stream.take();
         assert_eq!(published.len(), 2);

@@ -15,7 +15,8 @@
 //!     let tick = periodic.tick()?;
 //!     if tick.action == Action::Fault { /* the plant's node latches its fault */ }
 //!     // the work of step `tick.index`
-//!     let exec_ns = periodic.finish(&tick);
+//!     let bus_ns = 0; // how much of it went to the bus
+//!     let exec_ns = periodic.finish(&tick, bus_ns);
 //!     // `tick` and `exec_ns` go to the recorder's ring
 //! }
 //! println!("{} overruns", periodic.summary().overruns);
@@ -24,8 +25,10 @@
 
 mod bare;
 mod clock;
+mod core_share;
 mod idle;
 mod latency;
+mod overrun_cause;
 mod periodic;
 mod privileges;
 mod rate;
@@ -33,8 +36,10 @@ mod thread;
 
 pub use bare::bare_wakeups;
 pub use clock::{Clock, SystemClock, VirtualClock, unix_time_ns};
+pub(crate) use core_share::{CoreShare, STEAL_UNIT_NS, Share};
 pub use idle::CoresAwake;
 pub use latency::{HISTOGRAM_BOUND_NS, HistogramError, LatencyHistogram, Percentiles};
+pub use overrun_cause::{OverrunCause, OverrunCauses};
 pub use periodic::{
     Action, LoopSummary, MAX_LAG_NS, OverrunPolicy, Periodic, PeriodicError, Tick, UnknownOverrunPolicy,
 };

@@ -27,6 +27,9 @@
 //! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; Tene
 //! 2013).
 //!
+//! Each miss has an [`OverrunCause`]: the loop was asleep when the deadline passed, or at work, and then on the bus or
+//! on something else for most of the time.
+//!
 //! What a miss means is the [`OverrunPolicy`]'s matter. Under [`OverrunPolicy::Slip`], the default, a loop behind by
 //! more than [`CATCH_UP_TICKS`] moves its schedule by the whole periods that it is behind, and goes on from there: no
 //! burst of stale samples on the bus, and no tick left out either. With s periods slipped so far, tick k is due at
@@ -51,7 +54,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::latency::HistogramError;
-use super::{Clock, LatencyHistogram, Percentiles, SampleRate};
+use super::{Clock, LatencyHistogram, OverrunCause, OverrunCauses, Percentiles, SampleRate};
 
 /// How far behind its deadline a tick may be: 1 s. A loop further behind ends with [`PeriodicError::TooFarBehind`].
 /// Only [`OverrunPolicy::Slip`], which catches nothing up that is so old, goes on.
@@ -139,6 +142,11 @@ pub struct Tick {
     pub wakeup_ns: u64,
     /// Deadlines missed that no tick before has told of; 0 when on time.
     pub missed: u32,
+    /// Why; `None` if none was missed.
+    pub cause: Option<OverrunCause>,
+    /// From when to `woke_ns` the loop was held up, on its clock, ns: the deadline that it slept for, or where it did
+    /// not sleep when it woke for the tick before.
+    pub held_up_since_ns: u64,
     /// Periods by which the schedule moves with this tick; 0 but under [`OverrunPolicy::Slip`].
     pub slipped: u32,
     /// What the overrun policy asks for.
@@ -152,6 +160,8 @@ pub struct LoopSummary {
     pub samples: u64,
     /// Deadlines missed.
     pub overruns: u64,
+    /// The same by cause, as far as the loop can tell.
+    pub overrun_causes: OverrunCauses,
     /// Periods by which the schedule was moved.
     pub slipped: u64,
     /// Lateness of all ticks, µs; `None` before the first.
@@ -175,7 +185,10 @@ pub struct Periodic<'c, C: Clock> {
     slipped: u64,
     /// Periods below this one were waited for or counted as missed.
     settled: u64,
-    overruns: u64,
+    causes: OverrunCauses,
+    /// When the loop woke for the last tick, and how much of that tick's work went to the bus, ns.
+    last_woke_ns: u64,
+    last_bus_ns: u64,
     wakeup: LatencyHistogram,
     exec: LatencyHistogram,
 }
@@ -187,8 +200,21 @@ impl<'c, C: Clock> Periodic<'c, C> {
     /// [`HistogramError`] if the latency histograms can't be built.
     pub fn start(clock: &'c C, rate: SampleRate, policy: OverrunPolicy) -> Result<Self, HistogramError> {
         let (wakeup, exec) = (LatencyHistogram::new()?, LatencyHistogram::new()?);
-        let start_ns = clock.now_ns() + rate.offset_ns(1);
-        Ok(Self { clock, rate, policy, start_ns, next: 0, slipped: 0, settled: 0, overruns: 0, wakeup, exec })
+        let now_ns = clock.now_ns();
+        Ok(Self {
+            clock,
+            rate,
+            policy,
+            start_ns: now_ns + rate.offset_ns(1),
+            next: 0,
+            slipped: 0,
+            settled: 0,
+            causes: OverrunCauses::default(),
+            last_woke_ns: now_ns,
+            last_bus_ns: 0,
+            wakeup,
+            exec,
+        })
     }
 
     /// When tick 0 is due, on the loop's clock, ns.
@@ -208,14 +234,15 @@ impl<'c, C: Clock> Periodic<'c, C> {
         let period = index + self.slipped;
         let deadline_ns = self.start_ns + self.rate.offset_ns(period);
         let ready_ns = self.clock.now_ns();
-        let woke_ns = if ready_ns <= deadline_ns {
+        let (woke_ns, held_up_since_ns, cause) = if ready_ns <= deadline_ns {
             self.settled = period + 1;
             self.clock.sleep_until_ns(deadline_ns);
-            self.clock.now_ns()
+            (self.clock.now_ns(), deadline_ns, OverrunCause::WokeLate)
         } else {
-            ready_ns
+            let work_ns = ready_ns.saturating_sub(self.last_woke_ns);
+            (ready_ns, self.last_woke_ns, OverrunCause::of_work(work_ns, self.last_bus_ns))
         };
-        let missed = self.count_missed(woke_ns);
+        let missed = self.count_missed(woke_ns, cause);
         let late_ns = woke_ns.saturating_sub(deadline_ns);
         if late_ns > MAX_LAG_NS && self.policy != OverrunPolicy::Slip {
             return Err(PeriodicError::TooFarBehind { index, late_ns });
@@ -226,9 +253,11 @@ impl<'c, C: Clock> Periodic<'c, C> {
         let slipped = self.slip(period, woke_ns);
         let faulty = missed > 0 && self.policy == OverrunPolicy::Fault;
         let action = if faulty { Action::Fault } else { Action::Proceed };
+        let cause = (missed > 0).then_some(cause);
         self.next = index + 1;
+        self.last_woke_ns = woke_ns;
         self.wakeup.record(late_ns);
-        Ok(Tick { index, deadline_ns, woke_ns, wakeup_ns: late_ns, missed, slipped, action })
+        Ok(Tick { index, deadline_ns, woke_ns, wakeup_ns: late_ns, missed, cause, held_up_since_ns, slipped, action })
     }
 
     /// Moves the schedule if the policy is to slip and the tick due with `period` is too far behind: by the whole
@@ -242,8 +271,10 @@ impl<'c, C: Clock> Periodic<'c, C> {
         u32::try_from(behind).unwrap_or(u32::MAX)
     }
 
-    /// Ends the work of `tick`, and returns how long it took since the loop woke for it, ns.
-    pub fn finish(&mut self, tick: &Tick) -> u64 {
+    /// Ends the work of `tick`, of which `bus_ns` went to the bus, and returns how long it took since the loop woke for
+    /// it, ns.
+    pub fn finish(&mut self, tick: &Tick, bus_ns: u64) -> u64 {
+        self.last_bus_ns = bus_ns;
         let exec_ns = self.clock.now_ns().saturating_sub(tick.woke_ns);
         self.exec.record(exec_ns);
         exec_ns
@@ -253,7 +284,8 @@ impl<'c, C: Clock> Periodic<'c, C> {
     pub fn summary(&self) -> LoopSummary {
         LoopSummary {
             samples: self.next,
-            overruns: self.overruns,
+            overruns: self.causes.total(),
+            overrun_causes: self.causes,
             slipped: self.slipped,
             wakeup_us: self.wakeup.percentiles(),
             exec_us: self.exec.percentiles(),
@@ -261,14 +293,14 @@ impl<'c, C: Clock> Periodic<'c, C> {
     }
 
     /// Counts the deadlines that have passed at `now_ns` and that were neither waited for nor counted before.
-    fn count_missed(&mut self, now_ns: u64) -> u32 {
+    fn count_missed(&mut self, now_ns: u64, cause: OverrunCause) -> u32 {
         let passed = match now_ns.checked_sub(self.start_ns) {
             Some(offset_ns) => self.rate.last_due(offset_ns) + 1,
             None => 0,
         };
         let missed = passed.saturating_sub(self.settled);
         self.settled += missed;
-        self.overruns += missed;
+        self.causes.count(cause, missed);
         u32::try_from(missed).unwrap_or(u32::MAX) // 2^32 periods are 11 hours at least
     }
 }

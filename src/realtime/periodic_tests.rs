@@ -54,15 +54,17 @@ fn trace(clock: &ScriptedClock, policy: OverrunPolicy, work_ns: &[u64]) -> Strin
         match periodic.tick() {
             Ok(tick) => {
                 clock.work(work_ns);
-                let exec_ns = periodic.finish(&tick);
+                let exec_ns = periodic.finish(&tick, 0);
                 assert_eq!(exec_ns, work_ns);
                 assert_eq!(tick.woke_ns - tick.deadline_ns, tick.wakeup_ns);
                 assert_eq!(tick.deadline_ns, periodic.start_ns() + (tick.index + slipped) * MS);
                 slipped += u64::from(tick.slipped);
                 let slip = if tick.slipped > 0 { format!(", slipped {}", tick.slipped) } else { String::new() };
                 let late_us = tick.wakeup_ns / 1000;
+                let cause = tick.cause.map_or(String::new(), |cause| format!(" {}", cause.name()));
+                let missed = tick.missed;
                 lines
-                    .push(format!("{} late {late_us} us, missed {}{slip}, {:?}", tick.index, tick.missed, tick.action));
+                    .push(format!("{} late {late_us} us, missed {missed}{cause}{slip}, {:?}", tick.index, tick.action));
             }
             Err(error) => {
                 lines.push(error.to_string());
@@ -95,9 +97,9 @@ fn long_work_is_caught_up_tick_by_tick() {
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &work_ns), @"
     0 late 0 us, missed 0, Proceed
     1 late 0 us, missed 0, Proceed
-    2 late 1500 us, missed 2, Proceed
+    2 late 1500 us, missed 2 step-long, Proceed
     3 late 900 us, missed 0, Proceed
-    4 late 200 us, missed 1, Proceed
+    4 late 200 us, missed 1 step-long, Proceed
     5 late 0 us, missed 0, Proceed
     samples 6, overruns 3, sleeps 3
     ");
@@ -108,7 +110,7 @@ fn a_late_wake_up_is_caught_up_tick_by_tick() {
     let clock = ScriptedClock::with_wakeups(&[0, 5 * MS / 2]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[MS / 10; 6]), @"
     0 late 0 us, missed 0, Proceed
-    1 late 2500 us, missed 2, Proceed
+    1 late 2500 us, missed 2 woke-late, Proceed
     2 late 1600 us, missed 0, Proceed
     3 late 700 us, missed 0, Proceed
     4 late 0 us, missed 0, Proceed
@@ -124,9 +126,9 @@ fn the_policy_fault_asks_for_a_fault_at_each_miss() {
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Fault, &work_ns), @"
     0 late 0 us, missed 0, Proceed
     1 late 0 us, missed 0, Proceed
-    2 late 1500 us, missed 2, Fault
+    2 late 1500 us, missed 2 step-long, Fault
     3 late 900 us, missed 0, Proceed
-    4 late 200 us, missed 1, Fault
+    4 late 200 us, missed 1 step-long, Fault
     5 late 0 us, missed 0, Proceed
     samples 6, overruns 3, sleeps 3
     ");
@@ -159,7 +161,7 @@ fn a_deadline_met_to_the_nanosecond_is_met_and_a_microsecond_more_is_a_miss() {
 fn a_loop_more_than_a_second_behind_ends_under_every_policy_but_slip() {
     let clock = ScriptedClock::with_wakeups(&[MAX_LAG_NS]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Continue, &[1, 0]), @"
-    0 late 1000000 us, missed 1000, Proceed
+    0 late 1000000 us, missed 1000 woke-late, Proceed
     1 late 999000 us, missed 0, Proceed
     samples 2, overruns 1000, sleeps 1
     ");
@@ -175,7 +177,7 @@ fn slip_catches_up_three_ticks() {
     let clock = ScriptedClock::with_wakeups(&[0, 7 * MS / 2]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10; 7]), @"
     0 late 0 us, missed 0, Proceed
-    1 late 3500 us, missed 3, Proceed
+    1 late 3500 us, missed 3 woke-late, Proceed
     2 late 2600 us, missed 0, Proceed
     3 late 1700 us, missed 0, Proceed
     4 late 800 us, missed 0, Proceed
@@ -190,7 +192,7 @@ fn slip_moves_the_schedule_beyond_that_and_leaves_no_tick_out() {
     let clock = ScriptedClock::with_wakeups(&[0, 9 * MS / 2]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10; 5]), @"
     0 late 0 us, missed 0, Proceed
-    1 late 4500 us, missed 4, slipped 4, Proceed
+    1 late 4500 us, missed 4 woke-late, slipped 4, Proceed
     2 late 0 us, missed 0, Proceed
     3 late 0 us, missed 0, Proceed
     4 late 0 us, missed 0, Proceed
@@ -200,8 +202,8 @@ fn slip_moves_the_schedule_beyond_that_and_leaves_no_tick_out() {
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10, 301 * MS, 51 * MS / 10, MS / 10]), @"
     0 late 0 us, missed 0, Proceed
     1 late 0 us, missed 0, Proceed
-    2 late 300000 us, missed 301, slipped 300, Proceed
-    3 late 4100 us, missed 5, slipped 4, Proceed
+    2 late 300000 us, missed 301 step-long, slipped 300, Proceed
+    3 late 4100 us, missed 5 step-long, slipped 4, Proceed
     samples 4, overruns 306, sleeps 2
     ");
 }
@@ -210,9 +212,9 @@ fn slip_moves_the_schedule_beyond_that_and_leaves_no_tick_out() {
 fn a_loop_that_slips_outlives_any_stall() {
     let clock = ScriptedClock::with_wakeups(&[MS, 3_600_000 * MS + MS / 2]);
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10; 4]), @"
-    0 late 1000 us, missed 1, Proceed
+    0 late 1000 us, missed 1 woke-late, Proceed
     1 late 100 us, missed 0, Proceed
-    2 late 3600000500 us, missed 3600000, slipped 3600000, Proceed
+    2 late 3600000500 us, missed 3600000 woke-late, slipped 3600000, Proceed
     3 late 0 us, missed 0, Proceed
     samples 4, overruns 3600001, sleeps 3
     ");
@@ -234,49 +236,85 @@ fn the_summary_has_the_keys_of_the_program_s_json() {
     let clock = ScriptedClock::with_wakeups(&[2_000]);
     let rate = SampleRate::new(500.0).unwrap();
     let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Continue).unwrap();
-    assert_eq!(periodic.summary(), LoopSummary { samples: 0, overruns: 0, slipped: 0, wakeup_us: None, exec_us: None });
+    let nothing = LoopSummary {
+        samples: 0,
+        overruns: 0,
+        overrun_causes: OverrunCauses::default(),
+        slipped: 0,
+        wakeup_us: None,
+        exec_us: None,
+    };
+    assert_eq!(periodic.summary(), nothing);
     let tick = periodic.tick().unwrap();
     clock.work(1_000);
-    periodic.finish(&tick);
-    insta::assert_snapshot!(serde_json::to_string(&periodic.summary()).unwrap(), @r#"{"samples":1,"overruns":0,"slipped":0,"wakeup_us":{"p50":2.0,"p99":2.0,"p99_9":2.0,"p99_99":2.0,"max":2.0},"exec_us":{"p50":1.0,"p99":1.0,"p99_9":1.0,"p99_99":1.0,"max":1.0}}"#);
+    periodic.finish(&tick, 0);
+    insta::assert_snapshot!(serde_json::to_string(&periodic.summary()).unwrap(), @r#"{"samples":1,"overruns":0,"overrun_causes":{"woke_late":0,"step_long":0,"bus_long":0,"stolen":0,"preempted":0},"slipped":0,"wakeup_us":{"p50":2.0,"p99":2.0,"p99_9":2.0,"p99_99":2.0,"max":2.0},"exec_us":{"p50":1.0,"p99":1.0,"p99_9":1.0,"p99_99":1.0,"max":1.0}}"#);
 }
 
 proptest! {
     /// Whatever the delays: every index once and in order, no tick early, and as many misses told as deadlines were
-    /// passed without the loop asleep for them. The oracle counts these one deadline at a time.
+    /// passed without the loop asleep for them, each with its cause. The oracle counts these one deadline at a time.
     #[test]
-    fn every_miss_is_told_once(
+    fn every_miss_is_told_once_with_its_cause(
         rate_hz in 10.0..20_000.0_f64,
-        delays_periods in prop::collection::vec((0.0..6.0_f64, 0.0..3.0_f64), 1..60),
-        policy in prop::sample::select(vec![OverrunPolicy::Slip, OverrunPolicy::Continue]),
+        delays_periods in prop::collection::vec((0.0..6.0_f64, 0.0..3.0_f64, 0.0..1.0_f64), 1..60),
+        policy in prop::sample::select(OverrunPolicy::ALL.to_vec()),
     ) {
         let rate = SampleRate::new(rate_hz).unwrap();
         let period_ns = 1e9 / rate_hz;
         let clock = ScriptedClock::with_wakeups(&[]);
         let mut periodic = Periodic::start(&clock, rate, policy).unwrap();
         let start_ns = periodic.start_ns();
-        let (mut told, mut waited) = (0, 0);
-        let mut woke_ns = 0;
-        for (index, (wakeup, work)) in delays_periods.iter().enumerate() {
+        let (mut told, mut waited) = (OverrunCauses::default(), 0);
+        let (mut woke_ns, mut of_work) = (0, OverrunCause::StepLong);
+        for (index, (wakeup, work, bus)) in delays_periods.iter().enumerate() {
             clock.wakeup_ns.borrow_mut().clear();
             clock.wakeup_ns.borrow_mut().push_back((wakeup * period_ns) as u64);
             let slept_before = clock.sleeps.get();
             let Ok(tick) = periodic.tick() else { break };
-            waited += clock.sleeps.get() - slept_before;
-            told += u64::from(tick.missed);
+            let slept = clock.sleeps.get() > slept_before;
+            waited += u64::from(slept);
+            let cause = if slept { OverrunCause::WokeLate } else { of_work };
+            prop_assert_eq!(tick.cause, (tick.missed > 0).then_some(cause));
+            prop_assert_eq!(tick.held_up_since_ns, if slept || index == 0 { tick.deadline_ns } else { woke_ns });
+            told.count(cause, u64::from(tick.missed));
             woke_ns = tick.woke_ns;
             prop_assert_eq!(tick.index, index as u64);
             prop_assert!(tick.woke_ns >= tick.deadline_ns);
-            clock.work((work * period_ns) as u64);
-            periodic.finish(&tick);
+            let (work_ns, bus_ns) = ((work * period_ns) as u64, (work * period_ns * bus) as u64);
+            of_work = if bus_ns > work_ns / 2 { OverrunCause::BusLong } else { OverrunCause::StepLong };
+            clock.work(work_ns);
+            periodic.finish(&tick, bus_ns);
             let mut due = 0;
             while start_ns + rate.offset_ns(due) <= woke_ns {
                 due += 1;
             }
-            prop_assert_eq!(told + waited, due);
+            prop_assert_eq!(told.total() + waited, due);
+            prop_assert_eq!(periodic.summary().overrun_causes, told);
         }
-        prop_assert!(periodic.summary().overruns >= told && woke_ns >= start_ns);
+        // The misses of the tick at which a loop ended itself are counted, too.
+        let summary = periodic.summary();
+        prop_assert_eq!(summary.overruns, summary.overrun_causes.total());
+        prop_assert!(summary.overruns >= told.total());
     }
+}
+
+#[test]
+fn work_is_long_on_the_bus_or_beside_it() {
+    let clock = ScriptedClock::with_wakeups(&[]);
+    let rate = SampleRate::new(1000.0).unwrap();
+    let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Continue).unwrap();
+    let mut causes = Vec::new();
+    for bus_ns in [0, 2 * MS, MS, MS / 2, 0] {
+        let tick = periodic.tick().unwrap();
+        causes.push(tick.cause);
+        clock.work(5 * MS / 2);
+        periodic.finish(&tick, bus_ns);
+    }
+    let (step, bus) = (Some(OverrunCause::StepLong), Some(OverrunCause::BusLong));
+    assert_eq!(causes, [None, step, bus, step, step]);
+    let expected = OverrunCauses { step_long: 7, bus_long: 3, ..OverrunCauses::default() };
+    assert_eq!(periodic.summary().overrun_causes, expected);
 }
 
 #[test]
@@ -299,9 +337,9 @@ fn a_second_on_the_real_clock() {
         last_woke_ns = tick.woke_ns;
         // A deadline that passed before this tick was either waited for, by a tick up to this one, or told as missed.
         assert!((tick.woke_ns - start_ns) / MS < index + 1 + told);
-        periodic.finish(&tick);
+        periodic.finish(&tick, 0);
     }
     let summary = periodic.summary();
-    assert_eq!((summary.samples, summary.overruns), (1000, told));
+    assert_eq!((summary.samples, summary.overruns, summary.overrun_causes.total()), (1000, told, told));
     assert!(last_woke_ns - start_ns >= 999 * MS);
 }

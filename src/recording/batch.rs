@@ -3,8 +3,10 @@
 use alloc::vec::Vec;
 
 use super::schema::MessageType;
+use super::schema::proto::tick_batch::Cause;
 use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
 use super::{Clipped, SampleRecord, StateRecord, TickRecord};
+use crate::realtime::OverrunCause;
 
 /// A message that holds one row for each of a number of consecutive samples, column by column.
 pub(crate) trait Batch: prost::Message + Default {
@@ -221,6 +223,7 @@ impl Batch for TickBatch {
         self.wakeup_ns.push(row.wakeup_ns);
         self.exec_ns.push(row.exec_ns);
         self.overruns.push(row.overruns);
+        self.cause.push(cause_number(row.cause));
     }
 
     fn dt_s(&self) -> Option<f64> {
@@ -228,15 +231,44 @@ impl Batch for TickBatch {
     }
 
     fn columns(&self) -> Vec<usize> {
-        [self.wakeup_ns.len(), self.exec_ns.len(), self.overruns.len()].to_vec()
+        // Older recordings have no column of causes.
+        let cause = (!self.cause.is_empty()).then_some(self.cause.len());
+        [self.wakeup_ns.len(), self.exec_ns.len(), self.overruns.len()].into_iter().chain(cause).collect()
     }
 
     fn row(&self, index: usize) -> Option<TickRecord> {
+        let cause = match self.cause.as_slice() {
+            [] => None,
+            column => cause_of(*column.get(index)?)?,
+        };
         Some(TickRecord {
             sample: self.first_step.checked_add(index as u64)?,
             wakeup_ns: *self.wakeup_ns.get(index)?,
             exec_ns: *self.exec_ns.get(index)?,
             overruns: *self.overruns.get(index)?,
+            cause,
         })
     }
+}
+
+/// As in the file.
+fn cause_number(cause: Option<OverrunCause>) -> i32 {
+    let number = match cause {
+        None => Cause::None,
+        Some(OverrunCause::WokeLate) => Cause::WokeLate,
+        Some(OverrunCause::StepLong) => Cause::StepLong,
+        Some(OverrunCause::BusLong) => Cause::BusLong,
+    };
+    number.into()
+}
+
+/// From the file; `None` if there is no such number.
+fn cause_of(number: i32) -> Option<Option<OverrunCause>> {
+    let cause = match Cause::try_from(number).ok()? {
+        Cause::None => return Some(None),
+        Cause::WokeLate => OverrunCause::WokeLate,
+        Cause::StepLong => OverrunCause::StepLong,
+        Cause::BusLong => OverrunCause::BusLong,
+    };
+    Some(Some(cause))
 }

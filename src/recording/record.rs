@@ -2,6 +2,8 @@
 
 use resonarm_protocol::Frame;
 
+use crate::realtime::OverrunCause;
+
 /// One thing worth recording.
 ///
 /// `Name` is the type of an event's name: `&'static str` on the way in, so that a record needs no allocation, and
@@ -138,6 +140,8 @@ pub struct TickRecord {
     pub exec_ns: u64,
     /// Deadlines missed since the tick before: 0 when on time.
     pub overruns: u32,
+    /// Why; `None` if none was missed, and in recordings made before it was recorded.
+    pub cause: Option<OverrunCause>,
 }
 
 /// Something that happened at a sample.

@@ -109,7 +109,7 @@ impl<'a> Bench<'a> {
 
     /// Tells those who watch, and not the recording, how punctual a sample in simulated time was.
     pub fn tell_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
-        self.tell_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0 }));
+        self.tell_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
     }
 
     /// Frames are for the recording alone.

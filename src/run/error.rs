@@ -67,6 +67,14 @@ pub enum RunError {
     /// A measurement could not be put on the wire.
     #[error("a measurement can't be sent: {0}")]
     Encode(#[from] EncodeError),
+    /// The system has no thread left for the run.
+    #[error(
+        "the run needs a thread more, and the system gives none: {source}; end other programs, or raise `ulimit -u`"
+    )]
+    NoThread {
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// The run asks for a real-time thread, and the system refuses it.
     #[error("the thread of the run must be a real-time thread, and has {}", in_words(shortfalls))]
     NoRealTimeThread {

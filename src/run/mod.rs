@@ -36,6 +36,7 @@
 //! what is held ramps to zero, and the partner is told.
 
 mod bench;
+mod core_watch;
 mod error;
 mod event_record;
 mod exciter;

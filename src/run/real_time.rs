@@ -5,6 +5,7 @@
 //! as in lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording promise the same.
 
 use super::bench::Bench;
+use super::core_watch::Overrun;
 use super::finish::{EndedBy, finish};
 use super::pace::{Pace, Speed};
 use super::{Ending, PlantReport, RunError, Signals};
@@ -13,22 +14,24 @@ use crate::protocol::EmergencyCode;
 use crate::realtime::{Action, Clock, HistogramError, OverrunPolicy, Periodic, SampleRate, Tick};
 use crate::recording::{Record, TickRecord};
 
-/// Runs the plant in real time on the calling thread, until its end or until it is asked to stop.
+/// Runs the plant in real time on the calling thread, until its end or until it is asked to stop. Where deadlines are
+/// missed, `overruns` is told.
 pub(super) fn real_time<C: Clock>(
     bench: &mut Bench,
     bus: &mut dyn Bus,
     clock: &C,
     (rate, overrun): (SampleRate, OverrunPolicy),
     ending: Ending,
-    signals: &Signals,
+    (signals, overruns): (&Signals, &mut dyn FnMut(Overrun)),
 ) -> Result<PlantReport, HistogramError> {
     let mut periodic = Periodic::start(clock, rate, overrun)?;
     let mut pace = Pace::start_at(clock, periodic.start_ns(), rate, Speed::ACTUAL)?;
-    let ended = ticks(bench, bus, &mut periodic, &pace, ending, signals);
+    let ended = ticks(bench, bus, &mut periodic, &pace, ending, (signals, overruns));
     let (outcome, error) = finish(bench, bus, &mut pace, ended);
     let timing = periodic.summary();
     Ok(PlantReport {
         overruns: timing.overruns,
+        overrun_causes: timing.overrun_causes,
         slipped: timing.slipped,
         wakeup_us: timing.wakeup_us,
         exec_us: timing.exec_us,
@@ -42,16 +45,19 @@ fn ticks<C: Clock>(
     periodic: &mut Periodic<'_, C>,
     pace: &Pace<'_, C>,
     ending: Ending,
-    signals: &Signals,
+    (signals, overruns): (&Signals, &mut dyn FnMut(Overrun)),
 ) -> Result<EndedBy, RunError> {
     bench.start(pace.start_ns(), pace.now_ns());
     loop {
         let tick = periodic.tick()?;
         let now_ns = pace.now_ns();
-        work(bench, bus, &tick, now_ns)?;
-        let exec_ns = periodic.finish(&tick);
-        let (sample, wakeup_ns, overruns) = (tick.index, tick.wakeup_ns, tick.missed);
-        bench.record(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns }));
+        let bus_ns = work(bench, bus, &tick, now_ns, pace)?;
+        let exec_ns = periodic.finish(&tick, bus_ns);
+        let Tick { index: sample, wakeup_ns, missed, cause, .. } = tick;
+        bench.record(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: missed, cause }));
+        if let Some(overrun) = Overrun::of(&tick, pace.start_ns()) {
+            overruns(overrun);
+        }
         signals.set_done(tick.index);
         if let Some(end) = ending.reached(bench, signals, now_ns) {
             return Ok(end);
@@ -59,8 +65,16 @@ fn ticks<C: Clock>(
     }
 }
 
-fn work(bench: &mut Bench, bus: &mut dyn Bus, tick: &Tick, now_ns: u64) -> Result<(), RunError> {
+/// The work of a tick. Returns how much of it went to the bus, ns.
+fn work<C: Clock>(
+    bench: &mut Bench,
+    bus: &mut dyn Bus,
+    tick: &Tick,
+    now_ns: u64,
+    pace: &Pace<'_, C>,
+) -> Result<u64, RunError> {
     bench.receive(now_ns, bus)?;
+    let received_ns = pace.now_ns();
     if tick.action == Action::Fault {
         bench.fault(now_ns, EmergencyCode::Overrun, u64::from(tick.missed));
     }
@@ -72,6 +86,7 @@ fn work(bench: &mut Bench, bus: &mut dyn Bus, tick: &Tick, now_ns: u64) -> Resul
         bench.advance(now_ns)?;
     }
     bench.measure()?;
+    let measured_ns = pace.now_ns();
     bench.transmit(now_ns, bus)?;
-    Ok(())
+    Ok((received_ns - now_ns) + (pace.now_ns() - measured_ns))
 }

@@ -8,7 +8,7 @@ use crate::bus::Statistics;
 use crate::control::ResponsePoint;
 use crate::node::{self, Refusals};
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
-use crate::realtime::{Percentiles, ThreadReport};
+use crate::realtime::{OverrunCauses, Percentiles, ThreadReport};
 use crate::recording::Summary;
 
 /// How a plant's run ended.
@@ -56,6 +56,8 @@ pub struct PlantReport {
     pub steps: u64,
     /// Real time: deadlines missed.
     pub overruns: u64,
+    /// The same by cause.
+    pub overrun_causes: OverrunCauses,
     /// Real time: sample periods by which the schedule moved.
     pub slipped: u64,
     /// What the plant's thread got of what it asked of the system; `None` if it asked for nothing.
@@ -88,6 +90,7 @@ impl PlantReport {
             samples: bench.samples(),
             steps: bench.steps(),
             overruns: 0,
+            overrun_causes: OverrunCauses::default(),
             slipped: 0,
             thread: None,
             wakeup_us: None,

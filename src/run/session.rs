@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::thread;
 
 use super::bench::Bench;
+use super::core_watch::CoreWatch;
 use super::exciter::{self, Patience};
 use super::free::Free;
 use super::lockstep::lockstep;
@@ -26,6 +27,8 @@ use crate::scenario::Scenario;
 
 /// Records on their way to the writer: at 1 kHz about four seconds of everything.
 const RECORDS_CAPACITY: usize = 1 << 15;
+/// Overruns with another cause on their way to the writer.
+const CORE_RECORDS_CAPACITY: usize = 1 << 10;
 /// Frames that fit a memory bus in each direction.
 const BUS_CAPACITY: usize = 1024;
 /// How long a free run on a bus with faults or bit rates may take to arm the plant, ns of simulated time.
@@ -200,13 +203,11 @@ impl Session {
         if self.mode == Mode::Lockstep {
             bus.work_on_caller()?;
         }
-        // The recorder's thread is there already, and stays an ordinary one.
+        // The threads of the recorder and of the watch are there already, and stay ordinary ones.
+        let watch = self.core_watch(recorder.as_ref())?;
         let thread = self.become_real_time()?;
         let report = match self.mode {
-            Mode::RealTime => {
-                let how = (self.rate, self.options.overrun);
-                real_time(&mut bench, bus, &SystemClock, how, self.ending, signals)?
-            }
+            Mode::RealTime => self.plant_in_real_time(&mut bench, bus, signals, watch)?,
             Mode::Lockstep => {
                 let how = (self.rate, self.options.speed);
                 lockstep(&mut bench, bus, &SystemClock, how, self.ending, signals)?
@@ -215,6 +216,29 @@ impl Session {
         };
         drop(bench);
         Ok(finish_recording(recorder, PlantReport { thread, ..report }))
+    }
+
+    /// In real time a thread that looks at who has the core of the calling one.
+    fn core_watch(&self, recorder: Option<&Recorder>) -> Result<Option<CoreWatch>, RunError> {
+        if self.mode != Mode::RealTime {
+            return Ok(None);
+        }
+        let channel = recorder.map(|recorder| recorder.channel("core-watch", CORE_RECORDS_CAPACITY)).transpose()?;
+        CoreWatch::start(channel).map(Some).map_err(|source| RunError::NoThread { source })
+    }
+
+    fn plant_in_real_time(
+        &self,
+        bench: &mut Bench,
+        bus: &mut dyn Bus,
+        signals: &Signals,
+        mut watch: Option<CoreWatch>,
+    ) -> Result<PlantReport, RunError> {
+        let how = (self.rate, self.options.overrun);
+        let mut tell = |overrun| watch.iter_mut().for_each(|watch| watch.tell(overrun));
+        let report = real_time(bench, bus, &SystemClock, how, self.ending, (signals, &mut tell))?;
+        let causes = report.overrun_causes;
+        Ok(PlantReport { overrun_causes: watch.map_or(causes, |watch| watch.finish(causes)), ..report })
     }
 
     /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked
@@ -441,6 +465,11 @@ fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantRep
         ("samples", report.samples.to_string()),
         ("steps", report.steps.to_string()),
         ("overruns", report.overruns.to_string()),
+        ("overruns_woke_late", report.overrun_causes.woke_late.to_string()),
+        ("overruns_step_long", report.overrun_causes.step_long.to_string()),
+        ("overruns_bus_long", report.overrun_causes.bus_long.to_string()),
+        ("overruns_stolen", report.overrun_causes.stolen.to_string()),
+        ("overruns_preempted", report.overrun_causes.preempted.to_string()),
         ("slipped", report.slipped.to_string()),
         ("frames_received", report.bus.received.to_string()),
         ("frames_sent", report.bus.sent.to_string()),

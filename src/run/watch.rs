@@ -192,7 +192,7 @@ mod tests {
     use crate::recording::TickRecord;
 
     fn tick(sample: u64) -> Told {
-        Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0 }))
+        Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
     }
 
     #[test]

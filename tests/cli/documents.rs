@@ -248,6 +248,7 @@ fn run_reports_steps_bus_and_recording() {
         "exec_us",
         "fault",
         "outcome",
+        "overrun_causes",
         "overruns",
         "pacing",
         "recording",

@@ -20,6 +20,7 @@ use std::error::Error;
 use std::path::Path;
 
 use resonarm::protocol::{Frame, Id};
+use resonarm::realtime::OverrunCause;
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StateRecord,
     Summary, TickRecord,
@@ -52,6 +53,7 @@ fn records_of(sample: u64) -> Outcome<Vec<Record>> {
             wakeup_ns: 1000 + sample,
             exec_ns: 2000,
             overruns: sample.is_multiple_of(7).into(),
+            cause: sample.is_multiple_of(7).then_some(OverrunCause::WokeLate),
         }),
     ];
     for (id, direction) in [(0x203, Direction::Sent), (0x201, Direction::Received)] {

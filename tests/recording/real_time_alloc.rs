@@ -27,7 +27,7 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
             Record::State(StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false }),
             Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
             Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }),
-            Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0 }),
+            Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None }),
             Record::Event(Event { sample, time_ns, name: "plant.state.fault", value: 1 }),
         ];
         records.into_iter().for_each(|record| assert_eq!(wide.push(record), Pushed::Stored));
@@ -38,7 +38,7 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
     assert!(lost > 0, "the narrow channel has lost nothing, so losing was not tested");
     assert_eq!((summary.lost["wide"], summary.lost["narrow"]), (0, lost as u64));
 
-    let late = Record::Tick(TickRecord { sample: 10_000, wakeup_ns: 1, exec_ns: 2, overruns: 0 });
+    let late = Record::Tick(TickRecord { sample: 10_000, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None });
     assert_eq!(assert_no_alloc(|| wide.push(late)), Pushed::Lost);
     assert!(matches!(wide.push_blocking(late), Err(RecordingError::Finished { .. })));
     Ok(())

@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use resonarm::protocol::{Frame, FrameFormat, Id};
+use resonarm::realtime::OverrunCause;
 use resonarm::recording::{
     Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
     SampleRecord, StateRecord, TickRecord,
@@ -56,8 +57,9 @@ fn any_record(sample: u64) -> impl Strategy<Value = Record> {
                 Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })
             }
         ),
-        2 => any::<(u64, u64, u32)>().prop_map(move |(wakeup_ns, exec_ns, overruns)| {
-            Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns })
+        2 => (any::<(u64, u64, u32)>(), prop::option::of(prop::sample::select(OverrunCause::ALL.to_vec()))).prop_map(
+            move |((wakeup_ns, exec_ns, overruns), cause)| {
+                Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns, cause })
         }),
         1 => any::<(u64, i64)>().prop_map(move |(time_ns, value)| {
             Record::Event(Event { sample, time_ns, name: "plant.state.fault", value })

@@ -18,7 +18,7 @@ fn ticks_on_time_late_and_failed_allocate_nothing() {
                 SystemClock.sleep_until_ns(tick.woke_ns + 1_200_000); // work of more than two periods
             }
             assert!(unix_time_ns() > 0);
-            periodic.finish(&tick);
+            periodic.finish(&tick, 0);
         }
         periodic.summary().overruns
     });

@@ -16,7 +16,13 @@ fn telling_losing_and_being_asked_allocate_nothing() {
     watcher.ask(Request::Disarm).unwrap();
     let asked = assert_no_alloc(|| {
         for sample in 0..20_000 {
-            watched.tell(Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0 })));
+            watched.tell(Told::Record(Record::Tick(TickRecord {
+                sample,
+                wakeup_ns: 1,
+                exec_ns: 2,
+                overruns: 0,
+                cause: None,
+            })));
             watched.tell(Told::Record(Record::Event(Event { sample, time_ns: 0, name: "state.fault", value: 0 })));
             watched.tell(Told::Command(CommandRecord { sample, load: Load::force_n(1.0, 0.0) }));
         }

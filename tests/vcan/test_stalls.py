@@ -60,6 +60,7 @@ def test_a_plant_that_was_stopped_faults_nobody(programs, tmp_path):
     # Every deadline that passed in the stall is an overrun, and the schedule moved; the controller was told.
     assert ended["overruns"] >= ended["slipped"] >= (STALL_S - 0.01) * RATE_HZ - 1
     assert recording.column("/timing/ticks", ["overruns"]).sum() == ended["overruns"]
+    assert sum(ended["overrun_causes"].values()) == ended["overruns"]
     assert exciter.result()["slipped_periods"] >= (STALL_S - 0.01) * RATE_HZ - 1
     assert sum(event["periods"] for event in events(plant, "slipped")) == ended["slipped"]
     assert programs.resonarm("resim", path, "--json").result()["identical"]
