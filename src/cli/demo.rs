@@ -15,7 +15,8 @@ use super::flags::{self, ArmFlags};
 use super::live::{LiveFlags, Part, Role};
 use super::output;
 use super::session::{PlantDocument, complaint, report_text};
-use super::supervise::supervise;
+use super::status::{Status, Style};
+use super::supervise::{Line, supervise};
 use super::walk_point::{self, WalkPoint};
 use crate::control::ControlSpec;
 use crate::realtime::ThreadSetup;
@@ -94,8 +95,10 @@ impl Demo {
             Part { role: Role::PlantAndExciter, place: String::from("a bus in memory"), json: false, steered: None };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
-        let watched = Arc::clone(&signals);
-        let report = supervise("plant", &signals, length, || {}, move || session.both(&watched, |_| {}))??;
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = Status::new(Style::People { every: None });
+        let tell = |line: &mut Line| status.write(&shown, line);
+        let report = supervise("plant", &signals, length, tell, move || session.both(&watched, |_| {}))??;
         self.conclude(&scenario, &control, report)
     }
 

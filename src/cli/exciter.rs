@@ -11,6 +11,7 @@ use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
 use super::session::seconds;
+use super::status::{Status, StatusFlag, Style};
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
 use crate::node::Outcome;
@@ -41,6 +42,8 @@ pub(super) struct Exciter {
     live: LiveFlags,
     #[command(flatten)]
     steer: SteerFlag,
+    #[command(flatten)]
+    status: StatusFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -83,12 +86,13 @@ impl Exciter {
         let part = Part { role: Role::Exciter, place: address.to_string(), json: false, steered };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
-        let watched = Arc::clone(&signals);
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = Status::new(Style::People { every: self.status.every()? });
         let report = supervise(
             "exciter",
             &signals,
             length,
-            || {},
+            |line| status.write(&shown, line),
             move || {
                 let report = session.exciter(bus.as_mut(), &watched)?;
                 let error = report.error.or(bus.close().err().map(RunError::from));

@@ -57,7 +57,7 @@ pub(super) fn show(flags: &LiveFlags, recording: Recording) -> Result<(), Failur
             SystemClock.sleep_until_ns(SystemClock.now_ns() + LOOK_NS);
         }
     };
-    supervise("live view", &signals, Length::Unknown, || {}, until_stopped)
+    supervise("live view", &signals, Length::Unknown, |_line| {}, until_stopped)
 }
 
 /// Which role of a session is shown, and on what.

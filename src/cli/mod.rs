@@ -51,6 +51,7 @@ mod run;
 mod session;
 mod simulate;
 mod singular_curves;
+mod status;
 mod study;
 mod supervise;
 mod sweep;

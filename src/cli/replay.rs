@@ -185,7 +185,7 @@ fn on_bus<T: Send + 'static>(
         "replay",
         &signals,
         Length::Unknown,
-        || {},
+        |_line| {},
         move || {
             let result = work(bus.as_mut(), &watched);
             let closed = bus.close();

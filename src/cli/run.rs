@@ -14,7 +14,8 @@ use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
 use super::session::{EventLog, PlantDocument, RecordFlags, complaint, event_ring, report_text, seconds};
-use super::supervise::supervise;
+use super::status::{Status, StatusFlag, Style};
+use super::supervise::{Line, supervise};
 use crate::bus::{self, BusAddress};
 use crate::control::Length;
 use crate::node::Outcome as NodeOutcome;
@@ -55,6 +56,8 @@ pub(super) struct Run {
     live: LiveFlags,
     #[command(flatten)]
     steer: SteerFlag,
+    #[command(flatten)]
+    status: StatusFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -119,12 +122,16 @@ impl Run {
         let (mut told, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
         let length = session.scenario().duration_samples()?.map_or(Length::Unknown, Length::Samples);
-        let watched = Arc::clone(&signals);
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = self.status()?;
         let report = supervise(
             "plant",
             &signals,
             length,
-            || log.write(),
+            |line| {
+                log.write(line);
+                status.write(&shown, line);
+            },
             move || {
                 // A full ring loses events of the log; the recording has them.
                 let report = session.plant(bus.as_mut(), &watched, |event| _ = told.push(event))?;
@@ -148,9 +155,21 @@ impl Run {
         let part =
             Part { role: Role::PlantAndExciter, place: String::from("a virtual bus"), json: self.json_events, steered };
         let (session, _serving) = self.live.watched(session, &part)?;
-        let watched = Arc::clone(&signals);
-        let report = supervise("plant", &signals, length, || {}, move || session.both(&watched, |_| {}))??;
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = self.status()?;
+        let tell = |line: &mut Line| status.write(&shown, line);
+        let report = supervise("plant", &signals, length, tell, move || session.both(&watched, |_| {}))??;
         self.conclude(configuration, report.plant, Some(&report.exciter))
+    }
+
+    fn status(&self) -> Result<Status> {
+        match (self.json_events, self.status.every()?) {
+            (false, every) => Ok(Status::new(Style::People { every })),
+            (true, None) => Ok(Status::new(Style::Off)),
+            (true, Some(_)) => Err(Failure::Usage(String::from(
+                "--status-s and --json-events both write to standard error: give one of them",
+            ))),
+        }
     }
 
     /// Prints the report, whatever ended the run; then says what went wrong.

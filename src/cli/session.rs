@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::failure::Failure;
+use super::supervise::Line;
 use crate::number::short;
 use crate::realtime::{OverrunCauses, Percentiles};
 use crate::recording::Existing;
@@ -57,12 +58,12 @@ pub(super) struct EventLog {
 }
 
 impl EventLog {
-    /// Writes what has happened since the last call.
-    pub fn write(&mut self) {
+    /// Writes what has happened since the last call, above the last line.
+    pub fn write(&mut self, last: &Line) {
         while let Ok(event) = self.events.pop() {
             let line = if self.json { serde_json::to_string(&event).ok() } else { self.words(&event) };
             if let Some(line) = line {
-                super::output::note(&line);
+                last.note(&line);
             }
         }
     }

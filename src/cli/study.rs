@@ -59,7 +59,7 @@ fn watch<T: Send + 'static>(
         let (stop, done) = (|| watched.is_stopped(), |points| watched.set_done(points));
         work(&Control { stop: &stop, done: &done })
     };
-    Ok(supervise(name, &signals, Length::Samples(total as u64), || {}, work)??)
+    Ok(supervise(name, &signals, Length::Samples(total as u64), |_line| {}, work)??)
 }
 
 fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {

@@ -11,20 +11,76 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
 
 use super::failure::Failure;
+use super::output;
 use crate::control::Length;
 use crate::run::Signals;
 
 /// How often the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
 
+/// The last line on a terminal's standard error: a progress bar, and what is shown beside it.
+pub(super) struct Line {
+    bar: ProgressBar,
+    length: Length,
+    is_on_terminal: bool,
+    shows_text: bool,
+}
+
+impl Line {
+    fn new(length: Length) -> Line {
+        let is_on_terminal = std::io::stderr().is_terminal();
+        Line { bar: bar(length, is_on_terminal), length, is_on_terminal, shows_text: false }
+    }
+
+    /// Whether there is such a line.
+    pub fn is_on_terminal(&self) -> bool {
+        self.is_on_terminal
+    }
+
+    /// Shows `text` in it, in place of what it showed; where there is no terminal, writes it as a line of its own.
+    pub fn show(&mut self, text: String) {
+        if !self.is_on_terminal {
+            return output::note(&text);
+        }
+        if !self.shows_text {
+            self.shows_text = true;
+            let template = match self.length {
+                Length::Samples(_) => "{bar:12} {percent}% {msg}",
+                Length::Responses(_) => "{bar:12} {pos}/{len} {msg}",
+                Length::Unknown => "{msg}",
+            };
+            if let Length::Unknown = self.length {
+                self.bar = ProgressBar::no_length();
+            }
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                self.bar.set_style(style);
+            }
+        }
+        self.bar.set_message(text);
+    }
+
+    /// Writes `text` above it.
+    pub fn note(&self, text: &str) {
+        self.bar.suspend(|| output::note(text));
+    }
+
+    fn set_progress(&self, signals: &Signals) {
+        match self.length {
+            Length::Responses(_) => self.bar.set_position(signals.responses()),
+            Length::Samples(_) => self.bar.set_position(signals.done()),
+            Length::Unknown => {}
+        }
+    }
+}
+
 /// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
-/// in order; a second one ends the process. `length` is how long the work takes, if it is known; `tell` is called now
-/// and then, and once at the end.
+/// in order; a second one ends the process. `length` is how long the work takes, if it is known; `tell` is called
+/// now and then with the last line of a terminal, and once at the end.
 pub(super) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,
     length: Length,
-    mut tell: impl FnMut(),
+    mut tell: impl FnMut(&mut Line),
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Failure> {
     let start = |source| Failure::Start { what: name, source };
@@ -38,22 +94,23 @@ pub(super) fn supervise<T: Send + 'static>(
             result
         })
         .map_err(start)?;
-    runtime.block_on(watch(signals, length, &mut tell, finished)).map_err(start)?;
-    tell();
+    let mut line = Line::new(length);
+    runtime.block_on(watch(signals, &mut line, &mut tell, finished)).map_err(start)?;
+    tell(&mut line);
+    line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
 }
 
 /// Waits for the end of the work, passing on what the user asks.
 async fn watch(
     signals: &Signals,
-    length: Length,
-    tell: &mut impl FnMut(),
+    line: &mut Line,
+    tell: &mut impl FnMut(&mut Line),
     finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
 ) -> std::io::Result<()> {
     let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
     // `nohup` has it ignored, and it stays so.
     let mut hangup = if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) };
-    let bar = bar(length);
     let mut beat = tokio::time::interval(PROGRESS);
     tokio::pin!(finished);
     loop {
@@ -64,15 +121,11 @@ async fn watch(
             _ = terminate.recv() => ask_to_stop(signals),
             Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals),
             _ = beat.tick() => {
-                bar.set_position(match length {
-                    Length::Responses(_) => signals.responses(),
-                    Length::Samples(_) | Length::Unknown => signals.done(),
-                });
-                tell();
+                line.set_progress(signals);
+                tell(line);
             }
         }
     }
-    bar.finish_and_clear();
     Ok(())
 }
 
@@ -92,13 +145,13 @@ fn ask_to_stop(signals: &Signals) {
 }
 
 /// A progress bar if the run is long enough and somebody can see it.
-fn bar(length: Length) -> ProgressBar {
+fn bar(length: Length, is_on_terminal: bool) -> ProgressBar {
     let (total, template) = match length {
         Length::Samples(samples) => (samples, "{bar:40} {pos}/{len}, {elapsed} of {duration}"),
         Length::Responses(responses) => (responses, "{bar:40} {pos} of {len} points, {elapsed}"),
         Length::Unknown => return ProgressBar::hidden(),
     };
-    if !std::io::stderr().is_terminal() {
+    if !is_on_terminal {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template(template);

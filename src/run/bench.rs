@@ -2,7 +2,7 @@
 
 use super::event_record::{event_record, request_records, sample_record};
 use super::record_sink::RecordSink;
-use super::{BusCounts, Fault, Request, RunError, RunEvent, Told, Watched};
+use super::{BusCounts, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
 use crate::arm::Load;
 use crate::bus::{Bus, BusError, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
@@ -33,6 +33,8 @@ pub(super) struct Bench<'a> {
     samples: u64,
     was_armed: bool,
     left_armed: bool,
+    /// The load from the sample before to this one.
+    held: Load,
 }
 
 impl<'a> Bench<'a> {
@@ -56,6 +58,7 @@ impl<'a> Bench<'a> {
             samples: 0,
             was_armed: false,
             left_armed: false,
+            held: Load::default(),
         }
     }
 
@@ -110,6 +113,12 @@ impl<'a> Bench<'a> {
     /// Tells those who watch, and not the recording, how punctual a sample in simulated time was.
     pub fn tell_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
         self.tell_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
+    }
+
+    /// Shows whoever reads `gauges` the sample, how late it was, its work, and the deadlines missed before it.
+    pub fn show(&self, gauges: &Gauges, late_ns: u64, work_ns: u64, missed: u32) {
+        gauges.count(late_ns, work_ns, missed);
+        gauges.set(&self.held, self.node.state());
     }
 
     /// Frames are for the recording alone.
@@ -238,6 +247,7 @@ impl<'a> Bench<'a> {
     /// plant stays where it is.
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
+        self.held = load;
         self.record_state(&load, false);
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {

@@ -27,7 +27,8 @@ pub(super) struct Patience<'r> {
     pub wait: Option<Duration>,
     /// How often to begin anew.
     pub rearm: u32,
-    /// Set once the only plant on the bus has ended, where one process has both: then no plant is waited for.
+    /// Where one process has both: set once the only plant on the bus has ended, and then none is waited for. `None` of
+    /// an exciter alone.
     pub plant_ended: Option<&'r AtomicBool>,
 }
 
@@ -118,6 +119,9 @@ impl<C: Clock> Run<'_, C> {
             self.tell_watcher(now_ns);
             self.signals.set_responses(self.responses.len());
             self.signals.set_done(self.node.samples_played());
+            if self.patience.plant_ended.is_none() {
+                self.signals.gauges().set_answered(self.node.samples_played(), self.node.state());
+            }
             if self.rearmed < self.patience.rearm && self.node.rearm(now_ns) {
                 self.rearmed += 1;
                 self.responses.clear();

@@ -82,6 +82,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             steer(self.exciter, watched);
         }
         self.signals.set_responses(self.responses.len());
+        self.bench.show(self.signals.gauges(), self.pace.lag_ns(), 0, 0);
         self.signals.set_done(sample);
         Ok(())
     }

@@ -43,6 +43,7 @@ mod exciter;
 mod exciter_end;
 mod finish;
 mod free;
+mod gauges;
 mod lockstep;
 mod mode;
 mod pace;
@@ -55,6 +56,7 @@ mod watch;
 
 pub use error::RunError;
 pub use exciter_end::ExciterEnd;
+pub use gauges::{Gauges, Shown};
 pub use mode::{Mode, UnknownMode};
 pub use pace::{Speed, SpeedError};
 pub use report::{

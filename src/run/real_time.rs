@@ -58,6 +58,7 @@ fn ticks<C: Clock>(
         if let Some(overrun) = Overrun::of(&tick, pace.start_ns()) {
             overruns(overrun);
         }
+        bench.show(signals.gauges(), wakeup_ns, exec_ns, missed);
         signals.set_done(tick.index);
         if let Some(end) = ending.reached(bench, signals, now_ns) {
             return Ok(end);

@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use serde::Serialize;
 
-use super::Fault;
+use super::{Fault, Gauges};
 
 /// What the run's threads and the rest of the program tell each other.
 #[derive(Debug, Default)]
@@ -12,6 +12,7 @@ pub struct Signals {
     stop: AtomicBool,
     done: AtomicU64,
     responses: AtomicU64,
+    gauges: Gauges,
 }
 
 impl Signals {
@@ -33,6 +34,11 @@ impl Signals {
     /// How many responses the exciter has read.
     pub fn responses(&self) -> u64 {
         self.responses.load(Ordering::Relaxed)
+    }
+
+    /// What the run's loop shows of itself.
+    pub fn gauges(&self) -> &Gauges {
+        &self.gauges
     }
 
     pub(crate) fn set_responses(&self, responses: usize) {

@@ -14,7 +14,7 @@ use crate::cli::configuration;
 use crate::cli::failure::{Failure, Verdict};
 use crate::cli::flags::SessionFlags;
 use crate::cli::output::{self, OverwriteFlag};
-use crate::cli::supervise::supervise;
+use crate::cli::supervise::{Line, supervise};
 use crate::cli::walk_point::WalkPoint;
 use crate::cli::zone_figure;
 use crate::control::{CancelHarmonics, Length, ModeNumber};
@@ -197,7 +197,7 @@ impl Fig9 {
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
     let (experiment, signals, scenario) = (Arc::new(experiment), Arc::new(Signals::default()), scenario.clone());
     let (watched, whole) = (Arc::clone(&experiment), Arc::clone(&signals));
-    let tell = move || {
+    let tell = move |_line: &mut Line| {
         whole.set_responses(watched.responses() as usize);
         if whole.is_stopped() {
             watched.stop();

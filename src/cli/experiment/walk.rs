@@ -78,7 +78,7 @@ impl Walk {
         let start_ns = SystemClock.now_ns();
         let signals = Arc::new(Signals::default());
         let watched = Arc::clone(&signals);
-        let report = supervise("walk", &signals, length, || {}, move || session.both(&watched, |_| {}))??;
+        let report = supervise("walk", &signals, length, |_line| {}, move || session.both(&watched, |_| {}))??;
         let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         self.conclude(&scenario, report, wall_s)
     }
