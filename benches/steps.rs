@@ -45,6 +45,18 @@ fn driven(bencher: Bencher, scheme: Scheme) {
     });
 }
 
+/// A thousand steps as a run at 1 kHz makes them: as many a sample as the scheme's default, the force at the tip held.
+#[divan::bench(args = Scheme::ALL)]
+fn held(bencher: Bencher, scheme: Scheme) {
+    let Ok(arm) = arm() else { return };
+    let rate_hz = 1000.0 * f64::from(scheme.steps_per_sample());
+    let Ok(integrator) = Integrator::new(scheme, rate_hz, &arm) else { return };
+    let load = Load { torque_nm: [0.0, 0.0].into(), force_n: [20.0, 0.0].into() };
+    bencher.counter(ItemsCount::new(STEPS)).bench_local(|| {
+        (0..STEPS).try_fold(start(), |state, k| integrator.step(&arm, f64::from(k) / rate_hz, &state, black_box(&load)))
+    });
+}
+
 /// A hundred periods of many motions under a sine, on one thread, in periods of one motion: alone, and side by side.
 #[divan::bench(args = [1, 8, 64, 512])]
 fn periods(bencher: Bencher, motions: usize) {
