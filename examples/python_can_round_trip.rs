@@ -5,9 +5,10 @@
 //! cargo run --release --features python-can --example python_can_round_trip -- interface=virtual,channel=0
 //! ```
 //!
-//! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. Bare is a script
-//! of Python with `can.Bus`. The far end is a thread each time. Turns of all three follow each other, so that they meet
-//! the same load of the machine, and each opens and closes its ends.
+//! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. The other two are
+//! a script of Python with `can.Bus`: bare, or reading by a thread of python-can's own (`can.Notifier` with a
+//! `can.BufferedReader`). Every frame sent is a new message, as a command's data are. The far end is a thread each time. Turns of all four follow each other, so that they meet the
+//! same load of the machine, and each opens and closes its ends.
 
 use std::error::Error;
 use std::thread;
@@ -41,26 +42,37 @@ def open_end(address):
     return can.Bus(**{key: value if key == "channel" else cast_from_string(value) for key, value in words.items()})
 
 
-def round_trips(near_address, far_address, request_id, answer_id, count, patience_s):
+def round_trips(near_address, far_address, request_id, answer_id, count, patience_s, notified):
     near, far = open_end(near_address), open_end(far_address)
+    notifiers, receive = [], [near.recv, far.recv]
+    if notified:
+        readers = [can.BufferedReader(), can.BufferedReader()]
+        notifiers = [can.Notifier(bus, [reader]) for bus, reader in zip((near, far), readers)]
+        receive = [reader.get_message for reader in readers]
+    near_receive, far_receive = receive
+
+    def message(identifier, data):
+        return can.Message(arbitration_id=identifier, is_extended_id=False, data=data)
 
     def echo():
-        answer = can.Message(arbitration_id=answer_id, is_extended_id=False, data=bytes(8))
         for _ in range(count):
-            if far.recv(patience_s) is None:
+            request = far_receive(patience_s)
+            if request is None:
                 return
-            far.send(answer)
+            far.send(message(answer_id, request.data))
 
     thread = threading.Thread(target=echo)
     thread.start()
-    request, took_ns = can.Message(arbitration_id=request_id, is_extended_id=False, data=bytes(8)), []
+    took_ns = []
     for _ in range(count):
         begun = time.perf_counter_ns()
-        near.send(request)
-        if near.recv(patience_s) is None:
+        near.send(message(request_id, bytes(8)))
+        if near_receive(patience_s) is None:
             raise TimeoutError("the far end does not answer")
         took_ns.append(time.perf_counter_ns() - begun)
     thread.join()
+    for notifier in notifiers:
+        notifier.stop()
     near.shutdown()
     far.shutdown()
     return took_ns
@@ -73,28 +85,38 @@ fn main() -> Result<(), Box<dyn Error>> {
     let far = std::env::args().nth(2).unwrap_or_else(|| near.clone());
     println!("python-can {}", python_can::version()?);
     let script: Py<PyModule> = Python::attach(|py| PyModule::from_code(py, BARE, c"bare.py", c"bare").map(Py::from))?;
-    let mut kinds = [(); 3].map(|()| Histogram::<u64>::new(3));
+    let mut kinds = [(); 4].map(|()| Histogram::<u64>::new(3));
     for _ in 0..TURNS {
-        let turn =
-            [bare(&script, &near, &far)?, bridge(&near, &far, Work::OnThreads)?, bridge(&near, &far, Work::OnCaller)?];
+        let turn = [
+            python(&script, &near, &far, Work::OnCaller)?,
+            python(&script, &near, &far, Work::OnThreads)?,
+            bridge(&near, &far, Work::OnThreads)?,
+            bridge(&near, &far, Work::OnCaller)?,
+        ];
         for (kind, trips_ns) in kinds.iter_mut().zip(turn) {
             let kind = kind.as_mut().map_err(|error| *error)?;
             trips_ns.into_iter().try_for_each(|trip_ns| kind.record(trip_ns))?;
         }
     }
-    let [bare, threads, caller] = kinds;
-    let (bare, threads, caller) = (bare?, threads?, caller?);
-    println!("{:>6} {:>9} {:>18} {:>24}", "", "bare, µs", "on threads, µs", "on the caller, µs");
+    let [bare, notified, threads, caller] = kinds;
+    let [bare, notified, threads, caller] = [bare?, notified?, threads?, caller?];
+    println!(
+        "{:>4} {:>9} {:>22} {:>27} {:>30}",
+        "", "bare, µs", "notifier, µs (×bare)", "bridge on threads (×bare)", "bridge on the caller (×bare)"
+    );
     for (name, quantile) in [("p10", 0.1), ("p50", 0.5), ("p90", 0.9), ("p99", 0.99)] {
         let us = |trips: &Histogram<u64>| trips.value_at_quantile(quantile) as f64 / 1e3;
-        let (bare, threads, caller) = (us(&bare), us(&threads), us(&caller));
-        let ratios = [threads / bare, caller / bare];
-        println!("{name:>6} {bare:9.1} {threads:11.1} ({:4.2}) {caller:17.1} ({:4.2})", ratios[0], ratios[1]);
+        let bare = us(&bare);
+        print!("{name:>4} {bare:9.1}");
+        for (trips, width) in [(&notified, 15), (&threads, 20), (&caller, 23)] {
+            print!(" {:width$.1} ({:4.2})", us(trips), us(trips) / bare);
+        }
+        println!();
     }
     Ok(())
 }
 
-/// Where the bridge meets Python.
+/// Who reads: threads in between, or the caller.
 #[derive(Clone, Copy, PartialEq)]
 enum Work {
     OnThreads,
@@ -139,10 +161,10 @@ fn bridge(near: &str, far: &str, work: Work) -> Result<Vec<u64>, Box<dyn Error>>
 }
 
 /// The same by `can.Bus` in Python, ns.
-fn bare(script: &Py<PyModule>, near: &str, far: &str) -> Result<Vec<u64>, Box<dyn Error>> {
+fn python(script: &Py<PyModule>, near: &str, far: &str, work: Work) -> Result<Vec<u64>, Box<dyn Error>> {
     let count = ROUND_TRIPS + ROUND_TRIPS / 10;
     let took_ns: Vec<u64> = Python::attach(|py| {
-        let arguments = (near, far, REQUEST, ANSWER, count, PATIENCE.as_secs_f64());
+        let arguments = (near, far, REQUEST, ANSWER, count, PATIENCE.as_secs_f64(), work == Work::OnThreads);
         script.bind(py).getattr("round_trips")?.call1(arguments)?.extract()
     })?;
     Ok(took_ns[(count - ROUND_TRIPS) as usize..].to_vec())

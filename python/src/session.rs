@@ -62,7 +62,8 @@ impl RealTime {
             ThreadSetup { priority: priority.or(ThreadSetup::default().priority), core, ..ThreadSetup::default() };
         match (rt.as_deref(), core) {
             (None, _) if priority.is_some() || core.is_some() => {
-                options.thread = Some(ThreadSetup { priority, core, lock_memory: priority.is_some() });
+                let lock_memory = priority.is_some();
+                options.thread = Some(ThreadSetup { priority, core, lock_memory, ..ThreadSetup::default() });
             }
             (None, _) | (Some("off"), None) => {}
             (Some("off"), Some(core)) => {

@@ -111,18 +111,24 @@ pub(super) struct ThreadFlags {
     /// SCHED_FIFO priority of the real-time loop, 1 to 99.
     #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get())]
     priority: u8,
+    /// Hold all cores of the machine out of their idle states during the run: no wake-up waits for one to come back. It
+    /// costs power, and takes time from other guests of a shared machine.
+    #[arg(long)]
+    cores_awake: bool,
 }
 
 impl ThreadFlags {
     /// What to ask for.
     pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
         let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
-        let setup = ThreadSetup { priority: Some(priority), core: self.core, ..ThreadSetup::default() };
+        let cores_awake = self.cores_awake;
+        let setup = ThreadSetup { priority: Some(priority), core: self.core, cores_awake, ..ThreadSetup::default() };
+        let left_out =
+            |asked: &str| Err(Failure::Usage(format!("{asked} asks for what --rt off leaves out: give one of them")));
         match (self.rt, self.core) {
+            (RealTimeThread::Off, Some(core)) => left_out(&format!("--core {core}")),
+            (RealTimeThread::Off, None) if cores_awake => left_out("--cores-awake"),
             (RealTimeThread::Off, None) => Ok(None),
-            (RealTimeThread::Off, Some(core)) => {
-                Err(Failure::Usage(format!("--core {core} asks for what --rt off leaves out: give one of them")))
-            }
             (RealTimeThread::Auto | RealTimeThread::Require, _) => Ok(Some(setup)),
         }
     }

@@ -1,6 +1,7 @@
 //! `resonarm latency`: how punctual the real-time loop is on this machine, beside a loop that does nothing.
 
 use core::fmt::Write;
+use std::path::PathBuf;
 use std::thread;
 
 use clap::Args;
@@ -16,14 +17,15 @@ use crate::realtime::{
     Finding, LatencyHistogram, Percentiles, Privileges, SampleRate, SystemClock, ThreadReport, ThreadSetup,
     bare_wakeups,
 };
-use crate::run::{Mode, Options, RunError, Session, Signals};
+use crate::recording::Existing;
+use crate::run::{Mode, Options, RecordTo, RunError, Session, Signals};
 
 /// Measures how late a loop that does nothing wakes up on this machine, and how late the plant's, side by side: in
 /// turns, on threads with the same settings. Says what would make it better.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and without a \
-                        recording. Of each turn's percentiles the medians are told, and the longest of all.\n\n\
+    after_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and with \
+                        --record a recording. Of each turn's percentiles the medians are told, and the longest of all.\n\n\
                         Example:\n  resonarm latency --rate-hz 1000,4000,10000 --core 1"
 )]
 pub(super) struct Latency {
@@ -38,6 +40,12 @@ pub(super) struct Latency {
     turns: u16,
     #[command(flatten)]
     thread: ThreadFlags,
+    /// Record the plant's turns into this MCAP file, which keeps the last.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Overwrite the recording if it exists.
+    #[arg(long, requires = "record")]
+    overwrite: bool,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -52,6 +60,7 @@ struct Turn {
     plant: Percentiles,
     execution: Percentiles,
     overruns: u64,
+    lost_records: u64,
 }
 
 /// What was found at one rate.
@@ -69,6 +78,8 @@ struct AtRate {
     ratio_p99: f64,
     /// Deadlines that the plant missed.
     overruns: u64,
+    /// Records that did not reach the recording.
+    lost_records: u64,
 }
 
 #[derive(Serialize)]
@@ -83,13 +94,20 @@ impl Latency {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let setup = self.thread.setup()?;
         seconds("--turn-s", self.turn_s)?;
-        let sessions =
-            self.rate_hz.iter().map(|rate_hz| self.session(*rate_hz, setup)).collect::<Result<Vec<_>, _>>()?;
+        let mut existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        // All are checked before the first is run.
+        for rate_hz in &self.rate_hz {
+            self.session(*rate_hz, setup, existing)?;
+        }
         let mut got = None;
-        let mut rates = Vec::with_capacity(sessions.len());
-        for (session, rate_hz) in sessions.iter().zip(&self.rate_hz) {
-            let turns = (0..self.turns).map(|_| self.turn(session, *rate_hz, setup, &mut got));
-            rates.push(AtRate::of(*rate_hz, &turns.collect::<Result<Vec<_>, _>>()?));
+        let mut rates = Vec::with_capacity(self.rate_hz.len());
+        for rate_hz in &self.rate_hz {
+            let mut turns = Vec::with_capacity(usize::from(self.turns));
+            for _ in 0..self.turns {
+                turns.push(self.turn(&self.session(*rate_hz, setup, existing)?, *rate_hz, setup, &mut got)?);
+                existing = Existing::Overwrite; // by a turn of this call
+            }
+            rates.push(AtRate::of(*rate_hz, &turns));
         }
         let document = Document { thread: got, rates, findings: Privileges::probe().findings() };
         if self.json {
@@ -101,13 +119,18 @@ impl Latency {
     }
 
     /// A plant and a controller that drives it below the first resonance for a turn.
-    fn session(&self, rate_hz: f64, setup: Option<ThreadSetup>) -> Result<Session, Failure> {
+    fn session(&self, rate_hz: f64, setup: Option<ThreadSetup>, existing: Existing) -> Result<Session, Failure> {
         let mut scenario = super::exciter::scenario()?;
         scenario.simulation.rate_hz = rate_hz;
         scenario.simulation.duration_s = Some(self.turn_s);
         // A controller that is held up is no matter of the plant's loop.
         scenario.network.command_timeout_s = PATIENCE_S;
-        let options = Options { thread: setup, on_shortfall: self.thread.on_shortfall(), ..Options::default() };
+        let options = Options {
+            record: self.record.clone().map(|path| RecordTo { path, existing }),
+            thread: setup,
+            on_shortfall: self.thread.on_shortfall(),
+            ..Options::default()
+        };
         Ok(Session::new(scenario, Mode::RealTime, options)?)
     }
 
@@ -122,7 +145,7 @@ impl Latency {
         let rate = SampleRate::new(rate_hz)?;
         let ticks = (self.turn_s * rate_hz) as u64;
         let bare = on_a_thread("bare loop", || {
-            let report = setup.map(|setup| setup.apply());
+            let (report, _awake) = setup.map(|setup| setup.apply()).unzip();
             let mut latencies = LatencyHistogram::new().map_err(RunError::from)?;
             bare_wakeups(&SystemClock, rate, ticks, &mut latencies);
             Ok::<_, RunError>((report, latencies.percentiles()))
@@ -132,9 +155,10 @@ impl Latency {
         if let Some(error) = plant.error {
             return Err(error.into());
         }
+        let lost_records = plant.recording.iter().flat_map(|recording| recording.lost.values()).sum();
         match (bare.1, plant.wakeup_us, plant.exec_us) {
             (Some(bare), Some(wakeup), Some(execution)) => {
-                Ok(Turn { bare, plant: wakeup, execution, overruns: plant.overruns })
+                Ok(Turn { bare, plant: wakeup, execution, overruns: plant.overruns, lost_records })
             }
             _ => Err(Failure::Usage(format!(
                 "--turn-s is {}: at {rate_hz} Hz there is no sample in it",
@@ -161,6 +185,7 @@ impl AtRate {
             ratio_p50: plant_us.p50 / bare_us.p50,
             ratio_p99: plant_us.p99 / bare_us.p99,
             overruns: turns.iter().map(|turn| turn.overruns).sum(),
+            lost_records: turns.iter().map(|turn| turn.lost_records).sum(),
         }
     }
 }
@@ -194,10 +219,11 @@ fn table(document: &Document) -> String {
             let rate = format!("{} Hz", short(&at.rate_hz));
             let _infallible = writeln!(text, "{rate:>9}  {name:<22} {p50:>9.1} {p99:>9.1} {p99_9:>9.1} {max:>9.1}");
         }
-        let AtRate { ratio_p50, ratio_p99, overruns, .. } = at;
+        let AtRate { ratio_p50, ratio_p99, overruns, lost_records, .. } = at;
+        let lost = if *lost_records == 0 { String::new() } else { format!(", {lost_records} records lost") };
         let _infallible = writeln!(
             text,
-            "{:>9}  {:<22} {ratio_p50:>9.2} {ratio_p99:>9.2}            {overruns} overruns",
+            "{:>9}  {:<22} {ratio_p50:>9.2} {ratio_p99:>9.2}            {overruns} overruns{lost}",
             "", "plant over bare loop"
         );
     }
@@ -219,6 +245,7 @@ mod tests {
             plant: percentiles(plant, longest),
             execution: percentiles(12.0, 90.0),
             overruns: 1,
+            lost_records: 2,
         };
         // The second turn was disturbed.
         let at = AtRate::of(1000.0, &[turn(20.0, 22.0, 300.0), turn(500.0, 900.0, 7000.5), turn(21.0, 23.1, 250.0)]);
@@ -230,7 +257,7 @@ mod tests {
           1000 Hz  late, bare loop             21.0      42.0      63.0     400.0
           1000 Hz  late, plant                 23.1      46.2      69.3    7000.5
           1000 Hz  work, plant                 12.0      24.0      36.0      90.0
-                   plant over bare loop        1.10      1.10            3 overruns
+                   plant over bare loop        1.10      1.10            3 overruns, 6 records lost
         ");
     }
 }

@@ -5,7 +5,7 @@
 //! ```no_run
 //! use resonarm::realtime::{Action, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup};
 //!
-//! let report = ThreadSetup::default().apply();
+//! let (report, _awake) = ThreadSetup::default().apply();
 //! for shortfall in &report.shortfalls {
 //!     eprintln!("{shortfall}");
 //! }

@@ -10,6 +10,7 @@ use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::CoresAwake;
 use super::privileges::{allowed_cores, memory_lock_limit_bytes, mend_memory_lock, mend_priority};
 
 /// How much of its stack [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
@@ -63,12 +64,14 @@ pub struct ThreadSetup {
     pub lock_memory: bool,
     /// The only core to run on; `None` lets the thread move.
     pub core: Option<usize>,
+    /// All cores of the machine held out of their idle states ([`CoresAwake`]).
+    pub cores_awake: bool,
 }
 
 impl Default for ThreadSetup {
-    /// `SCHED_FIFO` 80, memory locked, no core of its own.
+    /// `SCHED_FIFO` 80, memory locked, no core of its own, idle states as they are.
     fn default() -> Self {
-        Self { priority: Some(FifoPriority::DEFAULT), lock_memory: true, core: None }
+        Self { priority: Some(FifoPriority::DEFAULT), lock_memory: true, core: None, cores_awake: false }
     }
 }
 
@@ -78,9 +81,10 @@ impl ThreadSetup {
     ///
     /// Threads that the calling thread starts later don't inherit the priority (`SCHED_FLAG_RESET_ON_FORK`), but do
     /// inherit the core. Memory is locked for the whole process. A thread that gets no priority asks for timers without
-    /// slack instead, which would otherwise wake it up to 50 µs late.
-    pub fn apply(&self) -> ThreadReport {
-        let mut report = ThreadReport { priority: None, memory: MemoryLock::None, core: None, shortfalls: Vec::new() };
+    /// slack instead, which would otherwise wake it up to 50 µs late. The cores stay awake as long as what is returned
+    /// beside the report lives.
+    pub fn apply(&self) -> (ThreadReport, Option<CoresAwake>) {
+        let mut report = ThreadReport::default();
         prefault_stack();
         if let Some(core) = self.core {
             match pin(core) {
@@ -105,12 +109,20 @@ impl ThreadSetup {
         {
             report.shortfalls.push(Shortfall::timer_slack(error));
         }
-        report
+        let awake = self.cores_awake.then(CoresAwake::request).and_then(|asked| match asked {
+            Ok(awake) => Some(awake),
+            Err(shortfall) => {
+                report.shortfalls.push(shortfall);
+                None
+            }
+        });
+        report.cores_awake = awake.is_some();
+        (report, awake)
     }
 }
 
-/// What a thread got.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+/// What a thread got; by default nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ThreadReport {
     /// The priority under `SCHED_FIFO`; `None` without it.
     pub priority: Option<FifoPriority>,
@@ -118,12 +130,14 @@ pub struct ThreadReport {
     pub memory: MemoryLock,
     /// The core it is pinned to.
     pub core: Option<usize>,
+    /// Whether the cores are held out of their idle states.
+    pub cores_awake: bool,
     /// What was asked for and not to be had.
     pub shortfalls: Vec<Shortfall>,
 }
 
 impl fmt::Display for ThreadReport {
-    /// What it got: `SCHED_FIFO priority 80, memory locked now and later, core 1`.
+    /// What it got: `SCHED_FIFO priority 80, memory locked now and later, core 1, cores kept awake`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.priority {
             Some(priority) => write!(f, "SCHED_FIFO priority {}", priority.get())?,
@@ -135,17 +149,19 @@ impl fmt::Display for ThreadReport {
             MemoryLock::All => ", memory locked now and later",
         })?;
         match self.core {
-            Some(core) => write!(f, ", core {core}"),
-            None => f.write_str(", any core"),
+            Some(core) => write!(f, ", core {core}")?,
+            None => f.write_str(", any core")?,
         }
+        f.write_str(if self.cores_awake { ", cores kept awake" } else { "" })
     }
 }
 
 /// How much of the process's memory is locked into RAM.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MemoryLock {
     /// None.
+    #[default]
     None,
     /// What was mapped when the lock was made. What comes later isn't, because the process's limit would make
     /// allocations fail: the loop itself makes none.
@@ -281,19 +297,20 @@ mod tests {
 
     #[test]
     fn nothing_asked_is_nothing_done() {
-        let setup = ThreadSetup { priority: None, lock_memory: false, core: None };
-        let report = on_a_thread(|| setup.apply());
-        let nothing = ThreadReport { priority: None, memory: MemoryLock::None, core: None, shortfalls: Vec::new() };
-        assert_eq!(report, nothing);
+        let setup = ThreadSetup { priority: None, lock_memory: false, core: None, cores_awake: false };
+        let (report, awake) = on_a_thread(|| setup.apply());
+        assert!(report == ThreadReport::default() && awake.is_none(), "{report:?}");
     }
 
     #[test]
     fn the_kernel_agrees_with_the_report() {
         let core = allowed_cores().unwrap()[0];
         let priority = FifoPriority::try_from(7).unwrap();
-        let setup = ThreadSetup { priority: Some(priority), lock_memory: false, core: Some(core) };
+        let setup = ThreadSetup { priority: Some(priority), lock_memory: false, core: Some(core), cores_awake: true };
         on_a_thread(|| {
-            let report = setup.apply();
+            let (report, awake) = setup.apply();
+            assert_eq!(report.cores_awake, awake.is_some());
+            assert_eq!(report.cores_awake, !report.shortfalls.iter().any(|s| s.wanted == Wanted::CoresAwake));
             assert_eq!(report.core, Some(core), "{:?}", report.shortfalls);
             assert_eq!(allowed_cores().unwrap(), [core]);
             let (policy, priority) = scheduling();
@@ -313,8 +330,8 @@ mod tests {
     #[test]
     fn a_core_that_is_not_there_is_a_shortfall_and_the_run_goes_on() {
         for core in [CpuSet::MAX_CPU - 1, CpuSet::MAX_CPU] {
-            let setup = ThreadSetup { priority: None, lock_memory: false, core: Some(core) };
-            let report = on_a_thread(|| setup.apply());
+            let setup = ThreadSetup { priority: None, lock_memory: false, core: Some(core), cores_awake: false };
+            let (report, _awake) = on_a_thread(|| setup.apply());
             assert_eq!((report.core, report.shortfalls.len()), (None, 1));
             assert_eq!(report.shortfalls[0].wanted, Wanted::Core);
         }

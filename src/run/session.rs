@@ -21,7 +21,9 @@ use crate::control::Controller;
 use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
-use crate::realtime::{Clock, OverrunPolicy, SampleRate, SystemClock, ThreadReport, ThreadSetup, VirtualClock};
+use crate::realtime::{
+    Clock, CoresAwake, OverrunPolicy, SampleRate, SystemClock, ThreadReport, ThreadSetup, VirtualClock,
+};
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
 
@@ -205,7 +207,7 @@ impl Session {
         }
         // The threads of the recorder and of the watch are there already, and stay ordinary ones.
         let watch = self.core_watch(recorder.as_ref())?;
-        let thread = self.become_real_time()?;
+        let (thread, _awake) = self.become_real_time()?;
         let report = match self.mode {
             Mode::RealTime => self.plant_in_real_time(&mut bench, bus, signals, watch)?,
             Mode::Lockstep => {
@@ -252,7 +254,7 @@ impl Session {
         }
         let mut node = self.exciter_node()?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Exciter));
-        self.become_real_time()?;
+        let _awake = self.become_real_time()?;
         let patience = self.patience(None);
         let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
         if self.mode == Mode::Lockstep {
@@ -412,9 +414,9 @@ impl Session {
     }
 
     /// Makes the calling thread a real-time thread, if that is asked for, and says what it got and what not.
-    fn become_real_time(&self) -> Result<Option<ThreadReport>, RunError> {
-        let Some(setup) = &self.options.thread else { return Ok(None) };
-        let report = setup.apply();
+    fn become_real_time(&self) -> Result<(Option<ThreadReport>, Option<CoresAwake>), RunError> {
+        let Some(setup) = &self.options.thread else { return Ok((None, None)) };
+        let (report, awake) = setup.apply();
         tracing::info!("{report}");
         match self.options.on_shortfall {
             OnShortfall::Refuse if !report.shortfalls.is_empty() => {
@@ -423,7 +425,7 @@ impl Session {
             OnShortfall::Refuse | OnShortfall::Warn => {}
         }
         report.shortfalls.iter().for_each(|shortfall| tracing::warn!("{shortfall}"));
-        Ok(Some(report))
+        Ok((Some(report), awake))
     }
 
     /// Creates the recording.

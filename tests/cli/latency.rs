@@ -24,6 +24,19 @@ fn both_loops_are_measured_at_each_rate() {
     }
 }
 
+/// With a recording, which keeps the last turn: a file that is there is not written over unasked.
+#[test]
+fn the_plant_s_turns_are_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let turns = ["latency", "--turn-s", "0.05", "--turns", "2", "--rt", "off", "--record", "turn.mcap", "--json"];
+    let found = document(folder.path(), 0, &turns);
+    assert_eq!(found["rates"][0]["lost_records"], 0);
+    let inspected = document(folder.path(), 0, &["inspect", "turn.mcap", "--json"]);
+    assert_eq!((&inspected["integrity"], &inspected["samples"]), (&"complete".into(), &51.into()), "{inspected:#}");
+    let said = complaint(folder.path(), 3, &turns);
+    assert!(said.contains("turn.mcap"), "{said}");
+}
+
 #[test]
 fn what_is_required_and_not_to_be_had_ends_the_run() {
     let said =
@@ -39,6 +52,8 @@ fn what_is_required_and_not_to_be_had_ends_the_run() {
 fn a_core_is_not_asked_for_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--core", "0"]);
     assert_snapshot!(said, @"resonarm: --core 0 asks for what --rt off leaves out: give one of them");
+    let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
+    assert_snapshot!(said, @"resonarm: --cores-awake asks for what --rt off leaves out: give one of them");
     let said = complaint(here(), 2, &["latency", "--turn-s", "0.0001"]);
     assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: at 1000 Hz there is no sample in it");
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);
