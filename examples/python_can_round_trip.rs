@@ -7,7 +7,7 @@
 //!
 //! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. The other two are
 //! a script of Python with `can.Bus`: bare, or reading by a thread of python-can's own (`can.Notifier` with a
-//! `can.BufferedReader`). Every frame sent is a new message, as a command's data are. The far end is a thread each time.
+//! `can.BufferedReader`). Every frame sent is a new message, as a command's data are. The far end is a thread each.
 //! Turns of all four follow each other, so that they meet the same load of the machine, and each opens and closes its
 //! ends.
 

@@ -32,7 +32,7 @@ fn the_plant_s_turns_are_recorded() {
     let found = document(folder.path(), 0, &turns);
     assert_eq!(found["rates"][0]["lost_records"], 0);
     let inspected = document(folder.path(), 0, &["inspect", "turn.mcap", "--json"]);
-    assert_eq!(inspected["integrity"], "complete", "{inspected:#}");
+    assert_eq!(inspected["integrity"]["state"], "complete", "{inspected:#}");
     assert!(inspected["duration_s"].as_f64().unwrap() >= 0.05, "{inspected:#}");
     let said = complaint(folder.path(), 3, &turns);
     assert!(said.contains("turn.mcap"), "{said}");
