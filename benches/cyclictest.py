@@ -2,8 +2,8 @@
 """How late the plant's loop wakes, beside cyclictest (rt-tests) on the same core: in turns in one run.
 
 A turn is cyclictest, then `resonarm latency`: a bare loop and the plant with its instruments, a controller and a
-recording. All have SCHED_FIFO 80, locked memory and the same core. Of the turns' percentiles the medians are printed, in
-µs; the ratio is the plant's over cyclictest's. cyclictest counts whole microseconds.
+recording. All have SCHED_FIFO 80, locked memory and the same core. The medians of the turns' percentiles are printed,
+in µs; the ratio is the plant's over cyclictest's. cyclictest counts whole microseconds.
 
 Both hold the cores out of their idle states, cyclictest's default and `--cores-awake`; with --idle both leave them.
 """

@@ -1,5 +1,5 @@
-//! A long run in real time: plant with all its instruments, bus in memory, controller and recording, with the memory of
-//! the process on the way and every missed deadline with its cause at the end.
+//! A long run in real time: plant with all its instruments, bus in memory, controller and recording, with the memory
+//! of the process on the way and every missed deadline with its cause at the end.
 //!
 //! ```text
 //! cargo run --release --example soak -- RATE_HZ DURATION_S CORE FILE
