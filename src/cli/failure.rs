@@ -209,6 +209,7 @@ fn run(error: &RunError) -> Exit {
         | RunError::PlantSpec(_)
         | RunError::Rate(_)
         | RunError::Speed(_)
+        | RunError::Spin(_)
         | RunError::FreeHasNoBus
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => Exit::Usage,

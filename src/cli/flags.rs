@@ -8,7 +8,7 @@ use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser
 
 use super::failure::Failure;
 use crate::integrate::Scheme;
-use crate::realtime::{FifoPriority, ThreadSetup};
+use crate::realtime::{FifoPriority, Spin, ThreadSetup};
 use crate::run::OnShortfall;
 use crate::scenario::Scenario;
 use crate::seed;
@@ -96,6 +96,15 @@ impl fmt::Display for RealTimeThread {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
     }
+}
+
+/// Whether the real-time loop spins.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct SpinFlag {
+    /// Sleep until so many µs before each deadline and look at the clock from there on; auto measures how late sleeps
+    /// are, off sleeps until the deadline. At most a quarter of the period.
+    #[arg(long, value_name = "SPIN", default_value_t, allow_hyphen_values = true)]
+    pub spin: Spin,
 }
 
 /// What the thread of a run in real time asks of the system.

@@ -9,16 +9,18 @@ use serde::Serialize;
 
 use super::doctor;
 use super::failure::{Failure, Verdict};
-use super::flags::ThreadFlags;
-use super::output;
+use super::flags::{SpinFlag, ThreadFlags};
+use super::latency_figure::{self, Curve, HistogramFlag};
+use super::output::{self, OverwriteFlag};
 use super::session::seconds;
 use crate::number::short;
+use crate::plot::Color;
 use crate::realtime::{
-    Finding, LatencyHistogram, Percentiles, Privileges, SampleRate, SystemClock, ThreadReport, ThreadSetup,
+    Finding, LatencyHistogram, Percentiles, Privileges, SampleRate, SpinChoice, SystemClock, ThreadReport, ThreadSetup,
     bare_wakeups,
 };
 use crate::recording::Existing;
-use crate::run::{Mode, Options, RecordTo, RunError, Session, Signals};
+use crate::run::{Histograms, Mode, Options, RecordTo, RunError, Session, Signals};
 
 /// Measures how late a loop that does nothing wakes up on this machine, and how late the plant's, side by side: in
 /// turns, on threads with the same settings. Says what would make it better.
@@ -43,9 +45,12 @@ pub(super) struct Latency {
     /// Record the plant's turns into this MCAP file, which keeps the last.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Overwrite the recording if it exists.
-    #[arg(long, requires = "record")]
-    overwrite: bool,
+    #[command(flatten)]
+    spin: SpinFlag,
+    #[command(flatten)]
+    histogram: HistogramFlag,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -61,6 +66,9 @@ struct Turn {
     execution: Percentiles,
     overruns: u64,
     lost_records: u64,
+    spin: Option<SpinChoice>,
+    /// What the three are of.
+    counted: [Option<LatencyHistogram>; 3],
 }
 
 /// What was found at one rate.
@@ -80,6 +88,8 @@ struct AtRate {
     overruns: u64,
     /// Records that did not reach the recording.
     lost_records: u64,
+    /// How long the plant's loop spins before a deadline, in the last turn; `null` if it was not to.
+    spin: Option<SpinChoice>,
 }
 
 #[derive(Serialize)]
@@ -94,20 +104,27 @@ impl Latency {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let setup = self.thread.setup()?;
         seconds("--turn-s", self.turn_s)?;
-        let mut existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        self.histogram.check(self.overwrite.overwrite)?;
+        let mut existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
         // All are checked before the first is run.
         for rate_hz in &self.rate_hz {
             self.session(*rate_hz, setup, existing)?;
         }
         let mut got = None;
-        let mut rates = Vec::with_capacity(self.rate_hz.len());
+        let mut all = Vec::with_capacity(self.rate_hz.len());
         for rate_hz in &self.rate_hz {
             let mut turns = Vec::with_capacity(usize::from(self.turns));
             for _ in 0..self.turns {
                 turns.push(self.turn(&self.session(*rate_hz, setup, existing)?, *rate_hz, setup, &mut got)?);
                 existing = Existing::Overwrite; // by a turn of this call
             }
-            rates.push(AtRate::of(*rate_hz, &turns));
+            all.push((*rate_hz, turns));
+        }
+        let rates = all.iter().map(|(rate_hz, turns)| AtRate::of(*rate_hz, turns)).collect();
+        if let Some(path) = &self.histogram.histogram {
+            let panels: Vec<_> = all.iter().map(|(rate_hz, turns)| panel(*rate_hz, turns)).collect();
+            let thread = got.as_ref().map_or(String::from("ordinary threads"), ToString::to_string);
+            latency_figure::write(path, &thread, &panels)?;
         }
         let document = Document { thread: got, rates, findings: Privileges::probe().findings() };
         if self.json {
@@ -127,6 +144,7 @@ impl Latency {
         scenario.network.command_timeout_s = PATIENCE_S;
         let options = Options {
             record: self.record.clone().map(|path| RecordTo { path, existing }),
+            spin: self.spin.spin,
             thread: setup,
             on_shortfall: self.thread.on_shortfall(),
             ..Options::default()
@@ -147,8 +165,9 @@ impl Latency {
         let bare = on_a_thread("bare loop", || {
             let (report, _awake) = setup.map(|setup| setup.apply()).unzip();
             let mut latencies = LatencyHistogram::new().map_err(RunError::from)?;
-            bare_wakeups(&SystemClock, rate, ticks, &mut latencies);
-            Ok::<_, RunError>((report, latencies.percentiles()))
+            let spin = self.spin.spin.choose(&SystemClock, rate)?;
+            bare_wakeups(&SystemClock, rate, spin.map_or(0, |choice| choice.spin_ns()), ticks, &mut latencies);
+            Ok::<_, RunError>((report, latencies))
         })??;
         let plant = on_a_thread("plant", || session.both(&Signals::default(), |_event| {}))??.plant;
         *got = bare.0;
@@ -156,9 +175,11 @@ impl Latency {
             return Err(error.into());
         }
         let lost_records = plant.recording.iter().flat_map(|recording| recording.lost.values()).sum();
-        match (bare.1, plant.wakeup_us, plant.exec_us) {
-            (Some(bare), Some(wakeup), Some(execution)) => {
-                Ok(Turn { bare, plant: wakeup, execution, overruns: plant.overruns, lost_records })
+        match (bare.1.percentiles(), plant.wakeup_us, plant.exec_us) {
+            (Some(percentiles), Some(wakeup), Some(execution)) => {
+                let Histograms { wakeup: late, exec } = plant.histograms;
+                let (overruns, spin, counted) = (plant.overruns, plant.spin, [Some(bare.1), late, exec]);
+                Ok(Turn { bare: percentiles, plant: wakeup, execution, overruns, lost_records, spin, counted })
             }
             _ => Err(Failure::Usage(format!(
                 "--turn-s is {}: at {rate_hz} Hz there is no sample in it",
@@ -186,8 +207,18 @@ impl AtRate {
             ratio_p99: plant_us.p99 / bare_us.p99,
             overruns: turns.iter().map(|turn| turn.overruns).sum(),
             lost_records: turns.iter().map(|turn| turn.lost_records).sum(),
+            spin: turns.last().and_then(|turn| turn.spin),
         }
     }
+}
+
+/// The curves of a rate, over all turns: the plant over the bare loop.
+fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<Curve<'_>>) {
+    let curves = [("late, bare loop", Color::Grey), ("late, plant", Color::Blue), ("work, plant", Color::Vermillion)];
+    let counted = |which: usize| turns.iter().filter_map(|turn| turn.counted[which].as_ref()).collect();
+    let curves =
+        curves.into_iter().enumerate().map(|(which, (name, color))| Curve { name, color, counted: counted(which) });
+    (Some(format!("{} Hz", short(&rate_hz))), curves.collect())
 }
 
 /// Of each percentile the median over the turns, the upper one of an even number; of the longest the longest.
@@ -226,6 +257,9 @@ fn table(document: &Document) -> String {
             "{:>9}  {:<22} {ratio_p50:>9.2} {ratio_p99:>9.2}            {overruns} overruns{lost}",
             "", "plant over bare loop"
         );
+        if let Some(spin) = &at.spin {
+            let _infallible = writeln!(text, "{:>9}  spinning {spin}", "");
+        }
     }
     text
 }
@@ -246,6 +280,8 @@ mod tests {
             execution: percentiles(12.0, 90.0),
             overruns: 1,
             lost_records: 2,
+            spin: None,
+            counted: [None, None, None],
         };
         // The second turn was disturbed.
         let at = AtRate::of(1000.0, &[turn(20.0, 22.0, 300.0), turn(500.0, 900.0, 7000.5), turn(21.0, 23.1, 250.0)]);

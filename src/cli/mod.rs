@@ -32,6 +32,7 @@ mod inspect;
 mod integrators;
 mod interval;
 mod latency;
+mod latency_figure;
 mod live;
 mod logging;
 mod modes;

@@ -1,5 +1,6 @@
 //! `resonarm run`: the plant on a bus.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use clap::Args;
@@ -9,7 +10,8 @@ use serde_json::Value;
 use super::configuration;
 
 use super::failure::{Failure, Verdict};
-use super::flags::{self, SessionFlags, ThreadFlags};
+use super::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
+use super::latency_figure::{self, Curve, HistogramFlag};
 use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
@@ -19,6 +21,7 @@ use super::supervise::{Line, supervise};
 use crate::bus::{self, BusAddress};
 use crate::control::Length;
 use crate::node::Outcome as NodeOutcome;
+use crate::plot::Color;
 use crate::realtime::OverrunPolicy;
 use crate::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
 use crate::scenario::Scenario;
@@ -53,6 +56,10 @@ pub(super) struct Run {
     #[command(flatten)]
     thread: ThreadFlags,
     #[command(flatten)]
+    spin: SpinFlag,
+    #[command(flatten)]
+    histogram: HistogramFlag,
+    #[command(flatten)]
     live: LiveFlags,
     #[command(flatten)]
     steer: SteerFlag,
@@ -86,14 +93,22 @@ impl Run {
             record: self.record.target(),
             speed: Speed::new(self.speed).map_err(RunError::from)?,
             overrun: self.overrun,
+            spin: self.spin.spin,
             thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
             on_shortfall: self.thread.on_shortfall(),
             end_on_disarm: self.stop_on_disarm,
             patience: self.patience_s.map(|given_s| seconds("--patience-s", given_s)).transpose()?,
             ..Options::default()
         };
+        self.histogram.check(self.record.overwrite)?;
         let default = || if self.mode == Mode::Free { super::exciter::scenario() } else { Ok(Scenario::default()) };
         let session = Session::new(self.session.scenario(default)?, self.mode, options)?;
+        if let (Mode::Free, Some(path)) = (self.mode, &self.histogram.histogram) {
+            return Err(Failure::Usage(format!(
+                "--histogram {}: a run in the mode free has no schedule to be late for; take real-time or lockstep",
+                path.display()
+            )));
+        }
         match self.mode {
             Mode::Free => self.run_free(session),
             Mode::RealTime | Mode::Lockstep => self.run_on_bus(session),
@@ -172,8 +187,23 @@ impl Run {
         }
     }
 
+    /// Draws what a run with a schedule measured.
+    fn draw(&self, path: &Path, report: &PlantReport) -> Result<()> {
+        let latency =
+            [("late", Color::Blue, &report.histograms.wakeup), ("work", Color::Vermillion, &report.histograms.exec)];
+        let curves = latency.into_iter().filter_map(|(name, color, histogram)| {
+            histogram.as_ref().map(|histogram| Curve { name, color, counted: vec![histogram] })
+        });
+        let thread = report.thread.as_ref().map_or(String::from("an ordinary thread"), ToString::to_string);
+        let subtitle = format!("{} samples, {} overruns, {thread}", report.samples, report.overruns);
+        latency_figure::write(path, &subtitle, &[(None, curves.collect())])
+    }
+
     /// Prints the report, whatever ended the run; then says what went wrong.
     fn conclude(&self, configuration: Value, report: PlantReport, exciter: Option<&ExciterReport>) -> Result<Verdict> {
+        if let Some(path) = &self.histogram.histogram {
+            self.draw(path, &report)?;
+        }
         if self.json {
             let responses = exciter.map(|report| responses::documents(&report.responses));
             let plant = PlantDocument { configuration, report: &report };

@@ -25,8 +25,8 @@ pub(super) struct RecordFlags {
     /// Record everything into this MCAP file.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Overwrite the recording if it exists.
-    #[arg(long, requires = "record")]
+    /// Overwrite the recording and the figure if they exist.
+    #[arg(long)]
     pub overwrite: bool,
 }
 
@@ -105,6 +105,9 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     text.push('\n');
     if report.overruns > 0 {
         let _infallible = writeln!(text, "overruns     {}", causes_text(&report.overrun_causes));
+    }
+    if let Some(spin) = &report.spin {
+        let _infallible = writeln!(text, "spinning     {spin}");
     }
     if let Some(pacing) = report.pacing {
         let _infallible = writeln!(

@@ -1,15 +1,16 @@
 //! The loop with nothing in it: what the machine gives, to hold a run's figures against.
 
+use super::clock::wait_until;
 use super::{Clock, LatencyHistogram, SampleRate};
 
 /// Counts into `latencies` how late a loop wakes up that does nothing else, for `ticks` ticks at `rate`: it sleeps
-/// until tick k is due, at start + k / rate, and looks at the clock, as cyclictest does (rt-tests). A tick that is
-/// overdue is not slept for, and counts with its whole lateness.
-pub fn bare_wakeups<C: Clock>(clock: &C, rate: SampleRate, ticks: u64, latencies: &mut LatencyHistogram) {
+/// until tick k is due, at start + k / rate, and looks at the clock, as cyclictest does (rt-tests). The last `spin_ns`
+/// it spins. A tick that is overdue is not slept for, and counts with its whole lateness.
+pub fn bare_wakeups<C: Clock>(clock: &C, rate: SampleRate, spin_ns: u64, ticks: u64, latencies: &mut LatencyHistogram) {
     let start_ns = clock.now_ns();
     for tick in 1..=ticks {
         let deadline_ns = start_ns + rate.offset_ns(tick);
-        clock.sleep_until_ns(deadline_ns);
+        wait_until(clock, deadline_ns, spin_ns);
         latencies.record(clock.now_ns().saturating_sub(deadline_ns));
     }
 }
@@ -42,7 +43,7 @@ mod tests {
     #[test]
     fn a_stall_counts_in_every_tick_that_it_made_late() {
         let mut latencies = LatencyHistogram::new().unwrap();
-        bare_wakeups(&LateClock::default(), SampleRate::new(1000.0).unwrap(), 100, &mut latencies);
+        bare_wakeups(&LateClock::default(), SampleRate::new(1000.0).unwrap(), 0, 100, &mut latencies);
         let found = latencies.percentiles().unwrap();
         assert_eq!((latencies.count(), found.p50, found.max), (100, 5.003, 2500.0), "{found:?}");
         // Late by 2.5, 1.5 and 0.5 ms.

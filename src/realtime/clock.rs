@@ -17,6 +17,12 @@ pub trait Clock {
 
     /// Returns at `deadline_ns` or later; at once if that has passed.
     fn sleep_until_ns(&self, deadline_ns: u64);
+
+    /// The same for a short time, without giving the core away: looks at the clock until then. Where time passes only
+    /// by sleeping, it sleeps.
+    fn spin_until_ns(&self, deadline_ns: u64) {
+        self.sleep_until_ns(deadline_ns);
+    }
 }
 
 /// `CLOCK_MONOTONIC`: nanoseconds since boot, without the time the machine was suspended, never set back.
@@ -50,6 +56,20 @@ impl Clock for SystemClock {
                 return;
             }
         }
+    }
+
+    fn spin_until_ns(&self, deadline_ns: u64) {
+        while self.now_ns() < deadline_ns {
+            core::hint::spin_loop();
+        }
+    }
+}
+
+/// Waits until `deadline_ns`: asleep, but for the last `spin_ns`, in which it looks at the clock.
+pub(super) fn wait_until(clock: &impl Clock, deadline_ns: u64, spin_ns: u64) {
+    clock.sleep_until_ns(deadline_ns.saturating_sub(spin_ns));
+    if spin_ns > 0 {
+        clock.spin_until_ns(deadline_ns);
     }
 }
 

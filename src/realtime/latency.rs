@@ -49,6 +49,13 @@ impl LatencyHistogram {
         self.beyond
     }
 
+    /// The latencies counted, each with how often, in ns: exact to three digits. Of those longer than
+    /// [`HISTOGRAM_BOUND_NS`] all count as the longest.
+    pub fn counts(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
+        let within = self.within.iter_recorded().map(|bucket| (bucket.value_iterated_to(), bucket.count_at_value()));
+        within.chain((self.beyond > 0).then_some((self.max_ns, self.beyond)))
+    }
+
     /// The percentiles that matter for a periodic loop; `None` if nothing was counted.
     pub fn percentiles(&self) -> Option<Percentiles> {
         (self.count() > 0).then(|| Percentiles {
@@ -140,6 +147,13 @@ mod tests {
         assert_eq!((histogram.count(), histogram.beyond_bound()), (3, 2));
         let p = histogram.percentiles().unwrap();
         assert_eq!((p.p50, p.max), (12_345_678_901.234, 12_345_678_901.234));
+    }
+
+    #[test]
+    fn every_latency_is_in_the_counts() {
+        let mut histogram = LatencyHistogram::new().unwrap();
+        [5, 7, 5, HISTOGRAM_BOUND_NS + 1, HISTOGRAM_BOUND_NS + 2].iter().for_each(|ns| histogram.record(*ns));
+        assert_eq!(histogram.counts().collect::<Vec<_>>(), [(5, 2), (7, 1), (HISTOGRAM_BOUND_NS + 2, 2)]);
     }
 
     #[test]

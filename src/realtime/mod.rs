@@ -32,6 +32,7 @@ mod overrun_cause;
 mod periodic;
 mod privileges;
 mod rate;
+mod spin;
 mod thread;
 
 pub use bare::bare_wakeups;
@@ -45,6 +46,7 @@ pub use periodic::{
 };
 pub use privileges::{Finding, Privileges};
 pub use rate::{MAX_RATE_HZ, MIN_RATE_HZ, RateError, SampleRate};
+pub use spin::{Spin, SpinChoice, SpinError};
 pub use thread::{
     FifoPriority, MemoryLock, PREFAULT_STACK_BYTES, PriorityError, Shortfall, ThreadReport, ThreadSetup, Wanted,
 };

@@ -53,6 +53,7 @@ use core::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::clock::wait_until;
 use super::latency::HistogramError;
 use super::{Clock, LatencyHistogram, OverrunCause, OverrunCauses, Percentiles, SampleRate};
 
@@ -178,6 +179,8 @@ pub struct Periodic<'c, C: Clock> {
     clock: &'c C,
     rate: SampleRate,
     policy: OverrunPolicy,
+    /// How long it spins before a deadline, ns.
+    spin_ns: u64,
     start_ns: u64,
     /// Index of the tick to give out next.
     next: u64,
@@ -205,6 +208,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
             clock,
             rate,
             policy,
+            spin_ns: 0,
             start_ns: now_ns + rate.offset_ns(1),
             next: 0,
             slipped: 0,
@@ -215,6 +219,18 @@ impl<'c, C: Clock> Periodic<'c, C> {
             wakeup,
             exec,
         })
+    }
+
+    /// The same loop, which sleeps until `spin_ns` before a deadline and looks at the clock from there on. Less than a
+    /// period, or others on its core starve: [`Spin::choose`](super::Spin::choose) bounds it.
+    #[must_use]
+    pub fn spinning(self, spin_ns: u64) -> Self {
+        Self { spin_ns, ..self }
+    }
+
+    /// How late the ticks were, and how long the work of those finished took.
+    pub fn into_histograms(self) -> [LatencyHistogram; 2] {
+        [self.wakeup, self.exec]
     }
 
     /// When tick 0 is due, on the loop's clock, ns.
@@ -236,7 +252,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
         let ready_ns = self.clock.now_ns();
         let (woke_ns, held_up_since_ns, cause) = if ready_ns <= deadline_ns {
             self.settled = period + 1;
-            self.clock.sleep_until_ns(deadline_ns);
+            wait_until(self.clock, deadline_ns, self.spin_ns);
             (self.clock.now_ns(), deadline_ns, OverrunCause::WokeLate)
         } else {
             let work_ns = ready_ns.saturating_sub(self.last_woke_ns);

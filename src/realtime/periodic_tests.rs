@@ -90,6 +90,44 @@ fn on_time() {
     ");
 }
 
+/// Sleeps end 50 µs late; a look at the clock takes 1 µs.
+#[derive(Default)]
+struct LookedAtClock {
+    now_ns: Cell<u64>,
+    slept_until_ns: RefCell<Vec<u64>>,
+}
+
+impl Clock for LookedAtClock {
+    fn now_ns(&self) -> u64 {
+        self.now_ns.set(self.now_ns.get() + 1_000);
+        self.now_ns.get()
+    }
+
+    fn sleep_until_ns(&self, deadline_ns: u64) {
+        self.slept_until_ns.borrow_mut().push(deadline_ns);
+        self.now_ns.set(self.now_ns.get().max(deadline_ns + 50_000));
+    }
+
+    fn spin_until_ns(&self, deadline_ns: u64) {
+        while self.now_ns() < deadline_ns {}
+    }
+}
+
+#[test]
+fn a_loop_that_spins_sleeps_until_shortly_before_and_is_never_early() {
+    let rate = SampleRate::new(1000.0).unwrap();
+    for (spin_ns, late_ns) in [(0, 51_000..=51_000), (20_000, 30_000..=33_000), (80_000, 0..=2_000)] {
+        let clock = LookedAtClock::default();
+        let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Stop).unwrap().spinning(spin_ns);
+        for _ in 0..5 {
+            let tick = periodic.tick().unwrap();
+            assert!(late_ns.contains(&tick.wakeup_ns), "{spin_ns}: {tick:?}");
+            assert_eq!(clock.slept_until_ns.borrow().last(), Some(&(tick.deadline_ns - spin_ns)));
+            periodic.finish(&tick, 0);
+        }
+    }
+}
+
 #[test]
 fn long_work_is_caught_up_tick_by_tick() {
     let clock = ScriptedClock::with_wakeups(&[]);

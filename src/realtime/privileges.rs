@@ -103,7 +103,12 @@ impl Privileges {
         // interrupts.
         let spare = allowed.last().filter(|_| allowed.len() > 1 && self.isolated_cores.is_empty());
         let mend = spare.map(|core| {
-            format!("to keep a core for the loop boot with `isolcpus={core} nohz_full={core} rcu_nocbs={core}`, and pin to it")
+            let others: Vec<String> = allowed.iter().filter(|other| *other != core).map(usize::to_string).collect();
+            format!(
+                "to keep a core for the loop, other threads' work and interrupts off it, boot with \
+                 `isolcpus={core} nohz_full={core} rcu_nocbs={core} irqaffinity={}`, and pin to it",
+                others.join(",")
+            )
         });
         Finding { subject: "cores", state, mend }
     }
@@ -240,7 +245,7 @@ mod tests {
         memory: at most 8192 KiB may be locked into RAM; to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`
         monotonic clock: resolution 4000000 ns; to mend: boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)
         kernel preemption: not PREEMPT_RT; to mend: for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), `pro enable realtime-kernel` (Ubuntu)
-        cores: [0, 1] allowed, [] isolated; to mend: to keep a core for the loop boot with `isolcpus=1 nohz_full=1 rcu_nocbs=1`, and pin to it
+        cores: [0, 1] allowed, [] isolated; to mend: to keep a core for the loop, other threads' work and interrupts off it, boot with `isolcpus=1 nohz_full=1 rcu_nocbs=1 irqaffinity=0`, and pin to it
         frequency governor: powersave; to mend: for steady execution times: `sudo cpupower frequency-set -g performance`
         ");
     }

@@ -6,7 +6,7 @@ use crate::bus::BusError;
 use crate::number::short;
 use crate::plant::{PlantError, PlantSpecError};
 use crate::protocol::EncodeError;
-use crate::realtime::{HistogramError, PeriodicError, RateError, Shortfall};
+use crate::realtime::{HistogramError, PeriodicError, RateError, Shortfall, SpinError};
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
 
@@ -81,6 +81,9 @@ pub enum RunError {
         /// What it can't have.
         shortfalls: Vec<Shortfall>,
     },
+    /// The loop can't spin so.
+    #[error(transparent)]
+    Spin(#[from] SpinError),
     /// The real-time loop ended itself.
     #[error(transparent)]
     Periodic(#[from] PeriodicError),

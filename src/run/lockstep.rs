@@ -9,7 +9,7 @@ use core::time::Duration;
 use super::bench::Bench;
 use super::finish::{EndedBy, RETRY_NS, finish};
 use super::pace::Pace;
-use super::{Ending, PlantReport, RunError, Signals, Speed};
+use super::{Ending, Histograms, PlantReport, RunError, Signals, Speed};
 use crate::bus::Bus;
 use crate::realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 
@@ -31,6 +31,7 @@ pub(super) fn lockstep<C: Clock>(
     let Lockstep { bench, bus, mut pace, exec, .. } = run;
     let (outcome, error) = finish(bench, bus, &mut pace, ended);
     Ok(PlantReport {
+        histograms: Histograms { wakeup: None, exec: Some(exec.clone()) },
         wakeup_us: pace.wakeup_us(),
         exec_us: exec.percentiles(),
         pacing: pace.report(),

@@ -60,7 +60,7 @@ pub use gauges::{Gauges, Shown};
 pub use mode::{Mode, UnknownMode};
 pub use pace::{Speed, SpeedError};
 pub use report::{
-    BothReport, BusCounts, ExciterReport, Fault, Outcome, Pacing, PlantReport, RefusedCommands, fault_text,
+    BothReport, BusCounts, ExciterReport, Fault, Histograms, Outcome, Pacing, PlantReport, RefusedCommands, fault_text,
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{RunEvent, Signals};

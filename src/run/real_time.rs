@@ -8,10 +8,10 @@ use super::bench::Bench;
 use super::core_watch::Overrun;
 use super::finish::{EndedBy, finish};
 use super::pace::{Pace, Speed};
-use super::{Ending, PlantReport, RunError, Signals};
+use super::{Ending, Histograms, PlantReport, RunError, Signals};
 use crate::bus::Bus;
 use crate::protocol::EmergencyCode;
-use crate::realtime::{Action, Clock, HistogramError, OverrunPolicy, Periodic, SampleRate, Tick};
+use crate::realtime::{Action, Clock, OverrunPolicy, Periodic, SampleRate, Spin, Tick};
 use crate::recording::{Record, TickRecord};
 
 /// Runs the plant in real time on the calling thread, until its end or until it is asked to stop. Where deadlines are
@@ -20,19 +20,24 @@ pub(super) fn real_time<C: Clock>(
     bench: &mut Bench,
     bus: &mut dyn Bus,
     clock: &C,
-    (rate, overrun): (SampleRate, OverrunPolicy),
+    (rate, overrun, spin): (SampleRate, OverrunPolicy, Spin),
     ending: Ending,
     (signals, overruns): (&Signals, &mut dyn FnMut(Overrun)),
-) -> Result<PlantReport, HistogramError> {
-    let mut periodic = Periodic::start(clock, rate, overrun)?;
+) -> Result<PlantReport, RunError> {
+    let spin = spin.choose(clock, rate)?;
+    let spin_ns = spin.map_or(0, |choice| choice.spin_ns());
+    let mut periodic = Periodic::start(clock, rate, overrun)?.spinning(spin_ns);
     let mut pace = Pace::start_at(clock, periodic.start_ns(), rate, Speed::ACTUAL)?;
     let ended = ticks(bench, bus, &mut periodic, &pace, ending, (signals, overruns));
     let (outcome, error) = finish(bench, bus, &mut pace, ended);
     let timing = periodic.summary();
+    let [wakeup, exec] = periodic.into_histograms();
     Ok(PlantReport {
         overruns: timing.overruns,
         overrun_causes: timing.overrun_causes,
         slipped: timing.slipped,
+        spin,
+        histograms: Histograms { wakeup: Some(wakeup), exec: Some(exec) },
         wakeup_us: timing.wakeup_us,
         exec_us: timing.exec_us,
         ..PlantReport::new(bench, bench.counts(bus.statistics()), outcome, error)

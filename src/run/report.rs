@@ -8,7 +8,7 @@ use crate::bus::Statistics;
 use crate::control::ResponsePoint;
 use crate::node::{self, Refusals};
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
-use crate::realtime::{OverrunCauses, Percentiles, ThreadReport};
+use crate::realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
 use crate::recording::Summary;
 
 /// How a plant's run ended.
@@ -63,10 +63,16 @@ pub struct PlantReport {
     /// What the plant's thread got of what it asked of the system; `None` if it asked for nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thread: Option<ThreadReport>,
+    /// Real time: how long the loop spins before a deadline; `None` if it was not to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spin: Option<SpinChoice>,
     /// How late the samples were, µs; `None` if there was no schedule, as in simulated time as fast as it goes.
     pub wakeup_us: Option<Percentiles>,
     /// How long the work of a sample took, µs.
     pub exec_us: Option<Percentiles>,
+    /// What these two are percentiles of, where a loop has a schedule.
+    #[serde(skip)]
+    pub histograms: Histograms,
     /// Simulated time: how it kept up with the clock, if that was asked for.
     pub pacing: Option<Pacing>,
     /// What the bus and the protocol's checks counted.
@@ -93,6 +99,8 @@ impl PlantReport {
             overrun_causes: OverrunCauses::default(),
             slipped: 0,
             thread: None,
+            spin: None,
+            histograms: Histograms::default(),
             wakeup_us: None,
             exec_us: None,
             pacing: None,
@@ -101,6 +109,15 @@ impl PlantReport {
             recording: None,
         }
     }
+}
+
+/// Latencies of all samples of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Histograms {
+    /// How late the samples were.
+    pub wakeup: Option<LatencyHistogram>,
+    /// How long their work took.
+    pub exec: Option<LatencyHistogram>,
 }
 
 /// What the exciter's work came to.

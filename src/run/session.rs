@@ -22,7 +22,7 @@ use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
 use crate::realtime::{
-    Clock, CoresAwake, OverrunPolicy, SampleRate, SystemClock, ThreadReport, ThreadSetup, VirtualClock,
+    Clock, CoresAwake, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadReport, ThreadSetup, VirtualClock,
 };
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
@@ -64,6 +64,8 @@ pub struct Options {
     pub speed: Speed,
     /// Real time: what a missed deadline leads to.
     pub overrun: OverrunPolicy,
+    /// Real time: whether the plant's loop spins before a deadline.
+    pub spin: Spin,
     /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. The report says
     /// what it got.
     pub thread: Option<ThreadSetup>,
@@ -84,6 +86,7 @@ impl Default for Options {
             record: None,
             speed: Speed::UNPACED,
             overrun: OverrunPolicy::default(),
+            spin: Spin::Off,
             thread: None,
             on_shortfall: OnShortfall::Warn,
             end_on_disarm: false,
@@ -236,7 +239,7 @@ impl Session {
         signals: &Signals,
         mut watch: Option<CoreWatch>,
     ) -> Result<PlantReport, RunError> {
-        let how = (self.rate, self.options.overrun);
+        let how = (self.rate, self.options.overrun, self.options.spin);
         let mut tell = |overrun| watch.iter_mut().for_each(|watch| watch.tell(overrun));
         let report = real_time(bench, bus, &SystemClock, how, self.ending, (signals, &mut tell))?;
         let causes = report.overrun_causes;

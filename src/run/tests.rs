@@ -11,7 +11,7 @@ use super::*;
 use crate::bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
 use crate::node::{self, ExciterNode, Outcome as ExciterOutcome};
 use crate::protocol::{EmergencyCode, Frame};
-use crate::realtime::{Clock, OverrunPolicy, SampleRate};
+use crate::realtime::{Clock, OverrunPolicy, SampleRate, Spin};
 use crate::recording::{Existing, Record, Recording};
 use crate::scenario::Scenario;
 
@@ -185,10 +185,17 @@ impl Rig {
         let mut bench = session.bench(recorder.as_ref(), &mut on_event).unwrap();
         let rate = SampleRate::new(scenario.simulation.rate_hz).unwrap();
         let report = match mode {
-            Mode::RealTime => {
-                real_time(&mut bench, &mut bus, &clock, (rate, overrun), ending, (signals, &mut |_overrun| {}))
+            Mode::RealTime => real_time(
+                &mut bench,
+                &mut bus,
+                &clock,
+                (rate, overrun, Spin::Off),
+                ending,
+                (signals, &mut |_overrun| {}),
+            ),
+            Mode::Lockstep | Mode::Free => {
+                lockstep(&mut bench, &mut bus, &clock, (rate, speed), ending, signals).map_err(RunError::from)
             }
-            Mode::Lockstep | Mode::Free => lockstep(&mut bench, &mut bus, &clock, (rate, speed), ending, signals),
         };
         drop(bench);
         recorder.map(|recorder| recorder.finish(&[]).unwrap());
