@@ -60,3 +60,38 @@ fn a_core_is_not_asked_for_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);
     assert_snapshot!(said, @"resonarm: --turn-s is -1: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
 }
+
+#[test]
+fn the_loops_spin_if_asked_to_and_their_latencies_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let common = ["latency", "--turn-s", "0.05", "--turns", "2", "--histogram", "late.svg"];
+    let given = document(folder.path(), 0, &[&common[..], &["--spin", "100", "--json"]].concat());
+    let spin = serde_json::json!({ "spin_us": 100.0, "slept_p99_us": null, "most_us": 250.0 });
+    assert_eq!(given["rates"][0]["spin"], spin);
+    let drawn = std::fs::read_to_string(folder.path().join("late.svg")).unwrap();
+    for name in ["1000 Hz", "late, bare loop", "late, plant", "work, plant", "latency (µs)"] {
+        assert!(drawn.contains(name), "{name}");
+    }
+    let said = complaint(folder.path(), 2, &common);
+    assert_snapshot!(said, @"resonarm: late.svg already exists: name another place, or allow overwriting it (--overwrite)");
+    let measured = document(folder.path(), 0, &[&common[..], &["--overwrite", "--spin", "auto", "--json"]].concat());
+    let found = &measured["rates"][0]["spin"];
+    let [spin_us, p99_us] = ["spin_us", "slept_p99_us"].map(|name| found[name].as_f64().unwrap());
+    // The machine's: at most a quarter of the period, or not at all.
+    assert!(p99_us > 0.0 && if p99_us > 250.0 { spin_us == 0.0 } else { spin_us <= p99_us }, "{found}");
+    let said = complaint(folder.path(), 2, &["latency", "--rate-hz", "4000", "--turn-s", "0.05", "--spin", "63"]);
+    assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
+    let said = complaint(folder.path(), 2, &["run", "--mode", "free", "--histogram", "run.svg"]);
+    assert_snapshot!(said, @"resonarm: --histogram run.svg: a run in the mode free has no schedule to be late for; take real-time or lockstep");
+}
+
+/// The flags of the command in the unit are the program's: it gets as far as the interface, which is not there.
+#[test]
+fn the_unit_for_systemd_starts_the_program_as_it_is() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let unit = std::fs::read_to_string(root.join("docs/systemd/resonarm@.service")).unwrap();
+    let command = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/usr/local/bin/resonarm ")).unwrap();
+    let command = command.replace("/etc/resonarm/%i.toml", "scenarios/bench.toml").replace("%i", "vcan999");
+    let said = complaint(root, 3, &command.split(' ').collect::<Vec<_>>());
+    assert!(said.contains("there is no interface vcan999") || said.contains("no SocketCAN"), "{said}");
+}

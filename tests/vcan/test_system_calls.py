@@ -28,7 +28,7 @@ def test_the_loop_makes_no_other_system_calls_than_documented(tmp_path, programs
     scenario, trace = tmp_path / "scenario.toml", tmp_path / "trace"
     scenario.write_text(SCENARIO)
     common = ["--bus", "vcan0", "--scenario", scenario]
-    record = ["--record", tmp_path / "run.mcap", "--stop-on-disarm", "--json"]
+    record = ["--record", tmp_path / "run.mcap", "--stop-on-disarm", "--spin", "auto", "--json"]
     plant = programs.start("strace", "strace", "-f", "-o", trace, RESONARM, "run", *common, *record)
     assert programs.resonarm("exciter", *common, "--patience-s", 60).wait() == 0
     assert plant.wait() == 0, plant.stderr
