@@ -4,17 +4,20 @@ use serde::Serialize;
 
 /// How far a CAN controller has come by the errors that it counts (ISO 11898-1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
 pub enum ControllerState {
     /// Error-active: it takes part. So is one that has told nothing yet.
     #[default]
+    #[serde(rename = "error-active")]
     Active,
     /// Error-active still, with 96 transmit or receive errors or more.
+    #[serde(rename = "error-warning")]
     Warning,
     /// Error-passive, with 128 or more: it takes part, can't destroy the frames of others, and waits before it sends
     /// again.
+    #[serde(rename = "error-passive")]
     Passive,
     /// Bus-off, with 256 transmit errors or more: it takes no part.
+    #[serde(rename = "bus-off")]
     BusOff,
 }
 

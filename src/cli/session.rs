@@ -78,6 +78,7 @@ impl EventLog {
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
             RunEvent::BusLost { .. } => format!("{bus} is off or down: going on for a while in case it comes back"),
             RunEvent::BusBack { .. } => format!("{bus} is back: a controller can reset and arm the plant"),
+            RunEvent::Controller { state, .. } => format!("the controller of {bus} is {}", state.name()),
             // On a machine that stalls all the time a line each would be a flood; the summary has the sum.
             RunEvent::Slipped { .. } => return None,
         })
@@ -116,7 +117,9 @@ pub(super) fn report_text(report: &PlantReport) -> String {
             pacing.speed, pacing.longest_lag_s, pacing.lag_s
         );
     }
-    for (name, latency) in [("wake-up", report.wakeup_us), ("execution", report.exec_us)] {
+    let latencies =
+        [("wake-up", report.wakeup_us), ("execution", report.exec_us), ("round trip", report.round_trip_us)];
+    for (name, latency) in latencies {
         if let Some(Percentiles { p50, p99, p99_9, p99_99, max }) = latency {
             let _infallible = writeln!(
                 text,
@@ -130,8 +133,19 @@ pub(super) fn report_text(report: &PlantReport) -> String {
         "frames       {} received, {} sent, {} dropped, {} refused",
         bus.received, bus.sent, bus.dropped, bus.e2e_errors
     );
+    let errors = &bus.errors;
+    let told = counted(&[
+        ("faults on the wire", errors.protocol),
+        ("not acknowledged", errors.no_ack),
+        ("overflows", errors.overflow),
+        ("error-warning", errors.warning),
+        ("error-passive", errors.passive),
+        ("bus-off", errors.bus_off),
+        ("restarted", errors.restarted),
+    ]);
+    told.iter().for_each(|told| text.push_str(&format!("controller   {told}\n")));
     let refused = &report.refused;
-    let reasons = [
+    let reasons = counted(&[
         ("not armed", refused.not_armed),
         ("late", refused.late),
         ("out of order", refused.out_of_order),
@@ -139,12 +153,8 @@ pub(super) fn report_text(report: &PlantReport) -> String {
         ("out of range", refused.out_of_range),
         ("rate of change", refused.rate_of_change),
         ("travel", refused.travel),
-    ];
-    let reasons: Vec<String> =
-        reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{count} {reason}")).collect();
-    if !reasons.is_empty() {
-        let _infallible = writeln!(text, "refused      commands: {}", reasons.join(", "));
-    }
+    ]);
+    reasons.iter().for_each(|reasons| text.push_str(&format!("refused      commands: {reasons}\n")));
     if let Some(summary) = &report.recording {
         let lost: u64 = summary.lost.values().sum();
         let _infallible =
@@ -156,15 +166,20 @@ pub(super) fn report_text(report: &PlantReport) -> String {
 /// Why deadlines were missed.
 fn causes_text(causes: &OverrunCauses) -> String {
     let OverrunCauses { woke_late, step_long, bus_long, stolen, preempted } = *causes;
-    let told = [
-        (stolen, "while the host had the core"),
-        (preempted, "while other threads had the core"),
-        (woke_late, "woke late"),
-        (step_long, "step long"),
-        (bus_long, "bus long"),
-    ];
-    let told = told.iter().filter(|(count, _)| *count > 0).map(|(count, why)| format!("{count} {why}"));
-    told.collect::<Vec<_>>().join(", ")
+    let told = counted(&[
+        ("while the host had the core", stolen),
+        ("while other threads had the core", preempted),
+        ("woke late", woke_late),
+        ("step long", step_long),
+        ("bus long", bus_long),
+    ]);
+    told.unwrap_or_default()
+}
+
+/// What was counted, by kind; `None` if nothing was.
+fn counted(kinds: &[(&str, u64)]) -> Option<String> {
+    let some = kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{count} {kind}"));
+    Some(some.collect::<Vec<String>>().join(", ")).filter(|text| !text.is_empty())
 }
 
 /// Why a run did not do what it was for, and what to do; `None` if it did.

@@ -39,6 +39,8 @@ pub struct PlantNode {
     refused_since_taken: u64,
     refusals: Refusals,
     slipped_periods: u64,
+    /// The index in the command taken in last, not yet told.
+    echoed: Option<u16>,
     is_leaving: bool,
     /// Why the node faulted last.
     emergency: Option<Emergency>,
@@ -67,6 +69,7 @@ impl PlantNode {
             refused_since_taken: 0,
             refusals: Refusals::default(),
             slipped_periods: 0,
+            echoed: None,
             is_leaving: false,
             emergency: None,
         }
@@ -105,7 +108,17 @@ impl PlantNode {
 
     /// Whether no answer is awaited to the sample measured last: it has been taken, or the sample goes with the next.
     pub fn is_answered(&self) -> bool {
-        self.first.is_some() || self.gate.answered() == Some(self.sample)
+        self.holds_sample() || self.gate.answered() == Some(self.sample)
+    }
+
+    /// Whether the sample published last goes with the next one.
+    pub fn holds_sample(&self) -> bool {
+        self.first.is_some()
+    }
+
+    /// The index of the sample that the command taken in last answers, also if it was refused; once.
+    pub fn take_echoed(&mut self) -> Option<u16> {
+        self.echoed.take()
     }
 
     /// Frames of the protocol refused for their checks (E2E, length, values).
@@ -228,6 +241,7 @@ impl PlantNode {
     ///
     /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
     fn take(&mut self, now_ns: u64, index: u16, load: Load) {
+        self.echoed = Some(index);
         let rate_hz = f64::from(self.link.hello().rate_hz);
         let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);
         match self.gate.take(self.state(), self.sample, index, &check) {

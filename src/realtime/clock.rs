@@ -23,6 +23,11 @@ pub trait Clock {
     fn spin_until_ns(&self, deadline_ns: u64) {
         self.sleep_until_ns(deadline_ns);
     }
+
+    /// The time now in nanoseconds of the UNIX epoch, as the kernel stamps frames. It may be set at any moment.
+    fn unix_ns(&self) -> u64 {
+        unix_time_ns()
+    }
 }
 
 /// `CLOCK_MONOTONIC`: nanoseconds since boot, without the time the machine was suspended, never set back.
@@ -91,6 +96,11 @@ impl Clock for VirtualClock {
 
     fn sleep_until_ns(&self, deadline_ns: u64) {
         self.advance_to_ns(deadline_ns);
+    }
+
+    /// Simulated time begins with the epoch.
+    fn unix_ns(&self) -> u64 {
+        self.now_ns()
     }
 }
 

@@ -1,13 +1,15 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
-use super::event_record::{event_record, request_records, sample_record};
+use super::event_record::{controller_record, event_record, request_records, sample_record};
 use super::record_sink::RecordSink;
+use super::round_trip::RoundTrips;
 use super::{BusCounts, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
 use crate::arm::Load;
-use crate::bus::{Bus, BusError, Received, Sent, Statistics};
+use crate::bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
 use crate::plant::{Plant, PlantError};
 use crate::protocol::{EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
+use crate::realtime::Percentiles;
 use crate::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
@@ -16,7 +18,7 @@ const FRAMES_AT_ONCE: usize = 256;
 const FRAMES_SENT_AT_ONCE: usize = 16;
 /// How long a run goes on without its bus, ns: long enough for a controller's automatic restart, or for somebody to
 /// plug the cable in again.
-const BUS_PATIENCE_NS: u64 = 10_000_000_000;
+pub(super) const BUS_PATIENCE_NS: u64 = 10_000_000_000;
 
 /// The plant, its node and where its records go.
 pub(super) struct Bench<'a> {
@@ -30,6 +32,10 @@ pub(super) struct Bench<'a> {
     batch: Vec<Frame>,
     /// Since when the bus is off or down, ns.
     lost_since_ns: Option<u64>,
+    /// What the bus told of its controller last.
+    controller: ControllerState,
+    /// In real time.
+    round_trips: Option<RoundTrips>,
     samples: u64,
     was_armed: bool,
     left_armed: bool,
@@ -55,6 +61,8 @@ impl<'a> Bench<'a> {
             on_event,
             batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
             lost_since_ns: None,
+            controller: ControllerState::Active,
+            round_trips: None,
             samples: 0,
             was_armed: false,
             left_armed: false,
@@ -94,6 +102,16 @@ impl<'a> Bench<'a> {
     /// Whether the plant was armed once and has been disarmed or has faulted.
     pub fn has_left_armed(&self) -> bool {
         self.left_armed
+    }
+
+    /// Times the round trips of samples from now on.
+    pub fn time_round_trips(&mut self, round_trips: RoundTrips) {
+        self.round_trips = Some(round_trips);
+    }
+
+    /// How long they took, µs.
+    pub fn round_trip_us(&self) -> Option<Percentiles> {
+        self.round_trips.as_ref().and_then(RoundTrips::percentiles)
     }
 
     /// Boots the node in a run that began when the loop's clock read `clock_ns`.
@@ -174,14 +192,30 @@ impl<'a> Bench<'a> {
     /// Takes in everything that has come over the bus.
     pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         self.obey_watcher(now_ns);
+        let mut outcome = Ok(());
         for _ in 0..FRAMES_AT_ONCE {
             match bus.receive() {
                 Ok(Some(received)) => self.take(now_ns, &received),
                 Ok(None) => break,
-                Err(error) => return self.lose_bus(now_ns, error),
+                Err(error) => {
+                    outcome = self.lose_bus(now_ns, error);
+                    break;
+                }
             }
         }
-        Ok(())
+        self.heed_controller(now_ns, bus.controller());
+        outcome
+    }
+
+    /// Tells a new state of the controller. By itself it changes nothing: a bus that works goes on.
+    fn heed_controller(&mut self, now_ns: u64, state: ControllerState) {
+        if state == self.controller {
+            return;
+        }
+        self.controller = state;
+        let sample = self.sample();
+        (self.on_event)(RunEvent::Controller { sample, state });
+        self.record_event(now_ns, controller_record(state), 0);
     }
 
     /// Takes in one frame.
@@ -195,6 +229,9 @@ impl<'a> Bench<'a> {
         };
         self.record(Record::Frame(record));
         self.node.handle_frame(now_ns, &received.frame);
+        if let (Some(index), Some(round_trips)) = (self.node.take_echoed(), &mut self.round_trips) {
+            round_trips.arrive(index, now_ns, received.timestamp_ns);
+        }
     }
 
     /// Does what is due, and records what happened.
@@ -302,6 +339,15 @@ impl<'a> Bench<'a> {
                 }
             }
         }
+    }
+
+    /// As [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
+    pub fn transmit_timed(&mut self, now_ns: u64, unix_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
+        if self.transmit(now_ns, bus)? {
+            let end = self.samples - u64::from(self.node.holds_sample());
+            self.round_trips.iter_mut().for_each(|round_trips| round_trips.depart(end, now_ns, unix_ns));
+        }
+        Ok(())
     }
 
     /// Sends the frames that wait, and records those that the bus took.

@@ -4,6 +4,7 @@ use resonarm_protocol::node::NodeEvent;
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
 use super::Request;
+use crate::bus::ControllerState;
 use crate::control::SetPoint;
 use crate::recording::{Clipped, SampleRecord};
 use crate::rig::{Measurement, Reading};
@@ -18,6 +19,16 @@ const fn refusal_name(refusal: Refusal) -> &'static str {
         Refusal::OutOfRange => "plant.command.out_of_range",
         Refusal::RateOfChange => "plant.command.rate_of_change",
         Refusal::Travel => "plant.command.travel",
+    }
+}
+
+/// The name under which a state of the controller is recorded.
+pub(super) const fn controller_record(state: ControllerState) -> &'static str {
+    match state {
+        ControllerState::Active => "bus.error_active",
+        ControllerState::Warning => "bus.error_warning",
+        ControllerState::Passive => "bus.error_passive",
+        ControllerState::BusOff => "bus.off",
     }
 }
 

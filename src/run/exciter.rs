@@ -3,9 +3,10 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
+use super::bench::BUS_PATIENCE_NS;
 use super::event_record::{event_record, request_records, sample_record};
 use super::{BusCounts, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
-use crate::bus::{Bus, Sent};
+use crate::bus::{Bus, BusError, Sent};
 use crate::control::ResponsePoint;
 use crate::node::{ExciterNode, Outcome};
 use crate::protocol::NodeState;
@@ -48,7 +49,8 @@ pub(super) fn run<C: Clock>(
     (signals, watched): (&Signals, Option<Watched>),
 ) -> ExciterReport {
     let start_ns = clock.now_ns();
-    let mut run = Run { node, bus, clock, start_ns, patience, rearmed: 0, signals, watched, responses: Vec::new() };
+    let (lost_since_ns, responses) = (None, Vec::new());
+    let mut run = Run { node, bus, clock, start_ns, patience, lost_since_ns, rearmed: 0, signals, watched, responses };
     let answered = run.answer();
     let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(Outcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
@@ -88,6 +90,8 @@ struct Run<'r, C: Clock> {
     clock: &'r C,
     start_ns: u64,
     patience: Patience<'r>,
+    /// Since when the bus is off or down, ns.
+    lost_since_ns: Option<u64>,
     rearmed: u32,
     signals: &'r Signals,
     watched: Option<Watched>,
@@ -105,16 +109,15 @@ impl<C: Clock> Run<'_, C> {
             let now_ns = self.now_ns();
             // Looked at before the bus, so that all that the plant has sent is taken in by then.
             let plant_ended = self.patience.has_plant_ended();
-            while let Some(received) = self.bus.receive()? {
-                self.node.handle_frame(now_ns, &received.frame);
-                // An answer must not wait for the frames behind the sample.
-                self.transmit()?;
-            }
+            let came = self.take_in(now_ns);
+            self.survive(now_ns, came)?;
             if self.signals.is_stopped() {
                 self.node.leave(now_ns);
             }
             self.node.handle_deadline(now_ns);
-            let sent = self.transmit()?;
+            let sent = self.transmit();
+            // What a lost bus did not take waits for the next look.
+            let sent = self.survive(now_ns, sent)?.unwrap_or(true);
             self.read_responses();
             self.tell_watcher(now_ns);
             self.signals.set_responses(self.responses.len());
@@ -134,8 +137,42 @@ impl<C: Clock> Run<'_, C> {
             }
             self.check_patience(now_ns)?;
             let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
-            self.bus.wait(Duration::from_nanos(due_ns.min(if sent { LOOK_NS } else { RETRY_NS })))?;
+            self.wait(due_ns.min(if sent { LOOK_NS } else { RETRY_NS }))?;
         }
+    }
+
+    /// Takes in what has come, and answers it.
+    fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
+        while let Some(received) = self.bus.receive()? {
+            self.node.handle_frame(now_ns, &received.frame);
+            // An answer must not wait for the frames behind the sample.
+            self.transmit()?;
+        }
+        Ok(())
+    }
+
+    /// Sleeps until something comes, `limit_ns` at most.
+    fn wait(&mut self, limit_ns: u64) -> Result<(), RunError> {
+        let waited = self.bus.wait(Duration::from_nanos(limit_ns));
+        if self.survive(self.now_ns(), waited)?.is_none() {
+            self.clock.sleep_until_ns(self.clock.now_ns() + limit_ns);
+        }
+        Ok(())
+    }
+
+    /// A bus that is off or down may come back: a controller at work faults, and the run goes on for a while. `None`
+    /// is a bus that is lost.
+    fn survive<T>(&mut self, now_ns: u64, outcome: Result<T, BusError>) -> Result<Option<T>, RunError> {
+        let error = match outcome {
+            Ok(value) => return Ok(Some(value)),
+            Err(error) => error,
+        };
+        let since_ns = *self.lost_since_ns.get_or_insert(now_ns);
+        if !error.is_recoverable() || now_ns.saturating_sub(since_ns) > BUS_PATIENCE_NS {
+            return Err(error.into());
+        }
+        self.node.bus_lost(now_ns);
+        Ok(None)
     }
 
     fn read_responses(&mut self) {
@@ -177,12 +214,13 @@ impl<C: Clock> Run<'_, C> {
     }
 
     /// Sends what there is to send; `true` if all is sent.
-    fn transmit(&mut self) -> Result<bool, RunError> {
+    fn transmit(&mut self) -> Result<bool, BusError> {
         while let Some(frame) = self.node.next_frame() {
             if self.bus.send(&frame)? == Sent::QueueFull {
                 return Ok(false);
             }
             self.node.frame_sent();
+            self.lost_since_ns = None;
         }
         Ok(true)
     }
@@ -191,10 +229,13 @@ impl<C: Clock> Run<'_, C> {
     fn send_rest(&mut self) -> Result<(), RunError> {
         self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;
-        while !(self.transmit()? && self.node.is_quiet()) && self.now_ns() < end_ns {
-            while let Some(received) = self.bus.receive()? {
-                self.node.handle_frame(self.now_ns(), &received.frame);
+        while self.now_ns() < end_ns {
+            let (now_ns, sent) = (self.now_ns(), self.transmit());
+            if self.survive(now_ns, sent)? == Some(true) && self.node.is_quiet() {
+                break;
             }
+            let came = self.take_in(now_ns);
+            self.survive(now_ns, came)?;
             // Not the bus's own wait, which unread frames end at once.
             self.clock.sleep_until_ns(self.clock.now_ns() + RETRY_NS);
         }

@@ -50,6 +50,7 @@ mod pace;
 mod real_time;
 mod record_sink;
 mod report;
+mod round_trip;
 mod session;
 mod signals;
 mod watch;

@@ -8,6 +8,7 @@ use super::bench::Bench;
 use super::core_watch::Overrun;
 use super::finish::{EndedBy, finish};
 use super::pace::{Pace, Speed};
+use super::round_trip::RoundTrips;
 use super::{Ending, Histograms, PlantReport, RunError, Signals};
 use crate::bus::Bus;
 use crate::protocol::EmergencyCode;
@@ -28,6 +29,7 @@ pub(super) fn real_time<C: Clock>(
     let spin_ns = spin.map_or(0, |choice| choice.spin_ns());
     let mut periodic = Periodic::start(clock, rate, overrun)?.spinning(spin_ns);
     let mut pace = Pace::start_at(clock, periodic.start_ns(), rate, Speed::ACTUAL)?;
+    bench.time_round_trips(RoundTrips::new()?);
     let ended = ticks(bench, bus, &mut periodic, &pace, ending, (signals, overruns));
     let (outcome, error) = finish(bench, bus, &mut pace, ended);
     let timing = periodic.summary();
@@ -93,6 +95,6 @@ fn work<C: Clock>(
     }
     bench.measure()?;
     let measured_ns = pace.now_ns();
-    bench.transmit(now_ns, bus)?;
+    bench.transmit_timed(now_ns, pace.clock().unix_ns(), bus)?;
     Ok((received_ns - now_ns) + (pace.now_ns() - measured_ns))
 }

@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::RunError;
 use super::bench::Bench;
-use crate::bus::Statistics;
+use crate::bus::{ControllerErrors, Statistics};
 use crate::control::ResponsePoint;
 use crate::node::{self, Refusals};
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
@@ -73,6 +73,9 @@ pub struct PlantReport {
     /// What these two are percentiles of, where a loop has a schedule.
     #[serde(skip)]
     pub histograms: Histograms,
+    /// Real time: how long it took from the sending of a sample to the kernel's time stamp of the command that echoes
+    /// its index, µs; `None` where the bus has no time stamps, and without commands.
+    pub round_trip_us: Option<Percentiles>,
     /// Simulated time: how it kept up with the clock, if that was asked for.
     pub pacing: Option<Pacing>,
     /// What the bus and the protocol's checks counted.
@@ -103,6 +106,7 @@ impl PlantReport {
             histograms: Histograms::default(),
             wakeup_us: None,
             exec_us: None,
+            round_trip_us: bench.round_trip_us(),
             pacing: None,
             bus,
             refused: RefusedCommands::from(bench.node().refusals()),
@@ -295,6 +299,8 @@ pub struct BusCounts {
     pub dropped: u64,
     /// Frames of the protocol refused for their checks (E2E, length, values).
     pub e2e_errors: u64,
+    /// What the controller told of errors, on SocketCAN.
+    pub errors: ControllerErrors,
 }
 
 impl BusCounts {
@@ -304,6 +310,7 @@ impl BusCounts {
             sent: statistics.sent,
             dropped: statistics.dropped + unsent_frames,
             e2e_errors: refused_frames,
+            errors: statistics.errors,
         }
     }
 }

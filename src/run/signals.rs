@@ -5,6 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use serde::Serialize;
 
 use super::{Fault, Gauges};
+use crate::bus::ControllerState;
 
 /// What the run's threads and the rest of the program tell each other.
 #[derive(Debug, Default)]
@@ -92,5 +93,12 @@ pub enum RunEvent {
     BusBack {
         /// The sample.
         sample: u64,
+    },
+    /// The controller of the plant's end is in another state: by itself that ends nothing.
+    Controller {
+        /// The sample.
+        sample: u64,
+        /// The state.
+        state: ControllerState,
     },
 }

@@ -254,13 +254,14 @@ fn run_reports_steps_bus_and_recording() {
         "recording",
         "refused",
         "responses",
+        "round_trip_us",
         "samples",
         "slipped",
         "steps",
         "wakeup_us",
     ];
     assert_eq!(names(&got), keys);
-    assert_eq!(names(&got["bus"]), ["dropped", "e2e_errors", "received", "sent"]);
+    assert_eq!(names(&got["bus"]), ["dropped", "e2e_errors", "errors", "received", "sent"]);
     // The sine is at a zero after 0.5 s, so that there is nothing to ramp. Two integration steps a sample.
     assert_eq!((&got["samples"], &got["steps"], &got["overruns"]), (&501.into(), &1000.into(), &0.into()));
     assert_eq!((&got["outcome"], &got["recording"]), (&"completed".into(), &"run.mcap".into()));
