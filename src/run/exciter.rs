@@ -153,10 +153,9 @@ impl<C: Clock> Run<'_, C> {
 
     /// Sleeps until something comes, `limit_ns` at most.
     fn wait(&mut self, limit_ns: u64) -> Result<(), RunError> {
-        let waited = self.bus.wait(Duration::from_nanos(limit_ns));
-        if self.survive(self.now_ns(), waited)?.is_none() {
-            self.clock.sleep_until_ns(self.clock.now_ns() + limit_ns);
-        }
+        let Err(error) = self.bus.wait(Duration::from_nanos(limit_ns)) else { return Ok(()) };
+        self.survive::<bool>(self.now_ns(), Err(error))?;
+        self.clock.sleep_until_ns(self.clock.now_ns() + limit_ns);
         Ok(())
     }
 

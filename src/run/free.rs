@@ -60,7 +60,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
                 return Err(RunError::Stalled { plant: self.bench.node().state(), exciter: self.exciter.state() });
             }
             self.measure()?;
-            if let Some(end) = self.ending.reached(self.bench, self.signals, self.now_ns()) {
+            if let Some(end) = self.ending.reached(self.bench, self.signals, || self.now_ns()) {
                 return Ok(end);
             }
             self.pass_sample()?;

@@ -51,7 +51,7 @@ struct Lockstep<'r, 'b, 'c, C: Clock> {
 
 impl<C: Clock> Lockstep<'_, '_, '_, C> {
     fn ended(&self) -> Option<EndedBy> {
-        self.ending.reached(self.bench, self.signals, self.pace.now_ns())
+        self.ending.reached(self.bench, self.signals, || self.pace.now_ns())
     }
 
     fn samples(&mut self) -> Result<EndedBy, RunError> {
@@ -60,29 +60,31 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             if let Some(end) = self.ended() {
                 return Ok(end);
             }
-            self.serve(LOOK_NS)?;
+            self.serve(self.pace.now_ns(), LOOK_NS)?;
         }
         self.pace.anchor(0);
+        let mut now_ns = self.pace.now_ns();
+        // An unpaced round is system calls for the most part, and on some machines each look at the clock is one.
         loop {
-            self.wait_until_due()?;
-            let begun_ns = self.pace.now_ns();
+            let begun_ns = self.wait_until_due(now_ns)?;
             let awaited = self.bench.node().is_armed();
             self.pace.note(self.bench.sample());
             self.bench.measure()?;
-            self.bench.transmit(self.pace.now_ns(), self.bus)?;
+            self.bench.transmit(begun_ns, self.bus)?;
             let published_ns = self.pace.now_ns();
+            let mut answered_ns = published_ns;
             while awaited && self.waits_for_answer() && self.ended().is_none() {
-                self.serve(LOOK_NS)?;
+                answered_ns = self.serve(answered_ns, LOOK_NS)?;
             }
             if !self.bench.node().is_armed() {
-                self.pass_period(published_ns)?;
+                answered_ns = self.pass_period(published_ns, answered_ns)?;
             }
             if let Some(end) = self.ended() {
                 return Ok(end);
             }
-            let answered_ns = self.pace.now_ns();
             self.bench.advance(answered_ns)?;
-            let exec_ns = published_ns - begun_ns + (self.pace.now_ns() - answered_ns);
+            now_ns = self.pace.now_ns();
+            let exec_ns = published_ns - begun_ns + (now_ns - answered_ns);
             self.exec.record(exec_ns);
             self.bench.tell_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
             self.bench.show(self.signals.gauges(), self.pace.lag_ns(), exec_ns, 0);
@@ -94,35 +96,36 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         self.bench.node().is_armed() && !self.bench.node().is_answered()
     }
 
-    /// Waits for the clock, taking in what comes.
-    fn wait_until_due(&mut self) -> Result<(), RunError> {
+    /// Waits for the clock, taking in what comes. Returns the time then.
+    fn wait_until_due(&mut self, mut now_ns: u64) -> Result<u64, RunError> {
         loop {
             let left_ns = self.pace.left_ns(self.bench.sample());
             if left_ns == 0 || self.signals.is_stopped() {
-                return Ok(());
+                return Ok(now_ns);
             }
-            self.serve(left_ns.min(LOOK_NS))?;
+            now_ns = self.serve(now_ns, left_ns.min(LOOK_NS))?;
         }
     }
 
-    /// Nobody answers: lets one sample period pass, taking in what comes.
-    fn pass_period(&mut self, published_ns: u64) -> Result<(), RunError> {
+    /// Nobody answers: lets one sample period pass, taking in what comes. Returns the time then.
+    fn pass_period(&mut self, published_ns: u64, mut now_ns: u64) -> Result<u64, RunError> {
         let due_ns = published_ns + self.rate.offset_ns(1);
         while self.pace.report().is_none() && self.ended().is_none() {
-            let left_ns = due_ns.saturating_sub(self.pace.now_ns());
+            let left_ns = due_ns.saturating_sub(now_ns);
             if left_ns == 0 {
                 break;
             }
-            self.serve(left_ns.min(LOOK_NS))?;
+            now_ns = self.serve(now_ns, left_ns.min(LOOK_NS))?;
         }
-        Ok(())
+        Ok(now_ns)
     }
 
     /// Sends what there is, sleeps until a frame or a deadline comes, `limit_ns` at most, and takes in what came.
-    fn serve(&mut self, limit_ns: u64) -> Result<(), RunError> {
-        let sent = self.bench.transmit(self.pace.now_ns(), self.bus)?;
+    /// Returns the time then.
+    fn serve(&mut self, now_ns: u64, limit_ns: u64) -> Result<u64, RunError> {
+        let sent = self.bench.transmit(now_ns, self.bus)?;
         let limit_ns = if sent { limit_ns } else { limit_ns.min(RETRY_NS) };
-        let due_ns = self.bench.node().next_deadline_ns().saturating_sub(self.pace.now_ns());
+        let due_ns = self.bench.node().next_deadline_ns().saturating_sub(now_ns);
         if let Err(error) = self.bus.wait(Duration::from_nanos(due_ns.min(limit_ns))) {
             self.bench.lose_bus(self.pace.now_ns(), error)?;
             self.pace.clock().sleep_until_ns(self.pace.clock().now_ns() + due_ns.min(limit_ns));
@@ -130,6 +133,6 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         let now_ns = self.pace.now_ns();
         self.bench.receive(now_ns, self.bus)?;
         self.bench.handle_deadline(now_ns);
-        Ok(())
+        Ok(now_ns)
     }
 }

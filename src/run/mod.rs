@@ -82,15 +82,15 @@ struct Ending {
 }
 
 impl Ending {
-    /// What ends the run now, if anything does.
-    fn reached(&self, bench: &Bench, signals: &Signals, now_ns: u64) -> Option<EndedBy> {
+    /// What ends the run now, if anything does. The time is asked for only where it matters.
+    fn reached(&self, bench: &Bench, signals: &Signals, now_ns: impl Fn() -> u64) -> Option<EndedBy> {
         if signals.is_stopped() {
             Some(EndedBy::Signal)
         } else if self.on_disarm && bench.has_left_armed() {
             Some(EndedBy::Disarm)
         } else if self.after_samples.is_some_and(|samples| bench.sample() >= samples) {
             Some(EndedBy::Duration)
-        } else if !bench.was_armed() && self.patience_ns.is_some_and(|patience_ns| now_ns >= patience_ns) {
+        } else if !bench.was_armed() && self.patience_ns.is_some_and(|patience_ns| now_ns() >= patience_ns) {
             Some(EndedBy::Patience)
         } else {
             None

@@ -67,7 +67,7 @@ fn ticks<C: Clock>(
         }
         bench.show(signals.gauges(), wakeup_ns, exec_ns, missed);
         signals.set_done(tick.index);
-        if let Some(end) = ending.reached(bench, signals, now_ns) {
+        if let Some(end) = ending.reached(bench, signals, || now_ns) {
             return Ok(end);
         }
     }

@@ -1,11 +1,12 @@
-/* The frames of a sample and their answer between two processes on raw CAN sockets, and nothing else: what a closed loop
- * costs beneath plant and controller.
+/* The frames of a sample and their answer between two processes on raw CAN sockets, and nothing else: what a closed
+ * loop costs beneath plant and controller.
  *
- *     ping_pong pong INTERFACE                        answers each third frame, until it is ended
- *     ping_pong ping INTERFACE ROUNDS PERIOD_NS       plays ROUNDS rounds, one at once after the other if the period is 0
+ *     ping_pong pong INTERFACE                    answers each third frame, until it is ended
+ *     ping_pong ping INTERFACE ROUNDS PERIOD_NS   plays ROUNDS rounds, one at once after the other if the period is 0
  *
- * ping prints `seconds p50 p99 max`: how long all rounds took, and the round trip, µs, from the clock before the sending to
- * the kernel's time stamp of the answer. It exits with 1, and says why, if anything fails or no answer comes within 5 s. */
+ * ping prints `seconds p50 p99 max`: how long all rounds took, and the round trip, µs, from the clock before the
+ * sending to the kernel's time stamp of the answer. It exits with 1, and says why, if anything fails or no answer comes
+ * within 5 s. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <linux/can.h>

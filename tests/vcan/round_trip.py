@@ -3,9 +3,10 @@ same frames between two processes on raw sockets (ping_pong.c), on the same inte
 
     tests/vcan/with-vcan target/venv/bin/python tests/vcan/round_trip.py [TURNS]
 
-Bare and closed loop take turns, and medians stand beside each other, so that what a shared machine does meanwhile strikes
-both. Two figures: in real time, both at one rate, the round trip from the sending of a sample to the kernel's time stamp of
-the command, µs; in lockstep, one round at once after the other, µs a round. This measures; it fails by no time."""
+Bare and closed loop take turns, and medians stand beside each other, so that what a shared machine does meanwhile
+strikes both. Two figures: in real time, both at one rate, the round trip from the sending of a sample to the kernel's
+time stamp of the command, µs; in lockstep, one round at once after the other, µs a round. This measures; it fails by no
+time."""
 
 import sys
 import tempfile

@@ -226,22 +226,26 @@ impl Bus for SocketCan {
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
         self.socket()?;
-        let deadline = Deadline::after(timeout);
+        if self.has_frame() {
+            return Ok(true);
+        }
+        let (deadline, mut remaining) = (Deadline::after(timeout), timeout);
         loop {
-            if self.has_frame() {
-                return Ok(true);
-            }
             self.incoming.take_last();
             let socket = self.socket()?;
             let mut polled = [PollFd::new(socket, PollFlags::IN)];
             // A timeout too long for the system call is endless.
-            match poll(&mut polled, deadline.remaining().try_into().ok().as_ref()) {
+            match poll(&mut polled, remaining.try_into().ok().as_ref()) {
                 Ok(0) => return Ok(false),
                 Ok(_) if polled[0].revents().contains(PollFlags::IN) => _ = self.take_in()?,
                 Ok(_) => self.pending_error(socket)?,
                 Err(Errno::INTR) => {}
                 Err(errno) => return Err(self.failure("waiting", errno.into())),
             }
+            if self.has_frame() {
+                return Ok(true);
+            }
+            remaining = deadline.remaining();
         }
     }
 
