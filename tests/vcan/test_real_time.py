@@ -40,6 +40,8 @@ def test_every_tick_and_every_overrun_is_accounted_for(tmp_path, programs):
     # The histogram keeps three digits.
     for column, name in ((0, "wakeup_us"), (1, "exec_us")):
         assert np.isclose(ticks[:, column].max() * 1e-3, plant[name]["max"], rtol=2e-3)
+    trips = plant["round_trip_us"]
+    assert 0 < trips["p50"] <= trips["p99"] <= trips["max"] < (DURATION_S + 0.05) * 1e6
     assert set(recording.metadata["resonarm.lost"].values()) == {"0"}
     assert np.abs(recording.states[:, 6]).max() > 40 and recording.states[-1, 6] == 0
     # The plant leaves before the profile ends, and tells the exciter so.
