@@ -1,5 +1,5 @@
-"""What plant and controller add to a round trip on CAN: the closed loop of two processes against a bare ping-pong of the
-same frames between two processes on raw sockets (ping_pong.c), on the same interface.
+"""What plant and controller add to a round trip on CAN: the closed loop of two processes against a bare ping-pong of
+the same frames between two processes on raw sockets (ping_pong.c), on the same interface.
 
     tests/vcan/with-vcan target/venv/bin/python tests/vcan/round_trip.py [TURNS]
 
