@@ -228,17 +228,22 @@ impl<C: Clock> Run<'_, C> {
     fn send_rest(&mut self) -> Result<(), RunError> {
         self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;
+        let mut lost = None;
         while self.now_ns() < end_ns {
-            let (now_ns, sent) = (self.now_ns(), self.transmit());
-            if self.survive(now_ns, sent)? == Some(true) && self.node.is_quiet() {
-                break;
-            }
+            lost = match self.transmit() {
+                Ok(true) if self.node.is_quiet() => return Ok(()),
+                Ok(_) => None,
+                Err(error) if error.is_recoverable() => Some(error),
+                Err(error) => return Err(error.into()),
+            };
+            let now_ns = self.now_ns();
             let came = self.take_in(now_ns);
             self.survive(now_ns, came)?;
             // Not the bus's own wait, which unread frames end at once.
             self.clock.sleep_until_ns(self.clock.now_ns() + RETRY_NS);
         }
-        Ok(())
+        // The bus is lost still: that says more than the fault that came of it.
+        lost.map_or(Ok(()), |error| Err(error.into()))
     }
 }
 
