@@ -50,14 +50,14 @@ impl Spin {
     pub fn choose<C: Clock>(self, clock: &C, rate: SampleRate) -> Result<Option<SpinChoice>, SpinError> {
         let most_ns = rate.offset_ns(1) / SPIN_PART;
         let choice = |spin_ns: u64, slept_p99_us| {
-            let [spin_us, most_us] = [spin_ns, most_ns].map(|ns| ns as f64 * 1e-3);
+            let [spin_us, most_us] = [spin_ns, most_ns].map(|ns| ns as f64 / 1e3);
             SpinChoice { spin_us, slept_p99_us, most_us }
         };
         match self {
             Spin::Off => Ok(None),
             Spin::For(ns) if ns > most_ns => Err(SpinError::TooLong {
-                got_us: ns as f64 * 1e-3,
-                most_us: most_ns as f64 * 1e-3,
+                got_us: ns as f64 / 1e3,
+                most_us: most_ns as f64 / 1e3,
                 rate_hz: rate.rate_hz(),
             }),
             Spin::For(ns) => Ok(Some(choice(ns, None))),
@@ -127,7 +127,7 @@ impl fmt::Display for Spin {
         match self {
             Spin::Off => f.pad("off"),
             Spin::Auto => f.pad("auto"),
-            Spin::For(ns) => write!(f, "{}", short(&(*ns as f64 * 1e-3))),
+            Spin::For(ns) => write!(f, "{}", short(&(*ns as f64 / 1e3))),
         }
     }
 }
@@ -204,6 +204,8 @@ mod tests {
         assert_eq!(choose(Spin::Off, 1000.0, 0).unwrap(), None);
         let choice = choose(Spin::For(250_000), 1000.0, 0).unwrap().unwrap();
         assert_eq!((choice.spin_ns(), choice.slept_p99_us), (250_000, None));
+        // Nanoseconds are thousandths, with no digits behind them.
+        assert_eq!(choose(Spin::For(232_063), 1000.0, 0).unwrap().unwrap().spin_us, 232.063);
         insta::assert_snapshot!(choice, @"for 250.0 µs before each deadline, as asked for");
         insta::assert_snapshot!(choose(Spin::For(251_000), 1000.0, 0).unwrap_err(), @"spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
     }
