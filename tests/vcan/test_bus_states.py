@@ -74,22 +74,25 @@ def start(programs, tmp_path, interface, mode, duration_s, *pace, rearm=1):
 # Paced in lockstep, or the excitation would be over before the interface is down.
 @pytest.mark.parametrize("mode, pace", [("real-time", []), ("lockstep", ["--speed", 1])], ids=["real-time", "lockstep"])
 def test_both_ends_outlive_an_interface_that_goes_down_and_up(programs, tmp_path, interface, wire, mode, pace):
-    plant, exciter = start(programs, tmp_path, interface, mode, 4.0, *pace)
+    plant, exciter = start(programs, tmp_path, interface, mode, 4.0, *pace, rearm=5)
     wire.commands(20)
     run("ip", "link", "set", interface, "down")
     wait_until(lambda: ("faulted", BUS_LOSS) in told(plant), "the plant to fault")
     run("ip", "link", "set", interface, "up")
     played = exciter.result()
-    assert (played["outcome"], played["rearmed"], played["samples_played"]) == ("finished", 1, 401), played
+    # A plant that is held up meanwhile is heard as armed still, in frames of before: then the exciter meets the lost bus
+    # again, and begins once more.
+    assert (played["outcome"], played["samples_played"]) == ("finished", 401) and 1 <= played["rearmed"] <= 5, played
     assert plant.stop() == 0, plant.stderr
     assert plant.result()["fault"] is None
     names = [name for name, _ in told(plant)]
     for name, count in (("armed", 2), ("bus-lost", 1), ("faulted", 1), ("bus-back", 1), ("disarmed", 1)):
         assert names.count(name) == count, names
     recording = Recording.whole(tmp_path / "run.mcap")
-    lost = recording.event("bus.lost")
-    back = recording.event("bus.back", after=lost.step)
-    assert recording.event("state.operational", after=back.step)
+    # In this order; between samples that were late together no sample need lie.
+    names = [event.name for event in recording.topics["/events"]]
+    back = names.index("bus.back", names.index("bus.lost"))
+    assert "state.operational" in names[back:], names
 
 
 def test_a_plant_goes_on_while_its_controller_tells_of_errors_and_tells_them(programs, tmp_path, interface, wire):
