@@ -80,8 +80,8 @@ def test_both_ends_outlive_an_interface_that_goes_down_and_up(programs, tmp_path
     wait_until(lambda: ("faulted", BUS_LOSS) in told(plant), "the plant to fault")
     run("ip", "link", "set", interface, "up")
     played = exciter.result()
-    # A plant that is held up meanwhile is heard as armed still, in frames of before: then the exciter meets the lost bus
-    # again, and begins once more.
+    # A plant that is held up meanwhile is heard as armed still, in frames of before: then the exciter meets the lost
+    # bus again, and begins once more.
     assert (played["outcome"], played["samples_played"]) == ("finished", 401) and 1 <= played["rearmed"] <= 5, played
     assert plant.stop() == 0, plant.stderr
     assert plant.result()["fault"] is None
