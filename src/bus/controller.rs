@@ -50,6 +50,9 @@ pub struct ControllerErrors {
     pub bus_off: u64,
     /// It was started again after that.
     pub restarted: u64,
+    /// Error frames that don't tell a kind: what stands in those of most adapters of python-can differs from maker to
+    /// maker.
+    pub other: u64,
 }
 
 impl ControllerErrors {

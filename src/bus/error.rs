@@ -74,7 +74,7 @@ pub enum BusError {
     /// The CAN controller has left the bus after too many transmit errors (ISO 11898-1, bus-off).
     #[error(
         "the controller of {interface} is bus-off: too many transmit errors. Check bit rate, wiring and the two \
-         terminations of 120 Ω; `sudo ip link set {interface} type can restart-ms 100` lets it come back by itself"
+         terminations of 120 Ω; {}", restart(.interface)
     )]
     BusOff {
         /// Its name.
@@ -151,6 +151,14 @@ fn bring_up(interface: &str) -> String {
     }
 }
 
+fn restart(interface: &str) -> String {
+    if interface.starts_with("python-can:") {
+        "an adapter that does not come back by itself does when it is opened anew".into()
+    } else {
+        format!("`sudo ip link set {interface} type can restart-ms 100` lets it come back by itself")
+    }
+}
+
 fn enable_fd(interface: &str) -> String {
     let options = if is_virtual(interface) { "mtu 72" } else { "type can bitrate 1000000 dbitrate 5000000 fd on" };
     format!("`sudo ip link set {interface} down && sudo ip link set {interface} up {options}` lets it")
@@ -199,6 +207,7 @@ mod tests {
         assert_snapshot!(BusError::InterfaceDown { interface: "can0".into() }, @"can0 is down. `sudo ip link set can0 up type can bitrate 1000000` starts it at 1 Mbit/s");
         assert_snapshot!(BusError::InterfaceGone { interface: "can0".into() }, @"can0 has been removed: an adapter unplugged, or `ip link del`");
         assert_snapshot!(BusError::BusOff { interface: "can0".into() }, @"the controller of can0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; `sudo ip link set can0 type can restart-ms 100` lets it come back by itself");
+        assert_snapshot!(BusError::BusOff { interface: "python-can:interface=gs_usb,channel=0".into() }, @"the controller of python-can:interface=gs_usb,channel=0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; an adapter that does not come back by itself does when it is opened anew");
         assert_snapshot!(BusError::FdNotEnabled { interface: "vcan0".into() }, @"vcan0 does not carry CAN FD frames. `sudo ip link set vcan0 down && sudo ip link set vcan0 up mtu 72` lets it");
         assert_snapshot!(BusError::FdNotEnabled { interface: "can0".into() }, @"can0 does not carry CAN FD frames. `sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 dbitrate 5000000 fd on` lets it");
     }

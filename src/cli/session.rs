@@ -142,6 +142,7 @@ pub(super) fn report_text(report: &PlantReport) -> String {
         ("error-passive", errors.passive),
         ("bus-off", errors.bus_off),
         ("restarted", errors.restarted),
+        ("of no known kind", errors.other),
     ]);
     told.iter().for_each(|told| text.push_str(&format!("controller   {told}\n")));
     let refused = &report.refused;

@@ -16,7 +16,7 @@ use assert_no_alloc::assert_no_alloc;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use resonarm::bus::python_can::{Operation, PythonCan, PythonCanError, RECEIVE_QUEUE, TRANSMIT_QUEUE};
-use resonarm::bus::{self, Bus, BusAddress, BusError, Sent};
+use resonarm::bus::{self, Bus, BusAddress, BusError, ControllerErrors, ControllerState, Sent};
 use resonarm::protocol::{Frame, FrameFormat, Id};
 
 use crate::contract::apart_from_overflow;
@@ -209,23 +209,65 @@ fn leaves_ctrl_c_alone() {
     }
 }
 
-#[test]
-fn leaves_error_frames_out_and_counts_them() {
-    let mut bus = virtual_end("error frames");
+/// Sends messages of python-can with this identifier, each with the value of its `is_error_frame`.
+fn send_from_outside(channel: &str, arbitration_id: u32, is_error_frame: &[bool]) {
     Python::attach(|py| {
-        let foreign = foreign_end(py, "error frames", 0);
-        for (name, value) in [("is_error_frame", true), ("is_error_frame", false)] {
+        let foreign = foreign_end(py, channel, 0);
+        for is_error_frame in is_error_frame {
             let arguments = PyDict::new(py);
-            arguments.set_item(name, value).unwrap();
+            arguments.set_item("arbitration_id", arbitration_id).unwrap();
+            arguments.set_item("is_error_frame", is_error_frame).unwrap();
             let message = py.import("can").unwrap().getattr("Message").unwrap().call((), Some(&arguments)).unwrap();
             foreign.call_method1("send", (message,)).unwrap();
         }
         foreign.call_method0("shutdown").unwrap();
     });
-    assert!(bus.wait(PATIENCE).unwrap());
+}
+
+/// On the threads, and on the caller. The identifier is the class of bus-off, to Linux.
+#[test]
+fn error_frames_of_unknown_meaning_are_counted() {
+    const ID: u32 = 0x40;
+    let mut idle = virtual_end("idle");
+    for (channel, on_caller) in [("error frames", false), ("error frames on the caller", true)] {
+        let mut bus = virtual_end(channel);
+        if on_caller {
+            bus.work_on_caller().unwrap();
+        }
+        send_from_outside(channel, ID, &[true, false, true, false, true]);
+        let expected = Some(Frame::classic(Id::Extended(ID), &[]).unwrap());
+        assert!(bus.wait(PATIENCE).unwrap());
+        assert_eq!(
+            (bus.receive().unwrap().map(|received| received.frame), bus.statistics().errors.other),
+            (expected, 1)
+        );
+        // Without a wait, as a loop in real time asks; the bridge's thread may not have had its turn.
+        let tries = if on_caller { 1 } else { PATIENCE.as_millis() };
+        let next = (0..tries).find_map(|_| {
+            assert!(!idle.wait(Duration::from_millis(1)).unwrap());
+            bus.receive().unwrap()
+        });
+        assert_eq!(next.map(|received| received.frame), expected);
+        assert!(!bus.wait(Duration::from_millis(100)).unwrap(), "what is counted alone is not waited for");
+        let statistics = bus.statistics();
+        assert_eq!((statistics.received, statistics.dropped, bus.discarded()), (2, 0, 0));
+        assert_eq!(bus.controller(), ControllerState::Active);
+        if on_caller {
+            assert_eq!(statistics.errors, ControllerErrors { other: 3, ..ControllerErrors::default() });
+        }
+    }
+}
+
+/// An identifier too long for its format, which only `check=True` would refuse there.
+#[test]
+fn messages_that_are_no_frame_are_left_out_and_hide_nothing() {
+    let mut bus = virtual_end("no frames");
+    bus.work_on_caller().unwrap();
+    send_from_outside("no frames", 0x2000_0000, &[false, false]);
+    send_from_outside("no frames", 0x40, &[false]);
     let received = bus.receive().unwrap().map(|received| received.frame);
-    assert_eq!(received, Some(Frame::classic(Id::Extended(0), &[]).unwrap()));
-    assert_eq!((bus.discarded(), bus.statistics().received, bus.statistics().dropped), (1, 1, 0));
+    assert_eq!(received, Some(Frame::classic(Id::Extended(0x40), &[]).unwrap()));
+    assert_eq!((bus.discarded(), bus.statistics().received), (2, 1));
 }
 
 #[test]

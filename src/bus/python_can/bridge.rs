@@ -19,9 +19,10 @@ use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer};
 
 use super::error::Operation;
+use super::message::{ErrorFrames, Incoming};
 use super::{PythonCanError, exception, message};
+use crate::bus::Filter;
 use crate::bus::socketcan::{MEMINFO_BYTES, drops_in};
-use crate::bus::{Filter, Received};
 
 /// How long `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
 const RECEIVE_TIMEOUT_S: f64 = 0.05;
@@ -43,7 +44,7 @@ pub(super) struct Shared {
     dropped: AtomicU64,
     /// Frames that met a full receive queue in the kernel.
     pub(super) dropped_beneath: AtomicU64,
-    /// Error frames, and messages that are no frame.
+    /// Messages that are no frame.
     pub(super) discarded: AtomicU64,
     guard: Mutex<()>,
     arrival: Condvar,
@@ -132,12 +133,13 @@ pub(super) fn is_queue_full(py: Python<'_>, error: &PyErr) -> bool {
     matches!(code, Some(libc::ENOBUFS | libc::EAGAIN)) || value.to_string() == "Transmit buffer full"
 }
 
-/// The receiver: takes messages from python-can and puts frames into the queue.
+/// The receiver: takes messages from python-can and puts frames and error frames into the queue.
 pub(super) struct Receiver {
     pub(super) bus: Arc<Py<PyAny>>,
     /// The Python socket that the driver reads from, where the kernel counts what it lost on it.
     pub(super) socket: Option<Py<PyAny>>,
-    pub(super) incoming: Producer<Received>,
+    pub(super) error_frames: ErrorFrames,
+    pub(super) incoming: Producer<Incoming>,
     pub(super) failures: Producer<PythonCanError>,
     pub(super) requests: mpsc::Receiver<FilterRequest>,
     pub(super) shared: Arc<Shared>,
@@ -174,7 +176,7 @@ impl Receiver {
         })
     }
 
-    /// Waits for one message. `true` if a frame was queued.
+    /// Waits for one message. `true` if something was queued.
     fn receive(&mut self, bus: &Bound<'_, PyAny>) -> PyResult<bool> {
         // Before a message is taken, so that none is lost if this fails.
         if let Some(socket) = &self.socket {
@@ -185,11 +187,11 @@ impl Receiver {
         if message.is_none() {
             return Ok(false);
         }
-        let Some(received) = message::to_received(&message)? else {
+        let Some(incoming) = message::to_incoming(&message, self.error_frames)? else {
             self.shared.discarded.fetch_add(1, Ordering::Relaxed);
             return Ok(false);
         };
-        if self.incoming.push(received).is_err() {
+        if self.incoming.push(incoming).is_err() {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
             return Ok(false);
         }

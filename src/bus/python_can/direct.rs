@@ -13,21 +13,24 @@ use resonarm_protocol::Frame;
 
 use super::bridge::{Shared, is_queue_full, kernel_drops};
 use super::error::Operation;
+use super::message::{ErrorFrames, Incoming};
 use super::{PythonCanError, exception, message};
 use crate::bus::deadline::Deadline;
-use crate::bus::{Filter, Received, Sent};
+use crate::bus::socketcan::Told;
+use crate::bus::{Filter, Sent};
 
 /// What a driver is asked to wait for at once: some refuse times of centuries.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// The bus, and the frame for which a wait has ended.
+/// The bus, and that for which a wait has ended.
 pub(super) struct Direct {
     pub(super) bus: Arc<Py<PyAny>>,
     pub(super) message_class: Py<PyAny>,
     /// What the driver reads from, where the kernel counts what it lost on it.
     pub(super) socket: Option<Py<PyAny>>,
+    pub(super) error_frames: ErrorFrames,
     pub(super) shared: Arc<Shared>,
-    pub(super) came_in: Option<Received>,
+    pub(super) came_in: Option<Incoming>,
 }
 
 impl Direct {
@@ -44,40 +47,48 @@ impl Direct {
         })
     }
 
-    /// The frame that has come in, if any.
-    pub(super) fn receive(&mut self) -> Result<Option<Received>, PythonCanError> {
-        if self.came_in.is_none() {
-            self.wait(Duration::ZERO)?;
+    /// What has come in, if anything.
+    pub(super) fn receive(&mut self) -> Result<Option<Incoming>, PythonCanError> {
+        match self.came_in.take() {
+            None => self.take(Duration::ZERO),
+            came_in => Ok(came_in),
         }
-        Ok(self.came_in.take())
     }
 
-    /// Waits for a frame that can be received. Messages that are no frames are left out.
-    pub(super) fn wait(&mut self, timeout: Duration) -> Result<bool, PythonCanError> {
+    /// Waits for what is given out, and counts the error frames before it.
+    pub(super) fn wait(&mut self, timeout: Duration, told: &mut Told) -> Result<bool, PythonCanError> {
         let deadline = Deadline::after(timeout);
         while self.came_in.is_none() {
             let left = deadline.remaining();
-            self.came_in = self.take(left.min(LONGEST_WAIT))?;
-            if left.is_zero() {
-                break;
+            match self.take(left.min(LONGEST_WAIT))? {
+                Some(incoming) if incoming.is_given_out() => self.came_in = Some(incoming),
+                Some(incoming) => incoming.note(told),
+                None if left.is_zero() => break,
+                None => {}
             }
         }
         Ok(self.came_in.is_some())
     }
 
-    /// The next message as a frame, if one comes in time.
-    fn take(&self, timeout: Duration) -> Result<Option<Received>, PythonCanError> {
+    /// The next message, if one comes in time. Those that are no frames are left out.
+    fn take(&self, timeout: Duration) -> Result<Option<Incoming>, PythonCanError> {
         keep_thread_state();
         Python::attach(|py| {
-            let received = self.bus.bind(py).call_method1("recv", (timeout.as_secs_f64(),)).and_then(|message| {
-                if message.is_none() {
-                    return Ok(None);
-                }
-                let received = message::to_received(&message)?;
-                self.shared.discarded.fetch_add(u64::from(received.is_none()), Ordering::Relaxed);
-                Ok(received)
-            });
-            received.map_err(|error| exception(py, Operation::Receive, error))
+            let take = |timeout_s: f64| {
+                let message = self.bus.bind(py).call_method1("recv", (timeout_s,))?;
+                let is_message = !message.is_none();
+                let incoming = if is_message { message::to_incoming(&message, self.error_frames)? } else { None };
+                Ok((is_message, incoming))
+            };
+            let mut timeout_s = timeout.as_secs_f64();
+            loop {
+                match take(timeout_s).map_err(|error| exception(py, Operation::Receive, error))? {
+                    (true, None) => self.shared.discarded.fetch_add(1, Ordering::Relaxed),
+                    (_, incoming) => return Ok(incoming),
+                };
+                // What lies behind it has come in, too.
+                timeout_s = 0.0;
+            }
         })
     }
 

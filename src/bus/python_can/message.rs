@@ -8,6 +8,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
+use crate::bus::socketcan::{ErrorFrame, Told};
 use crate::bus::{Filter, Received};
 
 /// Timestamps before this (September 2001), in seconds of the UNIX epoch, are taken for an adapter's own clock.
@@ -33,12 +34,65 @@ pub(super) fn from_frame<'py>(class: &Bound<'py, PyAny>, frame: &Frame) -> PyRes
     class.call((), Some(&arguments))
 }
 
-/// The frame that a `can.Message` is, or `None` for an error frame and for what ISO 11898-1 has no frame for.
-pub(super) fn to_received(message: &Bound<'_, PyAny>) -> PyResult<Option<Received>> {
+/// What an interface of python-can has in its error frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ErrorFrames {
+    /// The classes of `linux/can/error.h` as identifier, and its content.
+    Linux,
+    /// What the maker puts there.
+    Other,
+}
+
+impl ErrorFrames {
+    /// Those of an interface: `socketcan` has them from the kernel, `gs_usb` from firmware that the kernel's driver for
+    /// it hands on as they are.
+    pub(super) fn of(interface: &str) -> ErrorFrames {
+        match interface {
+            "socketcan" | "gs_usb" => ErrorFrames::Linux,
+            _ => ErrorFrames::Other,
+        }
+    }
+}
+
+/// What came in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Incoming {
+    /// A frame.
+    Frame(Received),
+    /// An error frame, and what it tells where that is known.
+    Error(Option<ErrorFrame>),
+}
+
+impl Incoming {
+    /// Whether the controller has left the bus.
+    pub(super) fn is_bus_off(&self) -> bool {
+        matches!(self, Incoming::Error(Some(error)) if error.is_bus_off())
+    }
+
+    /// Whether it comes out of [`Bus::receive`](crate::bus::Bus::receive); an error frame else is only counted.
+    pub(super) fn is_given_out(&self) -> bool {
+        matches!(self, Incoming::Frame(_)) || self.is_bus_off()
+    }
+
+    /// Counts it, if it is an error frame.
+    pub(super) fn note(&self, told: &mut Told) {
+        match self {
+            Incoming::Frame(_) => {}
+            Incoming::Error(Some(error)) => told.note(*error),
+            Incoming::Error(None) => told.errors.other += 1,
+        }
+    }
+}
+
+/// What a `can.Message` is, or `None` for what ISO 11898-1 has no frame for.
+pub(super) fn to_incoming(message: &Bound<'_, PyAny>, error_frames: ErrorFrames) -> PyResult<Option<Incoming>> {
     let py = message.py();
     let flag = |name| -> PyResult<bool> { message.getattr(name)?.is_truthy() };
     if flag(intern!(py, "is_error_frame"))? {
-        return Ok(None);
+        return Ok(Some(Incoming::Error(match error_frames {
+            ErrorFrames::Linux => Some(linux_error(message)?),
+            ErrorFrames::Other => None,
+        })));
     }
     let number: u32 = message.getattr(intern!(py, "arbitration_id"))?.extract()?;
     let id = match (flag(intern!(py, "is_extended_id"))?, u16::try_from(number)) {
@@ -62,7 +116,14 @@ pub(super) fn to_received(message: &Bound<'_, PyAny>) -> PyResult<Option<Receive
     };
     let timestamp_s: f64 = message.getattr(intern!(py, "timestamp"))?.extract()?;
     let frame = frame.and_then(Result::ok);
-    Ok(frame.map(|frame| Received { frame, timestamp_ns: epoch_ns(timestamp_s) }))
+    Ok(frame.map(|frame| Incoming::Frame(Received { frame, timestamp_ns: epoch_ns(timestamp_s) })))
+}
+
+/// The identifier lacks the flag of error frames here, and has the classes.
+fn linux_error(message: &Bound<'_, PyAny>) -> PyResult<ErrorFrame> {
+    let class: u32 = message.getattr(intern!(message.py(), "arbitration_id"))?.extract()?;
+    let content: PyBackedBytes = message.getattr(intern!(message.py(), "data"))?.extract()?;
+    Ok(ErrorFrame::new(class, &content))
 }
 
 /// Seconds of the UNIX epoch, as python-can gives them, in nanoseconds. An f64 resolves 0.24 µs here. Adapters that
@@ -90,6 +151,18 @@ pub(super) fn filter_list<'py>(py: Python<'py>, filters: &[Filter]) -> PyResult<
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn knows_whose_error_frames_are_those_of_linux() {
+        for (interface, expected) in [
+            ("socketcan", ErrorFrames::Linux),
+            ("gs_usb", ErrorFrames::Linux),
+            ("virtual", ErrorFrames::Other),
+            ("pcan", ErrorFrames::Other),
+        ] {
+            assert_eq!(ErrorFrames::of(interface), expected, "{interface}");
+        }
+    }
 
     #[test]
     fn takes_only_the_unix_epoch_for_a_time() {

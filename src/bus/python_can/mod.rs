@@ -4,7 +4,12 @@
 //! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where
 //! there is one. A caller that is no real-time thread can do without the threads: [`Bus::work_on_caller`].
 //!
-//! Error frames are not frames of the bus: they are left out and counted in [`PythonCan::discarded`].
+//! **Error frames** of `socketcan` and `gs_usb` mean what they do in [`super::socketcan`], and are counted as there;
+//! bus-off comes out of [`Bus::receive`]. What those of another interface say is its maker's: they are counted as
+//! [`ControllerErrors::other`](super::ControllerErrors::other). Where python-can itself has to filter, because the
+//! adapter can't ([`Bus::set_filters`]), it compares their identifiers, too. `can.BusABC.state` is not asked: no
+//! interface of python-can 4.6 that hands over error frames keeps it up to date, and its PASSIVE is that of a listener
+//! for most.
 //!
 //! Of the frames that are lost before python-can has them, those that found the kernel's receive queue of its
 //! `socketcan` full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
@@ -31,13 +36,16 @@ use pyo3::types::{PyDict, PyModule};
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Bus, BusAddress, BusError, Filter, Received, Sent, Statistics};
+use super::socketcan::Told;
+use super::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
 use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
 use direct::Direct;
 pub use error::{Operation, PythonCanError};
+use message::{ErrorFrames, Incoming};
 use options::{Options, Value};
 
-/// Frames that wait to be received at most; what comes in beyond is lost and counted in [`Statistics::dropped`].
+/// Frames and error frames that wait to be received at most; what comes in beyond is lost and counted in
+/// [`Statistics::dropped`].
 pub const RECEIVE_QUEUE: usize = 1024;
 /// Frames that wait to be sent at most; beyond, [`Bus::send`] answers [`Sent::QueueFull`].
 pub const TRANSMIT_QUEUE: usize = 1024;
@@ -54,7 +62,10 @@ const PATIENCE: Duration = Duration::from_secs(3);
 pub struct PythonCan {
     name: String,
     outgoing: Producer<Frame>,
-    incoming: Consumer<Received>,
+    /// What its controller is called where it tells of itself.
+    controller: String,
+    told: Told,
+    incoming: Consumer<Incoming>,
     failures: [Consumer<PythonCanError>; 2],
     requests: mpsc::Sender<FilterRequest>,
     shared: Arc<Shared>,
@@ -85,17 +96,23 @@ impl PythonCan {
         let options = Options::parse(options)?;
         start_python()?;
         let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
-        let socket = match options.interface.as_str() {
-            "socketcan" => Some(Python::attach(|py| counting_socket(&bus, py))?),
-            _ => None,
+        let (socket, controller) = match options.interface.as_str() {
+            "socketcan" => (Some(Python::attach(|py| counting_socket(&bus, py))?), options.channel),
+            _ => (None, None),
         };
-        let mut bus = PythonCan::start(bus, message_class, socket)?;
+        let mut bus = PythonCan::start(bus, message_class, socket, ErrorFrames::of(&options.interface))?;
+        bus.controller = controller.unwrap_or_else(|| name.clone());
         bus.name = name;
         Ok(bus)
     }
 
     /// Starts the bridge threads on an open python-can bus; `socket` is what it reads from, if that counts losses.
-    fn start(bus: Py<PyAny>, message_class: Py<PyAny>, socket: Option<Py<PyAny>>) -> Result<PythonCan, PythonCanError> {
+    fn start(
+        bus: Py<PyAny>,
+        message_class: Py<PyAny>,
+        socket: Option<Py<PyAny>>,
+        error_frames: ErrorFrames,
+    ) -> Result<PythonCan, PythonCanError> {
         let shared = Arc::new(Shared::default());
         let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
         let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
@@ -110,6 +127,7 @@ impl PythonCan {
             bus: Arc::clone(&bus),
             message_class: class,
             socket: counted,
+            error_frames,
             shared: Arc::clone(&shared),
             came_in: None,
         };
@@ -124,6 +142,7 @@ impl PythonCan {
         let receiver = Receiver {
             bus,
             socket,
+            error_frames,
             incoming: came_in,
             failures: receive_failed,
             requests: requested,
@@ -140,6 +159,8 @@ impl PythonCan {
         })?;
         Ok(PythonCan {
             name: String::from("python-can"),
+            controller: String::from("python-can"),
+            told: Told::default(),
             outgoing,
             incoming,
             failures: [send_failures, receive_failures],
@@ -154,7 +175,7 @@ impl PythonCan {
         })
     }
 
-    /// Messages left out so far: error frames, and messages that ISO 11898-1 has no frame for.
+    /// Messages left out so far: those that ISO 11898-1 has no frame for.
     pub fn discarded(&self) -> u64 {
         self.shared.discarded.load(Ordering::Relaxed)
     }
@@ -174,6 +195,19 @@ impl PythonCan {
         // The thread ends after its outcome, and can't panic on the way.
         let _ = receiver.join();
         Ok(outcome?)
+    }
+
+    /// Whether what the threads took in holds something that [`Bus::receive`] gives out. Error frames before that are
+    /// counted.
+    fn has_incoming(incoming: &mut Consumer<Incoming>, told: &mut Told) -> bool {
+        while let Ok(next) = incoming.peek() {
+            if next.is_given_out() {
+                return true;
+            }
+            next.note(told);
+            let _ = incoming.pop();
+        }
+        false
     }
 
     /// The oldest failure not yet told.
@@ -212,27 +246,37 @@ impl Bus for PythonCan {
 
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
         self.check_open()?;
-        // What the threads have taken in comes first.
-        let next = match (self.incoming.pop(), &mut self.direct) {
-            (Ok(received), _) => Some(received),
-            (Err(_), Some(direct)) => direct.receive()?,
-            (Err(_), None) => None,
-        };
-        if next.is_none() {
-            self.check_failures()?;
+        loop {
+            // What the threads have taken in comes first.
+            let next = match (self.incoming.pop(), &mut self.direct) {
+                (Ok(incoming), _) => Some(incoming),
+                (Err(_), Some(direct)) => direct.receive()?,
+                (Err(_), None) => None,
+            };
+            let Some(next) = next else { return self.check_failures().map(|()| None) };
+            next.note(&mut self.told);
+            if next.is_bus_off() {
+                return Err(BusError::BusOff { interface: self.controller.clone() });
+            }
+            if let Incoming::Frame(received) = next {
+                self.statistics.received += 1;
+                return Ok(Some(received));
+            }
         }
-        self.statistics.received += u64::from(next.is_some());
-        Ok(next)
     }
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
         self.check_open()?;
-        if let Some(direct) = self.direct.as_mut().filter(|_| self.incoming.is_empty()) {
-            return Ok(direct.wait(timeout)?);
+        let PythonCan { incoming, told, failures, shared, direct, .. } = self;
+        if PythonCan::has_incoming(incoming, told) {
+            return Ok(true);
         }
-        let PythonCan { incoming, failures, shared, .. } = self;
-        shared.wait_while(timeout, || incoming.is_empty() && failures.iter().all(Consumer::is_empty));
-        if !self.incoming.is_empty() {
+        if let Some(direct) = direct {
+            return Ok(direct.wait(timeout, told)?);
+        }
+        let is_idle = || !PythonCan::has_incoming(incoming, told) && failures.iter().all(Consumer::is_empty);
+        shared.wait_while(timeout, is_idle);
+        if PythonCan::has_incoming(incoming, told) {
             return Ok(true);
         }
         self.check_failures().map(|()| false)
@@ -256,7 +300,11 @@ impl Bus for PythonCan {
         if let Some(direct) = &self.direct {
             direct.count_drops();
         }
-        Statistics { dropped: self.shared.dropped(), ..self.statistics }
+        Statistics { dropped: self.shared.dropped(), errors: self.told.errors, ..self.statistics }
+    }
+
+    fn controller(&self) -> ControllerState {
+        self.told.state
     }
 
     fn work_on_caller(&mut self) -> Result<(), BusError> {

@@ -19,9 +19,26 @@ const OVERFLOW: i32 = CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW;
 const WARNING: i32 = CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING;
 const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
 
+/// What the controller has told by error frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::bus) struct Told {
+    /// How often, by kind.
+    pub errors: ControllerErrors,
+    /// The state that it told last.
+    pub state: ControllerState,
+}
+
+impl Told {
+    /// Takes an error frame in.
+    pub fn note(&mut self, frame: ErrorFrame) {
+        frame.count(&mut self.errors);
+        self.state = frame.state().unwrap_or(self.state);
+    }
+}
+
 /// What an error frame tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ErrorFrame {
+pub(in crate::bus) struct ErrorFrame {
     /// The classes of errors.
     class: u32,
     /// What the controller tells of itself.
@@ -30,10 +47,14 @@ pub(super) struct ErrorFrame {
 
 impl ErrorFrame {
     /// What the frame tells, if it is an error frame.
-    pub fn of(frame: &RawFrame) -> Option<ErrorFrame> {
+    pub(super) fn of(frame: &RawFrame) -> Option<ErrorFrame> {
         let has_class = frame.can_id & CAN_ERR_FLAG != 0;
-        let told = ErrorFrame { class: frame.can_id, controller: i32::from(frame.data[CONTROLLER]) };
-        has_class.then_some(told)
+        has_class.then(|| ErrorFrame::new(frame.can_id, &frame.data))
+    }
+
+    /// What an error frame of these classes and this content tells.
+    pub fn new(class: u32, content: &[u8]) -> ErrorFrame {
+        ErrorFrame { class, controller: content.get(CONTROLLER).copied().map_or(0, i32::from) }
     }
 
     /// Whether the controller has left the bus.
@@ -42,7 +63,7 @@ impl ErrorFrame {
     }
 
     /// Counts it.
-    pub fn count(self, errors: &mut ControllerErrors) {
+    fn count(self, errors: &mut ControllerErrors) {
         let class = |mask: u32| u64::from(self.class & mask != 0);
         let controller = |mask: i32| u64::from(self.tells_of_controller(mask));
         // Drivers tell a fault of the wire by either of two classes, or by both.
@@ -56,7 +77,7 @@ impl ErrorFrame {
     }
 
     /// The state of the controller, if the frame tells of one: the worst.
-    pub fn state(self) -> Option<ControllerState> {
+    fn state(self) -> Option<ControllerState> {
         if self.is_bus_off() {
             Some(ControllerState::BusOff)
         } else if self.tells_of_controller(PASSIVE) {
@@ -95,8 +116,16 @@ mod tests {
 
     #[test]
     fn each_bit_of_linux_can_error_h_is_counted_as_what_it_is() {
-        const NONE: ControllerErrors =
-            ControllerErrors { protocol: 0, no_ack: 0, overflow: 0, warning: 0, passive: 0, bus_off: 0, restarted: 0 };
+        const NONE: ControllerErrors = ControllerErrors {
+            protocol: 0,
+            no_ack: 0,
+            overflow: 0,
+            warning: 0,
+            passive: 0,
+            bus_off: 0,
+            restarted: 0,
+            other: 0,
+        };
         let (warning, passive) = (ControllerErrors { warning: 1, ..NONE }, ControllerErrors { passive: 1, ..NONE });
         let overflow = ControllerErrors { overflow: 1, ..NONE };
         let protocol = ControllerErrors { protocol: 1, ..NONE };

@@ -34,12 +34,13 @@ use rustix::net::sockopt;
 use socketcan::timestamp::{SOF_TIMESTAMPING_OPT_CMSG, SOF_TIMESTAMPING_RX_SOFTWARE, SOF_TIMESTAMPING_SOFTWARE};
 use socketcan::{CanAddr, CanFdSocket, CanFilter, Socket, SocketOptions};
 
-use self::error_frame::{ASKED_FOR, ErrorFrame};
+use self::error_frame::ASKED_FOR;
 use self::frame::filter;
 use self::incoming::Incoming;
 use super::deadline::Deadline;
-use super::{Bus, BusError, ControllerErrors, ControllerState, Filter, Received, Sent, Statistics};
+use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
+pub(super) use error_frame::{ErrorFrame, Told};
 pub use interface::interfaces;
 
 /// The place of the frames lost at the receive queue among the `u32` counters of `SO_MEMINFO` (Linux 4.12).
@@ -73,8 +74,7 @@ pub struct SocketCan {
     received: u64,
     sent: u64,
     queue_full: u64,
-    errors: ControllerErrors,
-    controller: ControllerState,
+    told: Told,
     /// The kernel's count when the socket was closed.
     dropped_at_close: u64,
 }
@@ -108,8 +108,7 @@ impl SocketCan {
             received: 0,
             sent: 0,
             queue_full: 0,
-            errors: ControllerErrors::default(),
-            controller: ControllerState::default(),
+            told: Told::default(),
             dropped_at_close: 0,
         };
         // The kernel binds to an interface that is down, and leaves ENETDOWN as the pending error of the socket.
@@ -149,15 +148,10 @@ impl SocketCan {
     fn has_frame(&mut self) -> bool {
         while let Some(slot) = self.incoming.peek() {
             let Some(error) = ErrorFrame::of(&slot.frame.raw).filter(|error| !error.is_bus_off()) else { return true };
-            self.note(error);
+            self.told.note(error);
             self.incoming.pop();
         }
         false
-    }
-
-    fn note(&mut self, error: ErrorFrame) {
-        error.count(&mut self.errors);
-        self.controller = error.state().unwrap_or(self.controller);
     }
 
     /// Names what an error of the open socket means.
@@ -217,7 +211,7 @@ impl Bus for SocketCan {
                 self.received += 1;
                 return Ok(Some(Received { frame, timestamp_ns: slot.timestamp_ns() }));
             };
-            self.note(error);
+            self.told.note(error);
             if error.is_bus_off() {
                 return Err(BusError::BusOff { interface: self.interface.clone() });
             }
@@ -262,12 +256,12 @@ impl Bus for SocketCan {
     fn statistics(&self) -> Statistics {
         // That the kernel answers was checked when the socket was opened.
         let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
-        let SocketCan { received, sent, queue_full, errors, .. } = *self;
-        Statistics { received, sent, dropped, queue_full, errors }
+        let SocketCan { received, sent, queue_full, told, .. } = *self;
+        Statistics { received, sent, dropped, queue_full, errors: told.errors }
     }
 
     fn controller(&self) -> ControllerState {
-        self.controller
+        self.told.state
     }
 
     /// The kernel sends what it has queued.
