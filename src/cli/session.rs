@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::failure::Failure;
 use super::supervise::Line;
 use crate::number::short;
-use crate::realtime::{OverrunCauses, Percentiles};
+use crate::realtime::Percentiles;
 use crate::recording::Existing;
 use crate::run::{Outcome, PlantReport, RecordTo, RunEvent, fault_text};
 
@@ -105,7 +105,8 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     }
     text.push('\n');
     if report.overruns > 0 {
-        let _infallible = writeln!(text, "overruns     {}", causes_text(&report.overrun_causes));
+        let told = counted(&report.overrun_causes.in_words()).unwrap_or_default();
+        let _infallible = writeln!(text, "overruns     {told}");
     }
     if let Some(spin) = &report.spin {
         let _infallible = writeln!(text, "spinning     {spin}");
@@ -164,19 +165,6 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     text
 }
 
-/// Why deadlines were missed.
-fn causes_text(causes: &OverrunCauses) -> String {
-    let OverrunCauses { woke_late, step_long, bus_long, stolen, preempted } = *causes;
-    let told = counted(&[
-        ("while the host had the core", stolen),
-        ("while other threads had the core", preempted),
-        ("woke late", woke_late),
-        ("step long", step_long),
-        ("bus long", bus_long),
-    ]);
-    told.unwrap_or_default()
-}
-
 /// What was counted, by kind; `None` if nothing was.
 fn counted(kinds: &[(&str, u64)]) -> Option<String> {
     let some = kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{count} {kind}"));
@@ -207,10 +195,11 @@ pub(super) fn complaint(report: &PlantReport) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::realtime::OverrunCauses;
 
     #[test]
     fn causes_are_told_that_there_were() {
         let causes = OverrunCauses { woke_late: 2, step_long: 4, bus_long: 0, stolen: 58, preempted: 1 };
-        insta::assert_snapshot!(causes_text(&causes), @"58 while the host had the core, 1 while other threads had the core, 2 woke late, 4 step long");
+        insta::assert_snapshot!(counted(&causes.in_words()).unwrap(), @"58 while the host had the core, 1 while other threads had the core, 2 woke late, 4 step long");
     }
 }

@@ -117,8 +117,6 @@ pub struct Timing {
     /// The mean and the latest time that a sample was late, µs.
     pub late_us: f64,
     pub late_most_us: f64,
-    /// Deadlines missed since the run began.
-    pub overruns: u64,
 }
 
 /// The head of an update.
@@ -138,6 +136,10 @@ pub struct UpdateHead {
     pub rows: usize,
     /// How the loop keeps time; none if it has no schedule.
     pub timing: Option<Timing>,
+    /// Deadlines missed since the run began, or since a recording was set to the time from which it plays.
+    pub overruns: u64,
+    /// Why, in words, and how many of them: by each cause that there was.
+    pub overrun_causes: Vec<(&'static str, u64)>,
     /// What the loop told and nobody was there in time to take.
     pub lost: u64,
     /// Updates that viewers were too slow for, all together.

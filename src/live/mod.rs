@@ -17,6 +17,7 @@ mod error;
 mod extremes;
 mod foxglove;
 mod message;
+mod missed;
 mod model;
 mod page;
 mod player;

@@ -10,6 +10,7 @@ use super::extremes::{Extremes, Stretch};
 use super::message::{
     BranchLines, EventLine, NodeStatus, PlayerStatus, ReadPoint, Spectra, Timing, Told, UpdateHead, update,
 };
+use super::missed::Missed;
 use super::rows::{Row, Rows};
 use super::spectrum::Spectrum;
 use crate::arm::Arm;
@@ -47,6 +48,7 @@ pub struct Model {
     branch: Option<BranchLines>,
     player: Option<PlayerStatus>,
     ticks: Ticks,
+    missed: Missed,
     has_ended: bool,
     /// Messages for all viewers.
     outgoing: Vec<Message>,
@@ -60,7 +62,6 @@ struct Ticks {
     exec_most_ns: u64,
     late_ns: u64,
     late_most_ns: u64,
-    overruns: u64,
 }
 
 impl Model {
@@ -82,6 +83,7 @@ impl Model {
             branch: None,
             player: None,
             ticks: Ticks::default(),
+            missed: Missed::default(),
             has_ended: false,
             outgoing: Vec::new(),
             about,
@@ -108,7 +110,10 @@ impl Model {
         match record {
             Record::State(state) => self.rows.state(state),
             Record::Sample(readings) => self.rows.readings(readings),
-            Record::Tick(tick) => self.ticks.add(tick),
+            Record::Tick(tick) => {
+                self.ticks.add(tick);
+                self.missed.tick(tick);
+            }
             Record::Event(event) => self.event(event),
             Record::Frame(_) => {}
         }
@@ -117,6 +122,7 @@ impl Model {
     fn event<Name: AsRef<str>>(&mut self, event: &Event<Name>) {
         let Event { sample, name, value, .. } = event;
         let name = name.as_ref();
+        self.missed.event(*sample, name);
         let text = (name == "emergency").then(|| RecordedFault { sample: *sample, code: *value }.to_string());
         let status = match name {
             "state.boot_up" => Some(("boot-up", None)),
@@ -173,6 +179,7 @@ impl Model {
         self.new.clear();
         self.events.clear();
         self.responses.clear();
+        (self.ticks, self.missed) = (Ticks::default(), Missed::default());
         self.status = NodeStatus { state: "unknown", fault: None };
         self.tell(&Told::Restarted);
     }
@@ -246,6 +253,8 @@ impl Model {
             first: (sample + 1).saturating_sub(rows.len() as u64),
             rows: rows.len(),
             timing: self.ticks.take(self.about.rate_hz),
+            overruns: self.missed.deadlines(),
+            overrun_causes: self.missed.in_words(),
             lost,
             lost_updates,
             viewers,
@@ -288,6 +297,8 @@ impl Model {
             first: sample + 1,
             rows: 0,
             timing: None,
+            overruns: self.missed.deadlines(),
+            overrun_causes: self.missed.in_words(),
             lost,
             lost_updates: 0,
             viewers: 0,
@@ -304,7 +315,6 @@ impl Ticks {
         self.late_ns = self.late_ns.saturating_add(tick.wakeup_ns);
         self.exec_most_ns = self.exec_most_ns.max(tick.exec_ns);
         self.late_most_ns = self.late_most_ns.max(tick.wakeup_ns);
-        self.overruns += u64::from(tick.overruns);
     }
 
     /// The figures since the last call, at `rate_hz` samples a second; `None` if there was no tick.
@@ -315,10 +325,9 @@ impl Ticks {
             load_most: self.exec_most_ns as f64 * 1e-9 * rate_hz,
             late_us: self.late_ns as f64 * 1e-3 / count,
             late_most_us: self.late_most_ns as f64 * 1e-3,
-            overruns: self.overruns,
         };
         let has_ticks = self.count > 0;
-        *self = Ticks { overruns: self.overruns, ..Ticks::default() };
+        *self = Ticks::default();
         has_ticks.then_some(timing)
     }
 }

@@ -55,6 +55,17 @@ impl OverrunCauses {
         *self.of(cause) += missed;
     }
 
+    /// How many by each cause, with its name in words for people.
+    pub const fn in_words(&self) -> [(&'static str, u64); 5] {
+        [
+            ("while the host had the core", self.stolen),
+            ("while other threads had the core", self.preempted),
+            ("woke late", self.woke_late),
+            ("step long", self.step_long),
+            ("bus long", self.bus_long),
+        ]
+    }
+
     /// All of them.
     pub fn total(&self) -> u64 {
         self.woke_late + self.step_long + self.bus_long + self.stolen + self.preempted

@@ -24,6 +24,7 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use super::{Told, Watched};
 use crate::realtime::{Clock, CoreShare, OverrunCause, OverrunCauses, STEAL_UNIT_NS, Share, SystemClock, Tick};
 use crate::recording::{Channel, Event, Record};
 
@@ -69,11 +70,11 @@ pub(super) struct CoreWatch {
 
 impl CoreWatch {
     /// Starts it for the calling thread, before that becomes a real-time one: what it starts later would stay on its
-    /// core. What it finds goes to `record`.
+    /// core. What it finds goes to `record`, and to those who watch.
     ///
     /// # Errors
     /// What the system says if it has no thread left.
-    pub fn start(record: Option<Channel>) -> std::io::Result<CoreWatch> {
+    pub fn start(record: Option<Channel>, watched: Option<Watched>) -> std::io::Result<CoreWatch> {
         let (overruns, told) = RingBuffer::new(OVERRUNS);
         let stop = Arc::new(AtomicBool::new(false));
         let share = CoreShare::of_this_thread();
@@ -81,7 +82,7 @@ impl CoreWatch {
         let thread = thread::Builder::new()
             .name(String::from("core-watch"))
             .stack_size(STACK_BYTES)
-            .spawn(move || look_on(share, told, record, &asked))?;
+            .spawn(move || look_on(share, told, (record, watched), &asked))?;
         Ok(CoreWatch { overruns, stop, thread })
     }
 
@@ -102,7 +103,12 @@ impl CoreWatch {
 }
 
 /// The thread's work, until it is asked to stop; then a last time.
-fn look_on(mut share: CoreShare, mut told: Consumer<Overrun>, mut record: Option<Channel>, stop: &AtomicBool) -> Found {
+fn look_on(
+    mut share: CoreShare,
+    mut told: Consumer<Overrun>,
+    (mut record, mut watched): (Option<Channel>, Option<Watched>),
+    stop: &AtomicBool,
+) -> Found {
     let (mut spans, mut found) = (Spans::default(), Found::default());
     let mut last_ns = SystemClock.now_ns();
     share.look();
@@ -118,10 +124,12 @@ fn look_on(mut share: CoreShare, mut told: Consumer<Overrun>, mut record: Option
         for overrun in &overruns {
             let Some(taken) = spans.explain(overrun) else { continue };
             found.count(taken, overrun);
+            let event = taken.record(overrun);
             if let Some(channel) = &mut record {
                 // A full channel counts what it loses.
-                let _counted = channel.push(taken.record(overrun));
+                let _counted = channel.push(event);
             }
+            watched.iter_mut().for_each(|watched| watched.tell(Told::Record(event)));
         }
         last_ns = now_ns;
         if is_last {
@@ -294,7 +302,7 @@ mod tests {
 
     #[test]
     fn a_thread_that_is_told_nothing_moves_nothing_and_ends() {
-        let mut watch = CoreWatch::start(None).unwrap();
+        let mut watch = CoreWatch::start(None, None).unwrap();
         let told = OverrunCauses { step_long: 1, ..OverrunCauses::default() };
         // Before the run, so that no span touches it.
         watch.tell(overrun(OverrunCause::StepLong, 1, (0, 1)));

@@ -229,7 +229,8 @@ impl Session {
             return Ok(None);
         }
         let channel = recorder.map(|recorder| recorder.channel("core-watch", CORE_RECORDS_CAPACITY)).transpose()?;
-        CoreWatch::start(channel).map(Some).map_err(|source| RunError::NoThread { source })
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::CoreWatch));
+        CoreWatch::start(channel, watched).map(Some).map_err(|source| RunError::NoThread { source })
     }
 
     fn plant_in_real_time(

@@ -17,8 +17,10 @@ use crate::arm::Load;
 use crate::control::{ResponsePoint, SetPoint};
 use crate::recording::Record;
 
-/// What waits in a ring at most: at 1 kHz two seconds.
+/// What waits in a loop's ring at most: at 1 kHz two seconds.
 const TOLD: usize = 1 << 13;
+/// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
+const TOLD_BESIDE: usize = 1 << 10;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
@@ -56,7 +58,7 @@ pub enum Request {
     Set(SetPoint),
 }
 
-/// Which loop is watched.
+/// Who is watched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// The plant's.
@@ -65,6 +67,18 @@ pub enum End {
     Exciter,
     /// The exciter's, of a run in which the plant tells the samples.
     ExciterBesidePlant,
+    /// No loop: the thread beside the plant's that looks at who has its core. It takes no requests.
+    CoreWatch,
+}
+
+impl End {
+    /// What waits in its ring at most.
+    const fn told(self) -> usize {
+        match self {
+            End::Plant | End::Exciter | End::ExciterBesidePlant => TOLD,
+            End::CoreWatch => TOLD_BESIDE,
+        }
+    }
 }
 
 /// What a session is given to be watched: each run of it opens rings of its own.
@@ -118,7 +132,7 @@ pub fn watch() -> (Watch, Watcher) {
 impl Watch {
     /// Opens the rings of a loop, before it begins.
     pub fn open(&self, end: End) -> Watched {
-        let (told, reader) = RingBuffer::new(TOLD);
+        let (told, reader) = RingBuffer::new(end.told());
         let (writer, requests) = RingBuffer::new(REQUESTS);
         // If nobody watches any more, what is told is lost, and counted.
         let _nobody = self.opened.send(Opened { end, told: reader, requests: writer });
@@ -173,8 +187,8 @@ impl Watcher {
     pub fn ask(&mut self, request: Request) -> Result<(), NotAsked> {
         self.open.extend(self.opening.try_iter());
         let wanted = |end: End| match request {
-            Request::Set(_) => true,
-            Request::Disarm => end != End::ExciterBesidePlant,
+            Request::Set(_) => end != End::CoreWatch,
+            Request::Disarm => matches!(end, End::Plant | End::Exciter),
             Request::Arm | Request::Reset => end == End::Plant,
         };
         let mut asked = Err(NotAsked::Nobody);
@@ -219,12 +233,14 @@ mod tests {
         assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Nobody));
         let mut plant = watch.open(End::Plant);
         let mut exciter = watch.open(End::ExciterBesidePlant);
+        let mut beside = watch.open(End::CoreWatch);
         for request in [Request::Arm, set, Request::Disarm, Request::Reset] {
             assert_eq!(watcher.ask(request), Ok(()));
         }
         let asked = |watched: &mut Watched| core::iter::from_fn(|| watched.request()).collect::<Vec<_>>();
         assert_eq!(asked(&mut plant), [Request::Arm, set, Request::Disarm, Request::Reset]);
         assert_eq!(asked(&mut exciter), [set]);
+        assert_eq!(asked(&mut beside), []);
         (0..REQUESTS).for_each(|_| assert_eq!(watcher.ask(Request::Arm), Ok(())));
         assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Busy));
         drop(plant);

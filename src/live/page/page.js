@@ -20,10 +20,15 @@ function empty(about) {
   const columns = () => about.channels.map(() => []);
   return {
     about, times: [], least: columns(), largest: columns(), rows: [], newest: 0, head: null, spectrum: null, branch: null,
-    points: [], timing: { times: [], columns: [[], [], [], []] }, frames: 0,
+    points: [], timing: noTimings(), frames: 0,
     // Time that drawing has taken, ms.
     drawing_ms: 0,
   };
+}
+
+// How the loop kept time: of each update, and the latest that told it.
+function noTimings() {
+  return { times: [], columns: [[], [], [], []], latest: null };
 }
 
 function makeViews(about) {
@@ -75,7 +80,7 @@ const told = {
   spectrum(spectrum) { data.spectrum = spectrum; },
   restarted() {
     Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), rows: [] });
-    Object.assign(data, { points: [], timing: { times: [], columns: [[], [], [], []] } });
+    Object.assign(data, { points: [], timing: noTimings() });
     element("events").replaceChildren();
     told.state({ state: "unknown", fault: null });
   },
@@ -111,6 +116,7 @@ const known = (value) => (Number.isNaN(value) ? null : value);
 
 function takeTiming({ time_s, timing }) {
   const { times, columns } = data.timing;
+  data.timing.latest = timing;
   times.push(time_s);
   [100 * timing.load, 100 * timing.load_most, timing.late_us, timing.late_most_us].forEach((value, k) => columns[k].push(value));
   [times, ...columns].forEach((column) => column.splice(0, column.length - TIMINGS_KEPT));
@@ -154,13 +160,17 @@ function drawSpectrum(spectrum) {
   element("peak").textContent = spectrum.peak_hz ? `largest at ${spectrum.peak_hz.toFixed(2)} Hz` : "";
 }
 
-function drawTiming({ timing, lost, lost_updates, viewers }) {
-  const schedule = timing
-    ? `load ${(100 * timing.load).toFixed(1)} %, ${timing.late_us.toFixed(0)} µs late, ${timing.overruns} deadlines missed`
-    : "no schedule";
-  if (timing && seen.has("timing")) views.timing.draw(data.timing.times, data.timing.columns);
+const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
+
+function drawTiming({ timing, overruns, overrun_causes, lost, lost_updates, viewers }) {
+  const { times, columns, latest } = data.timing;
+  if (timing && seen.has("timing")) views.timing.draw(times, columns);
+  const schedule = latest ? `load ${(100 * latest.load).toFixed(1)} %, ${latest.late_us.toFixed(0)} µs late` : "no schedule";
   element("timing-numbers").textContent =
-    `${schedule}, ${viewers} viewers, ${lost} records and ${lost_updates} updates lost`;
+    `${schedule}, ${counted(viewers, "viewer")}, ${counted(lost, "record")} and ${counted(lost_updates, "update")} lost`;
+  const causes = overrun_causes.map(([cause, count]) => `${count} ${cause}`).join(", ");
+  const missed = `${counted(overruns, "deadline")} missed${causes ? `: ${causes}` : ""}`;
+  element("overruns").textContent = latest || overruns > 0 ? missed : "";
 }
 
 function linked(isLinked) {

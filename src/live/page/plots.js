@@ -61,9 +61,9 @@ export class LinePlot {
     const series = labels.map((label, k) => ({
       label, stroke: () => color(HUES[k]), width: 1.3, scale: secondUnit && k >= labels.length / 2 ? "z" : "y",
     }));
-    const scales = { x: { time: false }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(1e-3, high * 1.1)] } };
+    const scales = { x: { time: false }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(0.1, high * 1.1)] } };
     if (secondUnit) scales.z = { range: (_, __, high) => [0, Math.max(1, high * 1.1)] };
-    const second = secondUnit ? [{ ...axis(secondUnit), scale: "z", side: 1, grid: { show: false } }] : [];
+    const second = secondUnit ? [{ ...axis(secondUnit), size: 62, scale: "z", side: 1, grid: { show: false } }] : [];
     this.plot = plot(place, { series: [{}, ...series], scales, axes: [below(xLabel), (log ? logarithmic : axis)(unit), ...second] },
       [[], ...labels.map(() => [])]);
   }
