@@ -69,9 +69,12 @@ impl Import {
 
 fn text(imported: &Imported) -> String {
     let Imported { path, frames, of_other_interfaces, others, duration_s } = imported;
+    let frames_of = if *frames == 1 { "frame of" } else { "frames of" };
+    let others_of =
+        if *others == 1 { "line or object that is no frame" } else { "lines or objects that are no frames" };
     format!(
-        "{}: {frames} frames of {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
-         {others} lines or objects that are no frames\n",
+        "{}: {frames} {frames_of} {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
+         {others} {others_of}\n",
         path.display()
     )
 }

@@ -89,10 +89,20 @@ fn what_cannot_be_imported_is_said() {
 }
 
 #[test]
+fn one_line_that_is_no_frame_is_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can0 20000040#00\n(1.75) can0 123#00\n").unwrap();
+    let said = resonarm(folder.path(), &["import", "a.log", "a.mcap"]);
+    assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 0 of other interfaces and 1 line or object that is no frame");
+}
+
+#[test]
 fn one_interface_of_several() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can1 201#00\n(1.75) can0 7FF#R\n").unwrap();
     let said = resonarm(folder.path(), &["import", "a.log", "a.mcap", "--interface", "can0"]);
     assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 1 of other interfaces and 0 lines or objects that are no frames");
+    let one = resonarm(folder.path(), &["import", "a.log", "b.mcap", "--interface", "can1"]);
+    assert_snapshot!(one.stdout, @"b.mcap: 1 frame of 0.000 s; left out 2 of other interfaces and 0 lines or objects that are no frames");
     assert_eq!(frames(&folder.path().join("a.mcap")).iter().map(|frame| frame.sample).collect::<Vec<_>>(), [0, 750]);
 }

@@ -90,7 +90,7 @@ def test_objects_that_only_vector_writes_are_read(tmp_path):
     assert frames[1][-1] == b"\x07\x08" + bytes(62)
     # python-can gives a remote frame zeros for data, and a request to send as a frame that was sent.
     assert frames[3][:3] == content(expected[3])[:3]
-    assert len(frames) == len(expected) - 1 == 4 and "and 1 lines or objects" in said
+    assert len(frames) == len(expected) - 1 == 4 and "and 1 line or object that is no frame" in said
 
 
 def test_what_is_exported_is_replayed_from_the_import(tmp_path):
