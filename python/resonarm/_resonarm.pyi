@@ -110,7 +110,7 @@ _Load = tuple[float, float]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
 _Sine = tuple[_Load, _Load, float]
-_RealTime = tuple[str | None, str | None, int | None, int | None]
+_RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
 

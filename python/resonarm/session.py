@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,8 @@ Controller = Callable[[_resonarm.Measurement], tuple[float, float] | None]
 """What answers a sample: called with a `Measurement`, it returns the load to hold up to the next sample, two
 components, or None when its work is done. If it has a method `restart`, that is called where the exciter begins anew
 after a fault."""
+Spin = Literal["auto", "off"]
+"""How long a loop looks at the clock before a deadline: as long as its sleeps are late, or not at all."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,6 +88,8 @@ def run(
     rt: str | None = None,
     priority: int | None = None,
     core: int | None = None,
+    cores_awake: bool = False,
+    spin_s: float | Spin | None = None,
 ) -> Report:
     """Runs plant and exciter of a scenario on a bus inside this process, until the exciter's work is done.
 
@@ -99,13 +103,17 @@ def run(
     (`docs/real-time.md`). With `rt` auto the thread of the run, the plant's, asks for what `resonarm run` asks for:
     SCHED_FIFO with the `priority` of 80, or another from 1 to 99, all memory of the process locked, and the `core` if
     one is given. With require the run does not begin without them. By default only what is given is asked for: a
-    priority, with it the memory, or a core. What the thread got is `thread` in the plant's report; what it did not get
-    goes to the logger `resonarm`, too.
+    priority, with it the memory, or a core. `cores_awake` holds all cores of the machine out of their idle states as
+    long as the run goes on. What the thread got is `thread` in the plant's report; what it did not get goes to the
+    logger `resonarm`, too. The plant's loop sleeps until `spin_s` seconds before each deadline, a quarter of the
+    period at most, and looks at the clock from there on; auto measures how late sleeps are, off, the default, sleeps
+    until the deadline. What was chosen is `spin` in the plant's report.
 
     Raises ValueError and OSError if the run can't begin; what the controller raises. What ends a run early is in the
     report.
     """
-    how = (mode, record, overwrite, speed, patience_s, rearm, True, (overrun, rt, priority, core))
+    real_time = (overrun, rt, priority, core, cores_awake, spin_s)
+    how = (mode, record, overwrite, speed, patience_s, rearm, True, real_time)
     own = None if controller is None else (controller, load)
     plant, exciter, responses = _resonarm.run_both(scenario, how, own)
     return Report(plant, exciter, view(responses, RESPONSE))
@@ -116,7 +124,7 @@ class Node(_resonarm.NodeRun):
     manager it is stopped at the end of the block.
 
     `bus` is the address of a bus as on the command line, such as vcan0. Other arguments are those of `run`;
-    `end_on_disarm` ends a plant's run when it is disarmed or faults.
+    `end_on_disarm` ends a plant's run when it is disarmed or faults. `spin_s` is for a plant.
     """
 
     def __new__(
@@ -138,8 +146,11 @@ class Node(_resonarm.NodeRun):
         rt: str | None = None,
         priority: int | None = None,
         core: int | None = None,
+        cores_awake: bool = False,
+        spin_s: float | Spin | None = None,
     ) -> "Node":
-        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, (overrun, rt, priority, core))
+        real_time = (overrun, rt, priority, core, cores_awake, spin_s)
+        how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time)
         own = None if controller is None else (controller, load)
         return super().__new__(cls, role, scenario, how, bus, own)
 

@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use resonarm::analysis::time_domain::TimeDomainError;
 use resonarm::analysis::{AnalysisError, FrfError};
 use resonarm::bus::BusError;
+use resonarm::realtime::SpinError;
 use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
@@ -98,6 +99,7 @@ pub fn run(error: RunError) -> PyErr {
         | RunError::Speed(_)
         | RunError::FreeHasNoBus
         | RunError::BitErrors { .. }
+        | RunError::Spin(SpinError::Text { .. } | SpinError::TooLong { .. })
         | RunError::TimedInRealTime { .. } => value(error),
         RunError::NoRealTimeThread { .. } => refused(io::ErrorKind::PermissionDenied, &error),
         _ => failed(error),

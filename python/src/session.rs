@@ -1,5 +1,6 @@
 //! Runs: both nodes of a scenario in this process, or one of them on a bus, on a thread of its own.
 
+use core::fmt::Display;
 use core::time::Duration;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -11,7 +12,7 @@ use pyo3::types::PyByteArray;
 use resonarm::bus::{self, Bus};
 use resonarm::control::ResponsePoint;
 use resonarm::excitation::Phasor;
-use resonarm::realtime::{FifoPriority, ThreadSetup};
+use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::recording::Existing;
 use resonarm::run::{
     BothReport, ExciterEnd, ExciterReport, Mode, OnShortfall, Options, PlantReport, RecordTo, RunError, RunEvent,
@@ -36,19 +37,46 @@ const EVENTS: usize = 1024;
 pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, bool, RealTime);
 
 /// What is said of a run in real time: what a missed deadline leads to, how much its thread wants to be a real-time
-/// thread, its priority, its core.
+/// thread, its priority, its core, whether the cores are kept awake, how long its loop spins.
 #[derive(Debug, FromPyObject)]
-pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>);
+pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>, bool, Option<SpinGiven>);
+
+/// How long a loop spins before a deadline, as it is given.
+#[derive(Debug, FromPyObject)]
+enum SpinGiven {
+    /// auto or off.
+    Word(String),
+    /// A time, s.
+    Time(f64),
+}
+
+impl SpinGiven {
+    fn spin(&self) -> PyResult<Spin> {
+        let refuse = |given: &dyn Display| {
+            let message = format!("spin_s is {given}: it is auto, off, or a time in seconds, above 0 and 1 at most");
+            Err(errors::value(message))
+        };
+        match self {
+            SpinGiven::Word(word) if word == "auto" => Ok(Spin::Auto),
+            SpinGiven::Word(word) if word == "off" => Ok(Spin::Off),
+            SpinGiven::Word(word) => refuse(&format!("`{word}`")),
+            SpinGiven::Time(time_s) if *time_s > 0.0 && *time_s <= 1.0 => Ok(Spin::For((time_s * 1e9).round() as u64)),
+            SpinGiven::Time(time_s) => refuse(time_s),
+        }
+    }
+}
 
 impl RealTime {
     /// In the options of a run in this mode.
     fn set(self, mode: Mode, options: &mut Options) -> PyResult<()> {
-        let RealTime(overrun, rt, priority, core) = self;
+        let RealTime(overrun, rt, priority, core, cores_awake, spin) = self;
         let given = [
             ("overrun", overrun.is_some()),
             ("rt", rt.is_some()),
             ("priority", priority.is_some()),
             ("core", core.is_some()),
+            ("cores_awake", cores_awake),
+            ("spin_s", spin.is_some()),
         ];
         if let (false, Some((name, _))) = (mode == Mode::RealTime, given.iter().find(|(_, is_given)| *is_given)) {
             let message = format!("{name} is for the mode real-time, and the mode is {mode}: leave it out");
@@ -57,18 +85,20 @@ impl RealTime {
         if let Some(policy) = overrun {
             options.overrun = policy.parse().map_err(errors::value)?;
         }
+        if let Some(spin) = spin {
+            options.spin = spin.spin()?;
+        }
         let priority = priority.map(fifo_priority).transpose()?;
-        let whole =
-            ThreadSetup { priority: priority.or(ThreadSetup::default().priority), core, ..ThreadSetup::default() };
+        let given = ThreadSetup { priority, lock_memory: priority.is_some(), core, cores_awake };
+        let default = ThreadSetup::default();
+        let whole = ThreadSetup { priority: priority.or(default.priority), lock_memory: true, ..given };
+        let left_out =
+            |asked: &str| Err(errors::value(format!("{asked} asks for what rt off leaves out: give one of them")));
         match (rt.as_deref(), core) {
-            (None, _) if priority.is_some() || core.is_some() => {
-                let lock_memory = priority.is_some();
-                options.thread = Some(ThreadSetup { priority, core, lock_memory, ..ThreadSetup::default() });
-            }
+            (None, _) if priority.is_some() || core.is_some() || cores_awake => options.thread = Some(given),
+            (Some("off"), Some(core)) => return left_out(&format!("core {core}")),
+            (Some("off"), None) if cores_awake => return left_out("cores_awake"),
             (None, _) | (Some("off"), None) => {}
-            (Some("off"), Some(core)) => {
-                return Err(errors::value(format!("core {core} asks for what rt off leaves out: give one of them")));
-            }
             (Some("auto"), _) => options.thread = Some(whole),
             (Some("require"), _) => {
                 (options.thread, options.on_shortfall) = (Some(whole), OnShortfall::Refuse);
@@ -95,6 +125,12 @@ fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
 }
 
 impl How {
+    /// Whether it says how long the loop spins.
+    fn spins(&self) -> bool {
+        let How(.., RealTime(.., spin)) = self;
+        spin.is_some()
+    }
+
     fn session(self, scenario: &Scenario, controller: Option<(Py<PyAny>, String)>) -> PyResult<(Session, Raised)> {
         let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time) = self;
         let mode: Mode = mode.parse().map_err(errors::value)?;
@@ -205,6 +241,9 @@ impl NodeRun {
     ) -> PyResult<NodeRun> {
         if how.0 == Mode::Free.name() {
             return Err(errors::run(RunError::FreeHasNoBus));
+        }
+        if role == "exciter" && how.spins() {
+            return Err(errors::value("spin_s is for a plant, whose loop alone spins: leave it out"));
         }
         let (session, raised) = how.session(scenario, controller)?;
         let mut bus: Box<dyn Bus> = match bus.cast::<BusEnd>() {

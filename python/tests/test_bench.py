@@ -1,5 +1,6 @@
 """Scenarios, plant, sessions and recordings: the same bits, however the bench is driven."""
 
+import math
 import pickle
 import signal
 import subprocess
@@ -292,15 +293,48 @@ def test_a_core_that_is_not_there_is_told(bench_scenario, caplog):
         ("real-time", {"overrun": "panic"}, "unknown overrun policy `panic`"),
         ("real-time", {"priority": 100}, "the real-time priority is 100; it must be from 1 to 99"),
         ("real-time", {"priority": 300}, "the real-time priority is 300; it must be from 1 to 99"),
+        ("real-time", {"spin_s": "on"}, "spin_s is `on`: it is auto, off, or a time in seconds, above 0 and 1 at most"),
+        ("real-time", {"spin_s": 0.0}, "spin_s is 0: it is auto, off, or a time in seconds, above 0 and 1 at most"),
+        ("real-time", {"spin_s": math.nan}, "spin_s is NaN: it is auto, off, or a time in seconds"),
+        ("real-time", {"spin_s": 0.251e-3}, "spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs"),
         ("real-time", {"rt": "maybe"}, "rt is `maybe`: it is one of auto, require, off"),
         ("lockstep", {"priority": 10}, "priority is for the mode real-time, and the mode is lockstep: leave it out"),
+        ("lockstep", {"cores_awake": True}, "cores_awake is for the mode real-time, and the mode is lockstep"),
+        ("free", {"spin_s": "off"}, "spin_s is for the mode real-time, and the mode is free: leave it out"),
         ("free", {"overrun": "slip"}, "overrun is for the mode real-time, and the mode is free: leave it out"),
     ],
 )
-def test_what_real_time_cant_have_is_refused(bench_scenario, mode, options, message):
+def test_what_real_time_cant_have_is_refused(bench_scenario, tmp_path, mode, options, message):
+    path = tmp_path / "run.mcap"
     with pytest.raises(ValueError) as raised:
-        resonarm.run(bench_scenario, mode, **options)
+        resonarm.run(bench_scenario, mode, record=path, **options)
     assert message in str(raised.value)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(("spin_s", "spin_us"), [(0.12e-3, 120.0), ("auto", None), ("off", 0.0), (None, 0.0)])
+def test_how_long_the_loop_spins_is_reported(bench_scenario, spin_s, spin_us):
+    scenario = bench_scenario.replace(simulation={"duration_s": 0.05})
+    spin = resonarm.run(scenario, "real-time", spin_s=spin_s).plant.get("spin")
+    if spin_us == 0.0:
+        assert spin is None
+    elif spin_us is None:
+        assert spin["slept_p99_us"] > 0 and 0 <= spin["spin_us"] <= spin["most_us"] == 250.0, spin
+    else:
+        assert spin == {"spin_us": spin_us, "slept_p99_us": None, "most_us": 250.0}
+
+
+def test_an_exciter_does_not_spin(bench_scenario):
+    with pytest.raises(ValueError, match="spin_s is for a plant, whose loop alone spins: leave it out"):
+        resonarm.Node("exciter", bench_scenario, _resonarm.Hub(2).end(), spin_s="auto")
+
+
+def test_cores_are_kept_awake_or_it_is_told(bench_scenario):
+    thread = resonarm.run(bench_scenario.replace(simulation={"duration_s": 0.05}), "real-time", cores_awake=True).plant[
+        "thread"
+    ]
+    assert (thread["priority"], thread["memory"], thread["core"]) == (None, "none", None), thread
+    assert thread["cores_awake"] != bool(thread["shortfalls"]), thread
 
 
 def test_both_nodes_on_a_bus_of_ones_own(bench_scenario):

@@ -85,6 +85,7 @@ CASES = [
     ("run --mode real-time --bus memory --priority 100", lambda: run("real-time", priority=100), ValueError),
     ("run --mode real-time --bus memory --overrun panic", lambda: run("real-time", overrun="panic"), ValueError),
     ("run --bus memory --rt off --core 1", lambda: run("real-time", rt="off", core=1), ValueError),
+    ("run --bus memory --rt off --cores-awake", lambda: run("real-time", rt="off", cores_awake=True), ValueError),
     ("run --mode free --bus vcan0", lambda: resonarm.Node("plant", resonarm.Scenario(), "vcan0", "free"), ValueError),
     ("run --bus foo:bar", lambda: resonarm.Node("plant", resonarm.Scenario(), "foo:bar"), ValueError),
     (f"resim {NONE}", lambda: resonarm.Recording(NONE), FileNotFoundError),

@@ -42,24 +42,36 @@ pub struct SpinChoice {
 }
 
 impl Spin {
+    /// Refuses a time that a loop at `rate` can't spin for.
+    ///
+    /// # Errors
+    /// [`SpinError::TooLong`] for a time given that is longer than a quarter of the period.
+    pub fn check(self, rate: SampleRate) -> Result<(), SpinError> {
+        let most_ns = most_ns(rate);
+        match self {
+            Spin::For(ns) if ns > most_ns => Err(SpinError::TooLong {
+                got_us: ns as f64 / 1e3,
+                most_us: most_ns as f64 / 1e3,
+                rate_hz: rate.rate_hz(),
+            }),
+            Spin::Off | Spin::Auto | Spin::For(_) => Ok(()),
+        }
+    }
+
     /// Chooses for a loop at `rate` on the calling thread. [`Spin::Auto`] sleeps 300 times for that, half a millisecond
     /// or a period each.
     ///
     /// # Errors
     /// [`SpinError::TooLong`] for a time given that is longer than a quarter of the period.
     pub fn choose<C: Clock>(self, clock: &C, rate: SampleRate) -> Result<Option<SpinChoice>, SpinError> {
-        let most_ns = rate.offset_ns(1) / SPIN_PART;
+        self.check(rate)?;
+        let most_ns = most_ns(rate);
         let choice = |spin_ns: u64, slept_p99_us| {
             let [spin_us, most_us] = [spin_ns, most_ns].map(|ns| ns as f64 / 1e3);
             SpinChoice { spin_us, slept_p99_us, most_us }
         };
         match self {
             Spin::Off => Ok(None),
-            Spin::For(ns) if ns > most_ns => Err(SpinError::TooLong {
-                got_us: ns as f64 / 1e3,
-                most_us: most_ns as f64 / 1e3,
-                rate_hz: rate.rate_hz(),
-            }),
             Spin::For(ns) => Ok(Some(choice(ns, None))),
             Spin::Auto => {
                 let p99_us = sleeps_p99_us(clock, rate.offset_ns(1).min(SLEEP_NS))?;
@@ -94,6 +106,11 @@ impl fmt::Display for SpinChoice {
             }
         }
     }
+}
+
+/// The longest time that a loop at this rate may spin, ns.
+fn most_ns(rate: SampleRate) -> u64 {
+    rate.offset_ns(1) / SPIN_PART
 }
 
 /// How late 99 % of sleeps of `sleep_ns` are at most, µs.

@@ -154,6 +154,9 @@ impl Session {
         let plant = Plant::new(&scenario.plant_spec()?)?;
         let rate = SampleRate::new(scenario.simulation.rate_hz)?;
         check_speed(options.speed, mode, rate, timing.partner_timeout_ns)?;
+        if mode == Mode::RealTime {
+            options.spin.check(rate)?;
+        }
         let ending = Ending {
             after_samples: scenario.duration_samples()?,
             on_disarm: options.end_on_disarm,
