@@ -125,11 +125,7 @@ impl<C: Clock> Run<'_, C> {
             if self.patience.plant_ended.is_none() {
                 self.signals.gauges().set_answered(self.node.samples_played(), self.node.state());
             }
-            if self.rearmed < self.patience.rearm && self.node.rearm(now_ns) {
-                self.rearmed += 1;
-                self.responses.clear();
-            }
-            if self.node.outcome().is_some() {
+            if self.has_ended(now_ns) {
                 return Ok(Answered::Node);
             }
             if plant_ended && self.waits_for_plant() {
@@ -139,6 +135,25 @@ impl<C: Clock> Run<'_, C> {
             let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
             self.wait(due_ns.min(if sent { LOOK_NS } else { RETRY_NS }))?;
         }
+    }
+
+    /// Whether the work is done. After a fault with a try left it begins anew, once the bus takes frames again: what is
+    /// heard before then can be of before the fault.
+    fn has_ended(&mut self, now_ns: u64) -> bool {
+        let Some(outcome) = self.node.outcome() else { return false };
+        let begins_anew = matches!(outcome, Outcome::Faulted(_)) && self.rearmed < self.patience.rearm;
+        if !begins_anew || self.signals.is_stopped() {
+            return true;
+        }
+        if self.lost_since_ns.is_some() {
+            return false;
+        }
+        if !self.node.rearm(now_ns) {
+            return true;
+        }
+        self.rearmed += 1;
+        self.responses.clear();
+        false
     }
 
     /// Takes in what has come, and answers it.

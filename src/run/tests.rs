@@ -17,6 +17,7 @@ use crate::scenario::Scenario;
 
 mod both_ends;
 mod jammed_bus;
+mod lost_bus;
 mod network;
 mod watched;
 
