@@ -7,7 +7,7 @@ use core::{mem, ptr};
 use std::io;
 use std::os::fd::{AsRawFd, BorrowedFd};
 
-use libc::{MSG_CTRUNC, MSG_DONTWAIT, SCM_TIMESTAMPING, SOL_SOCKET, iovec, mmsghdr};
+use libc::{MSG_CTRUNC, MSG_DONTWAIT, MSG_WAITFORONE, SCM_TIMESTAMPING, SOL_SOCKET, iovec, mmsghdr};
 use resonarm_protocol::Frame;
 
 use super::frame::{KernelFrame, RawFrame};
@@ -51,10 +51,23 @@ impl Slot {
     }
 }
 
-/// Takes in what has come, as many frames as there are slots at most: how many. It never blocks: none is an error of
-/// the kind [`io::ErrorKind::WouldBlock`].
+/// What to do if no frame has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum IfNone {
+    /// Come back.
+    Return,
+    /// Sleep until one comes, for the socket's receive timeout at most.
+    Sleep,
+}
+
+/// Takes in what has come, as many frames as there are slots at most: how many. None is an error of the kind
+/// [`io::ErrorKind::WouldBlock`].
 #[allow(unsafe_code, reason = "recvmmsg(2) has no safe wrapper that keeps its memory from call to call")]
-pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES]) -> io::Result<usize> {
+pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_none: IfNone) -> io::Result<usize> {
+    let flags = match if_none {
+        IfNone::Return => MSG_DONTWAIT,
+        IfNone::Sleep => MSG_WAITFORONE,
+    };
     let (mut vectors, mut headers) = ([NO_VECTOR; FRAMES], no_headers());
     for ((slot, vector), header) in slots.iter_mut().zip(&mut vectors).zip(&mut headers) {
         *vector = iovec { iov_base: (&raw mut slot.frame.raw).cast(), iov_len: mem::size_of::<RawFrame>() };
@@ -66,8 +79,7 @@ pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES]) -> io:
     // message lie in memory of the length stated, borrowed mutably until the call is over. What the kernel writes there
     // are numbers, of which every bit pattern is one.
     let count = unsafe {
-        let flags = MSG_DONTWAIT as _;
-        libc::recvmmsg(socket.as_raw_fd(), headers.as_mut_ptr(), FRAMES as c_uint, flags, ptr::null_mut())
+        libc::recvmmsg(socket.as_raw_fd(), headers.as_mut_ptr(), FRAMES as c_uint, flags as _, ptr::null_mut())
     };
     let count = usize::try_from(count).map_err(|_negative| io::Error::last_os_error())?;
     for (slot, header) in slots.iter_mut().zip(&headers[..count]) {

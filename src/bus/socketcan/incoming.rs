@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use std::io;
 use std::os::fd::BorrowedFd;
 
-use super::batch::{self, FRAMES, Slot};
+use super::batch::{self, FRAMES, IfNone, Slot};
 
 /// What the last call brought.
 pub(super) struct Incoming {
@@ -39,9 +39,9 @@ impl Incoming {
     }
 
     /// Asks the kernel for what has come. `false` if nothing has.
-    pub fn fill(&mut self, socket: BorrowedFd<'_>) -> io::Result<bool> {
+    pub fn fill(&mut self, socket: BorrowedFd<'_>, if_none: IfNone) -> io::Result<bool> {
         (self.next, self.len, self.is_last) = (0, 0, false);
-        match batch::receive(socket, &mut self.slots) {
+        match batch::receive(socket, &mut self.slots, if_none) {
             Ok(count) => {
                 (self.len, self.is_last) = (count, count < FRAMES);
                 Ok(true)

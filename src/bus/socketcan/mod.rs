@@ -1,7 +1,8 @@
 //! CAN interfaces of this Linux, through SocketCAN raw sockets (kernel document `networking/can.rst`).
 //!
 //! **In one call** the kernel takes what there is to send (`sendmmsg`), and hands over what has come (`recvmmsg`), up
-//! to 32 frames. [`Bus::receive`] gives them out one by one.
+//! to 32 frames. [`Bus::receive`] gives them out one by one. [`Bus::wait`] sleeps in that same call, in which the socket
+//! blocks for a fixed time, and in `poll` only for what is shorter; everything else asks not to block (`MSG_DONTWAIT`).
 //!
 //! **Error frames** are messages of the local controller, not of the bus. Those that tell of its state and of faults of
 //! the wire are asked for, and counted in their place among the frames ([`Statistics::errors`], [`Bus::controller`]).
@@ -30,10 +31,11 @@ use libc::{
 use resonarm_protocol::{Frame, FrameFormat};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
-use rustix::net::sockopt;
+use rustix::net::sockopt::{self, Timeout};
 use socketcan::timestamp::{SOF_TIMESTAMPING_OPT_CMSG, SOF_TIMESTAMPING_RX_SOFTWARE, SOF_TIMESTAMPING_SOFTWARE};
 use socketcan::{CanAddr, CanFdSocket, CanFilter, Socket, SocketOptions};
 
+use self::batch::IfNone;
 use self::error_frame::ASKED_FOR;
 use self::frame::filter;
 use self::incoming::Incoming;
@@ -47,6 +49,11 @@ pub use interface::interfaces;
 const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
 /// The size of those counters up to that one, bytes.
 pub(super) const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
+
+/// For how long a receiving call sleeps if no frame comes (`SO_RCVTIMEO`).
+const SLEEP: Duration = Duration::from_millis(10);
+/// The shortest wait that may sleep so: the kernel rounds the sleep up to its timer ticks, of up to 10 ms (`CONFIG_HZ`).
+const SLEEP_FROM: Duration = Duration::from_millis(20);
 
 /// How to open a [`SocketCan`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,9 +146,27 @@ impl SocketCan {
     }
 
     /// Asks the kernel for what has come; `false` if nothing has.
-    fn take_in(&mut self) -> Result<bool, BusError> {
+    fn take_in(&mut self, if_none: IfNone) -> Result<bool, BusError> {
         let socket = self.socket.as_ref().ok_or(BusError::Closed)?;
-        self.incoming.fill(socket.as_fd()).map_err(|source| self.failure("receiving", source))
+        match self.incoming.fill(socket.as_fd(), if_none) {
+            Err(source) if source.kind() == io::ErrorKind::Interrupted => Ok(false),
+            outcome => outcome.map_err(|source| self.failure("receiving", source)),
+        }
+    }
+
+    /// Sleeps until something comes, `timeout` at most, and takes it in.
+    fn sleep(&mut self, timeout: Duration) -> Result<(), BusError> {
+        if timeout >= SLEEP_FROM {
+            return self.take_in(IfNone::Sleep).map(drop);
+        }
+        let socket = self.socket()?;
+        let mut polled = [PollFd::new(socket, PollFlags::IN)];
+        match poll(&mut polled, timeout.try_into().ok().as_ref()) {
+            Ok(0) | Err(Errno::INTR) => Ok(()),
+            Ok(_) if polled[0].revents().contains(PollFlags::IN) => self.take_in(IfNone::Return).map(drop),
+            Ok(_) => self.pending_error(socket),
+            Err(errno) => Err(self.failure("waiting", errno.into())),
+        }
     }
 
     /// Whether what was taken in holds something that [`Bus::receive`] gives out. Error frames before that are counted.
@@ -201,7 +226,7 @@ impl Bus for SocketCan {
         self.socket()?;
         loop {
             let Some(slot) = self.incoming.pop() else {
-                if self.incoming.take_last() || !self.take_in()? {
+                if self.incoming.take_last() || !self.take_in(IfNone::Return)? {
                     return Ok(None);
                 }
                 continue;
@@ -226,20 +251,14 @@ impl Bus for SocketCan {
         let (deadline, mut remaining) = (Deadline::after(timeout), timeout);
         loop {
             self.incoming.take_last();
-            let socket = self.socket()?;
-            let mut polled = [PollFd::new(socket, PollFlags::IN)];
-            // A timeout too long for the system call is endless.
-            match poll(&mut polled, remaining.try_into().ok().as_ref()) {
-                Ok(0) => return Ok(false),
-                Ok(_) if polled[0].revents().contains(PollFlags::IN) => _ = self.take_in()?,
-                Ok(_) => self.pending_error(socket)?,
-                Err(Errno::INTR) => {}
-                Err(errno) => return Err(self.failure("waiting", errno.into())),
-            }
+            self.sleep(remaining)?;
             if self.has_frame() {
                 return Ok(true);
             }
             remaining = deadline.remaining();
+            if remaining.is_zero() {
+                return Ok(false);
+            }
         }
     }
 
@@ -289,7 +308,7 @@ pub fn supported() -> Result<(), BusError> {
 /// Makes the socket what the module promises, and says what buffers it was granted. An error says what was being done.
 fn configure(socket: &CanFdSocket, options: Options) -> Result<Options, (&'static str, io::Error)> {
     let stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_OPT_CMSG;
-    socket.set_nonblocking(true).map_err(|e| ("making the socket non-blocking", e))?;
+    sockopt::set_socket_timeout(socket, Timeout::Recv, Some(SLEEP)).map_err(|e| ("setting the timeout", e.into()))?;
     socket.set_timestamping(stamps).map_err(|e| ("asking for kernel timestamps", e))?;
     socket.set_error_filter(ASKED_FOR).map_err(|e| ("asking for error frames", e))?;
     drops(socket).map_err(|e| ("reading the count of lost frames", e))?;
