@@ -14,5 +14,7 @@ mod no_alloc;
 mod on_vcan;
 #[cfg(feature = "python-can")]
 mod python_can;
+#[cfg(debug_assertions)]
+mod whole_tick;
 
 use contract::{Formats, contract};

@@ -146,6 +146,16 @@ fn sends_and_receives_without_allocating() {
     assert_eq!(received, (true, 48));
 }
 
+#[cfg(debug_assertions)]
+#[test]
+#[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
+fn a_whole_tick_takes_no_memory() {
+    let interface = Interface::new("rttick");
+    for profile in ["classic", "fd"] {
+        crate::whole_tick::takes_no_memory((Box::new(interface.open()), Box::new(interface.open())), profile);
+    }
+}
+
 #[test]
 #[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
 fn kernel_timestamps_lie_between_sending_and_receiving() {
