@@ -1,8 +1,9 @@
 //! CAN interfaces of this Linux, through SocketCAN raw sockets (kernel document `networking/can.rst`).
 //!
 //! **In one call** the kernel takes what there is to send (`sendmmsg`), and hands over what has come (`recvmmsg`), up
-//! to 32 frames. [`Bus::receive`] gives them out one by one. [`Bus::wait`] sleeps in that same call, in which the socket
-//! blocks for a fixed time, and in `poll` only for what is shorter; everything else asks not to block (`MSG_DONTWAIT`).
+//! to 32 frames. [`Bus::receive`] gives them out one by one. [`Bus::wait`] sleeps in that same call, in which the
+//! socket blocks for a fixed time, and in `poll` only for what is shorter; everything else asks not to block
+//! (`MSG_DONTWAIT`).
 //!
 //! **Error frames** are messages of the local controller, not of the bus. Those that tell of its state and of faults of
 //! the wire are asked for, and counted in their place among the frames ([`Statistics::errors`], [`Bus::controller`]).
@@ -52,7 +53,7 @@ pub(super) const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
 
 /// For how long a receiving call sleeps if no frame comes (`SO_RCVTIMEO`).
 const SLEEP: Duration = Duration::from_millis(10);
-/// The shortest wait that may sleep so: the kernel rounds the sleep up to its timer ticks, of up to 10 ms (`CONFIG_HZ`).
+/// The shortest wait that may sleep so: the kernel rounds the sleep up to its timer ticks, up to 10 ms (`CONFIG_HZ`).
 const SLEEP_FROM: Duration = Duration::from_millis(20);
 
 /// How to open a [`SocketCan`].
