@@ -15,19 +15,15 @@ import numpy as np
 import pytest
 import pyuff
 import soundfile
+from foxglove_schemas import declared, published
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf.descriptor import FieldDescriptor
 from mcap.reader import make_reader
 from processes import RESONARM, run
 from recordings import LOAD, SENSORS, STATE, SENT, Recording, bits
 
 # As candump writes a frame: identifier, flags of CAN FD, data.
 FRAME = re.compile(r" ([0-9A-F]+)#(#[0-9A-F])?([0-9A-F]*)\b")
-
-# Names of scalar types by their numbers.
-SCALARS = ("double", "bool", "string", "uint32", "fixed32")
-TYPES = {getattr(FieldDescriptor, f"TYPE_{name}".upper()): name for name in SCALARS}
 
 ROOT = Path(__file__).resolve().parents[2]
 FD = """
@@ -44,53 +40,6 @@ profile = { waveform = "dwell", frequency_hz = 22.1, duration_s = 1.0, settle_s 
 def export(folder, recording, *arguments):
     """Exports into the folder under the name `x`."""
     return run(RESONARM, "export", recording, "--out", folder / "x", *arguments)
-
-
-def times(schema):
-    """Whether a message is a time or a duration, which Foxglove has otherwise in JSON than Protobuf."""
-    return schema.full_name in ("google.protobuf.Timestamp", "google.protobuf.Duration")
-
-
-def published(descriptor, message):
-    """Holds a message in JSON to the published schema: every field is there, and of its type."""
-    if times(descriptor):
-        assert set(message) == {"sec", "nsec"} and all(type(part) is int for part in message.values())
-        return
-    fields = {field.name: field for field in descriptor.fields}
-    assert set(message) == set(fields), descriptor.full_name
-    for name, field in fields.items():
-        assert isinstance(message[name], list) == field.is_repeated, name
-        for value in message[name] if field.is_repeated else [message[name]]:
-            if field.message_type:
-                published(field.message_type, value)
-            elif field.enum_type:
-                assert value in field.enum_type.values_by_number, name
-            else:
-                assert type(value) is type(field.default_value if not field.is_repeated else 0), name
-
-
-def declared(descriptor, schema):
-    """Holds a schema that a file states to the published one."""
-    if times(descriptor):
-        assert set(schema["properties"]) == {"sec", "nsec"}
-        return
-    fields = {field.name: field for field in descriptor.fields}
-    assert set(schema["properties"]) == set(fields), descriptor.full_name
-    kinds = {"double": "number", "bool": "boolean", "string": "string", "uint32": "integer", "fixed32": "integer"}
-    for name, field in fields.items():
-        found = schema["properties"][name]
-        if field.is_repeated:
-            assert found["type"] == "array", name
-            found = found["items"]
-        if field.message_type:
-            assert found["type"] == "object", name
-            # What the file leaves empty it does not describe.
-            if "properties" in found:
-                declared(field.message_type, found)
-        elif field.enum_type:
-            assert found["type"] == "integer", name
-        else:
-            assert found["type"] == kinds[TYPES[field.type]], name
 
 
 @pytest.fixture(scope="module", params=["classic", "fd"])
