@@ -91,8 +91,13 @@ impl Demo {
         if !self.json {
             output::print(&introduction)?;
         }
-        let part =
-            Part { role: Role::PlantAndExciter, place: String::from("a bus in memory"), json: false, steered: None };
+        let part = Part {
+            role: Role::PlantAndExciter,
+            place: String::from("a bus in memory"),
+            interface: session.interface_of_both().to_owned(),
+            json: false,
+            steered: None,
+        };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));

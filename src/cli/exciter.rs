@@ -83,7 +83,8 @@ impl Exciter {
         let (session, steered) = self.steer.steered(session)?;
         let length = session.controller()?.length();
         let mut bus = bus::open(&address)?;
-        let part = Part { role: Role::Exciter, place: address.to_string(), json: false, steered };
+        let part =
+            Part { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));

@@ -65,8 +65,10 @@ pub(super) fn show(flags: &LiveFlags, recording: Recording) -> Result<(), Failur
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
 pub(super) struct Part {
     pub role: Role,
-    /// The bus.
+    /// The bus, in words.
     pub place: String,
+    /// What recordings call it.
+    pub interface: String,
     /// Write the line that says where as JSON.
     pub json: bool,
     /// What is steered, if something is.
@@ -170,6 +172,9 @@ mod serving {
         let (watch, watcher) = watch();
         let responds = part.role != Role::Plant;
         let shown = Shown {
+            interface: part.interface.clone(),
+            // An exciter knows no angles.
+            arm: (part.role != Role::Exciter).then(|| arm.clone()),
             model: Model::new(about, arm),
             source: Source::Run(watcher),
             // The load of what is steered is not that of the scenario.
@@ -195,6 +200,8 @@ mod serving {
         about.actions = vec![Action::Play];
         about.duration_s = summary.samples.map(|(_, last)| last as f64 * recording.origin().dt_s);
         let shown = Shown {
+            interface: recording.origin().interface.clone(),
+            arm: Some(arm.clone()),
             model: Model::new(about, arm),
             compute: load(&scenario).map(|load| compute(scenario.clone(), load)),
             range_hz: range_hz(&scenario),

@@ -131,7 +131,13 @@ impl Run {
         let configuration = configuration::of_arm(session.scenario())?;
         let address: BusAddress = bus.parse()?;
         let mut bus = bus::open(&address)?;
-        let part = Part { role: Role::Plant, place: address.to_string(), json: self.json_events, steered: None };
+        let part = Part {
+            role: Role::Plant,
+            place: address.to_string(),
+            interface: bus.name(),
+            json: self.json_events,
+            steered: None,
+        };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let (mut told, events) = event_ring();
@@ -167,8 +173,13 @@ impl Run {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),
         };
-        let part =
-            Part { role: Role::PlantAndExciter, place: String::from("a virtual bus"), json: self.json_events, steered };
+        let part = Part {
+            role: Role::PlantAndExciter,
+            place: String::from("a virtual bus"),
+            interface: session.interface_of_both().to_owned(),
+            json: self.json_events,
+            steered,
+        };
         let (session, _serving) = self.live.watched(session, &part)?;
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = self.status()?;

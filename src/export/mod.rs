@@ -9,7 +9,7 @@ mod csv;
 mod error;
 mod foxglove;
 mod log;
-mod scene;
+pub(crate) mod scene;
 mod selection;
 mod uff58;
 mod wav;

@@ -10,9 +10,9 @@ use crate::recording::{Recording, StateRecord};
 use crate::scenario::Scenario;
 
 /// The topic.
-pub(super) const TOPIC: &str = "/arm";
+pub const TOPIC: &str = "/arm";
 /// The full name of the schema.
-pub(super) const SCHEMA: &str = "foxglove.SceneUpdate";
+pub const SCHEMA: &str = "foxglove.SceneUpdate";
 /// The frame in which the points stand: the base frame of the arm.
 const FRAME: &str = "base";
 /// Of a line (foxglove.dev, "LineType"): from each point to the next.
@@ -20,7 +20,7 @@ const LINE_STRIP: u8 = 0;
 const THICKNESS_M: f64 = 0.05;
 
 /// Draws the arm.
-pub(super) struct Scene {
+pub struct Scene {
     arm: Arm,
     /// How many times as large as they are the vibrations α are drawn.
     magnification: f64,
@@ -41,47 +41,55 @@ impl Scene {
 
     /// The message of a state.
     pub fn message(&self, state: &StateRecord, time_ns: u64) -> Value {
-        let points = self.arm.points(&(self.magnification * Vector2::from(state.alpha_rad)));
-        let point = |position: Vector2<f64>| json!({ "x": position.x, "y": position.y, "z": 0.0 });
-        let line = json!({
-            "type": LINE_STRIP,
-            "pose": {
-                "position": { "x": 0.0, "y": 0.0, "z": 0.0 },
-                "orientation": { "x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0 }
-            },
-            "thickness": THICKNESS_M,
-            "scale_invariant": false,
-            "points": [point(Vector2::zeros()), point(points.b_m), point(points.c_m)],
-            "color": { "r": 0.9, "g": 0.5, "b": 0.1, "a": 1.0 },
-            "colors": [],
-            "indices": []
-        });
-        let entity = json!({
-            "timestamp": time(time_ns),
-            "frame_id": FRAME,
-            "id": "arm",
-            "lifetime": { "sec": 0, "nsec": 0 },
-            "frame_locked": false,
-            "metadata": [],
-            "arrows": [],
-            "cubes": [],
-            "spheres": [],
-            "cylinders": [],
-            "lines": [line],
-            "triangles": [],
-            "texts": [],
-            "models": []
-        });
-        json!({ "deletions": [], "entities": [entity] })
+        message(&self.arm, &state.alpha_rad, self.magnification, time_ns)
     }
 }
 
+/// The message of an arm at vibration angles α1 and α2, drawn `magnification` times as large, which its metadata say.
+pub fn message(arm: &Arm, alpha_rad: &[f64; 2], magnification: f64, time_ns: u64) -> Value {
+    let points = arm.points(&(magnification * Vector2::from(*alpha_rad)));
+    let point = |position: Vector2<f64>| json!({ "x": position.x, "y": position.y, "z": 0.0 });
+    let line = json!({
+        "type": LINE_STRIP,
+        "pose": {
+            "position": { "x": 0.0, "y": 0.0, "z": 0.0 },
+            "orientation": { "x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0 }
+        },
+        "thickness": THICKNESS_M,
+        "scale_invariant": false,
+        "points": [point(Vector2::zeros()), point(points.b_m), point(points.c_m)],
+        "color": { "r": 0.9, "g": 0.5, "b": 0.1, "a": 1.0 },
+        "colors": [],
+        "indices": []
+    });
+    let entity = json!({
+        "timestamp": time(time_ns),
+        "frame_id": FRAME,
+        "id": "arm",
+        "lifetime": { "sec": 0, "nsec": 0 },
+        "frame_locked": false,
+        "metadata": [{ "key": "magnification", "value": magnification.to_string() }],
+        "arrows": [],
+        "cubes": [],
+        "spheres": [],
+        "cylinders": [],
+        "lines": [line],
+        "triangles": [],
+        "texts": [],
+        "models": []
+    });
+    json!({ "deletions": [], "entities": [entity] })
+}
+
 /// The fields of `foxglove.SceneUpdate` that are written. The lists of other primitives are always empty.
-pub(super) fn schema() -> Value {
+pub fn schema() -> Value {
     let numbers = |names: &[&str]| -> Value {
         let fields = names.iter().map(|name| ((*name).to_owned(), json!({ "type": "number" })));
         json!({ "type": "object", "properties": fields.collect::<serde_json::Map<_, _>>() })
     };
+    let text = json!({ "type": "string" });
+    let pair =
+        json!({ "title": "foxglove.KeyValuePair", "type": "object", "properties": { "key": text, "value": text } });
     let list = |items: Value| json!({ "type": "array", "items": items });
     let empty = || list(json!({ "type": "object" }));
     let line = json!({
@@ -113,7 +121,7 @@ pub(super) fn schema() -> Value {
             "id": { "type": "string" },
             "lifetime": time_schema("duration"),
             "frame_locked": { "type": "boolean" },
-            "metadata": empty(),
+            "metadata": list(pair),
             "arrows": empty(),
             "cubes": empty(),
             "spheres": empty(),

@@ -19,6 +19,7 @@ mod foxglove;
 mod message;
 mod missed;
 mod model;
+mod moving_arm;
 mod page;
 mod player;
 mod rows;

@@ -19,10 +19,11 @@ use tokio::time::MissedTickBehavior;
 
 use super::admission::{Origins, Token};
 use super::branches::{Branches, ComputeBranch, stand_back};
-use super::foxglove::{self, Published, Stream};
+use super::foxglove::{self, Channel, Published, Stream};
 use super::model::Model;
 use super::source::Source;
 use super::{LiveError, page, viewer};
+use crate::arm::Arm;
 
 /// From one update to the next: thirty a second.
 const BEAT: Duration = Duration::from_millis(33);
@@ -60,6 +61,10 @@ pub struct Shown {
     pub range_hz: Option<(f64, f64)>,
     /// Time of sample 0, ns of the UNIX epoch.
     pub start_unix_ns: u64,
+    /// What recordings call the bus.
+    pub interface: String,
+    /// The arm, if its angles are told.
+    pub arm: Option<Arm>,
 }
 
 /// A server at work; it ends when this is dropped.
@@ -81,6 +86,8 @@ pub struct Shared {
     pub lost_updates: AtomicU64,
     pub viewers: AtomicUsize,
     pub session: String,
+    /// What is published for Foxglove.
+    pub channels: &'static [Channel],
     origins: Origins,
 }
 
@@ -96,7 +103,8 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let token = Token::new()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
     let branches = shown.compute.map(Branches::start).transpose()?;
-    let stream = Stream::new(1.0 / shown.model.about().rate_hz, shown.start_unix_ns);
+    let dt_s = 1.0 / shown.model.about().rate_hz;
+    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.arm);
     let shared = Arc::new(Shared {
         model: Mutex::new(shown.model),
         source: Mutex::new(shown.source),
@@ -106,6 +114,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         lost_updates: AtomicU64::new(0),
         viewers: AtomicUsize::new(0),
         session: shown.start_unix_ns.to_string(),
+        channels: stream.channels(),
         origins: options.origins.clone(),
     });
     let beats = Beats { shared: Arc::clone(&shared), branches, range_hz: shown.range_hz, stream, count: 0 };

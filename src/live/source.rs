@@ -42,10 +42,14 @@ impl Source {
     /// Hands what came since the last call to the model and, if it is wanted, to the stream.
     pub fn drain(&mut self, model: &mut Model, mut stream: Option<&mut Stream>) {
         match self {
-            Source::Run(watcher) => watcher.take(MOST, |_, told| {
-                model.told(told);
-                stream.iter_mut().for_each(|stream| stream.told(told));
-            }),
+            Source::Run(watcher) => {
+                // Only the stream has frames.
+                watcher.want_frames(stream.is_some());
+                watcher.take(MOST, |_, told| {
+                    model.told(told);
+                    stream.iter_mut().for_each(|stream| stream.told(told));
+                });
+            }
             Source::Recording(player) => player.played.try_iter().for_each(|played| match played {
                 Played::Records(records) => records.iter().for_each(|record| {
                     model.record(record);

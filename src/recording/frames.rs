@@ -24,7 +24,7 @@ mod flag {
 
 /// Gathers frames until there are enough, or their samples span more than a batch does.
 #[derive(Debug)]
-pub(super) struct FrameBatcher {
+pub(crate) struct FrameBatcher {
     frames: Vec<FrameRecord>,
     batch: FrameBatch,
     samples: u64,

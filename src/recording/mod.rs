@@ -48,6 +48,8 @@ pub(crate) use batch::{Batch, Batcher};
 pub use build_info::{BuildInfo, build_info};
 pub use cut::{cut, merge};
 pub use error::RecordingError;
+#[cfg(feature = "live")]
+pub(crate) use frames::FrameBatcher;
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Options, TimeBase};
 #[cfg(feature = "live")]
 pub(crate) use plots::{Plot, Plots};

@@ -139,10 +139,11 @@ impl<'a> Bench<'a> {
         gauges.set(&self.held, self.node.state());
     }
 
-    /// Frames are for the recording alone.
     fn tell_watcher(&mut self, record: Record) {
-        if let (Some(watched), false) = (&mut self.watched, matches!(record, Record::Frame(_))) {
-            watched.tell(Told::Record(record));
+        match (&mut self.watched, record) {
+            (Some(watched), Record::Frame(frame)) => watched.tell_frame(|| frame),
+            (Some(watched), record) => watched.tell(Told::Record(record)),
+            (None, _) => {}
         }
     }
 

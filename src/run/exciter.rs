@@ -9,9 +9,9 @@ use super::{BusCounts, CommandRecord, End, ExciterReport, Request, RunError, Sig
 use crate::bus::{Bus, BusError, Sent};
 use crate::control::ResponsePoint;
 use crate::node::{ExciterNode, Outcome};
-use crate::protocol::NodeState;
+use crate::protocol::{Frame, NodeState};
 use crate::realtime::Clock;
-use crate::recording::{Event, Record};
+use crate::recording::{Direction, Event, FrameRecord, Record};
 
 /// Longest sleep between two looks at the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
@@ -159,6 +159,7 @@ impl<C: Clock> Run<'_, C> {
     /// Takes in what has come, and answers it.
     fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
         while let Some(received) = self.bus.receive()? {
+            self.tell_frame(Direction::Received, received.timestamp_ns, received.frame);
             self.node.handle_frame(now_ns, &received.frame);
             // An answer must not wait for the frames behind the sample.
             self.transmit()?;
@@ -235,8 +236,27 @@ impl<C: Clock> Run<'_, C> {
             }
             self.node.frame_sent();
             self.lost_since_ns = None;
+            self.tell_frame(Direction::Sent, None, frame);
         }
         Ok(true)
+    }
+
+    /// Tells those who watch an exciter alone of a frame, as it sees it: what comes takes effect in the sample that
+    /// comes next, what is sent tells of the sample before.
+    fn tell_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
+        let (next, start_ns, clock) = (self.node.samples_played(), self.start_ns, self.clock);
+        let Some(watched) = self.watched.as_mut().filter(|watched| watched.end() == End::Exciter) else { return };
+        let sample = match direction {
+            Direction::Received => next,
+            Direction::Sent => next.saturating_sub(1),
+        };
+        watched.tell_frame(|| FrameRecord {
+            sample,
+            direction,
+            time_ns: clock.now_ns().saturating_sub(start_ns),
+            bus_timestamp_ns,
+            frame,
+        });
     }
 
     /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet.

@@ -5,6 +5,8 @@ use core::str::FromStr;
 
 use thiserror::Error;
 
+use super::session::Network;
+
 /// Which run loop drives the plant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -52,4 +54,15 @@ impl FromStr for Mode {
 pub struct UnknownMode {
     /// The text.
     pub got: String,
+}
+
+impl Network {
+    /// What a recording of both nodes calls the bus between them, in a run of this mode.
+    pub(super) const fn interface(self, mode: Mode) -> &'static str {
+        match (mode, self) {
+            (Mode::Free, _) => "none",
+            (Mode::Lockstep, Network::Real(Some(_))) => "timed",
+            (Mode::RealTime | Mode::Lockstep, _) => "memory",
+        }
+    }
 }

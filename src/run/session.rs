@@ -270,6 +270,11 @@ impl Session {
         Ok(exciter::run(&mut node, bus, &SystemClock, patience, (signals, watched)))
     }
 
+    /// What a recording of [`Session::both`] calls the bus between them.
+    pub fn interface_of_both(&self) -> &'static str {
+        self.network.interface(self.mode)
+    }
+
     /// Runs both: in the mode free in one loop, else on a bus inside this process, the plant on the calling thread and
     /// the exciter on one of its own. The run ends with the exciter's work.
     ///
@@ -281,7 +286,7 @@ impl Session {
         let mut session = self.clone();
         session.ending.on_disarm = true;
         match (self.mode, self.network) {
-            (Mode::Free, _) => session.free(session.recorder("none")?, signals, on_event),
+            (Mode::Free, _) => session.free(session.recorder(self.interface_of_both())?, signals, on_event),
             (Mode::Lockstep, Network::Real(Some(spec))) => {
                 session.on_threads(timed::pair(&spec, &SystemClock), signals, on_event)
             }

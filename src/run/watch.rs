@@ -1,24 +1,28 @@
 //! A run that is watched while it goes: rings between its loops and whoever watches.
 //!
 //! ```text
-//! run loop ── Watched::tell ──►  ring of Told     ──► Watcher::take
-//! run loop ◄─ Watched::request ── ring of Request ◄── Watcher::ask
+//! run loop ── Watched::tell ────► ring of Told    ──► Watcher::take
+//!          ── Watched::tell_frame ► ring of frames ──►
+//!          ◄─ Watched::request ── ring of Request ◄── Watcher::ask
 //! ```
 //!
 //! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
-//! is watched.
+//! is watched. Frames are told only as long as those who watch want them.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::arm::Load;
 use crate::control::{ResponsePoint, SetPoint};
-use crate::recording::Record;
+use crate::recording::{FrameRecord, Record};
 
 /// What waits in a loop's ring at most: at 1 kHz two seconds.
 const TOLD: usize = 1 << 13;
+/// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and three of its own; 1 MiB. They
+/// have a ring of their own, so that a jammed bus crowds out nothing else, and each takes a third of the memory.
+const FRAMES: usize = 1 << 13;
 /// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
 const TOLD_BESIDE: usize = 1 << 10;
 /// Requests that wait to be taken.
@@ -28,7 +32,8 @@ const REQUESTS: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
 pub enum Told {
-    /// What is recorded too: states, readings, ticks, events.
+    /// What is recorded too: states, readings, ticks, events; frames if they are wanted
+    /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
     Record(Record),
     /// What an exciter answers a sample with, where no plant tells its state.
     Command(CommandRecord),
@@ -72,11 +77,12 @@ pub enum End {
 }
 
 impl End {
-    /// What waits in its ring at most.
-    const fn told(self) -> usize {
+    /// What waits in its ring at most, and how many frames: of two loops on one bus the plant's tells them.
+    const fn capacities(self) -> (usize, usize) {
         match self {
-            End::Plant | End::Exciter | End::ExciterBesidePlant => TOLD,
-            End::CoreWatch => TOLD_BESIDE,
+            End::Plant | End::Exciter => (TOLD, FRAMES),
+            End::ExciterBesidePlant => (TOLD, 0),
+            End::CoreWatch => (TOLD_BESIDE, 0),
         }
     }
 }
@@ -85,13 +91,21 @@ impl End {
 #[derive(Clone, Debug)]
 pub struct Watch {
     opened: mpsc::Sender<Opened>,
-    lost: Arc<AtomicU64>,
+    shared: Arc<Shared>,
+}
+
+/// What both ends have in common.
+#[derive(Debug, Default)]
+struct Shared {
+    lost: AtomicU64,
+    wants_frames: AtomicBool,
 }
 
 #[derive(Debug)]
 struct Opened {
     end: End,
     told: Consumer<Told>,
+    frames: Consumer<FrameRecord>,
     requests: Producer<Request>,
 }
 
@@ -100,8 +114,9 @@ struct Opened {
 pub struct Watched {
     end: End,
     told: Producer<Told>,
+    frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
-    lost: Arc<AtomicU64>,
+    shared: Arc<Shared>,
 }
 
 /// The end of those who watch.
@@ -109,7 +124,7 @@ pub struct Watched {
 pub struct Watcher {
     opening: mpsc::Receiver<Opened>,
     open: Vec<Opened>,
-    lost: Arc<AtomicU64>,
+    shared: Arc<Shared>,
 }
 
 /// Why a request goes nowhere.
@@ -125,18 +140,19 @@ pub enum NotAsked {
 
 /// Both ends: one for [`Session::watched`](super::Session::watched), one for those who watch.
 pub fn watch() -> (Watch, Watcher) {
-    let ((opened, opening), lost) = (mpsc::channel(), Arc::new(AtomicU64::new(0)));
-    (Watch { opened, lost: Arc::clone(&lost) }, Watcher { opening, open: Vec::new(), lost })
+    let ((opened, opening), shared) = (mpsc::channel(), Arc::<Shared>::default());
+    (Watch { opened, shared: Arc::clone(&shared) }, Watcher { opening, open: Vec::new(), shared })
 }
 
 impl Watch {
     /// Opens the rings of a loop, before it begins.
     pub fn open(&self, end: End) -> Watched {
-        let (told, reader) = RingBuffer::new(end.told());
+        let (told, frames) = end.capacities();
+        let ((told, reader), (frames, frame_reader)) = (RingBuffer::new(told), RingBuffer::new(frames));
         let (writer, requests) = RingBuffer::new(REQUESTS);
         // If nobody watches any more, what is told is lost, and counted.
-        let _nobody = self.opened.send(Opened { end, told: reader, requests: writer });
-        Watched { end, told, requests, lost: Arc::clone(&self.lost) }
+        let _nobody = self.opened.send(Opened { end, told: reader, frames: frame_reader, requests: writer });
+        Watched { end, told, frames, requests, shared: Arc::clone(&self.shared) }
     }
 }
 
@@ -149,7 +165,24 @@ impl Watched {
     /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     pub fn tell(&mut self, told: Told) {
         if self.told.push(told).is_err() {
-            self.lost.fetch_add(1, Ordering::Relaxed);
+            self.lose();
+        }
+    }
+
+    fn lose(&self) {
+        self.shared.lost.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Whether frames are to be told. Never blocks, locks or allocates.
+    pub fn wants_frames(&self) -> bool {
+        self.end.capacities().1 > 0 && self.shared.wants_frames.load(Ordering::Relaxed)
+    }
+
+    /// Tells the frame that `make` gives, or counts it as lost, if frames are wanted of this loop. Never blocks, locks
+    /// or allocates.
+    pub fn tell_frame(&mut self, make: impl FnOnce() -> FrameRecord) {
+        if self.wants_frames() && self.frames.push(make()).is_err() {
+            self.lose();
         }
     }
 
@@ -160,23 +193,26 @@ impl Watched {
 }
 
 impl Watcher {
-    /// Hands over what was told since, oldest first of each loop, at most `most` of each.
+    /// Hands over what was told since, at most `most` of each loop, oldest first; then as many frames likewise.
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Told)) {
         self.open.extend(self.opening.try_iter());
-        for Opened { end, told, .. } in &mut self.open {
-            let waiting = told.slots().min(most);
-            if let Ok(chunk) = told.read_chunk(waiting) {
-                let (first, second) = chunk.as_slices();
-                first.iter().chain(second).for_each(|told| hand(*end, told));
-                chunk.commit_all();
-            }
+        for Opened { end, told, frames, .. } in &mut self.open {
+            drain(told, most, |told| hand(*end, told));
+            drain(frames, most, |frame| hand(*end, &Told::Record(Record::Frame(*frame))));
         }
-        self.open.retain(|opened| !(opened.told.is_abandoned() && opened.told.is_empty()));
+        let is_over =
+            |opened: &Opened| opened.told.is_abandoned() && opened.told.is_empty() && opened.frames.is_empty();
+        self.open.retain(|opened| !is_over(opened));
     }
 
     /// How much was lost because a ring was full.
     pub fn lost(&self) -> u64 {
-        self.lost.load(Ordering::Relaxed)
+        self.shared.lost.load(Ordering::Relaxed)
+    }
+
+    /// Says whether the loops are to tell their frames, from now on. At first they don't.
+    pub fn want_frames(&self, wanted: bool) {
+        self.shared.wants_frames.store(wanted, Ordering::Relaxed);
     }
 
     /// Asks the loop that the request is for: a set-point goes to the exciter, and to the plant beside it, which
@@ -197,6 +233,15 @@ impl Watcher {
             asked = Ok(());
         }
         asked
+    }
+}
+
+/// Hands over what waits in a ring, at most `most`.
+fn drain<T>(ring: &mut Consumer<T>, most: usize, hand: impl FnMut(&T)) {
+    if let Ok(chunk) = ring.read_chunk(ring.slots().min(most)) {
+        let (first, second) = chunk.as_slices();
+        first.iter().chain(second).for_each(hand);
+        chunk.commit_all();
     }
 }
 
@@ -224,6 +269,33 @@ mod tests {
         watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
         assert_eq!(taken, [(End::Plant, tick(7))], "what an ended loop has told is there still");
         assert!(watcher.open.is_empty());
+    }
+
+    #[test]
+    fn frames_are_told_as_long_as_they_are_wanted() {
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::Plant);
+        let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(0x203), &[1, 2]).unwrap();
+        let record = |sample| FrameRecord {
+            sample,
+            direction: crate::recording::Direction::Sent,
+            time_ns: 0,
+            bus_timestamp_ns: None,
+            frame,
+        };
+        for (sample, wanted) in [(0, None), (1, Some(true)), (2, None), (3, Some(false))] {
+            wanted.into_iter().for_each(|wanted| watcher.want_frames(wanted));
+            watched.tell_frame(|| record(sample));
+        }
+        let mut taken = Vec::new();
+        watcher.take(usize::MAX, |_, told| taken.push(*told));
+        assert_eq!(taken, [1, 2].map(|sample| Told::Record(Record::Frame(record(sample)))));
+    }
+
+    #[test]
+    fn a_ring_of_frames_is_as_large_as_is_said() {
+        assert!(FRAMES * size_of::<FrameRecord>() <= 1 << 20, "{}", size_of::<FrameRecord>());
+        assert!(3 * size_of::<FrameRecord>() <= size_of::<Told>(), "{}", size_of::<Told>());
     }
 
     #[test]

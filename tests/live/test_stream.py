@@ -5,6 +5,7 @@ import json
 import os
 import socket
 import subprocess
+import time
 import urllib.error
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
@@ -12,14 +13,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foxglove_schemas import declared, published
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from live_view import OPEN, Viewer, address
 from processes import PATIENCE_S, Programs, wait_until
+from recordings import RECEIVED, SENT, Recording, unpacked
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 # Where `tests/run` puts what package.json asks for.
 NODE_MODULES = os.environ.get("RESONARM_NODE_MODULES", "target/tests/npm/node_modules")
+# Commands, and the frames of a sample, with the base identifier 0x200 (firmware-protocol/SPEC.md).
+COMMANDS, SAMPLES = {0x201, 0x202}, {0x203, 0x204, 0x205}
 SUBPROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
 
 
@@ -202,42 +208,123 @@ def test_who_comes_late_is_told_what_was(programs):
     assert np.all(np.diff(kept["stretches"]) == 10)
 
 
-def message_types(channels):
-    """What decodes the messages of each schema, made of the schemas that the server told."""
-    pool = descriptor_pool.DescriptorPool()
+# What recordings have, and the arm for 3D views.
+TOPICS = {
+    "/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples", "/timing/ticks", "/events",
+    "/can/frames", "/arm",
+}  # fmt: skip
+
+
+def decoders(channels):
+    """What decodes the messages of each topic, made of the schemas that the server told."""
+    pool, decode = descriptor_pool.DescriptorPool(), {}
     for channel in channels:
+        topic, name = channel["topic"], channel["schemaName"]
+        if topic == "/arm":
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
+            assert name == "foxglove.SceneUpdate"
+            declared(SceneUpdate.DESCRIPTOR, json.loads(channel["schema"]))
+            decode[topic] = json.loads
+            continue
         assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
-        files = descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"]))
-        for file in files.file:
+        for file in descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"])).file:
             pool.Add(file)
-    names = [channel["schemaName"] for channel in channels]
-    return {name: message_factory.GetMessageClass(pool.FindMessageTypeByName(name)) for name in names}
+        decode[topic] = message_factory.GetMessageClass(pool.FindMessageTypeByName(name)).FromString
+    return decode
 
 
-@pytest.mark.parametrize("subprotocol", SUBPROTOCOLS)
-def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, subprotocol):
-    url, _ = address(free_run(programs))
-    topics = ["/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples"]
+def streamed(program, subprotocol, *topics, count=200):
+    """What the client of Foxglove's makers was told, and of each topic the times, ns, and the messages."""
     environment = os.environ | {"NODE_PATH": str(Path(NODE_MODULES).resolve())}
-    command = ["node", "tests/live/foxglove.js", url.replace("http:", "ws:"), subprotocol, "200", *topics]
+    url = address(program)[0].replace("http:", "ws:")
+    command = ["node", "tests/live/foxglove.js", url, subprotocol, str(count), *topics]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert (told["subprotocol"], told["errors"]) == (subprotocol, [])
-    assert told["serverInfo"]["name"].startswith("resonarm ")
-    assert {channel["topic"] for channel in told["channels"]} == {*topics, "/timing/ticks", "/events"}
-    decode = message_types(told["channels"])
-    steps = []
+    decode, messages = decoders(told["channels"]), {channel["topic"]: [] for channel in told["channels"]}
     for message in told["messages"]:
-        decoded = decode[message["schemaName"]].FromString(base64.b64decode(message["bytes"]))
-        if message["topic"] == "/plant/steps":
-            steps += range(decoded.first_step, decoded.first_step + len(decoded.alpha1_rad))
-            assert decoded.dt_s == 1e-3
-        if message["topic"] == "/plant/sensors":
-            assert decoded.step % 10 == 0
+        decoded = decode[message["topic"]](base64.b64decode(message["bytes"]))
+        messages[message["topic"]].append((int(message["timestamp"]), decoded))
+    return told, messages
+
+
+def check_frames(batches, recording):
+    """Holds streamed frames to the recorded ones: the same, of both nodes, without a gap but where a recording is
+    played again."""
+    series = []
+    for frames in (list(unpacked(batch)) for _, batch in batches):
+        if series and frames[0].step >= series[-1][-1].step:
+            series[-1] += frames
+        else:
+            series.append(frames)
+    for frames in series:
+        first = next(place for place, frame in enumerate(recording.frames) if frame == frames[0])
+        assert frames == recording.frames[first : first + len(frames)]
+    assert {batch.interface for _, batch in batches} == {batch.interface for batch in recording.topics["/can/frames"]}
+    every = [frame for frames in series for frame in frames]
+    ids = {way: {frame.id for frame in every if frame.direction == way} for way in (RECEIVED, SENT)}
+    assert ids[RECEIVED] & COMMANDS and not ids[RECEIVED] & SAMPLES
+    assert ids[SENT] >= SAMPLES and not ids[SENT] & COMMANDS
+
+
+def check_arm(updates, recording, about, start_ns):
+    """Holds streamed scenes to the recorded states: base, elbow and tip, their vibration as large as is said."""
+    beta, length_m = np.array(about["beta_rad"]), about["lengths_m"]
+    for time_ns, update in updates:
+        published(SceneUpdate.DESCRIPTOR, update)
+        (entity,) = update["entities"]
+        assert (entity["id"], entity["frame_id"]) == ("arm", "base")
+        assert entity["timestamp"] == {"sec": time_ns // 10**9, "nsec": time_ns % 10**9}
+        (pair,) = entity["metadata"]
+        alpha = float(pair["value"]) * recording.states[round((time_ns - start_ns) / 1e6), :2]
+        assert pair["key"] == "magnification" and float(pair["value"]) >= 1
+        first, second = beta[0] + alpha[0], beta.sum() + alpha.sum()
+        elbow = length_m[0] * np.array([np.cos(first), np.sin(first), 0.0])
+        tip = elbow + length_m[1] * np.array([np.cos(second), np.sin(second), 0.0])
+        found = np.array([[point[axis] for axis in "xyz"] for point in entity["lines"][0]["points"]])
+        assert found == pytest.approx(np.array([np.zeros(3), elbow, tip]), abs=1e-12)
+
+
+@pytest.mark.parametrize("subprotocol", SUBPROTOCOLS)
+def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, subprotocol):
+    run = free_run(programs, "--record", tmp_path / "run.mcap")
+    viewer = Viewer(*address(run))
+    assert viewer.ask({"set": {"load": 30, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
+    told, messages = streamed(run, subprotocol, *(TOPICS - {"/timing/ticks", "/events"}))
+    assert told["serverInfo"]["name"].startswith("resonarm ")
+    assert set(messages) == TOPICS
+    steps = []
+    for _, batch in messages["/plant/steps"]:
+        steps += range(batch.first_step, batch.first_step + len(batch.alpha1_rad))
+        assert batch.dt_s == 1e-3
+    assert all(sensors.step % 10 == 0 for _, sensors in messages["/plant/sensors"])
     assert len(steps) > 50 and steps == list(range(steps[0], steps[0] + len(steps)))
-    times = [int(message["timestamp"]) for message in told["messages"] if message["topic"] == "/plant/state"]
-    assert np.all(np.diff(times) == 10_000_000)
+    times_ns = [time_ns for time_ns, _ in messages["/plant/state"]]
+    assert np.all(np.diff(times_ns) == 10_000_000)
+    assert run.stop() == 0
+    recording = Recording.whole(tmp_path / "run.mcap")
+    check_frames(messages["/can/frames"], recording)
+    # The time of sample 0 is when the program began to serve.
+    time_ns, batch = messages["/plant/steps"][0]
+    check_arm(messages["/arm"], recording, viewer.about, time_ns - 10**6 * batch.first_step)
+
+
+def test_a_recording_is_streamed_with_its_frames_and_the_arm(programs):
+    path = "recordings/lockstep-dwell.mcap"
+    replay = programs.resonarm("replay", path, "--live")
+    viewer = Viewer(*address(replay))
+    # Played to its end, and again from the beginning as often as the client needs.
+    with ThreadPoolExecutor(1) as pool:
+        client = pool.submit(streamed, replay, SUBPROTOCOLS[0], "/can/frames", "/arm", count=40)
+        while not client.done():
+            assert viewer.ask("play") == {"kind": "taken"}
+            time.sleep(0.1)
+        _, messages = client.result()
+    recording = Recording.whole(Path(path))
+    assert set(messages) == TOPICS
+    check_frames(messages["/can/frames"], recording)
+    check_arm(messages["/arm"], recording, viewer.about, 0)
 
 
 def test_another_subprotocol_and_nonsense_from_a_client_are_answered(programs):

@@ -204,6 +204,7 @@ def test_the_moving_arm(recorded, tmp_path):
         published(SceneUpdate.DESCRIPTOR, update)
         (entity,) = update["entities"]
         assert (entity["id"], entity["frame_id"]) == ("arm", "base")
+        assert entity["metadata"] == [{"key": "magnification", "value": "20"}]
         (line,) = entity["lines"]
         first, second = beta[0] + 20 * alpha1, beta.sum() + 20 * (alpha1 + alpha2)
         elbow = length_m[0] * np.array([np.cos(first), np.sin(first), 0.0])

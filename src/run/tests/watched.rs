@@ -3,7 +3,7 @@
 use super::*;
 use crate::bus::memory;
 use crate::control::SetPoint;
-use crate::recording::Event;
+use crate::recording::{Direction, Event, FrameRecord};
 
 fn session(folder: &tempfile::TempDir, name: &str) -> Session {
     let record = Some(RecordTo { path: folder.path().join(name), existing: Existing::Refuse });
@@ -25,6 +25,7 @@ fn a_run_that_is_watched_is_the_same_and_tells_all_that_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let alone = session(&folder, "alone.mcap").both(&Signals::default(), |_| {}).unwrap();
     let (watch, mut watcher) = watch();
+    watcher.want_frames(true);
     let seen = session(&folder, "seen.mcap").watched(watch).both(&Signals::default(), |_| {}).unwrap();
     let (recording, bytes) = recorded(&seen.plant);
     assert_eq!(bytes, recorded(&alone.plant).1);
@@ -47,6 +48,11 @@ fn a_run_that_is_watched_is_the_same_and_tells_all_that_is_recorded() {
         _ => None,
     });
     assert!(samples.eq(recording.samples().unwrap().map(Result::unwrap)));
+    let frames = told.iter().filter_map(|record| match record {
+        Record::Frame(frame) => Some(*frame),
+        _ => None,
+    });
+    assert!(frames.eq(recording.frames().unwrap().map(Result::unwrap)));
     let named = told.iter().filter_map(|record| match record {
         Record::Event(event) => Some((event.name.to_owned(), event.value)),
         _ => None,
@@ -131,4 +137,43 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
         }
     });
     assert_eq!(names, ["request.refused"]);
+}
+
+/// What an exciter alone sends and receives, as it sees it; that of one beside a plant the plant tells.
+#[test]
+fn an_exciter_alone_tells_its_frames_and_one_beside_a_plant_none() {
+    let [mut near, mut far] = memory::pair(1024);
+    let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
+    let ((alone, mut watcher), (beside, mut plant_watcher)) = (watch(), watch());
+    [&watcher, &plant_watcher].iter().for_each(|watcher| watcher.want_frames(true));
+    let plant =
+        Session::new(scenario(), Mode::Lockstep, Options { end_on_disarm: true, ..Options::default() }).unwrap();
+    let plant = plant.watched(beside);
+    let exciter = std::thread::spawn(move || session.watched(alone).exciter(&mut far, &Signals::default()).unwrap());
+    plant.plant(&mut near, &Signals::default(), |_| {}).unwrap();
+    let played = exciter.join().unwrap().samples_played;
+    let frames = |watcher: &mut Watcher| {
+        let mut frames = Vec::new();
+        watcher.take(usize::MAX, |_, one| {
+            if let Told::Record(Record::Frame(frame)) = one {
+                frames.push(*frame);
+            }
+        });
+        assert_eq!(watcher.lost(), 0);
+        frames
+    };
+    let (seen, plants) = (frames(&mut watcher), frames(&mut plant_watcher));
+    let of = |frames: &[FrameRecord], direction| -> Vec<_> {
+        frames.iter().filter(|frame| frame.direction == direction).map(|frame| frame.frame).collect()
+    };
+    let (sent, received) = (of(&seen, Direction::Sent), of(&seen, Direction::Received));
+    assert!(sent.len() as u64 >= played && received.len() as u64 >= played, "{played}");
+    // In the order of the bus; at its end the other node may have left.
+    assert!(of(&plants, Direction::Received).starts_with(&sent[..sent.len() - 4]));
+    assert!(of(&plants, Direction::Sent).starts_with(&received[..received.len() - 4]));
+    let command =
+        |frame: &&FrameRecord| frame.direction == Direction::Sent && frame.frame.id() == sent[sent.len() / 2].id();
+    let samples: Vec<u64> = seen.iter().filter(command).map(|frame| frame.sample).collect();
+    // The last sample is answered by a disarm, and by no command.
+    assert!(samples.iter().copied().eq(0..played - 1), "{} of {played}, {:?}", samples.len(), samples.last());
 }
