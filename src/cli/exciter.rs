@@ -82,6 +82,7 @@ impl Exciter {
         let session = Session::new(scenario, self.mode, options)?;
         let (session, steered) = self.steer.steered(session)?;
         let length = session.controller()?.length();
+        session.leave_core();
         let mut bus = bus::open(&address)?;
         let part =
             Part { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };

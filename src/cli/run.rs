@@ -130,6 +130,7 @@ impl Run {
         }
         let configuration = configuration::of_arm(session.scenario())?;
         let address: BusAddress = bus.parse()?;
+        session.leave_core();
         let mut bus = bus::open(&address)?;
         let part = Part {
             role: Role::Plant,

@@ -121,6 +121,24 @@ impl ThreadSetup {
     }
 }
 
+impl ThreadSetup {
+    /// Leaves the core of the loop to it, if it has one: takes it from the calling thread, and so from all threads that
+    /// this one starts from now on, unless there is no other core for them. What they ask of the kernel, of its network
+    /// above all, is done on their core in part, where no real-time thread is let in before it is done.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn leave_core(&self) -> std::io::Result<()> {
+        let others: Vec<usize> = allowed_cores()?.into_iter().filter(|core| Some(*core) != self.core).collect();
+        if self.core.is_none() || others.is_empty() {
+            return Ok(());
+        }
+        let mut set = CpuSet::new();
+        others.iter().for_each(|core| set.set(*core));
+        Ok(sched_setaffinity(None, &set)?)
+    }
+}
+
 /// What a thread got; by default nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ThreadReport {
@@ -325,6 +343,26 @@ mod tests {
                 }
             }
         });
+    }
+
+    #[test]
+    fn other_threads_leave_the_loop_s_core_if_they_can_and_the_loop_gets_it_still() {
+        let allowed = allowed_cores().unwrap();
+        let [core, others @ ..] = &allowed[..] else { panic!("no core") };
+        let setup = |core| ThreadSetup { priority: None, lock_memory: false, core, cores_awake: false };
+        let left = |core| {
+            on_a_thread(|| {
+                setup(core).leave_core().unwrap();
+                on_a_thread(|| allowed_cores().unwrap())
+            })
+        };
+        assert_eq!(left(Some(*core)), if others.is_empty() { &allowed } else { others });
+        assert_eq!([left(None), left(Some(CpuSet::MAX_CPU))], [allowed.clone(), allowed.clone()]);
+        let pinned = on_a_thread(|| {
+            setup(Some(*core)).leave_core().unwrap();
+            setup(Some(*core)).apply().0.core
+        });
+        assert_eq!(pinned, Some(*core));
     }
 
     #[test]

@@ -53,6 +53,7 @@ mod report;
 mod round_trip;
 mod session;
 mod signals;
+mod thread;
 mod watch;
 
 pub use error::RunError;

@@ -21,9 +21,7 @@ use crate::control::Controller;
 use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
-use crate::realtime::{
-    Clock, CoresAwake, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadReport, ThreadSetup, VirtualClock,
-};
+use crate::realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
 
@@ -120,7 +118,7 @@ impl core::fmt::Debug for MakeController {
 pub struct Session {
     scenario: Scenario,
     mode: Mode,
-    options: Options,
+    pub(super) options: Options,
     rate: SampleRate,
     pub(super) timing: Timing,
     pub(super) network: Network,
@@ -205,6 +203,7 @@ impl Session {
         signals: &Signals,
         mut on_event: impl FnMut(RunEvent),
     ) -> Result<PlantReport, RunError> {
+        self.leave_core();
         let recorder = self.recorder(&bus.name())?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
         let bus = &mut self.with_faults(bus, SystemClock, Node::Plant);
@@ -305,6 +304,7 @@ impl Session {
         signals: &Signals,
         on_event: impl FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
+        self.leave_core();
         let mut node = self.exciter_node()?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
@@ -423,21 +423,6 @@ impl Session {
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
         let steps = self.scenario.simulation.steps_per_sample();
         Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
-    }
-
-    /// Makes the calling thread a real-time thread, if that is asked for, and says what it got and what not.
-    fn become_real_time(&self) -> Result<(Option<ThreadReport>, Option<CoresAwake>), RunError> {
-        let Some(setup) = &self.options.thread else { return Ok((None, None)) };
-        let (report, awake) = setup.apply();
-        tracing::info!("{report}");
-        match self.options.on_shortfall {
-            OnShortfall::Refuse if !report.shortfalls.is_empty() => {
-                return Err(RunError::NoRealTimeThread { shortfalls: report.shortfalls });
-            }
-            OnShortfall::Refuse | OnShortfall::Warn => {}
-        }
-        report.shortfalls.iter().for_each(|shortfall| tracing::warn!("{shortfall}"));
-        Ok((Some(report), awake))
     }
 
     /// Creates the recording.

@@ -1,8 +1,10 @@
 //! `latency`, and what a run in real time does without its privileges.
 
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use insta::assert_snapshot;
+use resonarm::realtime::{Clock, SystemClock};
 
 use crate::{complaint, document, names};
 
@@ -36,6 +38,39 @@ fn the_plant_s_turns_are_recorded() {
     assert!(inspected["duration_s"].as_f64().unwrap() >= 0.05, "{inspected:#}");
     let said = complaint(folder.path(), 2, &turns);
     assert_snapshot!(said, @"resonarm: recording `turn.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
+}
+
+/// What the kernel does for a thread it does in part on the thread's core.
+#[test]
+fn the_program_s_other_threads_leave_the_loop_s_core_if_they_can() {
+    let cores_of = |status: &str| {
+        let line = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).unwrap();
+        line.trim().to_owned()
+    };
+    let own = cores_of(&std::fs::read_to_string("/proc/self/status").unwrap());
+    let first = |list: &str| list.split([',', '-']).next().unwrap().to_owned();
+    let core = first(&own);
+    let folder = tempfile::tempdir().unwrap();
+    let record = folder.path().join("turn.mcap");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_resonarm"))
+        .args(["latency", "--turns", "1", "--turn-s", "3", "--core", &core, "--record"])
+        .arg(&record)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // The plant's turn, which is recorded, comes after the bare loop's, and is long against any stop of this process.
+    let tasks = format!("/proc/{}/task", child.id());
+    let found = (0..6000).find_map(|_| {
+        SystemClock.sleep_until_ns(SystemClock.now_ns() + 10_000_000);
+        std::fs::read_dir(&tasks).ok()?.flatten().find_map(|task| {
+            let status = std::fs::read_to_string(task.path().join("status")).ok()?;
+            status.starts_with("Name:\trecorder\n").then(|| cores_of(&status))
+        })
+    });
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(first(&found.unwrap()) == core, own == core, "of {own} the loop has {core}");
 }
 
 #[test]
