@@ -31,8 +31,9 @@ def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_
     # The load as the exciter commands it; it knows no angles. In the plant's head what was commanded, and the angles.
     commanded = exciter_view.next("update", lambda told: np.any(told["largest"][:, 2] > 29.5))
     assert np.isnan(commanded["largest"][:, 10:]).all()
-    acting = plant_view.next("update", lambda told: np.any(told["largest"][:, 4] > 29.5))
-    assert np.all(np.abs(acting["largest"][:, 10]) > 1e-6)
+    acting = plant_view.next("update", lambda told: np.any(told["largest"][:, 4] > 29.5))["largest"]
+    # After a stall an update begins before the force does.
+    assert np.all(np.abs(acting[acting[:, 4] > 29.5, 10]) > 1e-6)
     point = exciter_view.next("response")
     assert point["frequency_hz"] == 16 and abs(point["load"] - 30) < 0.1
     assert plant_view.ask("disarm") == {"kind": "taken"}
