@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ),
         "the scenario of the soak",
     )?;
-    scenario.network.command_timeout_s = PATIENCE_S;
+    (scenario.network.command_timeout_s, scenario.network.partner_timeout_s) = (PATIENCE_S, PATIENCE_S);
     let options = Options {
         record: Some(RecordTo { path: path.into(), existing: Existing::Overwrite }),
         thread: Some(ThreadSetup { core: Some(core.parse()?), cores_awake: true, ..ThreadSetup::default() }),

@@ -114,7 +114,7 @@ pub(super) struct ThreadFlags {
     /// ends without them, off does not ask.
     #[arg(long, value_parser = one_of(RealTimeThread::ALL, RealTimeThread::name), default_value_t)]
     rt: RealTimeThread,
-    /// Core to pin the real-time loop to; the program's other threads leave it, if there is another.
+    /// Core to pin the real-time loop to; recorder, live view and adapters of python-can leave it, if there is another.
     #[arg(long, value_name = "N")]
     core: Option<usize>,
     /// SCHED_FIFO priority of the real-time loop, 1 to 99.

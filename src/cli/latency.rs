@@ -141,7 +141,7 @@ impl Latency {
         scenario.simulation.rate_hz = rate_hz;
         scenario.simulation.duration_s = Some(self.turn_s);
         // A controller that is held up is no matter of the plant's loop.
-        scenario.network.command_timeout_s = PATIENCE_S;
+        (scenario.network.command_timeout_s, scenario.network.partner_timeout_s) = (PATIENCE_S, PATIENCE_S);
         let options = Options {
             record: self.record.clone().map(|path| RecordTo { path, existing }),
             spin: self.spin.spin,

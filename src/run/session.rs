@@ -304,17 +304,20 @@ impl Session {
         signals: &Signals,
         on_event: impl FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
-        self.leave_core();
         let mut node = self.exciter_node()?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let plant_ended = AtomicBool::new(false);
         let patience = self.patience(Some(&plant_ended));
         thread::scope(|scope| {
-            // Started before this thread becomes a real-time one, so that it stays an ordinary thread.
+            // Started before this thread becomes a real-time one and leaves the loop's core, so that it stays an
+            // ordinary thread on any: it asks of the kernel only to be woken, and confined it is late more often.
             // The plant keeps the count of samples; the exciter only listens for the stop.
-            let controller =
-                scope.spawn(move || exciter::run(&mut node, &mut far, &SystemClock, patience, (signals, watched)));
+            let work = move || exciter::run(&mut node, &mut far, &SystemClock, patience, (signals, watched));
+            let controller = thread::Builder::new()
+                .name(String::from("exciter"))
+                .spawn_scoped(scope, work)
+                .map_err(|source| RunError::NoThread { source })?;
             let plant = self.plant(&mut near, signals, on_event);
             if plant.is_err() {
                 signals.stop();

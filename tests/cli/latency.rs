@@ -40,9 +40,10 @@ fn the_plant_s_turns_are_recorded() {
     assert_snapshot!(said, @"resonarm: recording `turn.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
 }
 
-/// What the kernel does for a thread it does in part on the thread's core.
+/// What the kernel does for a thread it does in part on the thread's core: the recorder, which writes, leaves that of
+/// the loop. The exciter, which only answers, may run on any.
 #[test]
-fn the_program_s_other_threads_leave_the_loop_s_core_if_they_can() {
+fn what_asks_much_of_the_kernel_leaves_the_loop_s_core_if_it_can() {
     let cores_of = |status: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).unwrap();
         line.trim().to_owned()
@@ -59,18 +60,23 @@ fn the_program_s_other_threads_leave_the_loop_s_core_if_they_can() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    // The plant's turn, which is recorded, comes after the bare loop's, and is long against any stop of this process.
     let tasks = format!("/proc/{}/task", child.id());
-    let found = (0..6000).find_map(|_| {
-        SystemClock.sleep_until_ns(SystemClock.now_ns() + 10_000_000);
+    let of_thread = |name: &str| {
         std::fs::read_dir(&tasks).ok()?.flatten().find_map(|task| {
             let status = std::fs::read_to_string(task.path().join("status")).ok()?;
-            status.starts_with("Name:\trecorder\n").then(|| cores_of(&status))
+            status.starts_with(&format!("Name:\t{name}\n")).then(|| cores_of(&status))
         })
+    };
+    // The plant's turn, which is recorded, comes after the bare loop's, and is long against any stop of this process.
+    let found = (0..6000).find_map(|_| {
+        SystemClock.sleep_until_ns(SystemClock.now_ns() + 10_000_000);
+        of_thread("recorder").zip(of_thread("exciter"))
     });
     child.kill().unwrap();
     child.wait().unwrap();
-    assert_eq!(first(&found.unwrap()) == core, own == core, "of {own} the loop has {core}");
+    let (recorder, exciter) = found.unwrap();
+    assert_eq!(first(&recorder) == core, own == core, "of {own} the loop has {core}, the recorder {recorder}");
+    assert_eq!(exciter, own);
 }
 
 #[test]
