@@ -103,7 +103,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
             let ends = [&points[half], &points[half + 1]];
             let mut slices = Slices::new(self.response.dimension(), &self.options.walk, ends, Cut::Chord);
             let fraction = (lowest - s[half]) / (s[half + 1] - s[half]);
-            let point = slices.solve(&mut self.response, ends, fraction)?;
+            let point = slices.solve_beside(&mut self.response, ends, fraction)?;
             let new = sign * test(kind, &mut self.response, &mut self.floquet, &point);
             if new < 0.0 {
                 self.locate(kind, [&points[half], &point], [sign * f[half], sign * new])?;

@@ -41,8 +41,9 @@ pub(super) fn search<S: System>(
     for _ in 0..SEARCH_LIMIT {
         let fraction = fa / (fa - fb);
         let point = match slices.solve(system, [&a, &b], fraction) {
+            Ok(point) => point,
             Err(_) if b.arclength - a.arclength < NARROW * whole => return Ok(slices.mix([&a, &b], fraction)),
-            other => other?,
+            Err(_) => slices.solve_beside(system, [&a, &b], fraction)?,
         };
         let value = test(system, &point);
         let moved = (point.arclength - before).abs();

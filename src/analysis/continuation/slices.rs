@@ -92,6 +92,22 @@ impl Slices {
             determinant: self.solver.determinant(),
         })
     }
+
+    /// The same, or where the plane passes so near a crossing of branches that rounding keeps Newton's method from its
+    /// end, the point in the plane halfway from there to the farther of a and b. For searches, which ask for where a
+    /// crossing is, and go on from any point between.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method finds neither.
+    pub fn solve_beside(
+        &mut self,
+        system: &mut impl System,
+        ends: [&Point; 2],
+        fraction: f64,
+    ) -> Result<Point, AnalysisError> {
+        let farther = if fraction < 0.5 { 1.0 } else { 0.0 };
+        self.solve(system, ends, fraction).or_else(|_| self.solve(system, ends, 0.5 * (fraction + farther)))
+    }
 }
 
 /// The point of the branch between `a` and `b` at a value of λ.
@@ -107,4 +123,39 @@ pub(in crate::analysis) fn at_parameter(
     let fraction = (lambda - ends[0].lambda) / (ends[1].lambda - ends[0].lambda);
     let mut slices = Slices::new(system.dimension(), settings, ends, Cut::Parameter);
     Ok(Point { lambda, ..slices.solve(system, ends, fraction)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Walk;
+    use super::*;
+
+    /// x (x − λ) = 0: the branches x = 0 and x = λ cross at λ = 0.
+    struct Crossing;
+
+    impl System for Crossing {
+        fn dimension(&self) -> usize {
+            1
+        }
+
+        fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+            residual[0] = x[0] * (x[0] - lambda);
+            (matrix[0], matrix[2]) = (2.0 * x[0] - lambda, -x[0]);
+            true
+        }
+    }
+
+    #[test]
+    fn a_plane_through_a_crossing_of_branches_has_one_beside_it() {
+        let settings = Settings::default();
+        let [a, b] = [-1.0, 3.0]
+            .map(|lambda| Walk::start(&mut Crossing, settings, &[0.0], lambda, 1.0).unwrap().point().clone());
+        let (a, b) = (Point { arclength: 0.0, ..a }, Point { arclength: 4.0, ..b });
+        let mut slices = Slices::new(1, &settings, [&a, &b], Cut::Parameter);
+        let at = |slices: &mut Slices, fraction| slices.solve_beside(&mut Crossing, [&a, &b], fraction).unwrap();
+        assert!(slices.solve(&mut Crossing, [&a, &b], 0.25).is_err());
+        let beside = at(&mut slices, 0.25);
+        assert!((beside.lambda - 1.5).abs() < 1e-12 && (beside.arclength - 2.5).abs() < 1e-12, "{beside:?}");
+        assert!((at(&mut slices, 0.75).lambda - 2.0).abs() < 1e-12);
+    }
 }
