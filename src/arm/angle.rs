@@ -1,10 +1,10 @@
 //! Sine and cosine of β + α: the pose β is constant, the vibration α small.
 //!
-//! sin(β+α) = sin β cos α + cos β sin α, and likewise the cosine, with sin β and cos β computed once and sin α, cos α
-//! by short polynomials, for |α| ≤ 0.4. With z = α² ≤ Z = 0.16,
+//! sin(β+α) = sin β cos α + cos β sin α, and likewise the cosine, with sin β and cos β computed once. What is left of a
+//! vibration is its [`Turn`], S = sin α and V = cos α − 1, by short polynomials for |α| ≤ 0.4. With z = α² ≤ Z = 0.16,
 //!
 //! ```text
-//! sin α = α + α z p(z)    cos α = 1 + z q(z)    p = −1/3! + z/5! − …    q = −1/2! + z/4! − …
+//! S = α + (z α) p(z)    V = z q(z)    p = −1/3! + z/5! − …    q = −1/2! + z/4! − …
 //! ```
 //!
 //! Both series are cut after z⁵ and then economised (C. Lanczos 1938): z⁵ is replaced by the polynomial of degree 4
@@ -14,19 +14,31 @@
 //! Length included, with h = sin β and t = cos β times the length, the code sums
 //!
 //! ```text
-//! S = α + (z α) p    C = 1 + z q    sin: h C + t S    cos: t C − h S
+//! C = 1 + V    sin: h C + t S    cos: t C − h S
+//! ```
+//!
+//! and of two turns, that of a link on another,
+//!
+//! ```text
+//! S = (S₁ + S₂) + (S₁V₂ + S₂V₁)    V = (V₁ + V₂) + (V₁V₂ − S₁S₂)
 //! ```
 //!
 //! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out
 //! less than its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) <
-//! 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of sin α and 0.92 u of cos α. Of the constants:
-//! `libm` gives sin β and cos β to 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u.
-//! Of rounding: p and q are sums whose first term dominates, exact to 6 u relative; so z q errs by 8 u α²/2 < 0.64 u
-//! and C by 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S, at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The
-//! products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 3 u + 3.72 u < 8 u =
-//! 8.9e-16. Beyond 0.4
-//! `libm` computes the sine of the rounded sum β + α, which is off by no more than u |β + α| and one unit in the last
-//! place.
+//! 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of S and 0.92 u of V. Of the constants: `libm` gives
+//! sin β and cos β to 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of rounding:
+//! p and q are sums whose first term dominates, exact to 6 u relative; so V = z q errs by 8 u α²/2 < 0.64 u and C by
+//! 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S, at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The products err
+//! by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 3 u + 3.72 u < 8 u = 8.9e-16.
+//!
+//! Of two turns: S errs by 0.53 u and V by 1.56 u in each. In their S the sum errs by 1.06 u and its rounding by 0.4 u,
+//! the products, |S| ≤ 0.39 and |V| ≤ 0.08, by 2 (0.39 · 1.56 u + 0.08 · 0.53 u) and rounding by less than 0.1 u, the
+//! last sum, at most 0.72, by 0.4 u: together 3.3 u. In their V the sums err by 3.12 u and rounding by 0.1 u, the
+//! products by 2 (0.08 · 1.56 u + 0.39 · 0.53 u) and rounding by 0.1 u, the last sum, at most 0.31, by 0.16 u: together
+//! 4.2 u. Then C errs by 4.8 u with its rounding, |h| 4.8 u + |t| 3.3 u ≤ 5.9 u, and with 3 u of the constants and 2 u
+//! of products and sum the bound is 11 u = 1.3e-15.
+//!
+//! Beyond 0.4 `libm` computes S and V.
 
 use super::real::Real;
 
@@ -51,103 +63,96 @@ const fn economised(n: [f64; 6]) -> [f64; 5] {
     ]
 }
 
-/// A constant angle with its sine and cosine, to which a small one is added.
+/// A turn by an angle α: S = sin α and V = cos α − 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Turn<T> {
+    sine: T,
+    versed: T,
+}
+
+/// Sine and cosine of a constant angle, both times a constant length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Angle<T> {
-    pub base_rad: T,
-    /// A factor of sine and cosine, which they hold already.
-    pub length: T,
     pub sine: T,
     pub cosine: T,
+}
+
+impl<T: Real> Turn<T> {
+    /// The turn by an angle. With `FAR` by every one; without it only where [`within_reach`] says so, to the same bits,
+    /// and meaningless elsewhere, without a branch or a call.
+    #[inline(always)]
+    pub fn new<const FAR: bool>(alpha_rad: T) -> Turn<T> {
+        let z = alpha_rad * alpha_rad;
+        let z2 = z * z;
+        let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
+        let near = (alpha_rad + (z * alpha_rad) * p, z * q);
+        let (sine, versed) = if FAR { T::where_within(alpha_rad, LIMIT_RAD, near, far) } else { near };
+        Turn { sine, versed }
+    }
+
+    /// One turn after the other: S = (S₁ + S₂) + (S₁V₂ + S₂V₁), V = (V₁ + V₂) + (V₁V₂ − S₁S₂).
+    #[inline(always)]
+    pub fn and(self, other: Turn<T>) -> Turn<T> {
+        let (Turn { sine: s1, versed: v1 }, Turn { sine: s2, versed: v2 }) = (self, other);
+        Turn { sine: (s1 + s2) + (s1 * v2 + s2 * v1), versed: (v1 + v2) + (v1 * v2 - s1 * s2) }
+    }
+
+    /// p S + q V.
+    #[inline(always)]
+    pub fn weighed(self, p: T, q: T) -> T {
+        p * self.sine + q * self.versed
+    }
 }
 
 impl Angle<f64> {
     pub fn new(base_rad: f64) -> Angle<f64> {
         let (sine, cosine) = libm::sincos(base_rad);
-        Angle { base_rad, length: 1.0, sine, cosine }
+        Angle { sine, cosine }
     }
 
-    /// The same angle with sine and cosine times `length`.
+    /// The same angle with `length` times the length.
     pub fn times(self, length: f64) -> Angle<f64> {
-        Angle { length: self.length * length, sine: self.sine * length, cosine: self.cosine * length, ..self }
+        Angle { sine: self.sine * length, cosine: self.cosine * length }
+    }
+
+    /// Sine and cosine of the angle plus any other, times the length.
+    pub fn sincos_plus(&self, alpha_rad: f64) -> (f64, f64) {
+        self.turned(Turn::new::<true>(alpha_rad))
     }
 }
 
 impl<T: Real> Angle<T> {
     /// The angles of `T::WIDTH` arms side by side.
+    #[inline(always)]
     pub fn gather<'a>(of: impl Fn(usize) -> &'a Angle<f64>) -> Angle<T> {
-        let number = |pick: fn(&Angle<f64>) -> f64| T::gather(|i| pick(of(i)));
-        Angle {
-            base_rad: number(|a| a.base_rad),
-            length: number(|a| a.length),
-            sine: number(|a| a.sine),
-            cosine: number(|a| a.cosine),
-        }
+        Angle { sine: T::gather(|i| of(i).sine), cosine: T::gather(|i| of(i).cosine) }
     }
 
-    /// Sine and cosine of the angle plus `small_rad`, times the length.
+    /// Sine and cosine of the angle after a turn, times the length.
     #[inline(always)]
-    pub fn sincos_plus(&self, small_rad: T) -> (T, T) {
-        T::where_within(small_rad, LIMIT_RAD, self.near(small_rad), [self.base_rad, self.length], far)
+    pub fn turned(&self, turn: Turn<T>) -> (T, T) {
+        let (h, t, cosine) = (self.sine, self.cosine, T::splat(1.0) + turn.versed);
+        (h * cosine + t * turn.sine, t * cosine - h * turn.sine)
     }
 
-    /// The same. With `FAR` at every angle; without it only where [`within_reach`] says so, to the same bits, and
-    /// without a branch or a call.
+    /// What a turn changes of the cosine, times the length, with all its digits at small turns: t V − h S.
     #[inline(always)]
-    pub fn sincos<const FAR: bool>(&self, small_rad: T) -> (T, T) {
-        if FAR { self.sincos_plus(small_rad) } else { self.near(small_rad) }
+    pub fn cosine_change(&self, turn: Turn<T>) -> T {
+        self.cosine * turn.versed - self.sine * turn.sine
     }
-
-    /// Length times (cos(base + small) − cos(base)), with all its digits at small angles: t z q − h S, and beyond their
-    /// limit −2 sin(α/2) sin(β + α/2). `FAR` as [`Angle::sincos`] has it.
-    #[inline(always)]
-    pub fn cosine_change<const FAR: bool>(&self, small_rad: T) -> T {
-        let (sine, versed) = small(small_rad);
-        let near = self.cosine * versed - self.sine * sine;
-        if FAR {
-            T::where_within(small_rad, LIMIT_RAD, (near, near), [self.base_rad, self.length], far_change).0
-        } else {
-            near
-        }
-    }
-
-    /// Sine and cosine where [`within_reach`] says so, and meaningless elsewhere; without a branch or a call.
-    #[inline(always)]
-    fn near(&self, small_rad: T) -> (T, T) {
-        let (h, t) = (self.sine, self.cosine);
-        let (sine, versed) = small(small_rad);
-        let cosine = T::splat(1.0) + versed;
-        (h * cosine + t * sine, t * cosine - h * sine)
-    }
-}
-
-/// S and z q: sin α and cos α − 1 where the polynomials hold.
-#[inline(always)]
-fn small<T: Real>(alpha_rad: T) -> (T, T) {
-    let z = alpha_rad * alpha_rad;
-    let z2 = z * z;
-    let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
-    (alpha_rad + (z * alpha_rad) * p, z * q)
 }
 
 /// Whether the polynomials hold for this angle.
 #[inline(always)]
-pub(crate) fn within_reach<T: Real>(small_rad: T) -> bool {
-    small_rad.all_within(LIMIT_RAD)
+pub(crate) fn within_reach<T: Real>(alpha_rad: T) -> bool {
+    alpha_rad.all_within(LIMIT_RAD)
 }
 
-/// Length times sine and cosine of base + small.
+/// S and V; V = −2 sin²(α/2) has all its digits at every angle.
 #[cold]
-fn far([base_rad, length]: [f64; 2], small_rad: f64) -> (f64, f64) {
-    let (sine, cosine) = libm::sincos(base_rad + small_rad);
-    (length * sine, length * cosine)
-}
-
-/// Length times the change of the cosine from base to base + small, twice.
-#[cold]
-fn far_change([base_rad, length]: [f64; 2], small_rad: f64) -> (f64, f64) {
-    let change = -2.0 * length * libm::sin(0.5 * small_rad) * libm::sin(base_rad + 0.5 * small_rad);
-    (change, change)
+fn far(alpha_rad: f64) -> (f64, f64) {
+    let half = libm::sin(0.5 * alpha_rad);
+    (libm::sin(alpha_rad), -2.0 * half * half)
 }
 
 /// Σ cₖ zᵏ, in pairs (G. Estrin 1960): the processor works on the pairs at the same time.
@@ -159,64 +164,108 @@ fn polynomial<T: Real>(c: &[f64; 5], z: T, z2: T) -> T {
 
 #[cfg(test)]
 mod tests {
+    use wide::f64x4;
+
     use super::super::real::{LANES, Lanes};
     use super::*;
 
-    /// sin and cos of β + α to better than 1 u: `libm` at the rounded sum, turned on by what the rounding lost.
-    fn reference(beta: f64, alpha: f64) -> (f64, f64) {
-        let sum = beta + alpha;
-        let part = sum - beta;
-        let lost = (beta - (sum - part)) + (alpha - part);
+    const U: f64 = f64::EPSILON / 2.0;
+
+    /// sin and cos of β + α + γ to better than 1 u: `libm` at the rounded sum, turned on by what the rounding lost.
+    fn reference(beta: f64, alpha: f64, gamma: f64) -> (f64, f64) {
+        let two_sum = |a: f64, b: f64| {
+            let sum = a + b;
+            let part = sum - a;
+            (sum, (a - (sum - part)) + (b - part))
+        };
+        let (inner, inner_lost) = two_sum(alpha, gamma);
+        let (sum, lost) = two_sum(beta, inner);
+        let lost = lost + inner_lost;
         let (s, c) = libm::sincos(sum);
         (s + c * lost, c - s * lost)
     }
 
-    /// The bound of 8 u, with 1 u for the reference: over a grid of poses, and of α up to the limit on every scale.
+    fn error((s, c): (f64, f64), (s_true, c_true): (f64, f64)) -> f64 {
+        (s - s_true).abs().max((c - c_true).abs())
+    }
+
+    /// Of α up to the limit, evenly and on every scale, with both signs.
+    fn angles(count: i32) -> impl Iterator<Item = f64> {
+        (0..=count).flat_map(move |k| {
+            let part = f64::from(k) / f64::from(count);
+            let magnitude = if k % 2 == 0 { 0.4 * part } else { 0.4 * libm::exp2(-50.0 * part) };
+            [magnitude, -magnitude]
+        })
+    }
+
+    /// The bound of 8 u, with 1 u for the reference, over a grid of poses.
     #[test]
     fn polynomials_keep_their_bound() {
-        let u = f64::EPSILON / 2.0;
         let (mut worst, mut count) = (0.0_f64, 0);
         for pose in -360..=360 {
-            let angle = Angle::new(f64::from(pose).to_radians());
-            for k in 0..=2000 {
-                let magnitude = if k % 2 == 0 { f64::from(k) / 5000.0 } else { 0.4 * libm::exp2(-f64::from(k) / 40.0) };
-                for alpha in [magnitude, -magnitude] {
-                    let (s, c) = angle.sincos_plus(alpha);
-                    let (s_true, c_true) = reference(angle.base_rad, alpha);
-                    worst = worst.max((s - s_true).abs()).max((c - c_true).abs());
+            let beta = f64::from(pose).to_radians();
+            let angle = Angle::new(beta);
+            for alpha in angles(2000) {
+                worst = worst.max(error(angle.sincos_plus(alpha), reference(beta, alpha, 0.0)));
+                count += 1;
+            }
+        }
+        assert_eq!(count, 721 * 2001 * 2);
+        assert!(worst <= 9.0 * U && worst > 0.0, "{} u", worst / U);
+    }
+
+    /// The bound of 11 u of two turns, with 1 u for the reference.
+    #[test]
+    fn two_turns_keep_their_bound() {
+        let (mut worst, mut count) = (0.0_f64, 0);
+        for pose in (-360..=360).step_by(15) {
+            let beta = f64::from(pose).to_radians();
+            let angle = Angle::new(beta);
+            for alpha in angles(100) {
+                for gamma in angles(100) {
+                    let both = Turn::new::<false>(alpha).and(Turn::new::<false>(gamma));
+                    worst = worst.max(error(angle.turned(both), reference(beta, alpha, gamma)));
                     count += 1;
                 }
             }
         }
-        assert_eq!(count, 721 * 2001 * 2);
-        assert!(worst <= 9.0 * u && worst > 0.0, "{} u", worst / u);
+        assert_eq!(count, 49 * 202 * 202);
+        assert!(worst <= 12.0 * U && worst > 0.0, "{} u", worst / U);
     }
 
     #[test]
     fn far_angles_are_libms() {
         let angle = Angle::new(1.0);
         for alpha in [0.400_000_1, -3.0, 70.0] {
-            assert_eq!(angle.sincos_plus(alpha), libm::sincos(1.0 + alpha));
+            assert!(error(angle.sincos_plus(alpha), libm::sincos(1.0 + alpha)) < 20.0 * f64::EPSILON, "{alpha}");
+            let (change, seen) =
+                (libm::cos(1.0 + alpha) - libm::cos(1.0), angle.cosine_change(Turn::new::<true>(alpha)));
+            assert!((change - seen).abs() < 20.0 * f64::EPSILON, "{alpha}");
         }
         assert!(angle.sincos_plus(f64::NAN).0.is_nan() && angle.sincos_plus(f64::INFINITY).1.is_nan());
     }
 
+    /// Near and far, of every kind of lanes, each lane is the number alone bit for bit.
     #[test]
     fn lanes_are_the_single_number_bit_for_bit() {
-        let bases: [f64; LANES] = core::array::from_fn(|i| i as f64 - 3.5);
         let some = [0.1, -0.2, 0.4, 0.400_001, f64::NAN, 12.0, -0.0, 1e-300];
-        let alphas: [f64; LANES] = core::array::from_fn(|i| some[i % some.len()]);
-        let angles = bases.map(Angle::new);
-        let together = Angle {
-            length: Lanes([1.0; LANES]),
-            base_rad: Lanes(bases),
-            sine: Lanes(angles.map(|a| a.sine)),
-            cosine: Lanes(angles.map(|a| a.cosine)),
+        let alone = |i: usize| {
+            let turn = Turn::new::<true>(some[i]);
+            let (s, c) = Angle::new(i as f64 - 3.5).turned(turn.and(turn));
+            (s.to_bits(), c.to_bits())
         };
-        let (s, c) = together.sincos_plus(Lanes(alphas));
+        let angles: [Angle<f64>; LANES] = core::array::from_fn(|i| Angle::new(i as f64 - 3.5));
+        let turn = Turn::new::<true>(Lanes(some));
+        let (s, c) = Angle::<Lanes>::gather(|i| &angles[i]).turned(turn.and(turn));
         for i in 0..LANES {
-            let (s_one, c_one) = angles[i].sincos_plus(alphas[i]);
-            assert_eq!((s.0[i].to_bits(), c.0[i].to_bits()), (s_one.to_bits(), c_one.to_bits()), "lane {i}");
+            assert_eq!((s.lane(i).to_bits(), c.lane(i).to_bits()), alone(i), "lane {i}");
+        }
+        for first in [0, 4] {
+            let turn = Turn::new::<true>(f64x4::gather(|i| some[first + i]));
+            let (s, c) = Angle::<f64x4>::gather(|i| &angles[first + i]).turned(turn.and(turn));
+            for i in 0..4 {
+                assert_eq!((s.lane(i).to_bits(), c.lane(i).to_bits()), alone(first + i), "stage {i} from {first}");
+            }
         }
     }
 }

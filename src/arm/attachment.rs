@@ -12,10 +12,11 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::angle::Angle;
-use super::kernel::{Coefficients, Loads, Motion, Rates};
+use super::angle::{Angle, Turn};
+use super::external::External;
+use super::kernel::{Coefficients, Motion, Rates};
 use super::real::Real;
-use super::{Arm, ArmError, InverseDynamics, State};
+use super::{Arm, ArmError, InverseDynamics, Load, State};
 
 /// A mass on a spring and a damper to the ground that follows the tip along one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +50,16 @@ pub(crate) struct AttachedCoefficients<T> {
     /// The links' angles at rest against the direction, with the links' lengths: their cosines are Q and P, their sines
     /// −Q' and −P'.
     links: [Angle<T>; 2],
+}
+
+/// The forces from outside under one load on an arm with an attachment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct AttachedExternal<T> {
+    /// Those of the torques and the weight.
+    torques: External<T>,
+    /// What of the force at the tip acts along the direction, and what across, N.
+    along_n: T,
+    across_n: T,
 }
 
 /// The motion of the tip along the direction.
@@ -92,27 +103,57 @@ impl Along<f64> {
 }
 
 impl Attached {
-    fn new(attachment: Attachment, c: &Coefficients<f64>) -> Attached {
+    fn new(attachment: Attachment, arm: &Arm) -> Attached {
         let direction_rad = attachment.direction_deg.to_radians();
         let (sine, cosine) = libm::sincos(direction_rad);
-        let link = |angle: &Angle<f64>, length_m: f64| Angle::new(angle.base_rad - direction_rad).times(length_m);
+        let ([joint1_rad, joint2_rad], [l1_m, l2_m]) = (arm.joint_angles_at_rest_rad(), arm.coefficients.l);
+        let link = |angle_rad: f64, length_m: f64| Angle::new(angle_rad - direction_rad).times(length_m);
         let coefficients = AttachedCoefficients {
             mass_kg: attachment.mass_kg,
             stiffness_n_m: attachment.stiffness_n_m,
             damping_n_s_m: attachment.damping_n_s_m,
             direction: [cosine, sine],
-            links: [link(&c.link1, c.l[0]), link(&c.link2, c.l[1])],
+            links: [link(joint1_rad, l1_m), link(joint1_rad + joint2_rad, l2_m)],
         };
         Attached { attachment, coefficients }
     }
 
     fn along(&self, state: &State) -> Along<f64> {
-        self.coefficients.along::<true>(&state.into())
+        let motion = Motion::from(state);
+        self.coefficients.along(&motion, turns_of_links::<f64, true>(motion.x))
     }
 
     fn direction(&self) -> Vector2<f64> {
         self.coefficients.direction.into()
     }
+}
+
+impl AttachedExternal<f64> {
+    #[inline(always)]
+    pub fn new(c: &Coefficients<f64>, attached: &AttachedCoefficients<f64>, load: &Load) -> AttachedExternal<f64> {
+        let torques = External::new(c, &Load { force_n: Vector2::zeros(), ..*load });
+        let ([e1, e2], [f1, f2]): ([f64; 2], [f64; 2]) = (attached.direction, load.force_n.into());
+        AttachedExternal { torques, along_n: e1 * f1 + e2 * f2, across_n: e1 * f2 - e2 * f1 }
+    }
+}
+
+impl<T: Real> AttachedExternal<T> {
+    /// Those of `T::WIDTH` arms side by side.
+    #[inline(always)]
+    pub fn gather(of: impl Fn(usize) -> AttachedExternal<f64>) -> AttachedExternal<T> {
+        AttachedExternal {
+            torques: External::gather(|i| of(i).torques),
+            along_n: T::gather(|i| of(i).along_n),
+            across_n: T::gather(|i| of(i).across_n),
+        }
+    }
+}
+
+/// The turns of link 1 and link 2 by the joints' angles, with `FAR` as [`Turn::new`] has it.
+#[inline(always)]
+fn turns_of_links<T: Real, const FAR: bool>(alpha_rad: [T; 2]) -> [Turn<T>; 2] {
+    let [turn1, joint2] = alpha_rad.map(Turn::new::<FAR>);
+    [turn1, turn1.and(joint2)]
 }
 
 impl<T: Real> AttachedCoefficients<T> {
@@ -129,19 +170,18 @@ impl<T: Real> AttachedCoefficients<T> {
         }
     }
 
-    /// With `FAR` at every angle; without it only at small ones, without a branch.
+    /// At the turns of link 1 and link 2.
     #[inline(always)]
-    fn along<const FAR: bool>(&self, motion: &Motion<T>) -> Along<T> {
-        let ([x1, x2], [v1, v2]) = (motion.x, motion.v);
-        let [link1, link2] = &self.links;
-        let (turn2_rad, rate2_rad_s) = (x1 + x2, v1 + v2);
-        let ((sine1, q), (sine2, p)) = (link1.sincos::<FAR>(x1), link2.sincos::<FAR>(turn2_rad));
+    fn along(&self, motion: &Motion<T>, [turn1, turn2]: [Turn<T>; 2]) -> Along<T> {
+        let ([v1, v2], [link1, link2]) = (motion.v, &self.links);
+        let rate2_rad_s = v1 + v2;
+        let ((sine1, q), (sine2, p)) = (link1.turned(turn1), link2.turned(turn2));
         let w_m = [-sine1 - sine2, -sine2];
         let squares = [v1 * v1, rate2_rad_s * rate2_rad_s];
         Along {
             w_m,
             across_m: [q, p],
-            displacement_m: link1.cosine_change::<FAR>(x1) + link2.cosine_change::<FAR>(turn2_rad),
+            displacement_m: link1.cosine_change(turn1) + link2.cosine_change(turn2),
             velocity_m_s: w_m[0] * v1 + w_m[1] * v2,
             squares,
             drift_m_s2: -(q * squares[0] + p * squares[1]),
@@ -152,18 +192,20 @@ impl<T: Real> AttachedCoefficients<T> {
     /// what of it acts along the direction, and (Q + P, P) times what acts across. What the attachment adds to the
     /// power is −c ṡ².
     #[inline(always)]
-    fn rates<const FAR: bool>(&self, c: &Coefficients<T>, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
-        let along = self.along::<FAR>(motion);
-        let (h, t) = c.coupling::<FAR>(motion.x[1]);
-        let torques = Loads { u: load.u, f: [T::splat(0.0); 2], pulls: false };
-        let [u1, u2] = if c.heavy {
-            c.external_force::<FAR, true>(motion.x, &torques)
-        } else {
-            c.external_force::<FAR, false>(motion.x, &torques)
-        };
-        let ([w1, w2], [q, p], [e1, e2], [f1, f2]) = (along.w_m, along.across_m, self.direction, load.f);
-        let (across_n, along_n) = (e1 * f2 - e2 * f1, e1 * f1 + e2 * f2);
-        let force = [(u1 + w1 * along_n) + (q + p) * across_n, (u2 + w2 * along_n) + p * across_n];
+    fn rates<const FAR: bool>(
+        &self,
+        c: &Coefficients<T>,
+        motion: &Motion<T>,
+        external: &AttachedExternal<T>,
+    ) -> Rates<T> {
+        let [turn1, joint2] = motion.x.map(Turn::new::<FAR>);
+        let turn2 = turn1.and(joint2);
+        let along = self.along(motion, [turn1, turn2]);
+        let (h, t) = c.elbow.turned(joint2);
+        let AttachedExternal { torques, along_n, across_n } = external;
+        let [u1, u2] = if c.heavy { torques.at(turn1, turn2) } else { torques.at_rest };
+        let ([w1, w2], [q, p]) = (along.w_m, along.across_m);
+        let force = [(u1 + w1 * *along_n) + (q + p) * *across_n, (u2 + w2 * *along_n) + p * *across_n];
         let damping_n = self.damping_n_s_m * along.velocity_m_s;
         let taken_n = self.mass_kg * along.drift_m_s2 + damping_n + self.stiffness_n_m * along.displacement_m;
         let r = c.torques(motion, h, force);
@@ -179,24 +221,25 @@ impl<T: Real> AttachedCoefficients<T> {
 
     /// The same at every angle, and fast at small ones.
     #[inline(always)]
-    pub fn rates_anywhere(&self, c: &Coefficients<T>, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
+    pub fn rates_anywhere(&self, c: &Coefficients<T>, motion: &Motion<T>, external: &AttachedExternal<T>) -> Rates<T> {
         if c.within_reach::<true>(motion.x) {
-            self.rates::<false>(c, motion, load)
+            self.rates::<false>(c, motion, external)
         } else {
-            self.far_rates(c, motion, load)
+            self.far_rates(c, motion, external)
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn far_rates(&self, c: &Coefficients<T>, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
-        self.rates::<true>(c, motion, load)
+    fn far_rates(&self, c: &Coefficients<T>, motion: &Motion<T>, external: &AttachedExternal<T>) -> Rates<T> {
+        self.rates::<true>(c, motion, external)
     }
 
     /// ½ m ṡ² + ½ k s², J.
     #[inline(always)]
     pub fn energy_j<const FAR: bool>(&self, motion: &Motion<T>) -> T {
-        let Along { displacement_m: s, velocity_m_s: rate, .. } = self.along::<FAR>(motion);
+        let Along { displacement_m: s, velocity_m_s: rate, .. } =
+            self.along(motion, turns_of_links::<T, FAR>(motion.x));
         T::splat(0.5) * (self.mass_kg * (rate * rate) + self.stiffness_n_m * (s * s))
     }
 }
@@ -218,7 +261,7 @@ impl Arm {
             let expected = "from -360 to 360 degrees";
             return Err(ArmError::Attachment { name: "direction_deg", got: direction_deg, expected });
         }
-        self.attached = Some(Attached::new(attachment, &self.coefficients));
+        self.attached = Some(Attached::new(attachment, &self));
         Ok(self)
     }
 

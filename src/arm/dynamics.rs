@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::attachment::solved;
-use super::kernel::{Loads, Motion, Rates};
+use super::attachment::{AttachedExternal, solved};
+use super::external::External;
+use super::kernel::{Motion, Rates};
 use super::{Arm, Load, State};
 
 /// Derivatives of α̈ with respect to the state, at one state and load.
@@ -65,11 +66,16 @@ impl Arm {
     /// The same with the power.
     #[inline(always)]
     pub(crate) fn rates(&self, state: &State, load: &Load) -> Rates<f64> {
-        let (c, load, motion) = (&self.coefficients, Loads::from(load), Motion::from(state));
-        match &self.attached {
-            Some(attached) => attached.coefficients.rates_anywhere(c, &motion, &load),
-            None if c.needs_links(&load) => c.rates_anywhere::<true>(&motion, &load),
-            None => c.rates_anywhere::<false>(&motion, &load),
+        let (c, motion) = (&self.coefficients, Motion::from(state));
+        if let Some(attached) = &self.attached {
+            let external = AttachedExternal::new(c, &attached.coefficients, load);
+            return attached.coefficients.rates_anywhere(c, &motion, &external);
+        }
+        let external = External::new(c, load);
+        if external.follows_links {
+            c.rates_anywhere::<true>(&motion, &external)
+        } else {
+            c.rates_anywhere::<false>(&motion, &external)
         }
     }
 
@@ -86,12 +92,7 @@ impl Arm {
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);
         let (p, v) = (&self.parameters, &state.alpha_dot_rad_s);
-        let (x, loads) = (state.alpha_rad.into(), Loads::from(load));
-        let force = if c.needs_links(&loads) {
-            c.external_force::<true, true>(x, &loads)
-        } else {
-            c.external_force::<true, false>(x, &loads)
-        };
+        let force = External::new(c, load).at_angles(state.alpha_rad.into());
         let solve = |r: [f64; 2]| c.solve_mass(t, r);
         let acceleration = Vector2::from(solve(c.torques(&state.into(), h, force)));
 

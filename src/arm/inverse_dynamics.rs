@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::external::External;
 use super::{Arm, Load, State};
 
 /// The unbalanced torque of a motion and its derivatives.
@@ -33,7 +34,7 @@ impl Arm {
     ) -> Vector2<f64> {
         let c = &self.coefficients;
         let (h, t) = c.coupling::<true>(state.alpha_rad.y);
-        let force = c.external_force::<true, true>(state.alpha_rad.into(), &load.into());
+        let force = External::new(c, load).at_angles(state.alpha_rad.into());
         let inner = self.mass_matrix_at(t) * acceleration_rad_s2;
         inner - Vector2::from(c.torques(&state.into(), h, force))
     }

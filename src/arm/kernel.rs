@@ -2,10 +2,11 @@
 
 use core::array;
 
-use super::angle::{Angle, within_reach};
+use super::angle::{Angle, Turn, within_reach};
+use super::external::External;
 use super::parameters::Inertia;
 use super::real::Real;
-use super::{Gravity, Load, Parameters};
+use super::{Gravity, Parameters};
 
 /// Constants of the equation of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,23 +49,6 @@ pub(crate) struct Rates<T> {
     pub power_w: T,
 }
 
-/// u and F.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Loads<T> {
-    pub u: [T; 2],
-    pub f: [T; 2],
-    /// Whether F is anything but zero, in any lane.
-    pub pulls: bool,
-}
-
-impl From<&Load> for Loads<f64> {
-    #[inline(always)]
-    fn from(load: &Load) -> Loads<f64> {
-        let f: [f64; 2] = load.force_n.into();
-        Loads { u: load.torque_nm.into(), f, pulls: f[0] != 0.0 || f[1] != 0.0 }
-    }
-}
-
 impl Coefficients<f64> {
     /// The constants at rest angles of the links, rad.
     pub fn new(p: &Parameters, beta_rad: [f64; 2]) -> Coefficients<f64> {
@@ -101,19 +85,6 @@ impl<T: Real> Motion<T> {
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Motion<f64> {
         Motion { x: [self.x[0].lane(i), self.x[1].lane(i)], v: [self.v[0].lane(i), self.v[1].lane(i)] }
-    }
-}
-
-impl<T: Real> Loads<T> {
-    /// The loads of `T::WIDTH` arms side by side.
-    #[inline(always)]
-    pub fn gather(of: impl Fn(usize) -> Load) -> Loads<T> {
-        let f = [T::gather(|i| of(i).force_n.x), T::gather(|i| of(i).force_n.y)];
-        Loads {
-            u: [T::gather(|i| of(i).torque_nm.x), T::gather(|i| of(i).torque_nm.y)],
-            f,
-            pulls: !(f[0].all_zero() && f[1].all_zero()),
-        }
     }
 }
 
@@ -163,32 +134,6 @@ impl<T: Real> Coefficients<T> {
         (force[0] - self.d[0] * v[0]) * v[0] + (force[1] - self.d[1] * v[1]) * v[1]
     }
 
-    /// u + JᵀF − (G(q) − G(q at rest)), N·m: all forces from outside. Without `LINKS` it is u alone, to the same bits
-    /// where [`Coefficients::needs_links`] says that neither force nor weight acts; with it, lanes without them keep u
-    /// as it is.
-    #[inline(always)]
-    pub fn external_force<const FAR: bool, const LINKS: bool>(&self, x: [T; 2], load: &Loads<T>) -> [T; 2] {
-        let [mut r1, mut r2] = load.u;
-        if !LINKS {
-            return [r1, r2];
-        }
-        let (s1, c1) = self.link1.sincos::<FAR>(x[0]);
-        let (s12, c12) = self.link2.sincos::<FAR>(x[0] + x[1]);
-        // JᵀF, Eq. (28): F crossed with the arm's vectors from the joints to the tip.
-        let [fx, fy] = load.f;
-        let second = self.l[1] * (fy * c12 - fx * s12);
-        let first = self.l[0] * (fy * c1 - fx * s1) + second;
-        let pulled = |with: T, without: T| T::where_nonzero(fx, with, T::where_nonzero(fy, with, without));
-        r1 = pulled(r1 + first, r1);
-        r2 = pulled(r2 + second, r2);
-        // G = (w1 c1 + w2 c12, w2 c12): the torques by which the weights load the joints.
-        let [w1, w2] = self.weight;
-        let lower = w2 * (c12 - self.link2.cosine);
-        let upper = w1 * (c1 - self.link1.cosine) + lower;
-        let heavy = w1 + w2;
-        [T::where_nonzero(heavy, r1 - upper, r1), T::where_nonzero(heavy, r2 - lower, r2)]
-    }
-
     /// force − Kα − Dα̇ − Cα̇, N·m, with h = a2 sin(β2+α2): Cα̇ = h (−2 α̇1 α̇2 − α̇2², α̇1²).
     #[inline(always)]
     pub fn torques(&self, motion: &Motion<T>, h: T, force: [T; 2]) -> [T; 2] {
@@ -202,50 +147,56 @@ impl<T: Real> Coefficients<T> {
     /// a2 sin(β2+α2) and a2 cos(β2+α2), kg·m².
     #[inline(always)]
     pub fn coupling<const FAR: bool>(&self, alpha2_rad: T) -> (T, T) {
-        self.elbow.sincos::<FAR>(alpha2_rad)
-    }
-
-    /// Whether a force at the tip or weight acts on any of the arms, so that it matters where the links point.
-    #[inline(always)]
-    pub fn needs_links(&self, load: &Loads<T>) -> bool {
-        self.heavy | load.pulls
+        self.elbow.turned(Turn::new::<FAR>(alpha2_rad))
     }
 
     /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds,
-    /// to the same bits, and without a branch or a call on the way. `LINKS` as [`Coefficients::external_force`] has it.
+    /// to the same bits, and without a branch or a call on the way. Without `LINKS` it leaves out where the links point,
+    /// and holds where [`External::follows_links`] is false.
     #[inline(always)]
-    pub fn acceleration<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> [T; 2] {
-        self.rates::<FAR, LINKS>(motion, load).acceleration_rad_s2
+    pub fn acceleration<const FAR: bool, const LINKS: bool>(
+        &self,
+        motion: &Motion<T>,
+        external: &External<T>,
+    ) -> [T; 2] {
+        self.rates::<FAR, LINKS>(motion, external).acceleration_rad_s2
     }
 
     /// The same with the power.
     #[inline(always)]
-    fn rates<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
-        let (h, t) = self.coupling::<FAR>(motion.x[1]);
-        let force = self.external_force::<FAR, LINKS>(motion.x, load);
+    fn rates<const FAR: bool, const LINKS: bool>(&self, motion: &Motion<T>, external: &External<T>) -> Rates<T> {
+        let [x1, x2] = motion.x;
+        let joint2 = Turn::new::<FAR>(x2);
+        let (h, t) = self.elbow.turned(joint2);
+        let force = if LINKS {
+            let link1 = Turn::new::<FAR>(x1);
+            external.at(link1, link1.and(joint2))
+        } else {
+            external.at_rest
+        };
         let acceleration_rad_s2 = self.solve_mass(t, self.torques(motion, h, force));
         Rates { acceleration_rad_s2, power_w: self.power_w(motion.v, force) }
     }
 
     /// The same at every angle, and fast at small ones.
     #[inline(always)]
-    pub fn rates_anywhere<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
+    pub fn rates_anywhere<const LINKS: bool>(&self, motion: &Motion<T>, external: &External<T>) -> Rates<T> {
         if self.within_reach::<LINKS>(motion.x) {
-            self.rates::<false, LINKS>(motion, load)
+            self.rates::<false, LINKS>(motion, external)
         } else {
-            self.far_rates::<LINKS>(motion, load)
+            self.far_rates::<LINKS>(motion, external)
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn far_rates<const LINKS: bool>(&self, motion: &Motion<T>, load: &Loads<T>) -> Rates<T> {
-        self.rates::<true, LINKS>(motion, load)
+    fn far_rates<const LINKS: bool>(&self, motion: &Motion<T>, external: &External<T>) -> Rates<T> {
+        self.rates::<true, LINKS>(motion, external)
     }
 
     /// Whether every angle that the acceleration asks for is a small one.
     #[inline(always)]
     pub fn within_reach<const LINKS: bool>(&self, x: [T; 2]) -> bool {
-        within_reach(x[1]) & (!LINKS || (within_reach(x[0]) & within_reach(x[0] + x[1])))
+        within_reach(x[1]) & (!LINKS || within_reach(x[0]))
     }
 }

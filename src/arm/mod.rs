@@ -17,6 +17,7 @@ pub(crate) mod attachment;
 mod dynamics;
 mod energy;
 mod error;
+pub(crate) mod external;
 mod gravity;
 mod inverse_dynamics;
 pub(crate) mod kernel;
@@ -99,6 +100,12 @@ impl Arm {
             attached.coefficients.damping_n_s_m = 0.0;
         }
         arm
+    }
+
+    /// β + α_st: the angles of the joints at rest, rad.
+    pub(crate) fn joint_angles_at_rest_rad(&self) -> [f64; 2] {
+        let sag_rad = self.static_deflection_rad;
+        [self.pose.beta1_deg.to_radians() + sag_rad.x, self.pose.beta2_deg.to_radians() + sag_rad.y]
     }
 
     /// The parameters the arm was made of.

@@ -6,7 +6,8 @@
 //! don't go side by side: the number of iterations, the pivots and the division of a step differ from motion to motion.
 
 use crate::arm::Load;
-use crate::arm::kernel::{Coefficients, Loads, Motion};
+use crate::arm::external::External;
+use crate::arm::kernel::{Coefficients, Motion};
 use crate::arm::real::{Lanes, Real};
 use crate::integrate::{DOP853, explicit};
 
@@ -55,11 +56,11 @@ fn side_by_side<T: Real>(
 /// The kernel as the target at hand compiles it; the ones below are the same source for wider registers.
 #[inline(always)]
 fn portable<T: Real>(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<T>) {
-    let arm = Coefficients::<T>::gather(|_lane| arm);
+    let every = Coefficients::<T>::gather(|_lane| arm);
     for _ in 0..times {
         for loads in stretch {
-            let loads = loads.each_ref().map(|load| Loads::gather(|_lane| *load));
-            *motion = explicit::step(&DOP853, &arm, h_s, motion, &loads);
+            let external = loads.each_ref().map(|load| External::new(arm, load));
+            *motion = explicit::step(&DOP853, &every, h_s, motion, &external);
         }
     }
 }

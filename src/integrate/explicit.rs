@@ -2,7 +2,8 @@
 //!
 //! With y = (α, α̇) and f = (α̇, α̈): kᵢ = f(tₙ + cᵢh, yₙ + h Σⱼ aᵢⱼ kⱼ) and yₙ₊₁ = yₙ + h Σ bᵢ kᵢ.
 
-use crate::arm::kernel::{Coefficients, Loads, Motion};
+use crate::arm::external::External;
+use crate::arm::kernel::{Coefficients, Motion};
 use crate::arm::real::Real;
 
 /// The coefficients of a method of S stages; `a` is strictly lower triangular.
@@ -55,7 +56,7 @@ impl<T: Real> Rk4Step<T> {
 /// v₂ = v + ½ha₁   v₃ = v + ½ha₂      v₄ = v + ha₃           v⁺ = v + ⅙h(a₁ + 2a₂ + 2a₃ + a₄)
 /// ```
 ///
-/// `loads` are those at 0, ½ and 1 of the step: stages 2 and 3 are at the same time.
+/// `external` are those at 0, ½ and 1 of the step: stages 2 and 3 are at the same time.
 ///
 /// The step is made as if all angles were small; if one was not, it is made again with the sines of large angles.
 #[inline(always)]
@@ -63,14 +64,14 @@ pub(crate) fn rk4<T: Real>(
     arm: &Coefficients<T>,
     h: &Rk4Step<T>,
     motion: &Motion<T>,
-    loads: &[Loads<T>; 3],
+    external: &[External<T>; 3],
 ) -> Motion<T> {
-    let (next, small) = if needs_links(arm, loads) {
-        rk4_step::<T, false, true>(arm, h, motion, loads)
+    let (next, small) = if follows_links(external) {
+        rk4_step::<T, false, true>(arm, h, motion, external)
     } else {
-        rk4_step::<T, false, false>(arm, h, motion, loads)
+        rk4_step::<T, false, false>(arm, h, motion, external)
     };
-    if small { next } else { rk4_far(arm, h, motion, loads) }
+    if small { next } else { rk4_far(arm, h, motion, external) }
 }
 
 /// [`rk4`] of a single arm: short enough to stand where it is called when only torques act on it.
@@ -79,13 +80,13 @@ pub(crate) fn rk4_single(
     arm: &Coefficients<f64>,
     h: &Rk4Step<f64>,
     motion: &Motion<f64>,
-    loads: &[Loads<f64>; 3],
+    external: &[External<f64>; 3],
 ) -> Motion<f64> {
-    if needs_links(arm, loads) {
-        return rk4_single_with_links(arm, h, motion, loads);
+    if follows_links(external) {
+        return rk4_single_with_links(arm, h, motion, external);
     }
-    let (next, small) = rk4_step::<f64, false, false>(arm, h, motion, loads);
-    if small { next } else { rk4_far(arm, h, motion, loads) }
+    let (next, small) = rk4_step::<f64, false, false>(arm, h, motion, external);
+    if small { next } else { rk4_far(arm, h, motion, external) }
 }
 
 #[inline(never)]
@@ -93,20 +94,26 @@ fn rk4_single_with_links(
     arm: &Coefficients<f64>,
     h: &Rk4Step<f64>,
     motion: &Motion<f64>,
-    loads: &[Loads<f64>; 3],
+    external: &[External<f64>; 3],
 ) -> Motion<f64> {
-    rk4(arm, h, motion, loads)
+    rk4(arm, h, motion, external)
 }
 
 #[inline(always)]
-fn needs_links<T: Real>(arm: &Coefficients<T>, loads: &[Loads<T>; 3]) -> bool {
-    arm.needs_links(&loads[0]) | arm.needs_links(&loads[1]) | arm.needs_links(&loads[2])
+fn follows_links<T: Real, const N: usize>(external: &[External<T>; N]) -> bool {
+    // Without a short cut, so that there is one branch.
+    external.iter().fold(false, |any, external| any | external.follows_links)
 }
 
 #[cold]
 #[inline(never)]
-fn rk4_far<T: Real>(arm: &Coefficients<T>, h: &Rk4Step<T>, motion: &Motion<T>, loads: &[Loads<T>; 3]) -> Motion<T> {
-    rk4_step::<T, true, true>(arm, h, motion, loads).0
+fn rk4_far<T: Real>(
+    arm: &Coefficients<T>,
+    h: &Rk4Step<T>,
+    motion: &Motion<T>,
+    external: &[External<T>; 3],
+) -> Motion<T> {
+    rk4_step::<T, true, true>(arm, h, motion, external).0
 }
 
 /// The state after the step, and whether all its angles were small.
@@ -115,17 +122,17 @@ fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     arm: &Coefficients<T>,
     h: &Rk4Step<T>,
     motion: &Motion<T>,
-    loads: &[Loads<T>; 3],
+    external: &[External<T>; 3],
 ) -> (Motion<T>, bool) {
     let [x, v] = [motion.x, motion.v];
     let half = moved(x, h.half, v);
     let full = moved(x, h.full, v);
-    let a1 = arm.acceleration::<FAR, LINKS>(motion, &loads[0]);
-    let a2 = arm.acceleration::<FAR, LINKS>(&Motion { x: half, v: moved(v, h.half, a1) }, &loads[1]);
+    let a1 = arm.acceleration::<FAR, LINKS>(motion, &external[0]);
+    let a2 = arm.acceleration::<FAR, LINKS>(&Motion { x: half, v: moved(v, h.half, a1) }, &external[1]);
     let third = Motion { x: moved(half, h.quarter_square, a1), v: moved(v, h.half, a2) };
-    let a3 = arm.acceleration::<FAR, LINKS>(&third, &loads[1]);
+    let a3 = arm.acceleration::<FAR, LINKS>(&third, &external[1]);
     let fourth = Motion { x: moved(full, h.half_square, a2), v: moved(v, h.full, a3) };
-    let a4 = arm.acceleration::<FAR, LINKS>(&fourth, &loads[2]);
+    let a4 = arm.acceleration::<FAR, LINKS>(&fourth, &external[2]);
     let inner = sum(a2, a3);
     let first_three = sum(a1, inner);
     let next =
@@ -137,19 +144,19 @@ fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     (next, small)
 }
 
-/// One step of a method given by its tableau, of one motion or several side by side; `loads` are those at the nodes cᵢ.
+/// One step of a method given by its tableau, of one motion or several side by side; `external` are those at the nodes cᵢ.
 #[inline(always)]
 pub(crate) fn step<T: Real, const S: usize>(
     tableau: &Tableau<S>,
     arm: &Coefficients<T>,
     h_s: f64,
     motion: &Motion<T>,
-    loads: &[Loads<T>; S],
+    external: &[External<f64>; S],
 ) -> Motion<T> {
-    if loads.iter().any(|load| arm.needs_links(load)) {
-        step_with::<T, S, true>(tableau, arm, h_s, motion, loads)
+    if follows_links(external) {
+        step_with::<T, S, true>(tableau, arm, h_s, motion, external)
     } else {
-        step_with::<T, S, false>(tableau, arm, h_s, motion, loads)
+        step_with::<T, S, false>(tableau, arm, h_s, motion, external)
     }
 }
 
@@ -159,9 +166,11 @@ fn step_with<T: Real, const S: usize, const LINKS: bool>(
     arm: &Coefficients<T>,
     h_s: f64,
     motion: &Motion<T>,
-    loads: &[Loads<T>; S],
+    external: &[External<f64>; S],
 ) -> Motion<T> {
-    step_by(tableau, h_s, motion, |i, stage| arm.acceleration::<true, LINKS>(stage, &loads[i]))
+    step_by(tableau, h_s, motion, |i, stage| {
+        arm.acceleration::<true, LINKS>(stage, &External::gather(|_lane| external[i]))
+    })
 }
 
 /// One step of a method given by its tableau; `acceleration` gives that of a stage by its index.

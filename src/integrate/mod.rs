@@ -22,7 +22,8 @@ use alloc::boxed::Box;
 use collocation::Collocation;
 use explicit::Rk4Step;
 
-use crate::arm::kernel::{Coefficients, Loads, Motion};
+use crate::arm::external::External;
+use crate::arm::kernel::{Coefficients, Motion};
 use crate::arm::{Arm, Load, State};
 
 /// The load as a function of time.
@@ -162,12 +163,11 @@ impl Integrator {
             }
             Method::Dop853 if arm.attachment().is_some() => attached(&DOP853, arm, (t_s, h_s), state, excitation),
             Method::Rk4(h) => {
-                let loads_at = |part: f64| Loads::from(&excitation.load(t_s + part * h_s));
-                let loads = [loads_at(0.0), loads_at(0.5), loads_at(1.0)];
-                explicit::rk4_single(&arm.coefficients, h, &state.into(), &loads)
+                let at = |part: f64| External::new(&arm.coefficients, &excitation.load(t_s + part * h_s));
+                explicit::rk4_single(&arm.coefficients, h, &state.into(), &[at(0.0), at(0.5), at(1.0)])
             }
             Method::Dop853 => {
-                let loads = DOP853.c.map(|part| Loads::from(&excitation.load(t_s + part * h_s)));
+                let loads = DOP853.c.map(|part| excitation.load(t_s + part * h_s));
                 dop853(&arm.coefficients, h_s, &state.into(), &loads)
             }
             Method::TwoStages(method) => Motion::from(&method.step(arm, t_s, state, excitation)?),
@@ -196,8 +196,9 @@ fn attached<const S: usize>(
 
 // Once for all kinds of excitation.
 #[inline(never)]
-fn dop853(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Loads<f64>; 12]) -> Motion<f64> {
-    explicit::step(&DOP853, arm, h_s, motion, loads)
+fn dop853(arm: &Coefficients<f64>, h_s: f64, motion: &Motion<f64>, loads: &[Load; 12]) -> Motion<f64> {
+    let external = loads.each_ref().map(|load| External::new(arm, load));
+    explicit::step(&DOP853, arm, h_s, motion, &external)
 }
 
 #[cfg(test)]

@@ -21,10 +21,12 @@ mod newton;
 use alloc::vec::Vec;
 use core::array;
 
+use wide::f64x4;
+
 use super::double_double::DoubleDouble;
 use super::{Excitation, IntegrateError};
 use crate::arm::kernel::Motion;
-use crate::arm::real::{Lanes, Real};
+use crate::arm::real::Real;
 use crate::arm::{Arm, Load, State};
 
 /// A step is divided into 1, 2, 4 … 2^(LEVELS − 1) = 256 parts.
@@ -36,7 +38,7 @@ const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
 const ENERGY_WHOLE_J: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
 /// One number a stage; lanes beyond the last stage repeat it.
-type Wide = Lanes<4>;
+type Wide = f64x4;
 
 /// A method of S stages at one step length.
 #[derive(Clone, Debug, PartialEq)]
@@ -225,6 +227,8 @@ struct Stages<'a, const S: usize> {
     linear: &'a [[f64; 4]; 2],
     arm: &'a Arm,
     loads: [Load; S],
+    /// Whether the load is the same at all stages.
+    held: bool,
     y: [f64; 4],
     /// Sᵢ y.
     from_start: [Wide; 4],
@@ -244,12 +248,13 @@ impl<const S: usize> Step<S> {
         let mut from_start = [Wide::splat(0.0); 4];
         add_product(&mut from_start, &self.start.low, &y);
         add_product(&mut from_start, &self.start.high, &y);
-        let loads = if excitation.is_constant() {
+        let held = excitation.is_constant();
+        let loads = if held {
             [excitation.load(t_s); S]
         } else {
             array::from_fn(|i| excitation.load(t_s + self.c[i] * self.h_s))
         };
-        let stages = Stages { step: self, linear, arm, loads, y, from_start };
+        let stages = Stages { step: self, linear, arm, loads, held, y, from_start };
         let solution = match fixed_point::solve(&stages) {
             Some(solution) => solution,
             None => newton::solve(&stages, t_s)?,
@@ -291,13 +296,13 @@ impl<const S: usize> Step<S> {
 }
 
 impl<const S: usize> Stages<'_, S> {
-    /// The slope at the start of the step under the first stage's load, for every stage.
+    /// The slope at the start of the step under the first stage's load.
     #[inline(always)]
-    fn first_slopes(&self) -> Slopes<S> {
+    fn first_slope(&self) -> [f64; 2] {
         let [x1, x2, v1, v2] = self.y;
         let start = State::new([x1, x2], [v1, v2]);
         let acceleration = self.arm.acceleration(&start, &self.loads[0]);
-        [self.slope(&Motion::from(&start), acceleration.into()); S]
+        self.slope(&Motion::from(&start), acceleration.into())
     }
 
     /// N = α̈ − Λy.

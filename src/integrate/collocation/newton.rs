@@ -24,7 +24,7 @@ const CORRECTION_LIMIT: f64 = 1e-9;
 #[cold]
 #[inline(never)]
 pub(super) fn solve<const S: usize>(stages: &Stages<S>, t_s: f64) -> Result<Solution<S>, IntegrateError> {
-    let mut slopes = stages.first_slopes();
+    let mut slopes = [stages.first_slope(); S];
     let mut correction = f64::INFINITY;
     for _ in 0..MOST_ITERATIONS {
         let Some((size, work_j)) = iterate(stages, &mut slopes) else { break };
