@@ -25,11 +25,12 @@
 //!
 //! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out
 //! less than its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) <
-//! 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of S and 0.92 u of V. Of the constants: `libm` gives
-//! sin β and cos β to 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of rounding:
-//! p and q are sums whose first term dominates, exact to 6 u relative; so V = z q errs by 8 u α²/2 < 0.64 u and C by
-//! 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S, at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The products err
-//! by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 3 u + 3.72 u < 8 u = 8.9e-16.
+//! 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of S and 0.92 u of V. Of the constants: `libm`
+//! gives sin β and cos β to 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of
+//! rounding: p and q are sums whose first term dominates, exact to 6 u relative; so V = z q errs by 8 u α²/2 < 0.64 u
+//! and C by 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S, at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The
+//! products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 3 u + 3.72 u < 8 u =
+//! 8.9e-16.
 //!
 //! Of two turns: S errs by 0.53 u and V by 1.56 u in each. In their S the sum errs by 1.06 u and its rounding by 0.4 u,
 //! the products, |S| ≤ 0.39 and |V| ≤ 0.08, by 2 (0.39 · 1.56 u + 0.08 · 0.53 u) and rounding by less than 0.1 u, the

@@ -151,8 +151,8 @@ impl<T: Real> Coefficients<T> {
     }
 
     /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds,
-    /// to the same bits, and without a branch or a call on the way. Without `LINKS` it leaves out where the links point,
-    /// and holds where [`External::follows_links`] is false.
+    /// to the same bits, and without a branch or a call on the way. Without `LINKS` it leaves out where the links
+    /// point, and holds where [`External::follows_links`] is false.
     #[inline(always)]
     pub fn acceleration<const FAR: bool, const LINKS: bool>(
         &self,

@@ -144,7 +144,8 @@ fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     (next, small)
 }
 
-/// One step of a method given by its tableau, of one motion or several side by side; `external` are those at the nodes cᵢ.
+/// One step of a method given by its tableau, of one motion or several side by side; `external` are those at the nodes
+/// cᵢ.
 #[inline(always)]
 pub(crate) fn step<T: Real, const S: usize>(
     tableau: &Tableau<S>,
