@@ -1,10 +1,13 @@
 //! A run that is watched while it goes: rings between its loops and whoever watches.
 //!
 //! ```text
-//! run loop ── Watched::tell ────► ring of Told    ──► Watcher::take
-//!          ── Watched::tell_frame ► ring of frames ──►
-//!          ◄─ Watched::request ── ring of Request ◄── Watcher::ask
+//! run loop ── Watched::tell ──────► rings of records and commands, of responses ──► Watcher::take
+//!          ── Watched::tell_frame ► ring of frames ─────────────────────────────►
+//!          ◄─ Watched::request ──── ring of requests ◄──────────────────────────── Watcher::ask
 //! ```
+//!
+//! A slot of a ring is as large as the largest that it takes, and what a loop writes has to leave the other core's caches.
+//! So the few large responses have a ring of their own.
 //!
 //! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
 //! is watched. Frames are told only as long as those who watch want them.
@@ -20,8 +23,10 @@ use crate::recording::{FrameRecord, Record};
 
 /// What waits in a loop's ring at most: at 1 kHz two seconds.
 const TOLD: usize = 1 << 13;
+/// Responses that wait at most.
+const RESPONSES: usize = 1 << 8;
 /// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and three of its own; 1 MiB. They
-/// have a ring of their own, so that a jammed bus crowds out nothing else, and each takes a third of the memory.
+/// have a ring of their own, so that a jammed bus crowds out nothing else.
 const FRAMES: usize = 1 << 13;
 /// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
 const TOLD_BESIDE: usize = 1 << 10;
@@ -39,6 +44,22 @@ pub enum Told {
     Command(CommandRecord),
     /// A response that the controller has read.
     Response(ResponsePoint),
+}
+
+/// What a loop tells in every sample: [`Told`] without the responses.
+#[derive(Clone, Copy, Debug)]
+enum Often {
+    Record(Record),
+    Command(CommandRecord),
+}
+
+impl From<Often> for Told {
+    fn from(often: Often) -> Told {
+        match often {
+            Often::Record(record) => Told::Record(record),
+            Often::Command(command) => Told::Command(command),
+        }
+    }
 }
 
 /// The load that an exciter commands.
@@ -104,16 +125,26 @@ struct Shared {
 #[derive(Debug)]
 struct Opened {
     end: End,
-    told: Consumer<Told>,
+    often: Consumer<Often>,
+    responses: Consumer<ResponsePoint>,
     frames: Consumer<FrameRecord>,
     requests: Producer<Request>,
+}
+
+impl Opened {
+    /// Whether the loop has ended and all that it told was taken.
+    fn is_over(&self) -> bool {
+        // First whether it has ended: what it tells between two looks is then there.
+        self.often.is_abandoned() && self.often.is_empty() && self.responses.is_empty() && self.frames.is_empty()
+    }
 }
 
 /// A loop's end of its rings.
 #[derive(Debug)]
 pub struct Watched {
     end: End,
-    told: Producer<Told>,
+    often: Producer<Often>,
+    responses: Producer<ResponsePoint>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
     shared: Arc<Shared>,
@@ -147,12 +178,15 @@ pub fn watch() -> (Watch, Watcher) {
 impl Watch {
     /// Opens the rings of a loop, before it begins.
     pub fn open(&self, end: End) -> Watched {
-        let (told, frames) = end.capacities();
-        let ((told, reader), (frames, frame_reader)) = (RingBuffer::new(told), RingBuffer::new(frames));
+        let (often, frames) = end.capacities();
+        let ((often, often_reader), (frames, frame_reader)) = (RingBuffer::new(often), RingBuffer::new(frames));
+        let (responses, response_reader) = RingBuffer::new(RESPONSES);
         let (writer, requests) = RingBuffer::new(REQUESTS);
+        let opened =
+            Opened { end, often: often_reader, responses: response_reader, frames: frame_reader, requests: writer };
         // If nobody watches any more, what is told is lost, and counted.
-        let _nobody = self.opened.send(Opened { end, told: reader, frames: frame_reader, requests: writer });
-        Watched { end, told, frames, requests, shared: Arc::clone(&self.shared) }
+        let _nobody = self.opened.send(opened);
+        Watched { end, often, responses, frames, requests, shared: Arc::clone(&self.shared) }
     }
 }
 
@@ -163,8 +197,14 @@ impl Watched {
     }
 
     /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    #[inline]
     pub fn tell(&mut self, told: Told) {
-        if self.told.push(told).is_err() {
+        let is_told = match told {
+            Told::Record(record) => self.often.push(Often::Record(record)).is_ok(),
+            Told::Command(command) => self.often.push(Often::Command(command)).is_ok(),
+            Told::Response(response) => self.responses.push(response).is_ok(),
+        };
+        if !is_told {
             self.lose();
         }
     }
@@ -193,16 +233,16 @@ impl Watched {
 }
 
 impl Watcher {
-    /// Hands over what was told since, at most `most` of each loop, oldest first; then as many frames likewise.
+    /// Hands over what was told since, at most `most` of each loop, oldest first; then as many responses and as many
+    /// frames likewise.
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Told)) {
         self.open.extend(self.opening.try_iter());
-        for Opened { end, told, frames, .. } in &mut self.open {
-            drain(told, most, |told| hand(*end, told));
+        for Opened { end, often, responses, frames, .. } in &mut self.open {
+            drain(often, most, |often| hand(*end, &Told::from(*often)));
+            drain(responses, most, |response| hand(*end, &Told::Response(*response)));
             drain(frames, most, |frame| hand(*end, &Told::Record(Record::Frame(*frame))));
         }
-        let is_over =
-            |opened: &Opened| opened.told.is_abandoned() && opened.told.is_empty() && opened.frames.is_empty();
-        self.open.retain(|opened| !is_over(opened));
+        self.open.retain(|opened| !opened.is_over());
     }
 
     /// How much was lost because a ring was full.
@@ -293,9 +333,30 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_of_frames_is_as_large_as_is_said() {
+    fn a_slot_is_as_small_as_is_said() {
         assert!(FRAMES * size_of::<FrameRecord>() <= 1 << 20, "{}", size_of::<FrameRecord>());
-        assert!(3 * size_of::<FrameRecord>() <= size_of::<Told>(), "{}", size_of::<Told>());
+        assert!(size_of::<Often>() <= size_of::<FrameRecord>() + 16, "{}", size_of::<Often>());
+        assert!(2 * size_of::<Often>() <= size_of::<ResponsePoint>(), "{}", size_of::<ResponsePoint>());
+    }
+
+    #[test]
+    fn responses_have_a_ring_of_their_own() {
+        let harmonics = [[crate::excitation::Phasor::default(); 3]; 6];
+        let response = |load| Told::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::ExciterBesidePlant);
+        (0..TOLD as u64).for_each(|sample| watched.tell(tick(sample)));
+        (0..=RESPONSES).for_each(|n| watched.tell(response(n as f64)));
+        assert_eq!(watcher.lost(), 1, "the one for which there is no room beside a full ring of records");
+        drop(watched);
+        let mut taken = Vec::new();
+        watcher.take(1, |_, told| taken.push(*told));
+        assert_eq!(taken, [tick(0), response(0.0)]);
+        while !watcher.open.is_empty() {
+            watcher.take(usize::MAX, |_, told| taken.push(*told));
+        }
+        assert_eq!(taken.len(), TOLD + RESPONSES);
+        assert_eq!(taken.last(), Some(&response((RESPONSES - 1) as f64)));
     }
 
     #[test]
