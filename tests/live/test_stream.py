@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foxglove_schemas import declared, published
+from foxglove_schemas import decoders, published
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from live_view import OPEN, Viewer, address
 from processes import PATIENCE_S, Programs, wait_until
 from recordings import RECEIVED, SENT, Recording, unpacked
@@ -213,24 +212,6 @@ TOPICS = {
     "/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples", "/timing/ticks", "/events",
     "/can/frames", "/arm",
 }  # fmt: skip
-
-
-def decoders(channels):
-    """What decodes the messages of each topic, made of the schemas that the server told."""
-    pool, decode = descriptor_pool.DescriptorPool(), {}
-    for channel in channels:
-        topic, name = channel["topic"], channel["schemaName"]
-        if topic == "/arm":
-            assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
-            assert name == "foxglove.SceneUpdate"
-            declared(SceneUpdate.DESCRIPTOR, json.loads(channel["schema"]))
-            decode[topic] = json.loads
-            continue
-        assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
-        for file in descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"])).file:
-            pool.Add(file)
-        decode[topic] = message_factory.GetMessageClass(pool.FindMessageTypeByName(name)).FromString
-    return decode
 
 
 def streamed(program, subprotocol, *topics, count=200):

@@ -1,5 +1,10 @@
-"""Messages in JSON and their schemas, held to those that Foxglove publishes."""
+"""The channels of a Foxglove stream: what decodes their messages, and those in JSON held to what Foxglove publishes."""
 
+import base64
+import json
+
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor import FieldDescriptor
 
 # Names of scalar types by their numbers.
@@ -52,3 +57,21 @@ def declared(descriptor, schema):
             assert found["type"] == "integer", name
         else:
             assert found["type"] == kinds[TYPES[field.type]], name
+
+
+def decoders(channels):
+    """What decodes the messages of each topic, made of the schemas that the server told."""
+    pool, decode = descriptor_pool.DescriptorPool(), {}
+    for channel in channels:
+        topic, name = channel["topic"], channel["schemaName"]
+        if topic == "/arm":
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
+            assert name == "foxglove.SceneUpdate"
+            declared(SceneUpdate.DESCRIPTOR, json.loads(channel["schema"]))
+            decode[topic] = json.loads
+            continue
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
+        for file in descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"])).file:
+            pool.Add(file)
+        decode[topic] = message_factory.GetMessageClass(pool.FindMessageTypeByName(name)).FromString
+    return decode

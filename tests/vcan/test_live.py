@@ -1,9 +1,16 @@
 """Plant and exciter as two processes on a real CAN interface, each with a live view: watched, steered, faulted."""
 
+import json
+import struct
+
 import numpy as np
 import pytest
 from conftest import SCENARIOS
-from live_view import Viewer, address
+from foxglove_schemas import decoders
+from live_view import OPEN, Viewer, address
+from processes import PATIENCE_S
+from recordings import RECEIVED, SENT, unpacked
+from websockets.sync.client import connect
 
 COMMON = ("--mode", "lockstep", "--scenario", SCENARIOS / "bench.toml", "--live")
 
@@ -59,3 +66,41 @@ def test_a_plant_whose_exciter_died_faults_is_reset_and_not_armed_without_one(pr
     # Another exciter finds a plant that can be armed.
     exciter(programs)
     view.next("state", lambda told: told["state"] == "operational")
+
+
+def foxglove_messages(program):
+    """What a client of the Foxglove WebSocket protocol that wants everything is sent: topics and decoded messages."""
+    url = address(program)[0].replace("http:", "ws:")
+    with connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None, **OPEN) as client:
+        assert json.loads(client.recv(PATIENCE_S))["op"] == "serverInfo"
+        channels = {channel["id"]: channel for channel in json.loads(client.recv(PATIENCE_S))["channels"]}
+        decode = decoders(channels.values())
+        wanted = [{"id": number, "channelId": number} for number in channels]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        while True:
+            operation, number, _ = struct.unpack_from("<BIQ", message := client.recv(PATIENCE_S))
+            assert operation == 1
+            topic = channels[number]["topic"]
+            yield topic, decode[topic](message[13:])
+
+
+def test_an_exciter_streams_what_it_sees_and_commands(programs, plant):
+    exciter_end, _ = exciter(programs)
+    samples, commands, frames = [], [], []
+    for topic, message in foxglove_messages(exciter_end):
+        assert topic in {"/plant/samples", "/plant/sensors", "/plant/command", "/can/frames", "/events"}
+        if topic == "/plant/samples":
+            samples += range(message.first_step, message.first_step + len(message.head_force_x_n))
+        elif topic == "/plant/command":
+            commands.append(message.step)
+        elif topic == "/can/frames":
+            assert message.interface == "vcan0"
+            frames += unpacked(message)
+        if len(samples) > 500 and len(commands) > 50 and len(frames) > 2000:
+            break
+    # Every sample, of the commands one of ten; the frames of the samples received, and those of the answers sent.
+    assert samples == list(range(samples[0], samples[0] + len(samples)))
+    assert commands == list(range(commands[0], commands[0] + 10 * len(commands), 10))
+    ids = {way: {frame.id for frame in frames if frame.direction == way} for way in (RECEIVED, SENT)}
+    assert ids[RECEIVED] >= {0x203, 0x204, 0x205} and not ids[RECEIVED] & ids[SENT]
+    assert ids[SENT] & {0x201, 0x202}
