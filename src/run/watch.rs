@@ -6,8 +6,8 @@
 //!          ◄─ Watched::request ──── ring of requests ◄──────────────────────────── Watcher::ask
 //! ```
 //!
-//! A slot of a ring is as large as the largest that it takes, and what a loop writes has to leave the other core's caches.
-//! So the few large responses have a ring of their own.
+//! A slot of a ring is as large as the largest that it takes, and what a loop writes has to leave the other core's
+//! caches. So the few large responses have a ring of their own.
 //!
 //! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
 //! is watched. Frames are told only as long as those who watch want them.
