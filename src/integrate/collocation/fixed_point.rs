@@ -16,8 +16,8 @@ use crate::arm::external::External;
 use crate::arm::kernel::{Coefficients, Motion, Rates};
 use crate::arm::real::Real;
 
-/// Iterations before it is left to Newton's method.
-const MOST_ITERATIONS: usize = 12;
+/// Iterations before it is left to Newton's method, with that from the start of the step.
+const MOST_ITERATIONS: usize = 14;
 /// The slowest ρ that is waited for.
 const SLOWEST: f64 = 1.0 / 16.0;
 /// What may be left, relative to the accelerations: what is left is the same way in many steps, so far below rounding.
@@ -75,49 +75,57 @@ pub(super) fn solve<const S: usize>(stages: &Stages<S>) -> Option<Solution<S>> {
     }
 }
 
+/// What the states of an iteration are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum From {
+    /// The state at the start of the step.
+    Start,
+    /// The slopes before, by rounded matrices.
+    Rounded,
+    /// The slopes before, by those of 79 bits: the last iteration.
+    Whole,
+}
+
+/// In one loop for all kinds, so that the code is short: a loop at 1 kHz comes to it with other code in the caches.
 #[inline(always)]
 fn iterate<const S: usize>(stages: &Stages<S>, equation: &impl Equation) -> Option<Solution<S>> {
-    let first = stages.first_slope().map(Wide::splat);
-    let Pass { mut slopes, size: mut before, .. } = pass(stages, &stages.rounded(&first), &first, equation);
-    for _ in 1..MOST_ITERATIONS {
-        let next = pass(stages, &stages.rounded(&slopes), &slopes, equation);
-        let ratio = next.size / before;
-        if next.size * ratio * ratio <= LEFT_LIMIT {
-            let slopes = array::from_fn(|i| [next.slopes[0].lane(i), next.slopes[1].lane(i)]);
-            let last = pass(stages, &stages.states(&slopes), &next.slopes, equation);
-            let slopes = array::from_fn(|i| [last.slopes[0].lane(i), last.slopes[1].lane(i)]);
-            return Some(Solution { slopes, work_j: stages.work_j(|i| last.power_w.lane(i)) });
+    let (mut from, mut slopes, mut before) = (From::Start, [Wide::splat(0.0); 2], None);
+    for _ in 0..MOST_ITERATIONS {
+        let states = match from {
+            From::Start => stages.moved(&[Wide::splat(0.0); 4]),
+            From::Rounded => stages.rounded(&slopes),
+            From::Whole => stages.states(&slopes),
+        };
+        let Rates { acceleration_rad_s2: accelerations, power_w } = equation.rates(&states);
+        let next = stages.slope(&states, accelerations);
+        let size = size::<S>([next[0] - slopes[0], next[1] - slopes[1]]) / size::<S>(accelerations);
+        slopes = next;
+        match (from, before) {
+            (From::Start, _) => from = From::Rounded,
+            (From::Rounded, None) => before = Some(size),
+            (From::Rounded, Some(known)) => {
+                let ratio = size / known;
+                if size * ratio * ratio <= LEFT_LIMIT {
+                    from = From::Whole;
+                } else if ratio > SLOWEST || ratio.is_nan() {
+                    return None;
+                }
+                before = Some(size);
+            }
+            (From::Whole, _) => {
+                let slopes = array::from_fn(|i| slopes.map(|slope| slope.lane(i)));
+                return Some(Solution { slopes, work_j: stages.work_j(|i| power_w.lane(i)) });
+            }
         }
-        if ratio > SLOWEST || ratio.is_nan() {
-            return None;
-        }
-        (slopes, before) = (next.slopes, next.size);
     }
     None
 }
 
-/// What an iteration finds.
-struct Pass {
-    slopes: [Wide; 2],
-    /// By how much they differ from those before, relative to the accelerations.
-    size: f64,
-    power_w: Wide,
-}
-
-/// The slopes at `states`, against the `slopes` before.
+/// Σ |aᵢ| over rows and stages, and more than zero.
 #[inline(always)]
-fn pass<const S: usize>(
-    stages: &Stages<S>,
-    states: &Motion<Wide>,
-    slopes: &[Wide; 2],
-    equation: &impl Equation,
-) -> Pass {
-    let Rates { acceleration_rad_s2: accelerations, power_w } = equation.rates(states);
-    let next = stages.slope(states, accelerations);
-    let difference = (next[0] - slopes[0]).abs() + (next[1] - slopes[1]).abs();
-    let whole = accelerations[0].abs() + accelerations[1].abs();
-    let sum = |of: Wide| (0..S).map(|i| of.lane(i)).fold(f64::MIN_POSITIVE, |sum, x| sum + x);
-    Pass { slopes: next, size: sum(difference) / sum(whole), power_w }
+fn size<const S: usize>(a: [Wide; 2]) -> f64 {
+    let both = a[0].abs() + a[1].abs();
+    (0..S).map(|i| both.lane(i)).fold(f64::MIN_POSITIVE, |sum, x| sum + x)
 }
 
 impl<const S: usize> Stages<'_, S> {

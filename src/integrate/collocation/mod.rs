@@ -317,13 +317,14 @@ impl<const S: usize> Stages<'_, S> {
 
     /// All Yᵢ.
     #[inline(always)]
-    fn states(&self, slopes: &Slopes<S>) -> Motion<Wide> {
+    fn states(&self, slopes: &[Wide; 2]) -> Motion<Wide> {
         let mut change = self.from_start;
-        for (matrix, slope) in self.step.stage.iter().zip(slopes) {
-            add_product(&mut change, &matrix.low, slope);
+        let at = |j: usize| slopes.map(|slope| slope.lane(j));
+        for (j, matrix) in self.step.stage.iter().enumerate() {
+            add_product(&mut change, &matrix.low, &at(j));
         }
-        for (matrix, slope) in self.step.stage.iter().zip(slopes) {
-            add_product(&mut change, &matrix.high, slope);
+        for (j, matrix) in self.step.stage.iter().enumerate() {
+            add_product(&mut change, &matrix.high, &at(j));
         }
         self.moved(&change)
     }

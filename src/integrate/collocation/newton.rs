@@ -7,7 +7,7 @@ use core::array;
 
 use super::super::IntegrateError;
 use super::super::linear_solve;
-use super::{Slopes, Solution, Stages};
+use super::{Slopes, Solution, Stages, Wide};
 use crate::arm::State;
 use crate::arm::real::Real;
 
@@ -42,7 +42,7 @@ fn iterate<const S: usize>(stages: &Stages<S>, slopes: &mut Slopes<S>) -> Option
     let mut matrix = [[[[0.0; 2]; S]; 2]; S];
     let mut residual = [[0.0; 2]; S];
     let mut largest = f64::MIN_POSITIVE;
-    let states = stages.states(slopes);
+    let states = stages.states(&[0, 1].map(|row| Wide::gather(|i| slopes[i.min(S - 1)][row])));
     for i in 0..S {
         let stage = states.lane(i);
         let jacobian = stages.arm.acceleration_jacobian(&State::from(stage), &stages.loads[i]);
