@@ -77,7 +77,7 @@ pub(super) fn solve<const S: usize>(stages: &Stages<S>) -> Option<Solution<S>> {
 
 /// What the states of an iteration are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum From {
+enum MadeOf {
     /// The state at the start of the step.
     Start,
     /// The slopes before, by rounded matrices.
@@ -86,33 +86,33 @@ enum From {
     Whole,
 }
 
-/// In one loop for all kinds, so that the code is short: a loop at 1 kHz comes to it with other code in the caches.
+/// One loop for all kinds, so that the code is short: a tick at 1 kHz finds other code in the caches.
 #[inline(always)]
 fn iterate<const S: usize>(stages: &Stages<S>, equation: &impl Equation) -> Option<Solution<S>> {
-    let (mut from, mut slopes, mut before) = (From::Start, [Wide::splat(0.0); 2], None);
+    let (mut made_of, mut slopes, mut before) = (MadeOf::Start, [Wide::splat(0.0); 2], None);
     for _ in 0..MOST_ITERATIONS {
-        let states = match from {
-            From::Start => stages.moved(&[Wide::splat(0.0); 4]),
-            From::Rounded => stages.rounded(&slopes),
-            From::Whole => stages.states(&slopes),
+        let states = match made_of {
+            MadeOf::Start => stages.moved(&[Wide::splat(0.0); 4]),
+            MadeOf::Rounded => stages.rounded(&slopes),
+            MadeOf::Whole => stages.states(&slopes),
         };
         let Rates { acceleration_rad_s2: accelerations, power_w } = equation.rates(&states);
         let next = stages.slope(&states, accelerations);
         let size = size::<S>([next[0] - slopes[0], next[1] - slopes[1]]) / size::<S>(accelerations);
         slopes = next;
-        match (from, before) {
-            (From::Start, _) => from = From::Rounded,
-            (From::Rounded, None) => before = Some(size),
-            (From::Rounded, Some(known)) => {
+        match (made_of, before) {
+            (MadeOf::Start, _) => made_of = MadeOf::Rounded,
+            (MadeOf::Rounded, None) => before = Some(size),
+            (MadeOf::Rounded, Some(known)) => {
                 let ratio = size / known;
                 if size * ratio * ratio <= LEFT_LIMIT {
-                    from = From::Whole;
+                    made_of = MadeOf::Whole;
                 } else if ratio > SLOWEST || ratio.is_nan() {
                     return None;
                 }
                 before = Some(size);
             }
-            (From::Whole, _) => {
+            (MadeOf::Whole, _) => {
                 let slopes = array::from_fn(|i| slopes.map(|slope| slope.lane(i)));
                 return Some(Solution { slopes, work_j: stages.work_j(|i| power_w.lane(i)) });
             }
