@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::rows::CHANNELS;
+use super::rows::{CHANNELS, CLIPPED_BITS};
 use crate::arm::Arm;
 use crate::scenario::Scenario;
 
@@ -45,6 +45,8 @@ pub struct About {
     pub modes_hz: [f64; 2],
     /// Names of the numbers of a sample.
     pub channels: [&'static str; CHANNELS.len()],
+    /// Names of the numbers that a bit stands for where clipped readings are told, the lowest bit first.
+    pub clipped_bits: [&'static str; CLIPPED_BITS.len()],
     /// What may be asked for with the token.
     pub actions: Vec<Action>,
     /// What can be set, if a set-point can.
@@ -84,6 +86,7 @@ impl About {
             rate_hz: scenario.simulation.rate_hz,
             modes_hz: crate::analysis::modes(arm).map(|mode| mode.frequency_hz),
             channels: CHANNELS,
+            clipped_bits: CLIPPED_BITS,
             actions: Vec::new(),
             steering: None,
             duration_s: None,

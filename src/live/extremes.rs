@@ -1,7 +1,7 @@
 //! Samples thinned out for the screen: of a stretch of samples the least and the largest of each number, so that no
 //! peak is lost, whatever the width of the screen.
 
-use super::rows::Row;
+use super::rows::{Numbers, Row, clipped_in_either};
 
 /// A stretch of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,9 +9,11 @@ pub struct Stretch {
     /// Index of its first sample.
     pub first: u64,
     /// The least of each number; NaN if none is known.
-    pub least: Row,
+    pub least: Numbers,
     /// The largest.
-    pub largest: Row,
+    pub largest: Numbers,
+    /// Which readings were clipped in any of its samples; `None` if one doesn't say.
+    pub clipped: Option<u32>,
 }
 
 /// Gathers stretches.
@@ -38,13 +40,17 @@ impl Extremes {
         match &mut self.stretch {
             Some(stretch) if stretch.first == first => {
                 // `f32::min` and `max` leave out NaN.
-                for (place, value) in row.iter().enumerate() {
+                for (place, value) in row.numbers.iter().enumerate() {
                     stretch.least[place] = stretch.least[place].min(*value);
                     stretch.largest[place] = stretch.largest[place].max(*value);
                 }
+                stretch.clipped = clipped_in_either(stretch.clipped, row.clipped);
                 None
             }
-            stretch => stretch.replace(Stretch { first, least: *row, largest: *row }),
+            stretch => {
+                let Row { numbers, clipped } = *row;
+                stretch.replace(Stretch { first, least: numbers, largest: numbers, clipped })
+            }
         }
     }
 
@@ -61,7 +67,7 @@ mod tests {
     #[test]
     fn no_peak_is_lost() {
         let mut extremes = Extremes::new(10);
-        let row = |value: f32| [value; 12];
+        let row = |value: f32| Row { numbers: [value; 12], clipped: None };
         let mut stretches = Vec::new();
         for sample in 3..45_u64 {
             let value = if sample == 27 { 9.0 } else { -(sample as f32) };
@@ -74,5 +80,15 @@ mod tests {
         assert_eq!(extremes.push(41, &row(1.0)), None);
         let stretch = extremes.push(50, &row(0.0)).unwrap();
         assert_eq!((stretch.least[3], stretch.largest[3]), (1.0, 1.0), "what is not known is left out");
+    }
+
+    #[test]
+    fn a_stretch_tells_what_was_clipped_in_any_of_its_samples() {
+        let mut extremes = Extremes::new(3);
+        let clipped = [Some(0), Some(0b1000), Some(0b1), Some(0), Some(0), Some(0), Some(0), None, None, Some(0)];
+        let rows = clipped.map(|clipped| Row { clipped, ..Row::UNKNOWN });
+        let stretches = rows.iter().zip(0..).filter_map(|(row, sample)| extremes.push(sample, row));
+        let told: Vec<Option<u32>> = stretches.map(|stretch| stretch.clipped).collect();
+        assert_eq!(told, [Some(0b1001), Some(0), None]);
     }
 }

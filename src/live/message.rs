@@ -76,6 +76,8 @@ pub struct ReadPoint {
     /// Lag of the response behind the load in a closed loop.
     pub lag_deg: Option<f64>,
     pub settled: bool,
+    /// Whether α1 and α2 rest on clipped readings.
+    pub clipped: [bool; 2],
 }
 
 /// A branch of computed motions: lists of frequency, Hz, and the largest |α1| and |α2|, rad; `None` between two
@@ -96,6 +98,8 @@ pub struct Spectra {
     pub force: [Vec<f32>; 2],
     /// Of the acceleration of C along x and y, m/s².
     pub acceleration_c: [Vec<f32>; 2],
+    /// Which readings that they are of were clipped, by the bits that [`About`] names; none if they don't say.
+    pub clipped: Option<u32>,
     /// Where the largest line of the acceleration stands, Hz.
     pub peak_hz: Option<f64>,
 }
@@ -134,6 +138,10 @@ pub struct UpdateHead {
     pub first: u64,
     /// How many rows.
     pub rows: usize,
+    /// Which readings were clipped in each stretch, by the bits that [`About`] names; none if they don't say.
+    pub stretches_clipped: Vec<Option<u32>>,
+    /// Which were in each row.
+    pub rows_clipped: Vec<Option<u32>>,
     /// How the loop keeps time; none if it has no schedule.
     pub timing: Option<Timing>,
     /// Deadlines missed since the run began, or since a recording was set to the time from which it plays.
@@ -155,8 +163,8 @@ pub fn update(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> serde_j
     bytes.extend_from_slice(&json);
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     let extremes = stretches.iter().flat_map(|stretch| [&stretch.least, &stretch.largest]);
-    for row in extremes.chain(rows) {
-        row.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+    for numbers in extremes.chain(rows.iter().map(|row| &row.numbers)) {
+        numbers.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
     }
     Ok(bytes)
 }

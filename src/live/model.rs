@@ -11,7 +11,7 @@ use super::message::{
     BranchLines, EventLine, NodeStatus, PlayerStatus, ReadPoint, Spectra, Timing, Told, UpdateHead, update,
 };
 use super::missed::Missed;
-use super::rows::{Row, Rows};
+use super::rows::{Row, Rows, clipped_bit, clipped_in_either};
 use super::spectrum::Spectrum;
 use crate::arm::Arm;
 use crate::control::{JointAngles, ResponsePoint};
@@ -151,6 +151,7 @@ impl Model {
             load: point.load,
             lag_deg: point.lag_rad.map(f64::to_degrees),
             settled: point.settled,
+            clipped: angles.clipped,
         };
         self.tell(&Told::Response(&read));
         keep(&mut self.responses, read);
@@ -252,6 +253,8 @@ impl Model {
             width: self.extremes.width(),
             first: (sample + 1).saturating_sub(rows.len() as u64),
             rows: rows.len(),
+            stretches_clipped: stretches.iter().map(|stretch| stretch.clipped).collect(),
+            rows_clipped: rows.iter().map(|row| row.clipped).collect(),
             timing: self.ticks.take(self.about.rate_hz),
             overruns: self.missed.deadlines(),
             overrun_causes: self.missed.in_words(),
@@ -270,14 +273,18 @@ impl Model {
             return None;
         }
         let skipped = self.recent.len() - self.spectrum.length();
-        let of = |place: usize| self.spectrum.amplitudes(self.recent.iter().skip(skipped).map(|row| row[place]));
-        let has = |place: usize| self.recent.iter().skip(skipped).any(|row| row[place] != 0.0 && !row[place].is_nan());
+        let recent = || self.recent.iter().skip(skipped);
+        let of = |place: usize| self.spectrum.amplitudes(recent().map(|row| row.numbers[place]));
+        let has = |place: usize| recent().map(|row| row.numbers[place]).any(|value| value != 0.0 && !value.is_nan());
         let force = [4, 2, 0].into_iter().find(|place| has(*place) || has(*place + 1)).unwrap_or(4);
+        let shown = [force, force + 1, 8, 9].into_iter().filter_map(clipped_bit).sum::<u32>();
         let (force, acceleration_c) = ([of(force), of(force + 1)], [of(8), of(9)]);
         let [x, y] = &acceleration_c;
         let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
         let peak_hz = self.spectrum.peak_hz(&both);
-        text(&Told::Spectrum(&Spectra { line_hz: self.spectrum.line_hz(), force, acceleration_c, peak_hz }))
+        let line_hz = self.spectrum.line_hz();
+        let clipped = recent().map(|row| row.clipped).fold(Some(0), clipped_in_either).map(|bits| bits & shown);
+        text(&Told::Spectrum(&Spectra { line_hz, force, acceleration_c, clipped, peak_hz }))
     }
 
     /// What a viewer that comes now is told first: everything that is kept.
@@ -296,6 +303,8 @@ impl Model {
             width: self.extremes.width(),
             first: sample + 1,
             rows: 0,
+            stretches_clipped: kept.iter().map(|stretch| stretch.clipped).collect(),
+            rows_clipped: Vec::new(),
             timing: None,
             overruns: self.missed.deadlines(),
             overrun_causes: self.missed.in_words(),

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::arm::Load;
-use crate::recording::{SampleRecord, StateRecord};
+use crate::recording::{Clipped, SampleRecord, StateRecord};
 
 /// The numbers of a sample, by name and in their order.
 pub const CHANNELS: [&str; 12] = [
@@ -21,8 +21,42 @@ pub const CHANNELS: [&str; 12] = [
     "alpha2_rad",
 ];
 
+/// What the bits that tell clipped readings stand for, the lowest first: the order of recordings.
+pub const CLIPPED_BITS: [&str; 6] = [
+    "acceleration_b_x_m_s2",
+    "acceleration_b_y_m_s2",
+    "acceleration_c_x_m_s2",
+    "acceleration_c_y_m_s2",
+    "head_force_x_n",
+    "head_force_y_n",
+];
+
 /// The numbers of a sample; NaN where nothing is known.
-pub type Row = [f32; CHANNELS.len()];
+pub type Numbers = [f32; CHANNELS.len()];
+
+/// What is known of a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    pub numbers: Numbers,
+    /// Which readings were beyond the range of their sensor, by [`CLIPPED_BITS`]; `None` if they don't say.
+    pub clipped: Option<u32>,
+}
+
+impl Row {
+    /// A sample of which nothing is known, and so nothing is read that could be clipped.
+    pub const UNKNOWN: Row = Row { numbers: [f32::NAN; CHANNELS.len()], clipped: Some(0) };
+}
+
+/// The bit that tells whether this number of a row was clipped, if it is a reading.
+pub fn clipped_bit(channel: usize) -> Option<u32> {
+    let name = CHANNELS.get(channel)?;
+    CLIPPED_BITS.iter().position(|bit| bit == name).map(|bit| 1 << bit)
+}
+
+/// What was clipped in either of two samples; `None` if one of them doesn't say.
+pub fn clipped_in_either(one: Option<u32>, other: Option<u32>) -> Option<u32> {
+    one.zip(other).map(|(one, other)| one | other)
+}
 
 /// A sample whose row waits for its other half at most while so many newer ones come.
 const LONGEST_WAIT: usize = 2048;
@@ -64,23 +98,27 @@ impl Rows {
     pub fn readings(&mut self, record: &SampleRecord) {
         let places: [(usize, &[f64]); 3] =
             [(4, &record.head_force_n), (6, &record.acceleration_b_m_s2), (8, &record.acceleration_c_m_s2)];
-        self.put(record.sample, READINGS, &places);
+        if let Some(row) = self.put(record.sample, READINGS, &places) {
+            row.clipped = record.clipped.map(Clipped::bits);
+        }
     }
 
     /// Puts numbers into the row of a sample. A sample before those handed out begins another series.
-    fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) {
+    fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) -> Option<&mut Row> {
         if sample < self.next {
             *self = Rows { pending: VecDeque::new(), next: sample, restarted: true };
         }
         let at = self.pending.partition_point(|pending| pending.sample < sample);
         if self.pending.get(at).is_none_or(|pending| pending.sample != sample) {
-            self.pending.insert(at, Pending { sample, row: [f32::NAN; CHANNELS.len()], known: 0 });
+            self.pending.insert(at, Pending { sample, row: Row::UNKNOWN, known: 0 });
         }
-        let Some(pending) = self.pending.get_mut(at) else { return };
+        let pending = self.pending.get_mut(at)?;
         pending.known |= known;
         for (first, values) in places {
-            pending.row.iter_mut().skip(*first).zip(*values).for_each(|(number, value)| *number = *value as f32);
+            let numbers = pending.row.numbers.iter_mut().skip(*first);
+            numbers.zip(*values).for_each(|(number, value)| *number = *value as f32);
         }
+        Some(&mut pending.row)
     }
 
     /// The next row that is whole, or has waited long enough.
@@ -118,10 +156,25 @@ mod tests {
         assert_eq!(rows.pop(), None, "sample 0 comes first");
         rows.command(0, &Load::force_n(1.0, 0.0));
         let (sample, row) = rows.pop().unwrap();
-        assert_eq!((sample, row[2], row[4]), (0, 1.0, 0.0));
-        assert!(row[10].is_nan());
+        assert_eq!((sample, row.numbers[2], row.numbers[4]), (0, 1.0, 0.0));
+        assert!(row.numbers[10].is_nan());
         let (sample, row) = rows.pop().unwrap();
-        assert_eq!((sample, &row[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
+        assert_eq!((sample, &row.numbers[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
+    }
+
+    #[test]
+    fn clipped_readings_are_told_by_their_bits() {
+        let mut rows = Rows::default();
+        let [mut clipped, none, not_told] = [0, 1, 2].map(readings);
+        clipped.clipped = Some(Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE });
+        for record in [clipped, SampleRecord { clipped: Some(Clipped::NONE), ..none }, not_told] {
+            rows.readings(&record);
+            rows.command(record.sample, &Load::default());
+        }
+        let told: Vec<Option<u32>> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
+        let bit = |name: &str| 1 << CLIPPED_BITS.iter().position(|bit| *bit == name).unwrap();
+        let both = bit("acceleration_c_y_m_s2") | bit("head_force_x_n");
+        assert_eq!(told, [Some(both), Some(0), None]);
     }
 
     #[test]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from browser import Browser
-from live_view import address
+from live_view import SMALL_RANGE, address
 from processes import Programs, wait_until
 
 # What a phone shows, CSS pixels.
@@ -229,6 +229,62 @@ def test_set_points_lead_the_force_and_its_response_is_read(browser, programs):
     assert not page.value("document.getElementById('set-point').checkValidity()")
     page.value("resonarm.ask({ set: { load: 1e6, frequency_hz: 15, phase_deg: 0 } })")
     wait_until(lambda: page.text("#answer").startswith("the load is 1000000 N: it must be from 0 to"), "the refusal")
+    assert page.errors == []
+
+
+# What stands beside the titles of the panels, by the panel.
+CLIPPED = ("force", "b", "c", "lissajous", "spectrum", "arm")
+# How many pixels of a canvas have the colour of what is wrong.
+BAD_PIXELS = """((selector) => {
+    const canvas = document.querySelector(selector);
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext('2d', { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    const pixels = copy.getImageData(0, 0, canvas.width, canvas.height).data;
+    let count = 0;
+    for (let k = 0; k < pixels.length; k += 4)
+        count += pixels[k] === 0xb3 && pixels[k + 1] === 0x26 && pixels[k + 2] === 0x1e && pixels[k + 3] === 255;
+    return count;
+})"""
+# The arm as an exciter draws it, which is told no angles and takes them from the accelerations.
+AS_AN_EXCITER = """(() => {
+    const { rows, rowsClipped, newest, about } = resonarm.data;
+    const untold = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
+    resonarm.views.arm.draw(untold, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
+    return document.getElementById('arm-clipped').textContent;
+})()"""
+
+
+def test_clipped_readings_are_marked_wherever_they_are_shown(browser, programs, tmp_path):
+    scenario = tmp_path / "small_range.toml"
+    scenario.write_text(SMALL_RANGE.format(0.2))
+    page = open_page(browser, free_run(programs, "--scenario", scenario))
+    notes = lambda: [page.text(f"#{panel}-clipped") for panel in CLIPPED]
+    page.until("resonarm.data.spectrum")
+    assert notes() == [""] * len(CLIPPED)
+    assert [page.value(f"{BAD_PIXELS}('{panel}')") for panel in ("#acceleration-c canvas", "#lissajous")] == [0, 0]
+    page.value("resonarm.ask({ set: { load: 30, frequency_hz: 15, phase_deg: 0 } })")
+    # Both axes of C, and so what α2 is computed from.
+    assert page.until("resonarm.data.points[0]")["clipped"] == [False, True]
+    page.value("document.querySelector('[name=joint][value=\"1\"]').click()")
+    both = "clipped: C x, C y"
+    expected = [["", "", "clipped: x, y", along, both, ""] for along in ("clipped: C x", "clipped: C y")]
+    wait_until(lambda: notes() in expected, "the notes beside the titles")
+    page.until(f"{AS_AN_EXCITER} === '{both}'")
+    for panel in ("#acceleration-c canvas", "#lissajous", "#response"):
+        page.until(f"{BAD_PIXELS}('{panel}') > 10")
+    assert page.value(f"{BAD_PIXELS}('#acceleration-b canvas')") == 0
+    page.picture(tmp_path / "clipped.png")
+    assert page.errors == []
+
+
+def test_a_recording_that_says_nothing_of_clipped_readings_is_shown_so(browser, programs):
+    page = open_page(browser, programs.resonarm("replay", "tests/recording/format-1.mcap", "--live"))
+    # It is over in 0.15 s: once more, for the samples themselves.
+    page.value("resonarm.ask('play')")
+    unknown = "clipped or not is not recorded"
+    for panel in ("force", "b", "c", "lissajous"):
+        page.until(f"document.getElementById('{panel}-clipped').textContent === '{unknown}'")
+    assert page.text("#arm-clipped") == ""
     assert page.errors == []
 
 

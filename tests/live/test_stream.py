@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from foxglove_schemas import decoders, published
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from live_view import OPEN, Viewer, address
+from live_view import OPEN, SMALL_RANGE, Viewer, address
 from processes import PATIENCE_S, Programs, wait_until
 from recordings import RECEIVED, SENT, Recording, unpacked
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -40,15 +40,18 @@ def free_run(programs, *arguments):
 
 
 def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
-    recording, table = tmp_path / "run.mcap", tmp_path / "table"
-    run = free_run(programs, "--record", recording)
+    recording, table, scenario = tmp_path / "run.mcap", tmp_path / "table", tmp_path / "small_range.toml"
+    scenario.write_text(SMALL_RANGE.format(1.0))
+    run = free_run(programs, "--record", recording, "--scenario", scenario)
     viewer = Viewer(*address(run))
     assert viewer.ask({"set": {"load": 50, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
     rows, stretches = {}, {}
     while len(rows) < 1500:
         told = viewer.next("update")
-        rows |= {told["first"] + k: row for k, row in enumerate(told["numbers"])}
-        stretches |= {first: (told["least"][k], told["largest"][k]) for k, first in enumerate(told["stretches"])}
+        both = zip(told["numbers"], told["rows_clipped"], strict=True)
+        rows |= {told["first"] + k: row for k, row in enumerate(both)}
+        all_three = zip(told["least"], told["largest"], told["stretches_clipped"], strict=True)
+        stretches |= dict(zip(told["stretches"], all_three, strict=True))
     assert viewer.about["channels"][2:4] == ["force_x_n", "force_y_n"]
     assert run.stop() == 0
     exported = programs.resonarm("export", recording, "--to", "csv", "--parts", "samples,states", "--out", table)
@@ -60,13 +63,18 @@ def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
         columns |= dict(zip(names.split(","), values.T, strict=True))
     first = int(columns["sample"][0])
     recorded = np.array([columns[name] for name in viewer.about["channels"]]).T
-    for sample, row in rows.items():
+    clipped = columns["clipped"].astype(int)
+    assert viewer.about["clipped_bits"] == viewer.about["channels"][6:10] + viewer.about["channels"][4:6]
+    for sample, (row, bits) in rows.items():
         assert np.allclose(row, recorded[sample - first], rtol=1e-6, atol=1e-12), sample
-    for begin, (least, largest) in stretches.items():
+        assert bits == clipped[sample - first], sample
+    assert {0, 0b0100} <= {bits for _, bits in rows.values()}
+    for begin, (least, largest, bits) in stretches.items():
         told = recorded[begin - first : begin - first + 10]
         if len(told) == 10 and begin >= 10:
             assert np.allclose(least, told.min(axis=0), rtol=1e-6, atol=1e-12), begin
             assert np.allclose(largest, told.max(axis=0), rtol=1e-6, atol=1e-12), begin
+            assert bits == np.bitwise_or.reduce(clipped[begin - first : begin - first + 10]), begin
 
 
 def get(url, path="", **headers):

@@ -10,12 +10,23 @@ from websockets.sync.client import connect
 
 # Some tests read nothing for a while.
 OPEN = {"open_timeout": PATIENCE_S, "ping_interval": None}
+# A scenario that is steered; the accelerometer at C has so small a range, m/s², that it clips.
+SMALL_RANGE = """
+[rig.accelerometer_c]
+range_m_s2 = {}
+
+[excitation]
+amplitude = {{ force_x_n = 50.0 }}
+profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = 1.0, settle_s = 0.1 }}
+"""
 
 
 def address(program):
     """Where a program serves its page, and the token."""
     pattern = r"live view +(http://127\.0\.0\.1:\d+/)#(\w+)"
-    found = wait_until(lambda: re.search(pattern, program.stderr), "the address of the live view")
+    looked = lambda: re.search(pattern, program.stderr) or not program.running()
+    found = wait_until(looked, "the address of the live view")
+    assert found is not True, program.stderr
     return found[1], found[2]
 
 

@@ -12,23 +12,33 @@ from processes import PATIENCE_S
 from recordings import RECEIVED, SENT, unpacked
 from websockets.sync.client import connect
 
-COMMON = ("--mode", "lockstep", "--scenario", SCENARIOS / "bench.toml", "--live")
+COMMON = ("--mode", "lockstep", "--live", "--scenario")
 
 
 @pytest.fixture
-def plant(programs):
-    started = programs.resonarm("run", "--bus", "vcan0", "--speed", 1, *COMMON)
+def bench(tmp_path):
+    """The bench with so small a range for C that its accelerometer clips."""
+    ranges = (SCENARIOS / "bench.toml").read_text().split("[rig.accelerometer_c]\nrange_m_s2 = 490.0")
+    assert len(ranges) == 2
+    scenario = tmp_path / "bench.toml"
+    scenario.write_text("[rig.accelerometer_c]\nrange_m_s2 = 0.2".join(ranges))
+    return scenario
+
+
+@pytest.fixture
+def plant(programs, bench):
+    started = programs.resonarm("run", "--bus", "vcan0", "--speed", 1, *COMMON, bench)
     return started, Viewer(*address(started))
 
 
-def exciter(programs):
-    started = programs.resonarm("exciter", "--bus", "vcan0", *COMMON, "--steer")
+def exciter(programs, bench):
+    started = programs.resonarm("exciter", "--bus", "vcan0", "--steer", *COMMON, bench)
     return started, Viewer(*address(started))
 
 
-def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_disarms(programs, plant):
+def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_disarms(programs, plant, bench):
     plant, plant_view = plant
-    exciter_end, exciter_view = exciter(programs)
+    exciter_end, exciter_view = exciter(programs, bench)
     assert (plant_view.about["role"], plant_view.about["place"]) == ("plant", "vcan0")
     assert plant_view.about["actions"] == ["arm", "disarm", "reset"]
     assert exciter_view.about["actions"] == ["disarm", "set"]
@@ -43,6 +53,15 @@ def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_
     assert np.all(np.abs(acting[acting[:, 4] > 29.5, 10]) > 1e-6)
     point = exciter_view.next("response")
     assert point["frequency_hz"] == 16 and abs(point["load"] - 30) < 0.1
+    # Both axes of C clip, and the exciter is told so on the wire; α2 rests on them, α1 doesn't.
+    assert point["clipped"] == [False, True]
+    c_x, c_y = (1 << exciter_view.about["clipped_bits"].index(f"acceleration_c_{axis}_m_s2") for axis in "xy")
+    for view in (plant_view, exciter_view):
+        seen = 0
+        while seen != c_x | c_y:
+            for bits in view.next("update")["stretches_clipped"]:
+                seen |= bits
+                assert bits & ~(c_x | c_y) == 0
     assert plant_view.ask("disarm") == {"kind": "taken"}
     plant_view.next("event", lambda told: told["name"] == "request.disarm")
     plant_view.next("state", lambda told: told["state"] == "pre-operational")
@@ -50,9 +69,9 @@ def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_
     assert plant.running() and plant.stop() == 0
 
 
-def test_a_plant_whose_exciter_died_faults_is_reset_and_not_armed_without_one(programs, plant):
+def test_a_plant_whose_exciter_died_faults_is_reset_and_not_armed_without_one(programs, plant, bench):
     _, view = plant
-    exciter_end, exciter_view = exciter(programs)
+    exciter_end, exciter_view = exciter(programs, bench)
     view.next("state", lambda told: told["state"] == "operational")
     assert exciter_view.ask({"set": {"load": 10, "frequency_hz": 16, "phase_deg": 0}}) == {"kind": "taken"}
     view.next("update", lambda told: np.any(told["largest"][:, 4] > 2))
@@ -64,7 +83,7 @@ def test_a_plant_whose_exciter_died_faults_is_reset_and_not_armed_without_one(pr
     assert view.ask("reset") == {"kind": "taken"}
     view.next("state", lambda told: told["state"] == "pre-operational")
     # Another exciter finds a plant that can be armed.
-    exciter(programs)
+    exciter(programs, bench)
     view.next("state", lambda told: told["state"] == "operational")
 
 
@@ -84,8 +103,8 @@ def foxglove_messages(program):
             yield topic, decode[topic](message[13:])
 
 
-def test_an_exciter_streams_what_it_sees_and_commands(programs, plant):
-    exciter_end, _ = exciter(programs)
+def test_an_exciter_streams_what_it_sees_and_commands(programs, plant, bench):
+    exciter_end, _ = exciter(programs, bench)
     samples, commands, frames = [], [], []
     for topic, message in foxglove_messages(exciter_end):
         assert topic in {"/plant/samples", "/plant/sensors", "/plant/command", "/can/frames", "/events"}

@@ -1,6 +1,7 @@
 // The arm in its plane: base, elbow B, tip C; its vibration drawn larger than it is, and slower.
 
 import { begin, color, line } from "./canvas.js";
+import { Clipping } from "./clipped.js";
 
 // The largest vibration as it is drawn, rad.
 const DRAWN_RAD = 0.22;
@@ -9,8 +10,9 @@ const APPARENT_HZ = 1;
 const [ALPHA1, ALPHA2, B_X, C_X] = [10, 11, 6, 8];
 
 export class ArmView {
-  constructor(canvas, scaleText) {
-    Object.assign(this, { canvas, scaleText, factor: 1, cycles: 0, at: null });
+  constructor(about, canvas, scaleText, note) {
+    const clipping = new Clipping(about, [[B_X, "B x"], [B_X + 1, "B y"], [C_X, "C x"], [C_X + 1, "C y"]]);
+    Object.assign(this, { canvas, scaleText, note, clipping, factor: 1, cycles: 0, at: null });
   }
 
   // The angles of a row; where no plant tells them, from the accelerations across the links at the angular frequency w:
@@ -46,7 +48,7 @@ export class ArmView {
     return rows[Math.max(0, last - Math.round((back / peakHz) * about.rate_hz))];
   }
 
-  draw(rows, newest, about, peakHz, { toScale, stroboscope }) {
+  draw(rows, clipped, newest, about, peakHz, { toScale, stroboscope }) {
     const drawing = begin(this.canvas);
     const { context, width, height } = drawing;
     const reach = about.lengths_m[0] + about.lengths_m[1];
@@ -60,7 +62,11 @@ export class ArmView {
     ];
     const w = 2 * Math.PI * peakHz;
     const period = peakHz > 0 ? Math.ceil(about.rate_hz / peakHz) : 1;
-    const latest = rows.slice(-Math.max(period, 2)).map((row) => this.angles(row, about, w));
+    const shown = rows.slice(-Math.max(period, 2));
+    const latest = shown.map((row) => this.angles(row, about, w));
+    // What a plant tells of its angles rests on no reading.
+    const isRead = shown.length > 0 && Number.isNaN(shown[shown.length - 1][ALPHA1]);
+    this.note.textContent = isRead ? this.clipping.words(clipped.slice(-shown.length)) : "";
     this.rescale(latest, toScale);
     const larger = (angles) => angles.map((angle) => angle * this.factor);
     context.strokeStyle = color("grid");

@@ -1,6 +1,7 @@
 // The page: what is told goes into `data`, and is drawn with each update, up to thirty times a second.
 
 import { ArmView } from "./arm.js";
+import { Clipping } from "./clipped.js";
 import { Controls } from "./controls.js";
 import { BandPlot, LinePlot, Lissajous, ResponsePlot } from "./plots.js";
 import { connect, decode } from "./stream.js";
@@ -19,7 +20,7 @@ let waiting = false;
 function empty(about) {
   const columns = () => about.channels.map(() => []);
   return {
-    about, times: [], least: columns(), largest: columns(), rows: [], newest: 0, head: null, spectrum: null, branch: null,
+    about, times: [], least: columns(), largest: columns(), clipped: [], rows: [], rowsClipped: [], newest: 0, head: null, spectrum: null, branch: null,
     points: [], timing: noTimings(), frames: 0,
     // Time that drawing has taken, ms.
     drawing_ms: 0,
@@ -35,14 +36,17 @@ function makeViews(about) {
   const torque = about.unit === "N·m";
   const loads = torque ? [[0, "torque 1"], [1, "torque 2"]] : [[2, "load x"], [3, "load y"], [4, "head x"], [5, "head y"]];
   return {
-    arm: new ArmView(element("arm"), element("arm-scale")),
+    arm: new ArmView(about, element("arm"), element("arm-scale"), element("arm-clipped")),
     response: new ResponsePlot(element("response")),
     bands: {
-      "force": new BandPlot(element("force"), torque ? "N·m" : "N", loads),
-      "acceleration-b": new BandPlot(element("acceleration-b"), "m/s²", [[6, "x"], [7, "y"]]),
-      "acceleration-c": new BandPlot(element("acceleration-c"), "m/s²", [[8, "x"], [9, "y"]]),
+      "force": new BandPlot(about, element("force"), element("force-clipped"), torque ? "N·m" : "N", loads),
+      "acceleration-b":
+        new BandPlot(about, element("acceleration-b"), element("b-clipped"), "m/s²", [[6, "x"], [7, "y"]]),
+      "acceleration-c":
+        new BandPlot(about, element("acceleration-c"), element("c-clipped"), "m/s²", [[8, "x"], [9, "y"]]),
     },
-    lissajous: new Lissajous(element("lissajous")),
+    lissajous: new Lissajous(about, element("lissajous"), element("lissajous-clipped")),
+    spectrumClipping: new Clipping(about, [[4, "head x"], [5, "head y"], [8, "C x"], [9, "C y"]]),
     spectrum: new LinePlot(element("spectrum"), "frequency (Hz)", "amplitude",
       ["force x (N)", "force y (N)", "C x (m/s²)", "C y (m/s²)"], { log: true }),
     timing: new LinePlot(element("timing"), "time (s)", "load (%)", ["load", "largest", "lateness", "latest"],
@@ -79,8 +83,8 @@ const told = {
   branch(branch) { data.branch = branch; },
   spectrum(spectrum) { data.spectrum = spectrum; },
   restarted() {
-    Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), rows: [] });
-    Object.assign(data, { points: [], timing: noTimings() });
+    Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), clipped: [] });
+    Object.assign(data, { rows: [], rowsClipped: [], points: [], timing: noTimings() });
     element("events").replaceChildren();
     told.state({ state: "unknown", fault: null });
   },
@@ -93,16 +97,18 @@ const told = {
 function updated(buffer) {
   if (data === null) return;
   const { head, stretches, rows } = decode(buffer, data.about.channels.length);
-  const { about, times, least, largest } = data;
+  const { about, times, least, largest, clipped } = data;
   for (const stretch of stretches) {
     times.push(stretch.first / about.rate_hz);
+    clipped.push(stretch.clipped);
     least.forEach((column, channel) => column.push(known(stretch.least[channel])));
     largest.forEach((column, channel) => column.push(known(stretch.largest[channel])));
   }
-  [times, ...least, ...largest].forEach((column) => column.splice(0, column.length - STRETCHES_KEPT));
-  if (head.first !== data.newest + 1) data.rows = [];
+  [times, clipped, ...least, ...largest].forEach((column) => column.splice(0, column.length - STRETCHES_KEPT));
+  if (head.first !== data.newest + 1) [data.rows, data.rowsClipped] = [[], []];
   data.rows.push(...rows);
-  data.rows.splice(0, data.rows.length - ROWS_KEPT);
+  data.rowsClipped.push(...head.rows_clipped);
+  [data.rows, data.rowsClipped].forEach((column) => column.splice(0, column.length - ROWS_KEPT));
   data.newest = head.sample;
   data.head = head;
   if (head.timing) takeTiming(head);
@@ -133,15 +139,15 @@ function draw() {
   waiting = false;
   if (data === null || data.head === null) return;
   const begun = performance.now();
-  const { about, head, rows, spectrum, branch, points } = data;
+  const { about, head, rows, rowsClipped, spectrum, branch, points } = data;
   const peakHz = spectrum?.peak_hz ?? 0;
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
   controls.time(head.time_s);
   const joint = Number(document.querySelector("[name=joint]:checked").value);
   const choices = { toScale: element("to-scale").checked, stroboscope: element("stroboscope").checked };
-  if (seen.has("arm")) views.arm.draw(rows, data.newest, about, peakHz, choices);
+  if (seen.has("arm")) views.arm.draw(rows, rowsClipped, data.newest, about, peakHz, choices);
   for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(data);
-  if (seen.has("lissajous")) views.lissajous.draw(rows, about.rate_hz, peakHz);
+  if (seen.has("lissajous")) views.lissajous.draw(rows, rowsClipped, about.rate_hz, peakHz);
   if (seen.has("spectrum") && spectrum !== drawn.spectrum) drawSpectrum(spectrum);
   if (seen.has("response")) views.response.draw(branch, points, joint, peakHz);
   drawTiming(head);
@@ -153,6 +159,7 @@ const drawn = { spectrum: null };
 
 function drawSpectrum(spectrum) {
   drawn.spectrum = spectrum;
+  element("spectrum-clipped").textContent = views.spectrumClipping.words([spectrum.clipped]);
   const lines = [...spectrum.force, ...spectrum.acceleration_c];
   const x = lines[0].map((_, k) => k * spectrum.line_hz);
   // A logarithm has no zero.

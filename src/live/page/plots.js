@@ -1,11 +1,14 @@
 // Plots over time and frequency, by uPlot.
 
 import { axes, begin, color, line, range } from "./canvas.js";
+import { Clipping } from "./clipped.js";
 
 const HUES = ["first", "second", "third", "fourth"];
 
 // Height of a plot without its legend, CSS pixels.
 const HEIGHT = 200;
+// Height of the bar over a stretch in which a reading was clipped, CSS pixels.
+const BAR = 4;
 
 const axis = (label) => ({
   label, labelSize: 18, labelFont: "12px system-ui", font: "12px system-ui", size: 46, stroke: () => color("faint"),
@@ -31,9 +34,11 @@ function plot(place, options, data) {
   return made;
 }
 
-// Bands from the least to the largest of some channels, over time.
+// Bands from the least to the largest of some channels, over time. A bar along the top marks the stretches in which a
+// reading was clipped, and the note says which.
 export class BandPlot {
-  constructor(place, unit, named) {
+  constructor(about, place, note, unit, named) {
+    Object.assign(this, { note, clipping: new Clipping(about, named), marked: [] });
     this.channels = named.map(([channel]) => channel);
     const series = [{}];
     const bands = [];
@@ -44,14 +49,26 @@ export class BandPlot {
     });
     this.plot = plot(place, {
       series, bands, scales: { x: { time: false }, y: { range: (_, low, high) => range([low, high], 0.06, [-1, 1]) } },
-      axes: [below("time (s)"), axis(unit)],
+      axes: [below("time (s)"), axis(unit)], hooks: { draw: [(drawn) => this.mark(drawn)] },
     }, [[], ...this.channels.flatMap(() => [[], []])]);
     // The largest and the least of a band are one entry of the legend.
     place.querySelectorAll(".u-legend .u-series").forEach((entry, k) => { entry.hidden = k % 2 === 1; });
   }
 
-  draw({ times, least, largest }) {
+  draw({ about, times, least, largest, clipped, head }) {
+    const width_s = head.width / about.rate_hz;
+    this.marked = times.filter((_, k) => this.clipping.has(clipped[k])).map((time_s) => [time_s, time_s + width_s]);
+    this.note.textContent = this.clipping.words(clipped);
     this.plot.setData([times, ...this.channels.flatMap((channel) => [largest[channel], least[channel]])]);
+  }
+
+  mark(drawn) {
+    const { ctx, bbox } = drawn;
+    const at = (time_s) => Math.round(drawn.valToPos(time_s, "x", true));
+    ctx.fillStyle = color("bad");
+    for (const [from_s, to_s] of this.marked) {
+      ctx.fillRect(at(from_s), bbox.top, Math.max(1, at(to_s) - at(from_s)), BAR * devicePixelRatio);
+    }
   }
 }
 
@@ -73,11 +90,15 @@ export class LinePlot {
   }
 }
 
-// Acceleration of C over force, both along the axes on which they are largest: a line if in phase, an ellipse if not.
-export class Lissajous {
-  constructor(canvas) { Object.assign(this, { canvas, x: [-1, 1], y: [-1, 1] }); }
+const FORCES = ["torque 1", "torque 2", "force x", "force y", "head x", "head y"];
+const ACCELERATIONS = { 8: "C x", 9: "C y" };
 
-  draw(rows, rateHz, peakHz) {
+// Acceleration of C over force, both along the axes on which they are largest: a line if in phase, an ellipse if not. Dots
+// mark clipped readings, and the note says of what.
+export class Lissajous {
+  constructor(about, canvas, note) { Object.assign(this, { about, canvas, note, x: [-1, 1], y: [-1, 1] }); }
+
+  draw(rows, clipped, rateHz, peakHz) {
     const drawing = begin(this.canvas);
     const count = Math.min(rows.length, Math.max(60, Math.ceil((4 * rateHz) / Math.max(peakHz || 10, 1))));
     const latest = rows.slice(-count);
@@ -85,13 +106,19 @@ export class Lissajous {
     const chosen = (channels) => channels.reduce((a, b) => (largest(b) > largest(a) ? b : a));
     const force = chosen(chosen([4, 5, 2, 3, 0, 1]) < 2 ? [0, 1] : [4, 5, 2, 3]);
     const acceleration = chosen([8, 9]);
-    const name = ["torque 1 (N·m)", "torque 2 (N·m)", "force x (N)", "force y (N)", "head x (N)", "head y (N)"][force];
+    const unit = force < 2 ? "N·m" : "N";
     this.x = settle(this.x, largest(force));
     this.y = settle(this.y, largest(acceleration));
-    const { x, y } = axes(drawing, this.x, this.y, name, acceleration === 8 ? "C x (m/s²)" : "C y (m/s²)");
+    const { x, y } = axes(drawing, this.x, this.y, `${FORCES[force]} (${unit})`, `${ACCELERATIONS[acceleration]} (m/s²)`);
     drawing.context.strokeStyle = color("first");
     drawing.context.lineWidth = 1.2;
-    line(drawing.context, latest.map((row) => [x(row[force]), y(row[acceleration])]));
+    const points = latest.map((row) => [x(row[force]), y(row[acceleration])]);
+    line(drawing.context, points);
+    const clipping = new Clipping(this.about, [[force, FORCES[force]], [acceleration, ACCELERATIONS[acceleration]]]);
+    const bits = clipped.slice(-count);
+    drawing.context.fillStyle = color("bad");
+    points.forEach((point, k) => { if (clipping.has(bits[k])) circle(drawing.context, point, 2, true); });
+    this.note.textContent = clipping.words(bits);
   }
 }
 
@@ -102,7 +129,8 @@ function settle([, high], largest) {
   return [-next, next];
 }
 
-// Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles.
+// Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles. A cross is over
+// what rests on clipped readings.
 export class ResponsePlot {
   constructor(canvas) { this.canvas = canvas; }
 
@@ -133,6 +161,9 @@ export class ResponsePlot {
     for (const fold of branch?.folds ?? []) circle(context, at(fold), 4, false);
     context.strokeStyle = context.fillStyle = color("third");
     points.forEach((point, k) => circle(context, at(read[k]), 4.5, point.settled));
+    context.strokeStyle = color("bad");
+    points.forEach((point, k) => { if (point.clipped[joint]) cross(context, at(read[k]), 6); });
+    context.strokeStyle = color("third");
     if (points.length > 0) circle(context, at(read[read.length - 1]), 8, false);
     if (currentHz > spread[0] && currentHz < spread[1]) {
       context.strokeStyle = color("edge");
@@ -145,4 +176,8 @@ function circle(context, [x, y], radius, filled) {
   context.beginPath();
   context.arc(x, y, radius, 0, 2 * Math.PI);
   if (filled) context.fill(); else context.stroke();
+}
+
+function cross(context, [x, y], radius) {
+  line(context, [[x - radius, y - radius], [x + radius, y + radius], null, [x - radius, y + radius], [x + radius, y - radius]]);
 }

@@ -8,7 +8,9 @@ export function decode(buffer, channels) {
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, headBytes)));
   const numbers = new Float32Array(buffer, Math.ceil((4 + headBytes) / 4) * 4);
   const row = (k) => numbers.subarray(k * channels, (k + 1) * channels);
-  const stretches = head.stretches.map((first, k) => ({ first, least: row(2 * k), largest: row(2 * k + 1) }));
+  const stretches = head.stretches.map((first, k) => (
+    { first, least: row(2 * k), largest: row(2 * k + 1), clipped: head.stretches_clipped[k] }
+  ));
   const rows = Array.from({ length: head.rows }, (_, k) => row(2 * stretches.length + k));
   return { head, stretches, rows };
 }
