@@ -2,8 +2,10 @@
 
 import json
 import re
+from collections import Counter
 from pathlib import Path
 
+import pytest
 from processes import RESONARM
 
 DOCUMENTED = Path(__file__).parents[2] / "docs/real-time.md"
@@ -24,6 +26,16 @@ def documented():
     return {name for row in rows for name in re.findall(r"`(\w+)`", row)}
 
 
+def made_by_the_loop(trace):
+    """The names of the calls of the loop's thread, from the first frames that it sends to the last."""
+    # `PID NAME(…`; the end of a call that another thread's came between has no name at this place.
+    calls = re.findall(r"^(\d+) +(\w+)\(", trace.read_text(), re.MULTILINE)
+    loop = max({thread for thread, name in calls}, key=lambda thread: calls.count((thread, "sendmmsg")))
+    names = [name for thread, name in calls if thread == loop]
+    first, last = names.index("sendmmsg"), len(names) - names[::-1].index("sendmmsg")
+    return Counter(names[first:last])
+
+
 def test_the_loop_makes_no_other_system_calls_than_documented(tmp_path, programs):
     scenario, trace = tmp_path / "scenario.toml", tmp_path / "trace"
     scenario.write_text(SCENARIO)
@@ -32,17 +44,35 @@ def test_the_loop_makes_no_other_system_calls_than_documented(tmp_path, programs
     plant = programs.start("strace", "strace", "-f", "-o", trace, RESONARM, "run", *common, *record)
     assert programs.resonarm("exciter", *common, "--patience-s", 60).wait() == 0
     assert plant.wait() == 0, plant.stderr
-    # `PID NAME(…`; the end of a call that another thread's came between has no name at this place.
-    calls = re.findall(r"^(\d+) +(\w+)\(", trace.read_text(), re.MULTILINE)
-    loop = max({thread for thread, name in calls}, key=lambda thread: calls.count((thread, "sendmmsg")))
-    names = [name for thread, name in calls if thread == loop]
-    # From the first frames that are sent to the last.
-    first, last = names.index("sendmmsg"), len(names) - names[::-1].index("sendmmsg")
-    made = names[first:last]
-    count = {name: made.count(name) for name in set(made)}
-    assert set(made) <= documented(), count
+    count = made_by_the_loop(trace)
+    assert set(count) <= documented(), count
     assert count["sendmmsg"] > 200 and count["recvmmsg"] > 200, count
     # Each tick takes in and sends with one call each, by construction: no batch of this run fills, and vcan's queue
     # takes all. The plant's end, where it says that it leaves, makes one turn more, with no receiving.
     ticks = json.loads(plant.stdout)["samples"]
     assert count["recvmmsg"] <= ticks and count["sendmmsg"] <= ticks + 1, (ticks, count)
+
+
+@pytest.mark.parametrize(("traced", "looks"), [("run", 3), ("exciter", 1)])
+def test_a_round_of_lockstep_makes_two_calls_for_frames_in_each_process_and_four_looks_at_the_clock(
+    tmp_path, programs, traced, looks
+):
+    scenario, trace = tmp_path / "scenario.toml", tmp_path / "trace"
+    scenario.write_text(SCENARIO)
+    arguments = {"run": ["--stop-on-disarm", "--json"], "exciter": ["--patience-s", 60, "--json"]}
+    started = {}
+    for role, own in arguments.items():
+        words = [RESONARM, role, "--bus", "vcan0", "--mode", "lockstep", "--scenario", scenario, *own]
+        tracer = ["strace", "-f", "-o", trace] if role == traced else []
+        started[role] = programs.start(role, *tracer, *words)
+    for program in started.values():
+        assert program.wait() == 0, program.stderr
+    rounds = json.loads(started["run"].stdout)["samples"]
+    count = made_by_the_loop(trace)
+    # Heartbeats, waits for what comes late and an exciter woken by each frame of a sample come to a few rounds' worth
+    # of calls; the time that a process is stopped for is no round. Where the clock is no system call, it has no count.
+    few = 0.3 * rounds
+    assert rounds > 200
+    assert rounds <= count["sendmmsg"] < rounds + few and rounds <= count["recvmmsg"] < rounds * 1.3 + few, count
+    assert count["poll"] + count["ppoll"] < few, count
+    assert count["clock_gettime"] < looks * rounds + few, count

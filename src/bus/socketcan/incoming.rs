@@ -6,6 +6,17 @@ use std::os::fd::BorrowedFd;
 
 use super::batch::{self, FRAMES, IfNone, Slot};
 
+/// How a call for what has come ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Came {
+    /// There are frames.
+    Frames,
+    /// There is none; a call that sleeps has slept for its time.
+    Nothing,
+    /// A signal came first.
+    Signal,
+}
+
 /// What the last call brought.
 pub(super) struct Incoming {
     slots: Box<[Slot; FRAMES]>,
@@ -38,16 +49,19 @@ impl Incoming {
         core::mem::take(&mut self.is_last)
     }
 
-    /// Asks the kernel for what has come. `false` if nothing has.
-    pub fn fill(&mut self, socket: BorrowedFd<'_>, if_none: IfNone) -> io::Result<bool> {
+    /// Asks the kernel for what has come.
+    pub fn fill(&mut self, socket: BorrowedFd<'_>, if_none: IfNone) -> io::Result<Came> {
         (self.next, self.len, self.is_last) = (0, 0, false);
         match batch::receive(socket, &mut self.slots, if_none) {
             Ok(count) => {
                 (self.len, self.is_last) = (count, count < FRAMES);
-                Ok(true)
+                Ok(Came::Frames)
             }
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
-            Err(error) => Err(error),
+            Err(error) => match error.kind() {
+                io::ErrorKind::WouldBlock => Ok(Came::Nothing),
+                io::ErrorKind::Interrupted => Ok(Came::Signal),
+                _ => Err(error),
+            },
         }
     }
 }

@@ -3,7 +3,8 @@
 //! **In one call** the kernel takes what there is to send (`sendmmsg`), and hands over what has come (`recvmmsg`), up
 //! to 32 frames. [`Bus::receive`] gives them out one by one. [`Bus::wait`] sleeps in that same call, in which the
 //! socket blocks for a fixed time, and in `poll` only for what is shorter; everything else asks not to block
-//! (`MSG_DONTWAIT`).
+//! (`MSG_DONTWAIT`). It looks at the clock only after a sleep in which nothing has come: what that one took beyond its
+//! time, it ends late.
 //!
 //! **Error frames** are messages of the local controller, not of the bus. Those that tell of its state and of faults of
 //! the wire are asked for, and counted in their place among the frames ([`Statistics::errors`], [`Bus::controller`]).
@@ -39,7 +40,7 @@ use socketcan::{CanAddr, CanFdSocket, CanFilter, Socket, SocketOptions};
 use self::batch::IfNone;
 use self::error_frame::ASKED_FOR;
 use self::frame::filter;
-use self::incoming::Incoming;
+use self::incoming::{Came, Incoming};
 use super::deadline::Deadline;
 use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
@@ -51,10 +52,11 @@ const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
 /// The size of those counters up to that one, bytes.
 pub(super) const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
 
-/// For how long a receiving call sleeps if no frame comes (`SO_RCVTIMEO`).
-const SLEEP: Duration = Duration::from_millis(10);
-/// The shortest wait that may sleep so: the kernel rounds the sleep up to its timer ticks, up to 10 ms (`CONFIG_HZ`).
-const SLEEP_FROM: Duration = Duration::from_millis(20);
+/// For how long a receiving call sleeps if no frame comes (`SO_RCVTIMEO`). The kernel rounds it up to its timer ticks
+/// and adds up to one (`CONFIG_HZ`): 12 ms at most with ticks of 4 ms, 20 ms with the longest, of 10.
+const SLEEP: Duration = Duration::from_millis(5);
+/// The shortest wait that may sleep so.
+const SLEEP_FROM: Duration = Duration::from_millis(15);
 
 /// How to open a [`SocketCan`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,28 +148,30 @@ impl SocketCan {
         }
     }
 
-    /// Asks the kernel for what has come; `false` if nothing has.
-    fn take_in(&mut self, if_none: IfNone) -> Result<bool, BusError> {
+    /// Asks the kernel for what has come.
+    fn take_in(&mut self, if_none: IfNone) -> Result<Came, BusError> {
         let socket = self.socket.as_ref().ok_or(BusError::Closed)?;
-        match self.incoming.fill(socket.as_fd(), if_none) {
-            Err(source) if source.kind() == io::ErrorKind::Interrupted => Ok(false),
-            outcome => outcome.map_err(|source| self.failure("receiving", source)),
-        }
+        self.incoming.fill(socket.as_fd(), if_none).map_err(|source| self.failure("receiving", source))
     }
 
-    /// Sleeps until something comes, `timeout` at most, and takes it in.
-    fn sleep(&mut self, timeout: Duration) -> Result<(), BusError> {
+    /// Sleeps until something comes, `timeout` at most, and takes it in. Returns the time that has passed for certain.
+    fn sleep(&mut self, timeout: Duration) -> Result<Duration, BusError> {
         if timeout >= SLEEP_FROM {
-            return self.take_in(IfNone::Sleep).map(drop);
+            return Ok(match self.take_in(IfNone::Sleep)? {
+                Came::Nothing => SLEEP,
+                Came::Frames | Came::Signal => Duration::ZERO,
+            });
         }
         let socket = self.socket()?;
         let mut polled = [PollFd::new(socket, PollFlags::IN)];
         match poll(&mut polled, timeout.try_into().ok().as_ref()) {
-            Ok(0) | Err(Errno::INTR) => Ok(()),
-            Ok(_) if polled[0].revents().contains(PollFlags::IN) => self.take_in(IfNone::Return).map(drop),
-            Ok(_) => self.pending_error(socket),
-            Err(errno) => Err(self.failure("waiting", errno.into())),
+            Ok(0) => return Ok(timeout),
+            Err(Errno::INTR) => {}
+            Ok(_) if polled[0].revents().contains(PollFlags::IN) => drop(self.take_in(IfNone::Return)?),
+            Ok(_) => self.pending_error(socket)?,
+            Err(errno) => return Err(self.failure("waiting", errno.into())),
         }
+        Ok(Duration::ZERO)
     }
 
     /// Whether what was taken in holds something that [`Bus::receive`] gives out. Error frames before that are counted.
@@ -227,7 +231,7 @@ impl Bus for SocketCan {
         self.socket()?;
         loop {
             let Some(slot) = self.incoming.pop() else {
-                if self.incoming.take_last() || !self.take_in(IfNone::Return)? {
+                if self.incoming.take_last() || self.take_in(IfNone::Return)? != Came::Frames {
                     return Ok(None);
                 }
                 continue;
@@ -249,17 +253,18 @@ impl Bus for SocketCan {
         if self.has_frame() {
             return Ok(true);
         }
-        let (deadline, mut remaining) = (Deadline::after(timeout), timeout);
+        let (mut remaining, mut deadline) = (timeout, None);
         loop {
             self.incoming.take_last();
-            self.sleep(remaining)?;
+            let slept = self.sleep(remaining)?;
             if self.has_frame() {
                 return Ok(true);
             }
-            remaining = deadline.remaining();
-            if remaining.is_zero() {
+            if slept >= remaining {
                 return Ok(false);
             }
+            // Most waits have ended before this, and on some machines each look at the clock is a system call.
+            remaining = deadline.get_or_insert_with(|| Deadline::after(remaining - slept)).remaining();
         }
     }
 
