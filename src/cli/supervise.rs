@@ -9,6 +9,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
+use tokio::time::Instant;
 
 use super::failure::Failure;
 use super::output;
@@ -17,6 +18,9 @@ use crate::run::Signals;
 
 /// How often the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
+/// Signals that come within this time of the first are the same request: timeout(1) sends its signal twice, and a
+/// terminal that is closed sends one beside the shell's.
+const SAME_REQUEST: Duration = Duration::from_millis(500);
 
 /// The last line on a terminal's standard error: a progress bar, and what is shown beside it.
 pub(super) struct Line {
@@ -74,8 +78,8 @@ impl Line {
 }
 
 /// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
-/// in order; a second one ends the process. `length` is how long the work takes, if it is known; `tell` is called
-/// now and then with the last line of a terminal, and once at the end.
+/// in order; another one, half a second later or more, ends the process. `length` is how long the work takes, if it is
+/// known; `tell` is called now and then with the last line of a terminal, and once at the end.
 pub(super) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,
@@ -112,14 +116,15 @@ async fn watch(
     // `nohup` has it ignored, and it stays so.
     let mut hangup = if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) };
     let mut beat = tokio::time::interval(PROGRESS);
+    let mut asked = None;
     tokio::pin!(finished);
     loop {
         tokio::select! {
             // An error means that the worker ended without a word: its panic shows when it is joined.
             _ended = &mut finished => break,
-            _ = interrupt.recv() => ask_to_stop(signals),
-            _ = terminate.recv() => ask_to_stop(signals),
-            Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals),
+            _ = interrupt.recv() => ask_to_stop(signals, &mut asked),
+            _ = terminate.recv() => ask_to_stop(signals, &mut asked),
+            Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals, &mut asked),
             _ = beat.tick() => {
                 line.set_progress(signals);
                 tell(line);
@@ -136,8 +141,10 @@ fn ignores_hangup() -> bool {
     mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 1 == 1)
 }
 
-fn ask_to_stop(signals: &Signals) {
-    if signals.is_stopped() {
+/// Asks for the end, or ends the process at another request; `asked` is when the first came.
+fn ask_to_stop(signals: &Signals, asked: &mut Option<Instant>) {
+    let now = Instant::now();
+    if now - *asked.get_or_insert(now) > SAME_REQUEST {
         // 128 + SIGINT, as shells have it. The recording stays readable up to its last flush.
         std::process::exit(130);
     }

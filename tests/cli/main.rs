@@ -21,6 +21,7 @@ mod protocol;
 mod readings;
 mod readme;
 mod recordings;
+mod signals;
 mod time_domain;
 
 use std::path::Path;
