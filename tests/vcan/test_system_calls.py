@@ -74,7 +74,9 @@ def test_a_round_of_lockstep_makes_two_calls_for_frames_in_each_process_and_four
     # Heartbeats and waits for what comes late, also while a process is stopped, come to a few rounds' worth of calls.
     few = 0.3 * rounds
     assert rounds > 200
-    assert rounds <= count["sendmmsg"] < rounds + few and rounds <= wakes < frames * rounds + few, count
+    assert count["sendmmsg"] < rounds + few and wakes < frames * rounds + few, count
+    # A few samples are the plant's alone: those after the controller has ended.
+    assert min(count["sendmmsg"], wakes) > rounds - few, count
     assert count["poll"] + count["ppoll"] < few, count
     # Where the clock is no system call, it has no count.
     assert count["clock_gettime"] < looks * wakes + few, count
