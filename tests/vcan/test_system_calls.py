@@ -47,9 +47,9 @@ def test_the_loop_makes_no_other_system_calls_than_documented(tmp_path, programs
     count = made_by_the_loop(trace)
     assert set(count) <= documented(), count
     assert count["sendmmsg"] > 200 and count["recvmmsg"] > 200, count
-    # Each tick takes in and sends with one call each, by construction; once more after 32 frames, as many as wait if the
-    # plant was stopped. vcan's queue takes all. The plant's end, where it says that it leaves, makes one turn more, with
-    # no receiving.
+    # Each tick takes in and sends with one call each, by construction; once more after 32 frames, as many as wait if
+    # the plant was stopped. vcan's queue takes all. The plant's end, where it says that it leaves, makes one turn
+    # more, with no receiving.
     ticks = json.loads(plant.stdout)["samples"]
     full = len(re.findall(r"recvmmsg.* = 32$", trace.read_text(), re.MULTILINE))
     assert count["recvmmsg"] <= ticks + full and count["sendmmsg"] <= ticks + 1, (ticks, full, count)
