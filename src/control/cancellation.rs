@@ -36,7 +36,7 @@ use super::fourier_filter::unit;
 use crate::analysis::FrequencyResponse;
 use crate::arm::{Arm, Attachment};
 use crate::excitation::{HarmonicFit, Phasor};
-use crate::rig::Measurement;
+use crate::rig::{Measurement, Sampling};
 
 /// The orders that can be cancelled: those that are read beside the fundamental.
 const ORDERS: [u8; 2] = [2, 3];
@@ -156,7 +156,7 @@ pub(super) struct Cancellation {
     /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
     direction: Vector2<f64>,
-    rate_hz: f64,
+    sampling: Sampling,
     /// First sample and length of the reading, and its halves.
     first: u64,
     samples: u64,
@@ -165,7 +165,12 @@ pub(super) struct Cancellation {
 
 impl Cancellation {
     /// Of `orders` of the force along `direction`; `None` if there is none.
-    pub fn new(orders: CancelHarmonics, arm: &Arm, direction: Vector2<f64>, rate_hz: f64) -> Option<Cancellation> {
+    pub fn new(
+        orders: CancelHarmonics,
+        arm: &Arm,
+        direction: Vector2<f64>,
+        sampling: Sampling,
+    ) -> Option<Cancellation> {
         if orders.is_none() {
             return None;
         }
@@ -177,7 +182,7 @@ impl Cancellation {
             transfer: HeadTransfer::new(arm, &direction),
             share: arm.high_frequency_force_share(),
             direction,
-            rate_hz,
+            sampling,
             first: 0,
             samples: 2,
             halves: [HarmonicFit::new(1), HarmonicFit::new(1)],
@@ -233,7 +238,7 @@ impl Cancellation {
             let [first, second] = halves.map(|half| half[index]);
             is_cancelled &= size(first).max(size(second)) < CANCELLED * fundamental_n;
             let order = f64::from(harmonic.order);
-            let hold = sinc(order * TAU * frequency_hz / (2.0 * self.rate_hz));
+            let hold = self.sampling.hold(order * frequency_hz);
             if let Some(transfer) = self.transfer.at(order * frequency_hz) {
                 harmonic.correct((first + second) * 0.5, transfer * hold, fundamental_n, order * off);
             }
@@ -241,8 +246,7 @@ impl Cancellation {
         is_cancelled
     }
 
-    /// The acting harmonics of both halves: the head reads the middle of a hold, where a staircase has more than its
-    /// harmonic.
+    /// The acting harmonics of both halves, without the images of the command's that the converter folds onto them.
     fn read(&self, frequency_hz: f64) -> Option<[[Phasor; ORDERS.len()]; 2]> {
         let [first, second] = [self.halves[0].harmonics::<3>()?, self.halves[1].harmonics::<3>()?];
         let acting = |[x, y]: [[Phasor; 3]; 2]| {
@@ -250,8 +254,8 @@ impl Cancellation {
                 let order = ORDERS[index];
                 let head = x[usize::from(order) - 1] * self.direction.x + y[usize::from(order) - 1] * self.direction.y;
                 let command = self.harmonics[index].map_or(Phasor::new(0.0, 0.0), |harmonic| harmonic.command_n);
-                let half = f64::from(order) * TAU * frequency_hz / (2.0 * self.rate_hz);
-                head + command * (self.share * (sinc(half) - 1.0))
+                let frequency_hz = f64::from(order) * frequency_hz;
+                head / self.sampling.gain(frequency_hz) - command * (self.share * self.sampling.images(frequency_hz))
             })
         };
         Some([acting(first), acting(second)])
@@ -297,11 +301,6 @@ impl Harmonic {
         self.before_n = self.command_n;
         self.command_n -= head_n / (self.ratio * derived_transfer);
     }
-}
-
-/// sin y/y.
-fn sinc(y: f64) -> f64 {
-    libm::sin(y) / y
 }
 
 fn size(phasor: Phasor) -> f64 {

@@ -15,6 +15,8 @@ mod limits;
 pub mod loop_poles;
 mod mode_model;
 mod open_loop;
+#[cfg(test)]
+mod phase_tests;
 mod phase_walk;
 mod response;
 mod set_point;

@@ -3,20 +3,22 @@
 use super::response::ResponseReader;
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint};
 use crate::excitation::Profile;
-use crate::rig::Measurement;
+use crate::rig::{Converter, Measurement, Sampling};
 
 /// Plays a profile and reads the responses in its windows.
 #[derive(Clone, Debug)]
 pub struct OpenLoop {
     profile: Profile,
+    sampling: Sampling,
     reader: ResponseReader,
     response: Option<ResponsePoint>,
 }
 
 impl OpenLoop {
-    /// A controller that plays `profile`.
-    pub fn new(profile: Profile) -> OpenLoop {
-        OpenLoop { reader: ResponseReader::new(&profile), profile, response: None }
+    /// A controller that plays `profile`, with readings by this converter.
+    pub fn new(profile: Profile, converter: Converter) -> OpenLoop {
+        let sampling = Sampling { rate_hz: profile.rate_hz(), converter };
+        OpenLoop { reader: ResponseReader::new(&profile, sampling), profile, sampling, response: None }
     }
 }
 
@@ -26,13 +28,15 @@ impl Controller for OpenLoop {
     }
 
     fn restart(&mut self) {
-        self.reader = ResponseReader::new(&self.profile);
+        self.reader = ResponseReader::new(&self.profile, self.sampling);
         self.response = None;
     }
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
-        self.response = self.reader.add(sample, self.profile.phase_cycles(n));
+        // The phase of what acted when it was read: a sine that is held lags by half a sample.
+        let read_at = n as f64 - self.sampling.converter.delay_samples() - 0.5;
+        self.response = self.reader.add(sample, self.profile.phase_cycles(read_at));
         if n >= self.profile.samples() { Answer::Finished } else { Answer::Hold(self.profile.load(n)) }
     }
 

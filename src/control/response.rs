@@ -1,12 +1,13 @@
 //! The exciter's reading of the response, window by window.
 
 use crate::excitation::{HarmonicFit, Phasor, Profile, SineFit, Window};
-use crate::rig::Measurement;
+use crate::rig::{Measurement, Sampling};
 
 /// The channels: head x, y; B x, y; C x, y.
 const CHANNELS: usize = Measurement::CHANNELS;
 
-/// The response at one frequency, as the controller reads it from the wire.
+/// The response at one frequency, as the controller reads it from the wire: of the continuous motion, with the gain of
+/// the instruments' converters taken out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResponsePoint {
     /// Frequency of the drive, Hz.
@@ -16,7 +17,8 @@ pub struct ResponsePoint {
     /// Standard deviation of `load` by the noise of the readings, at the frequency and amplitude that are stated, N or
     /// N·m; `None` where it is not computed.
     pub load_deviation: Option<f64>,
-    /// Force in the impedance head along x and y against the drive's phase, N.
+    /// Force in the impedance head along x and y, N, against the phase of the drive as it acts: that of the fundamental
+    /// of what is held.
     pub head_force_n: [Phasor; 2],
     /// Acceleration of B along x and y, m/s².
     pub acceleration_b_m_s2: [Phasor; 2],
@@ -118,13 +120,14 @@ impl Orders {
 pub(super) struct ResponseReader {
     /// The windows, each with the amplitude of the load in it.
     windows: alloc::vec::IntoIter<(Window, f64)>,
-    rate_hz: f64,
+    sampling: Sampling,
     current: Option<Reading>,
 }
 
 /// One response, sample by sample.
 #[derive(Clone, Debug)]
 pub(super) struct Reading {
+    sampling: Sampling,
     window: Window,
     load: f64,
     whole: SineFit<CHANNELS>,
@@ -135,12 +138,12 @@ pub(super) struct Reading {
 
 impl Reading {
     /// Of a window, with the load that is meant to act in it.
-    pub fn new((window, load): (Window, f64), orders: Orders) -> Reading {
+    pub fn new((window, load): (Window, f64), orders: Orders, sampling: Sampling) -> Reading {
         let samples = window.end - window.first;
         let half = samples / 2;
         let halves = [SineFit::new(half), SineFit::new(samples - half)];
         let overtones = (orders == Orders::Three).then(|| HarmonicFit::new(samples));
-        Reading { window, load, whole: SineFit::new(samples), overtones, halves, clipped: [false; CHANNELS] }
+        Reading { sampling, window, load, whole: SineFit::new(samples), overtones, halves, clipped: [false; CHANNELS] }
     }
 
     /// The first sample after its window.
@@ -148,7 +151,7 @@ impl Reading {
         self.window.end
     }
 
-    /// Takes in a sample within the window with the phase of the drive then, cycles.
+    /// Takes in a sample within the window with the phase of the drive when it was read, cycles.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
         let (n, readings) = (sample.sample, sample.readings());
         for (clipped, reading) in self.clipped.iter_mut().zip(&readings) {
@@ -178,9 +181,10 @@ impl Reading {
                 (largest, drift) = (size, libm::hypot(change.re, change.im) / size);
             }
         }
-        let [hx, hy, bx, by, cx, cy] = whole;
+        let [first, second, third] = [1.0, 2.0, 3.0].map(|order| self.sampling.gain(order * self.window.frequency_hz));
+        let [hx, hy, bx, by, cx, cy] = whole.map(|phasor| phasor / first);
         let overtones = self.overtones.as_ref().and_then(HarmonicFit::harmonics::<3>);
-        let overtones = overtones.map(|channels| channels.map(|[_, second, third]| [second, third]));
+        let overtones = overtones.map(|channels| channels.map(|[_, b, c]| [b / second, c / third]));
         Some(ResponsePoint {
             frequency_hz: self.window.frequency_hz,
             head_force_n: [hx, hy],
@@ -199,22 +203,23 @@ impl Reading {
 }
 
 impl ResponseReader {
-    pub fn new(profile: &Profile) -> ResponseReader {
+    pub fn new(profile: &Profile, sampling: Sampling) -> ResponseReader {
         let held = |window: Window| (window, profile.held_load(window.frequency_hz));
         let windows: alloc::vec::Vec<_> = profile.windows().map(held).collect();
-        let mut reader = ResponseReader { windows: windows.into_iter(), rate_hz: profile.rate_hz(), current: None };
+        let mut reader = ResponseReader { windows: windows.into_iter(), sampling, current: None };
         reader.begin_next();
         reader
     }
 
     fn begin_next(&mut self) {
-        let of =
-            |(window, load): (Window, f64)| Reading::new((window, load), Orders::at(window.frequency_hz, self.rate_hz));
+        let of = |(window, load): (Window, f64)| {
+            Reading::new((window, load), Orders::at(window.frequency_hz, self.sampling.rate_hz), self.sampling)
+        };
         self.current = self.windows.next().map(of);
     }
 
-    /// Takes in a sample with the phase of the drive then, cycles; the response of a window that ended before it, if
-    /// one did.
+    /// Takes in a sample with the phase of the drive when it was read, cycles; the response of a window that ended
+    /// before it, if one did.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) -> Option<ResponsePoint> {
         let n = sample.sample;
         let mut done = None;

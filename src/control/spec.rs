@@ -11,6 +11,7 @@ use super::{
 };
 use crate::arm::Arm;
 use crate::excitation::Amplitude;
+use crate::rig::Sampling;
 
 /// What closes the loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,16 +48,16 @@ impl ControlSpec {
         }
     }
 
-    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, at `rate_hz`
-    /// samples a second, with an exciter that has `limit`, N or N·m.
+    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, with readings
+    /// of this `sampling` and an exciter that has `limit`, N or N·m.
     ///
     /// # Errors
     /// [`ControlError`] says what is impossible.
-    pub fn controller(&self, arm: &Arm, rate_hz: f64, limit: f64) -> Result<Box<dyn Controller>, ControlError> {
+    pub fn controller(&self, arm: &Arm, sampling: Sampling, limit: f64) -> Result<Box<dyn Controller>, ControlError> {
         Ok(match self {
-            ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, arm, rate_hz, limit)?),
-            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, arm, rate_hz, limit)?),
-            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, arm, rate_hz, limit)?),
+            ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, arm, sampling, limit)?),
+            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, arm, sampling, limit)?),
+            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, arm, sampling, limit)?),
         })
     }
 }

@@ -10,13 +10,13 @@
 //! second, p to the phase by at most one turn a second. What stands still for two seconds is read, second by second,
 //! until a response has settled.
 
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::TAU;
 
 use super::response::{Orders, Reading};
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
 use crate::arm::Load;
 use crate::excitation::Window;
-use crate::rig::Measurement;
+use crate::rig::{Measurement, Sampling};
 
 /// How long what is set must stand before a response is read, s.
 const SETTLE_S: f64 = 2.0;
@@ -30,7 +30,7 @@ pub struct Steered {
     direction: Load,
     kind: LoadKind,
     limit: f64,
-    rate_hz: f64,
+    sampling: Sampling,
     begin: SetPoint,
     set: SetPoint,
     /// A, N or N·m.
@@ -48,16 +48,16 @@ pub struct Steered {
 }
 
 impl Steered {
-    /// A sine along `direction`, a load of size 1, of at most `limit`, N or N·m, at `rate_hz` samples a second; it
-    /// begins with no load at `frequency_hz`.
-    pub fn new(direction: Load, limit: f64, rate_hz: f64, frequency_hz: f64) -> Steered {
+    /// A sine along `direction`, a load of size 1, of at most `limit`, N or N·m, with readings of this `sampling`;
+    /// it begins with no load at `frequency_hz`.
+    pub fn new(direction: Load, limit: f64, sampling: Sampling, frequency_hz: f64) -> Steered {
         let kind = if direction.torque_nm.amax() > 0.0 { LoadKind::Torque } else { LoadKind::Force };
         let begin = SetPoint { load: 0.0, frequency_hz, phase_deg: 0.0 };
         Steered {
             direction,
             kind,
             limit,
-            rate_hz,
+            sampling,
             begin,
             set: begin,
             load: 0.0,
@@ -83,15 +83,14 @@ impl Steered {
 
     /// Takes what is held `passed` samples nearer to what is set; whether it is there.
     fn approach(&mut self, passed: f64) -> bool {
-        let most = passed / self.rate_hz;
+        let most = passed / self.sampling.rate_hz;
         let near = |value: f64, wanted: f64, step: f64| value + (wanted - value).clamp(-step, step);
         self.load = near(self.load, self.set.load, most * self.limit);
         self.shift = near(self.shift, self.set.phase_deg / 360.0, most);
         self.load == self.set.load && self.shift == self.set.phase_deg / 360.0
     }
 
-    /// Reads the response, once what is set has stood long enough. A held sine is smaller than its samples by sin x/x
-    /// with x = πf/r.
+    /// Reads the response, once what is set has stood long enough.
     fn read(&mut self, sample: &Measurement, stands: bool) {
         let n = sample.sample;
         if !stands || self.is_read || self.load == 0.0 {
@@ -99,15 +98,17 @@ impl Steered {
             return;
         }
         let since = *self.stands_since.get_or_insert(n);
-        let phase_cycles = self.cycles + self.shift;
+        // A sine that is held lags by half a sample, and the reading is late by the converter's delay.
+        let late = self.sampling.converter.delay_samples() + 0.5;
+        let phase_cycles = self.cycles + self.shift - late * self.set.frequency_hz / self.sampling.rate_hz;
         match &mut self.reading {
-            None if n >= since + (SETTLE_S * self.rate_hz) as u64 => {
+            None if n >= since + (SETTLE_S * self.sampling.rate_hz) as u64 => {
                 let frequency_hz = self.set.frequency_hz;
-                let length = (READ_S.max(8.0 / frequency_hz) * self.rate_hz) as u64;
-                let x = PI * frequency_hz / self.rate_hz;
+                let length = (READ_S.max(8.0 / frequency_hz) * self.sampling.rate_hz) as u64;
+                let load = self.load * self.sampling.hold(frequency_hz);
                 let window = Window { frequency_hz, first: n, end: n + length };
-                let orders = Orders::at(frequency_hz, self.rate_hz);
-                let mut reading = Reading::new((window, self.load * libm::sin(x) / x), orders);
+                let orders = Orders::at(frequency_hz, self.sampling.rate_hz);
+                let mut reading = Reading::new((window, load), orders, self.sampling);
                 reading.add(sample, phase_cycles);
                 self.reading = Some(reading);
             }
@@ -130,7 +131,7 @@ impl Controller for Steered {
     fn restart(&mut self) {
         *self = Steered {
             begin: self.begin,
-            ..Steered::new(self.direction, self.limit, self.rate_hz, self.begin.frequency_hz)
+            ..Steered::new(self.direction, self.limit, self.sampling, self.begin.frequency_hz)
         };
     }
 
@@ -138,7 +139,7 @@ impl Controller for Steered {
         let n = sample.sample;
         let passed = self.last.map_or(0, |last| n.saturating_sub(last)) as f64;
         self.last = Some(n);
-        let cycles = self.cycles + passed * self.set.frequency_hz / self.rate_hz;
+        let cycles = self.cycles + passed * self.set.frequency_hz / self.sampling.rate_hz;
         self.cycles = cycles - libm::floor(cycles);
         let stands = self.approach(passed);
         self.read(sample, stands);
@@ -153,7 +154,7 @@ impl Controller for Steered {
         let SetPoint { load, frequency_hz, phase_deg } = *set_point;
         let is_possible = (0.0..=self.limit).contains(&load)
             && frequency_hz > 0.0
-            && frequency_hz < 0.5 * self.rate_hz
+            && frequency_hz < 0.5 * self.sampling.rate_hz
             && phase_deg.abs() <= 360.0;
         if is_possible {
             (self.set, self.is_read) = (*set_point, false);
@@ -170,9 +171,9 @@ impl Controller for Steered {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::Reading as Axis;
+    use crate::rig::{Converter, Reading as Axis};
 
-    const RATE_HZ: f64 = 1000.0;
+    const SAMPLING: Sampling = Sampling { rate_hz: 1000.0, converter: Converter::Instant };
 
     /// The force held at sample `n`, and the sample told with accelerations that follow the force.
     fn held_n(steered: &mut Steered, n: u64, force_n: f64) -> f64 {
@@ -191,7 +192,7 @@ mod tests {
 
     #[test]
     fn it_goes_to_what_is_set_without_a_jump_and_reads_the_response() {
-        let mut steered = Steered::new(Load::force_n(1.0, 0.0), 100.0, RATE_HZ, 10.0);
+        let mut steered = Steered::new(Load::force_n(1.0, 0.0), 100.0, SAMPLING, 10.0);
         assert!((0..100).all(|n| held_n(&mut steered, n, 0.0) == 0.0));
         let (mut force_n, mut responses, mut largest_n) = (0.0_f64, Vec::new(), 0.0_f64);
         for n in 100..12_000_u64 {
@@ -223,7 +224,7 @@ mod tests {
 
     #[test]
     fn what_is_impossible_is_not_taken() {
-        let mut steered = Steered::new(Load::torque_nm(0.0, 1.0), 100.0, RATE_HZ, 10.0);
+        let mut steered = Steered::new(Load::torque_nm(0.0, 1.0), 100.0, SAMPLING, 10.0);
         assert_eq!(steered.load_kind(), LoadKind::Torque);
         let good = SetPoint { load: 5.0, frequency_hz: 20.0, phase_deg: 0.0 };
         assert!(steered.steer(&good));

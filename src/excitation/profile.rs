@@ -126,9 +126,9 @@ impl Profile {
         libm::hypot(load.force_n.norm(), load.torque_nm.norm()) * libm::sin(x) / x
     }
 
-    /// φ/2π of the sine at sample `n`, in cycles, less whole cycles; 0 of what is no sine.
-    pub fn phase_cycles(&self, n: u64) -> f64 {
-        fraction(self.cycles(n as f64 / self.rate_hz))
+    /// φ/2π of the sine at `samples` sample periods from the start, in cycles, less whole cycles; 0 of what is no sine.
+    pub fn phase_cycles(&self, samples: f64) -> f64 {
+        fraction(self.cycles(samples / self.rate_hz))
     }
 
     /// The stretches of sine, if there are any.

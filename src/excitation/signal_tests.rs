@@ -57,7 +57,7 @@ proptest! {
         let profile = Waveform::SweptSine { from_hz, to_hz, duration_s: 10.0, law: SweepLaw::Logarithmic };
         let profile = along_y(0.0, profile).unwrap();
         let n = (at * 9_999.0) as u64;
-        let cycles = profile.phase_cycles(n + 1) - profile.phase_cycles(n);
+        let cycles = profile.phase_cycles((n + 1) as f64) - profile.phase_cycles(n as f64);
         let found_hz = RATE_HZ * (cycles - libm::floor(cycles));
         let middle_s = (n as f64 + 0.5) / RATE_HZ;
         let expected_hz: f64 = from_hz * libm::pow(to_hz / from_hz, middle_s / 10.0);

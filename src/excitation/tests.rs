@@ -33,7 +33,7 @@ fn swept(from_hz: f64, to_hz: f64, law: SweepLaw) -> Waveform {
 fn swept_sine_passes_the_frequencies_it_names() {
     let profile = Profile::new(&force(swept(10.0, 30.0, SweepLaw::Linear)), 1000.0).unwrap();
     let frequency = |n: u64| {
-        let cycles = profile.phase_cycles(n + 1) - profile.phase_cycles(n);
+        let cycles = profile.phase_cycles((n + 1) as f64) - profile.phase_cycles(n as f64);
         1000.0 * (cycles - cycles.floor())
     };
     for (n, hz) in [(0, 10.0), (5_000, 20.0), (9_998, 30.0)] {

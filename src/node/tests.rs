@@ -31,7 +31,7 @@ fn profile(duration_s: f64) -> Profile {
 }
 
 fn dwell(duration_s: f64) -> Box<dyn Controller> {
-    Box::new(OpenLoop::new(profile(duration_s)))
+    Box::new(OpenLoop::new(profile(duration_s), crate::rig::Converter::default()))
 }
 
 fn plant_node() -> PlantNode {

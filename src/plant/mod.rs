@@ -3,21 +3,24 @@
 //! One sample is: [`Plant::measure`], a command from outside, [`Plant::advance`] with the command held (zero-order) up
 //! to the next sample. The same specification and the same commands give the same states and readings, bit for bit.
 //!
-//! A held load jumps at every sample, and the accelerations with it, so the instruments sample half a period before: in
-//! the middle of the hold, as converters do that are triggered away from the edges of the output. Force and
-//! accelerations of a sample then belong together in phase; read at the edge, the part of the acceleration that follows
-//! the force at once would lag the rest by half a period, an error of a frequency response that reaches per cents.
+//! A held load jumps at every sample, and the accelerations with it, so a reading belongs to the middle of a hold: of
+//! the last one, or of an earlier one where the converter's filter has a delay ([`Converter`](crate::rig::Converter)).
+//! Force and accelerations of a sample then belong together in phase; read at the edge, the part of the acceleration
+//! that follows the force at once would lag the rest by half a period, an error of a frequency response that reaches
+//! per cents.
 
+mod sampling;
 mod shaker;
 
 use nalgebra::Vector2;
 use thiserror::Error;
 
-use crate::arm::{Arm, ArmError, Load, Parameters, PointMotion, Pose, State};
+use crate::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
 use crate::number::{rounded, short};
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
-use shaker::Shaker;
+use sampling::{End, Filter, Step, Sums};
+use shaker::{Drive, Shaker};
 
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
@@ -129,23 +132,20 @@ pub struct Plant {
     steps_per_sample: u32,
     sample: u64,
     state: State,
-    /// What the instruments sample: the truth in the middle of the last sample period; before the first, at its start.
-    sensed: Sensed,
+    /// What the converters sampled last: head x, y; B x, y; C x, y.
+    sampled: [f64; Measurement::CHANNELS],
+    /// The converters' filter, if they have one, and its sums.
+    filter: Option<Filter>,
+    sums: Sums,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Sensed {
-    motion: PointMotion,
-    head_n: Vector2<f64>,
-}
-
-impl Sensed {
-    /// At a state of the arm with what is attached to it; `load` acts on both, and between them is the head.
-    fn new(arm: &Arm, state: &State, load: &Load) -> Sensed {
-        let acceleration_rad_s2 = arm.acceleration(state, load);
-        let motion = arm.point_accelerations(state, &acceleration_rad_s2);
-        Sensed { motion, head_n: load.force_n - arm.attachment_force_n(state, &acceleration_rad_s2) }
-    }
+/// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with what is attached
+/// to it; `load` acts on both, and between them is the head.
+fn instant(arm: &Arm, state: &State, load: &Load) -> [f64; Measurement::CHANNELS] {
+    let acceleration_rad_s2 = arm.acceleration(state, load);
+    let motion = arm.point_accelerations(state, &acceleration_rad_s2);
+    let head_n = load.force_n - arm.attachment_force_n(state, &acceleration_rad_s2);
+    [head_n.x, head_n.y, motion.b_m_s2.x, motion.b_m_s2.y, motion.c_m_s2.x, motion.c_m_s2.y]
 }
 
 impl Plant {
@@ -166,10 +166,17 @@ impl Plant {
         check_steps_per_sample(spec.steps_per_sample)?;
         let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);
         let integrator = Integrator::new(spec.scheme, rate_hz, &arm)?;
+        let shaker = spec.rig.shaker.map(|shaker| Shaker::new(shaker, integrator.step_s())).transpose()?;
+        let decay = shaker.as_ref().map_or(f64::INFINITY, Shaker::decay);
+        let filter = Filter::new(spec, integrator.step_s(), decay);
+        let sampled = instant(&arm, &spec.initial, &Load::default());
+        let settled = |filter: &Filter| filter.settled(spec.rig.converter, &sampled);
         Ok(Plant {
-            shaker: spec.rig.shaker.map(|shaker| Shaker::new(shaker, integrator.step_s())).transpose()?,
+            sums: filter.as_ref().map(settled).unwrap_or_default(),
+            shaker,
             integrator,
-            sensed: Sensed::new(&arm, &spec.initial, &Load::default()),
+            sampled,
+            filter,
             arm,
             rig,
             sample_rate_hz: spec.sample_rate_hz,
@@ -183,6 +190,17 @@ impl Plant {
     #[must_use]
     pub fn at_sample(self, sample: u64) -> Plant {
         Plant { sample, ..self }
+    }
+
+    /// The plant with a current in its shaker's coil, A; unchanged without a shaker.
+    #[must_use]
+    pub fn with_coil_current(self, current_a: f64) -> Plant {
+        Plant { shaker: self.shaker.map(|shaker| shaker.with_current(current_a)), ..self }
+    }
+
+    /// The current in the coil of the shaker at the sample, A; `None` without a shaker.
+    pub fn coil_current_a(&self) -> Option<f64> {
+        self.shaker.as_ref().map(Shaker::current_a)
     }
 
     /// The arm, with the shaker's armature at its tip if there is one.
@@ -227,10 +245,11 @@ impl Plant {
         &self.state
     }
 
-    /// What the instruments say at the sample: the truth half a sample period before, through their chains. Call it
-    /// once a sample: every call draws new noise.
+    /// What the instruments say at the sample: what their converters sampled, through their chains. Before sample 0 the
+    /// arm has stood for ever with the accelerations that it starts with. Call it once a sample: every call draws new
+    /// noise.
     pub fn measure(&mut self) -> Measurement {
-        self.rig.measure(self.sample, &self.sensed.motion, &self.sensed.head_n)
+        self.rig.measure(self.sample, &self.sampled)
     }
 
     /// Advances to the next sample with `load` held: of a shaker, the force that it would exert were it blocked.
@@ -238,28 +257,65 @@ impl Plant {
     /// # Errors
     /// [`PlantError`] if the step could not be made or the shaker trips; the plant then stays as it was.
     pub fn advance(&mut self, load: &Load) -> Result<(), PlantError> {
-        let start_s = self.time_s();
-        let (mut state, mut sensed, mut shaker) = (self.state, self.sensed, self.shaker);
+        let mut hold =
+            Hold { state: self.state, shaker: self.shaker, end: None, sums: self.sums, sampled: self.sampled };
         for part in 0..self.steps_per_sample {
-            let t_s = start_s + f64::from(part) * self.integrator.step_s();
-            let next = match &mut shaker {
-                None => self.integrator.step(&self.arm, t_s, &state, load),
-                Some(shaker) => shaker.step(&self.integrator, &self.arm, t_s, &state, load),
-            };
-            state = next.map_err(|source| PlantError::Integrate { sample: self.sample, source })?;
-            if 2 * (part + 1) == self.steps_per_sample {
-                let acting = shaker.as_ref().map_or(*load, Shaker::acting);
-                sensed = Sensed::new(&self.arm, &state, &acting);
-            }
+            hold.step(self, part, load).map_err(|source| PlantError::Integrate { sample: self.sample, source })?;
         }
-        if let Some((limit, got, most)) = shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &state)) {
+        if let Some((limit, got, most)) =
+            hold.shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &hold.state))
+        {
             return Err(PlantError::Tripped { sample: self.sample, limit, got, most });
         }
-        (self.state, self.sensed, self.shaker) = (state, sensed, shaker);
+        if self.filter.is_some() {
+            hold.sampled = Filter::read(&mut hold.sums);
+        }
+        (self.state, self.shaker, self.sums, self.sampled) = (hold.state, hold.shaker, hold.sums, hold.sampled);
         self.sample += 1;
         Ok(())
     }
 }
 
+/// A hold that is on its way.
+struct Hold {
+    state: State,
+    shaker: Option<Shaker>,
+    /// The motion at the end of the last step, if what drives goes on evenly from there.
+    end: Option<End>,
+    sums: Sums,
+    sampled: [f64; Measurement::CHANNELS],
+}
+
+impl Hold {
+    /// Makes step `part` of the hold.
+    fn step(&mut self, plant: &Plant, part: u32, load: &Load) -> Result<(), IntegrateError> {
+        let t_s = plant.time_s() + f64::from(part) * plant.integrator.step_s();
+        let from = self.state;
+        self.state = match &mut self.shaker {
+            None => plant.integrator.step(&plant.arm, t_s, &from, load),
+            Some(shaker) => shaker.step(&plant.integrator, &plant.arm, t_s, &from, load),
+        }?;
+        match &plant.filter {
+            Some(filter) => {
+                let drive = self.shaker.as_ref().map_or(Drive::Held(*load), Shaker::drive);
+                let at = |state: &State, tau: f64| End::new(&plant.arm, state, &drive.steady(tau));
+                let start = self.end.unwrap_or_else(|| at(&from, 0.0));
+                let end = at(&self.state, 1.0);
+                let step = Step { arm: &plant.arm, from: &from, start, end, drive: &drive };
+                filter.add(&mut self.sums, part as usize, &step);
+                self.end = matches!(drive, Drive::Held(_)).then_some(end);
+            }
+            None if 2 * (part + 1) == plant.steps_per_sample => {
+                let acting = self.shaker.as_ref().map_or(*load, Shaker::acting);
+                self.sampled = instant(&plant.arm, &self.state, &acting);
+            }
+            None => {}
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod sampling_tests;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,8 @@
 //! smaller than what the one before did by about h Bl²/(R m), m the mass that the coil sees: by a thousand for a shaker
 //! on this arm.
 
+use nalgebra::Vector2;
+
 use super::PlantSpecError;
 use crate::arm::{Arm, Load, State};
 use crate::integrate::{Excitation, IntegrateError, Integrator};
@@ -26,6 +28,43 @@ pub(super) struct Shaker {
     coil: Coil,
     step_s: f64,
     current_a: f64,
+    /// The current over the last step.
+    course: Current,
+}
+
+/// What drives the arm, and the armature that may be attached to it, over a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Drive {
+    /// A load that is held.
+    Held(Load),
+    /// A coil in voltage mode: its force is Σ polynomial τᵐ + transient e^{−λτ} with τ from 0 to 1 over the step, λ
+    /// being [`Shaker::decay`].
+    Coil {
+        /// Coefficients of 1, τ … τ⁴, N.
+        polynomial_n: [f64; 5],
+        /// Of e^{−λτ}, N.
+        transient_n: f64,
+        /// The unit vector of the force.
+        along: Vector2<f64>,
+    },
+}
+
+impl Drive {
+    /// The force of a coil without its transient at `tau` of the step, N; of a held load zero.
+    pub fn along_n(&self, tau: f64) -> f64 {
+        match self {
+            Drive::Held(_) => 0.0,
+            Drive::Coil { polynomial_n, .. } => polynomial_n.iter().rev().fold(0.0, |sum, term| sum * tau + term),
+        }
+    }
+
+    /// The load at `tau` of the step, without a coil's transient.
+    pub fn steady(&self, tau: f64) -> Load {
+        match self {
+            Drive::Held(load) => *load,
+            Drive::Coil { along, .. } => Load { force_n: along * self.along_n(tau), ..Load::default() },
+        }
+    }
 }
 
 /// The coil's force over a step that starts at `start_s`.
@@ -53,7 +92,40 @@ impl Shaker {
         }
         let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
         let decay = step_s * resistance_ohm / spec.inductance_h;
-        Ok(Shaker { spec, coil: Coil { force_factor_n_a, resistance_ohm, decay }, step_s, current_a: 0.0 })
+        let coil = Coil { force_factor_n_a, resistance_ohm, decay };
+        Ok(Shaker { spec, coil, step_s, current_a: 0.0, course: Current::ZERO })
+    }
+
+    /// The same shaker with a current in its coil.
+    pub fn with_current(self, current_a: f64) -> Shaker {
+        Shaker { current_a, ..self }
+    }
+
+    /// The current in the coil at the end of the last step, A.
+    pub fn current_a(&self) -> f64 {
+        self.current_a
+    }
+
+    /// How often a transient of the current decays by e over a step: infinite unless the amplifier holds the voltage of
+    /// a coil with inductance.
+    pub fn decay(&self) -> f64 {
+        match self.spec.amplifier {
+            Amplifier::Current => f64::INFINITY,
+            Amplifier::Voltage => self.coil.decay,
+        }
+    }
+
+    /// What drove the arm over the last step.
+    pub fn drive(&self) -> Drive {
+        match self.spec.amplifier {
+            Amplifier::Current => Drive::Held(self.acting()),
+            Amplifier::Voltage => {
+                let force = |current_a: f64| self.spec.force_factor_n_a * current_a;
+                let (steady_a, transient_a) = self.course.terms();
+                let (polynomial_n, transient_n) = (steady_a.map(force), force(transient_a));
+                Drive::Coil { polynomial_n, transient_n, along: self.spec.direction() }
+            }
+        }
     }
 
     /// The coil's force at the end of the last step.
@@ -96,8 +168,8 @@ impl Shaker {
         state: &State,
         blocked_a: f64,
     ) -> Result<State, IntegrateError> {
-        let start = self.armature(arm, state, self.current_a);
-        let [start_m, start_m_s, start_change] = start;
+        let start_a = self.start_a(arm, state, blocked_a);
+        let [start_m, start_m_s, start_change] = self.armature(arm, state, start_a);
         let mut stroke = Stroke {
             velocity_m_s: [start_m_s, start_m_s + start_change],
             change_m_s: [start_change; 2],
@@ -105,15 +177,15 @@ impl Shaker {
         };
         let (mut before_a, mut change) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..MOST_PASSES {
-            let current = self.coil.current(self.current_a, blocked_a * self.spec.resistance_ohm, &stroke);
+            let current = self.coil.current(start_a, blocked_a * self.spec.resistance_ohm, &stroke);
             let force = CoilForce { shaker: self, current, start_s: t_s };
             let next = integrator.step(arm, t_s, state, &force)?;
             let end_a = current.at(1.0);
             let [end_m, end_m_s, end_change] = self.armature(arm, &next, end_a);
-            let size_a = end_a.abs() + blocked_a.abs() + self.current_a.abs();
+            let size_a = end_a.abs() + blocked_a.abs() + start_a.abs();
             change = (end_a - before_a).abs() / size_a.max(CURRENT_WHOLE_A);
             if change <= PASS_LIMIT {
-                self.current_a = end_a;
+                (self.current_a, self.course) = (end_a, current);
                 return Ok(next);
             }
             before_a = end_a;
@@ -124,6 +196,15 @@ impl Shaker {
             };
         }
         Err(IntegrateError::NoConvergence { t_s, iterations: MOST_PASSES, correction: change })
+    }
+
+    /// The current at the start of a step, A: without inductance it jumps with the voltage, V/R − Bl ṡ/R.
+    fn start_a(&self, arm: &Arm, state: &State, blocked_a: f64) -> f64 {
+        if self.coil.decay.is_finite() {
+            return self.current_a;
+        }
+        let (_, velocity_m_s) = arm.attachment_motion(state);
+        blocked_a - self.spec.force_factor_n_a * velocity_m_s / self.spec.resistance_ohm
     }
 
     /// s, m; ṡ, m/s; h s̈, m/s, of the armature at a state and current.

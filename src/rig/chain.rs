@@ -85,7 +85,7 @@ impl Instrument {
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let value = axis.conditioned(seen[index]);
             let value = self.faults.iter_mut().fold(value, |value, fault| fault.disturbed(sample, index, value));
-            let (reading, last) = (axis.converter.read(value), self.last[index]);
+            let (reading, last) = (axis.quantizer.read(value), self.last[index]);
             self.last[index] =
                 self.faults.iter().fold(reading, |reading, fault| fault.said(sample, index, reading, last));
         }
@@ -114,7 +114,7 @@ struct Axis {
     oldest: usize,
     /// What comes to the converter at rest.
     rest: f64,
-    converter: Converter,
+    quantizer: Quantizer,
 }
 
 impl Axis {
@@ -137,12 +137,12 @@ impl Axis {
             delayed: vec![rest; spec.delay_samples.unwrap_or(0) as usize],
             oldest: 0,
             rest,
-            converter: Converter::new(spec.range, spec.resolution()),
+            quantizer: Quantizer::new(spec.range, spec.resolution()),
         }
     }
 
     fn at_rest(&self) -> Reading {
-        self.converter.read(self.rest)
+        self.quantizer.read(self.rest)
     }
 
     /// What comes to the converter.
@@ -162,17 +162,18 @@ impl Axis {
     }
 }
 
-/// A converter: rounds to the nearest count, and says the last count within the range of what is beyond.
+/// What a converter does to a value: rounds to the nearest count, and says the last count within the range of what is
+/// beyond.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Converter {
+pub(super) struct Quantizer {
     /// The last count within the range.
     largest: f64,
     resolution: f64,
 }
 
-impl Converter {
-    pub fn new(range: f64, resolution: f64) -> Converter {
-        Converter { largest: largest(range, resolution), resolution }
+impl Quantizer {
+    pub fn new(range: f64, resolution: f64) -> Quantizer {
+        Quantizer { largest: largest(range, resolution), resolution }
     }
 
     pub fn read(&self, value: f64) -> Reading {

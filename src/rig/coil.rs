@@ -74,6 +74,14 @@ impl Coil {
 }
 
 impl Current {
+    /// No current.
+    pub const ZERO: Current = Current { q: [0.0; TERMS], transient_a: 0.0, decay: f64::INFINITY };
+
+    /// The coefficients of q, and i(0) − q(0), which e^{−λx} multiplies; without inductance it is gone at once: 0.
+    pub fn terms(&self) -> ([f64; TERMS], f64) {
+        (self.q, if self.decay == f64::INFINITY { 0.0 } else { self.transient_a })
+    }
+
     /// The current at `x` of the step, from 0 to 1, A.
     pub fn at(&self, x: f64) -> f64 {
         let steady = self.q.iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient);

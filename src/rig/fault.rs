@@ -230,7 +230,6 @@ fn sample_at(time_s: f64, rate_hz: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arm::PointMotion;
     use crate::rig::{Measurement, Rig, RigSpec};
     use alloc::format;
     use alloc::string::{String, ToString};
@@ -246,11 +245,11 @@ mod tests {
     /// Readings at 10 Hz of an acceleration of 1, 2, 3 … m/s² along x of B, and twice that along y.
     fn readings(spec: &RigSpec, samples: u64) -> Vec<Measurement> {
         let mut rig = Rig::new(spec, 10.0, 5).unwrap();
-        let motion = |sample: u64| {
+        let sampled = |sample: u64| {
             let x = sample as f64 + 1.0;
-            PointMotion { b_m_s2: [x, 2.0 * x].into(), c_m_s2: [0.0, 0.0].into() }
+            [3.0, 4.0, x, 2.0 * x, 0.0, 0.0]
         };
-        (0..samples).map(|sample| rig.measure(sample, &motion(sample), &[3.0, 4.0].into())).collect()
+        (0..samples).map(|sample| rig.measure(sample, &sampled(sample))).collect()
     }
 
     fn b(faults: &str, axis: usize) -> Vec<f64> {

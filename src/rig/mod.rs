@@ -2,6 +2,7 @@
 
 mod chain;
 pub(crate) mod coil;
+pub(crate) mod converter;
 mod exciter;
 mod fault;
 mod filter;
@@ -9,6 +10,7 @@ mod gate;
 mod sensor;
 mod shaker;
 
+pub use converter::{Converter, Sampling};
 pub use exciter::{Exciter, ExciterSpec, RigError};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, InstrumentName, MOST_FAULTS};
 pub use gate::GateSpec;
@@ -19,10 +21,8 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use crate::arm::PointMotion;
 use chain::Instrument;
 use fault::Fault;
-use nalgebra::Vector2;
 
 /// The instruments of a rig, as a scenario states them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,6 +36,8 @@ pub struct RigSpec {
     /// What is taken of commands beyond what the exciter can produce.
     #[serde(skip_serializing_if = "GateSpec::is_open")]
     pub gate: GateSpec,
+    /// How the converters of all instruments sample.
+    pub converter: Converter,
     /// The accelerometer at the elbow, point B.
     pub accelerometer_b: AccelerometerSpec,
     /// The accelerometer at the tip, point C.
@@ -60,7 +62,8 @@ impl RigSpec {
     }
 }
 
-/// What the instruments say at one sample, of the truth half a sample period before; x and y of the base frame.
+/// What the instruments say at one sample, of the truth in the middle of a hold before it
+/// ([`Converter::delay_samples`]); x and y of the base frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Index of the sample.
@@ -131,14 +134,16 @@ impl Rig {
         &self.gate
     }
 
-    /// What the instruments say at sample `sample` of the true accelerations and the force in the head. Every call
-    /// draws new noise and moves the filters on, so it is made once a sample.
-    pub fn measure(&mut self, sample: u64, motion: &PointMotion, head_n: &Vector2<f64>) -> Measurement {
+    /// What the instruments say at sample `sample` of what their converters sampled: the force in the head along x and
+    /// y, N, and the accelerations of B and C along x and y, m/s². Every call draws new noise and moves the filters on,
+    /// so it is made once a sample.
+    pub fn measure(&mut self, sample: u64, sampled: &[f64; Measurement::CHANNELS]) -> Measurement {
+        let [hx, hy, bx, by, cx, cy] = *sampled;
         Measurement {
             sample,
-            head_force_n: self.head.read(sample, (*head_n).into()),
-            acceleration_b_m_s2: self.accelerometer_b.read(sample, motion.b_m_s2.into()),
-            acceleration_c_m_s2: self.accelerometer_c.read(sample, motion.c_m_s2.into()),
+            head_force_n: self.head.read(sample, [hx, hy]),
+            acceleration_b_m_s2: self.accelerometer_b.read(sample, [bx, by]),
+            acceleration_c_m_s2: self.accelerometer_c.read(sample, [cx, cy]),
         }
     }
 }

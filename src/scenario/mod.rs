@@ -24,7 +24,7 @@ use crate::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Ste
 use crate::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use crate::integrate::Scheme;
 use crate::plant::{self, PlantSpec};
-use crate::rig::RigSpec;
+use crate::rig::{RigSpec, Sampling};
 use crate::text_file;
 use crate::toml_error::TomlError;
 
@@ -292,6 +292,11 @@ impl Scenario {
         self.simulation.duration_s.map(samples).transpose()
     }
 
+    /// How the instruments sample.
+    pub fn sampling(&self) -> Sampling {
+        Sampling { rate_hz: self.simulation.rate_hz, converter: self.rig.converter }
+    }
+
     /// The exciter's controller, with the limits, at sample 0.
     ///
     /// # Errors
@@ -312,14 +317,14 @@ impl Scenario {
 
     fn unlimited_controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
         match &self.control {
-            None => Ok(Box::new(OpenLoop::new(self.profile()?))),
+            None => Ok(Box::new(OpenLoop::new(self.profile()?, self.rig.converter))),
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
                 let arm = match &self.rig.shaker {
                     Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
                     None => self.build_arm()?,
                 };
-                Ok(spec.controller(&arm, self.simulation.rate_hz, limit)?)
+                Ok(spec.controller(&arm, self.sampling(), limit)?)
             }
         }
     }
@@ -338,7 +343,7 @@ impl Scenario {
         let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
         let [first, _] = modes(&self.build_arm()?);
         // Away from the resonance, where the arm would ring.
-        Ok(Steered::new(direction, limit, self.simulation.rate_hz, 0.8 * first.frequency_hz))
+        Ok(Steered::new(direction, limit, self.sampling(), 0.8 * first.frequency_hz))
     }
 
     /// What the exciter plays.

@@ -13,9 +13,10 @@ use resonarm::control::{
 use resonarm::excitation::Amplitude;
 use resonarm::integrate::Scheme;
 use resonarm::plant::{Plant, PlantSpec};
-use resonarm::rig::{Amplifier, RigSpec, ShakerSpec};
+use resonarm::rig::{Amplifier, Converter, RigSpec, Sampling, ShakerSpec};
 
 const RATE_HZ: f64 = 1000.0;
+const SAMPLING: Sampling = Sampling { rate_hz: RATE_HZ, converter: Converter::Sinc5 };
 /// The bounds of a point: frequency and amplitude, relative.
 const FREQUENCY: f64 = 2e-5;
 const BOUNDS: Distances = Distances { frequency: FREQUENCY, amplitude: 1e-3 };
@@ -67,7 +68,7 @@ impl Case {
     fn walk_by(&self, plant: &mut Plant, spec: PhaseWalkSpec) -> Vec<ResponsePoint> {
         let spec = PhaseWalkSpec { mode_number: self.mode, ..spec };
         let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
-        drive(&mut PhaseWalk::new(spec, &plant.arm().clone(), RATE_HZ, limit).unwrap(), plant)
+        drive(&mut PhaseWalk::new(spec, &plant.arm().clone(), SAMPLING, limit).unwrap(), plant)
     }
 
     /// The branch around the points, in steps so small that it is straight between its motions.
@@ -298,7 +299,7 @@ fn one_amplitude_is_held_by_the_computed_loads() {
         points: 9,
         cancel_harmonics: CancelHarmonics::NONE,
     };
-    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, plant.arm(), RATE_HZ, 1600.0).unwrap(), &mut plant);
+    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, plant.arm(), SAMPLING, 1600.0).unwrap(), &mut plant);
     assert_eq!(points.len(), 9);
     let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
     let forced = ForcedArm::new(plant.arm().clone(), direction, 1.0);

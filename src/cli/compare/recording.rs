@@ -62,17 +62,14 @@ fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<Ben
 
 /// Amplitude of the load that acted, N or N·m: in open loop a shaker leaves the arm another force than was commanded.
 ///
-/// Readings of sample n are of the middle of the hold before, T/2 earlier, when A sin φ(n − 1) was held. Against φ(n)
-/// the fundamental of the held command is A e^(−2iy) sin y/y with y = ½ωT. The head reads it with A e^(−2iy) in place
-/// of that, of which the share far above the natural frequencies goes into the arm.
+/// Of the images of the held command that the converters fold onto the fundamental, the head reads the share that goes
+/// into the arm far above the natural frequencies.
 fn acting(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<f64, Failure> {
     let (Some(spec), Some(shaker)) = (&scenario.excitation, &scenario.rig.shaker) else { return Ok(response.load) };
     let command_n = spec.amplitude.load().force_n;
     let share = arm.clone().with_attachment(shaker.armature())?.high_frequency_force_share();
-    let half = core::f64::consts::PI * response.frequency_hz / scenario.simulation.rate_hz;
-    let (sine, cosine) = libm::sincos(2.0 * half);
-    let edges = Phasor::new(cosine, -sine) * (share * (libm::sin(half) / half - 1.0));
-    let head = Vector2::from(response.head_force_n) + command_n.map(|command_n| edges * command_n);
+    let images = share * scenario.sampling().images(response.frequency_hz);
+    let head = Vector2::from(response.head_force_n) - command_n.map(|command_n| Phasor::new(images * command_n, 0.0));
     Ok(head.map(|axis| axis.norm_sqr()).sum().sqrt())
 }
 

@@ -11,7 +11,7 @@ use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Wavefo
 use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use crate::protocol::{Frame, Network, NodeState, SamplesPerFrame, Transmitter};
-use crate::rig::{Exciter, GateSpec, Measurement, Reading};
+use crate::rig::{Converter, Exciter, GateSpec, Measurement, Reading};
 use crate::run::Mode;
 
 pub const RATE_HZ: u16 = 1000;
@@ -313,7 +313,8 @@ impl ExciterDevice {
         let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
         let profile = Waveform::Dwell { frequency_hz: 15.0, duration_s: 60.0, settle_s: 0.1 };
         let spec = ExcitationSpec { amplitude, ramp_s: 0.05, profile };
-        let controller = Box::new(OpenLoop::new(Excitation::new(&spec, f64::from(RATE_HZ)).unwrap()));
+        let profile = Excitation::new(&spec, f64::from(RATE_HZ)).unwrap();
+        let controller = Box::new(OpenLoop::new(profile, Converter::default()));
         let mut timing = timing(if flaw == Some(Flaw::Impatient) { Mode::RealTime } else { mode });
         match flaw {
             Some(Flaw::NoTimeout) => timing.partner_timeout_ns = u64::MAX / 2,

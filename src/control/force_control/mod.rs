@@ -21,9 +21,9 @@
 //!
 //! Harmonics of the force are cancelled, if that is asked for, by harmonics of the command ([`CancelHarmonics`]).
 //!
-//! A sine held from sample to sample has beyond its fundamental, smaller by sin y/y with y = ½ωT, what in the middle of
-//! a hold adds up to the sample itself, and the head reads both: of the latter the share that goes past the armature
-//! into the arm.
+//! A sine that is held from sample to sample has images beyond its fundamental. What of them the converter folds onto
+//! it ([`Converter::images`](crate::rig::Converter::images)) the head reads as well: the share that goes past the
+//! armature into the arm.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -40,7 +40,7 @@ use crate::control::response::{Orders, Reading};
 use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
 use crate::number::short;
-use crate::rig::Measurement;
+use crate::rig::{Measurement, Sampling};
 
 /// How near the force comes to the wanted one, relative.
 const TOLERANCE: f64 = 3e-3;
@@ -141,7 +141,7 @@ enum Stage {
 #[derive(Clone, Debug)]
 pub struct ForceControl {
     frequencies_hz: Vec<f64>,
-    rate_hz: f64,
+    sampling: Sampling,
     limit_n: f64,
     /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
@@ -167,23 +167,24 @@ pub struct ForceControl {
     tried: Option<[f64; 2]>,
     power: f64,
     last_sample: Option<u64>,
-    /// Phase in the middle of the hold.
+    /// Phase in the middle of the last hold.
     phase_rad: f64,
     response: Option<ResponsePoint>,
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` at `rate_hz` samples a second on `arm`, as the controller
-    /// knows it, with a shaker's armature if there is one, with an exciter that has `limit_n`.
+    /// A controller that plays the frequencies of `spec` on `arm`, as the controller knows it, with a shaker's armature
+    /// if there is one, with readings of this `sampling` and an exciter that has `limit_n`.
     ///
     /// # Errors
     /// [`ForceControlError`] says what is impossible.
     pub fn new(
         spec: &ForceControlSpec,
         arm: &Arm,
-        rate_hz: f64,
+        sampling: Sampling,
         limit_n: f64,
     ) -> Result<ForceControl, ForceControlError> {
+        let rate_hz = sampling.rate_hz;
         let notches = [("notch_b_m_s2", spec.notch_b_m_s2), ("notch_c_m_s2", spec.notch_c_m_s2)];
         for (name, got) in notches.into_iter().filter_map(|(name, notch)| Some((name, notch?))) {
             if !(got.is_finite() && got > 0.0) {
@@ -207,7 +208,7 @@ impl ForceControl {
         let direction = force_n / amplitude_n;
         Ok(ForceControl {
             frequencies_hz,
-            rate_hz,
+            sampling,
             limit_n,
             share: arm.high_frequency_force_share(),
             amplitude_n,
@@ -221,7 +222,7 @@ impl ForceControl {
             point: 0,
             tries: 0,
             command_n: Phasor::new(amplitude_n, 0.0),
-            cancellation: Cancellation::new(spec.cancel_harmonics, arm, direction, rate_hz),
+            cancellation: Cancellation::new(spec.cancel_harmonics, arm, direction, sampling),
             tried: None,
             power: 1.0,
             last_sample: None,
@@ -237,7 +238,7 @@ impl ForceControl {
     }
 
     fn samples(&self, seconds: f64) -> u64 {
-        libm::ceil(seconds * self.rate_hz) as u64
+        libm::ceil(seconds * self.sampling.rate_hz) as u64
     }
 
     /// How far a ramp from `since` has come, smoothly from 0 to 1.
@@ -274,7 +275,7 @@ impl ForceControl {
                 let periods = libm::ceil(self.read_s * frequency_hz);
                 let until = n + 1 + self.samples(periods / frequency_hz);
                 let window = Window { frequency_hz, first: n + 1, end: until };
-                self.reading = Some(Reading::new((window, self.amplitude_n), Orders::Three));
+                self.reading = Some(Reading::new((window, self.amplitude_n), Orders::Three, self.sampling));
                 self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, until - n - 1));
                 self.stage = Stage::Read { until };
             }
@@ -292,10 +293,9 @@ impl ForceControl {
     fn judge(&mut self, n: u64, read: Option<ResponsePoint>) {
         self.tries += 1;
         let Some(mut point) = read else { return self.next(n) };
-        let half = 0.5 * TAU * point.frequency_hz / self.rate_hz;
         let [x, y] = point.head_force_n;
-        let rest = self.share * (libm::sin(half) / half - 1.0);
-        let head_n = x * self.direction.x + y * self.direction.y + self.command_n * rest;
+        let images = self.share * self.sampling.images(point.frequency_hz);
+        let head_n = x * self.direction.x + y * self.direction.y - self.command_n * images;
         point.load = libm::hypot(head_n.re, head_n.im);
         point.tries = self.tries;
         let wanted_n = self.wanted_n(&point);
@@ -405,12 +405,13 @@ impl Controller for ForceControl {
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
-        let step_rad = TAU * self.frequency_hz() / self.rate_hz;
+        let step_rad = TAU * self.frequency_hz() / self.sampling.rate_hz;
         // The load of the sample before was held on while samples were lost.
         let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
         self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);
         self.last_sample = Some(n);
-        let cycles = self.phase_rad / TAU;
+        let late = self.sampling.converter.holds_late() as f64;
+        let cycles = (self.phase_rad - late * step_rad) / TAU;
         if let Some(reading) = &mut self.reading {
             reading.add(sample, cycles - libm::floor(cycles));
             self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, cycles));
@@ -418,7 +419,7 @@ impl Controller for ForceControl {
         if self.proceed(n) {
             return Answer::Finished;
         }
-        self.phase_rad = wrapped(self.phase_rad + TAU * self.frequency_hz() / self.rate_hz);
+        self.phase_rad = wrapped(self.phase_rad + TAU * self.frequency_hz() / self.sampling.rate_hz);
         let command_n = (self.amplitude(n) * unit(self.phase_rad)).im + self.harmonics_n(n);
         match self.abort(sample, command_n) {
             Some(abort) => Answer::Aborted(abort),

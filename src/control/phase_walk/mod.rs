@@ -17,6 +17,7 @@
 
 mod backbone_model;
 mod drift_fit;
+mod held;
 mod plan;
 mod reading;
 mod spec;
@@ -29,6 +30,7 @@ pub use plan::ResponseControlSpec;
 pub use spec::{PhaseWalkError, PhaseWalkSpec};
 
 use self::backbone_model::BackboneModel;
+use self::held::Held;
 use self::plan::{Plan, Wanted};
 use self::reading::{Found, Reader};
 use self::spec::BAND;
@@ -37,7 +39,7 @@ use super::fourier_filter::{real_product, unit, wrapped};
 use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
 use crate::arm::{Arm, Load};
 use crate::excitation::Phasor;
-use crate::rig::Measurement;
+use crate::rig::{Measurement, Sampling};
 
 /// Most tries of a point before it is reported as it is, not settled.
 const MOST_TRIES: u32 = 6;
@@ -105,7 +107,7 @@ pub struct PhaseWalk {
     /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
     model: ModeModel,
-    rate_hz: f64,
+    sampling: Sampling,
     gain_1_s: f64,
     filter: FourierFilter,
     backbone: BackboneModel,
@@ -122,22 +124,22 @@ pub struct PhaseWalk {
     point: usize,
     tries: u32,
     unsettled: u32,
-    /// The sample answered last, and then: phase in the middle of the hold, angular frequency, load.
+    /// The sample answered last, and then: phase in the middle of the hold, angular frequency, what was held.
     last_sample: Option<u64>,
     phase_rad: f64,
     omega_rad_s: f64,
-    held: f64,
+    held: Held,
     responses: Vec<ResponsePoint>,
 }
 
 impl PhaseWalk {
-    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, at `rate_hz` samples a
-    /// second, with an exciter that has `limit`, N or N·m.
+    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, with readings of this
+    /// `sampling` and an exciter that has `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] says what is impossible.
-    pub fn new(spec: PhaseWalkSpec, arm: &Arm, rate_hz: f64, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Walk(spec), arm, rate_hz, limit)
+    pub fn new(spec: PhaseWalkSpec, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+        PhaseWalk::of(Plan::Walk(spec), arm, sampling, limit)
     }
 
     /// A stepped sine at which the response is controlled, likewise.
@@ -147,13 +149,13 @@ impl PhaseWalk {
     pub fn at_one_amplitude(
         spec: ResponseControlSpec,
         arm: &Arm,
-        rate_hz: f64,
+        sampling: Sampling,
         limit: f64,
     ) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Response(spec), arm, rate_hz, limit)
+        PhaseWalk::of(Plan::Response(spec), arm, sampling, limit)
     }
 
-    fn of(plan: Plan, arm: &Arm, rate_hz: f64, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+    fn of(plan: Plan, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
         plan.check()?;
         let (load, unit_load) = (plan.load(), plan.unit_load());
         if limit.is_nan() || limit <= load {
@@ -162,11 +164,11 @@ impl PhaseWalk {
         }
         let share = arm.high_frequency_force_share();
         let model = ModeModel::new(&arm.clone().without_attachment(), &unit_load, plan.mode_number());
-        let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), rate_hz)?;
+        let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), &sampling)?;
         plan.check_mode(&model)?;
-        let cancellation = Cancellation::new(plan.cancel_harmonics(), arm, unit_load.force_n, rate_hz);
+        let cancellation = Cancellation::new(plan.cancel_harmonics(), arm, unit_load.force_n, sampling);
         let room = (BackboneModel::new(&model), cancellation, Vec::with_capacity(RESPONSES));
-        Ok(PhaseWalk::at_start(plan, (limit, share), model, (rate_hz, gain_1_s), room))
+        Ok(PhaseWalk::at_start(plan, (limit, share), model, (sampling, gain_1_s), room))
     }
 
     /// Before the first sample, with the room that is there already: emptied, not made anew.
@@ -174,7 +176,7 @@ impl PhaseWalk {
         plan: Plan,
         (limit, share): (f64, f64),
         model: ModeModel,
-        (rate_hz, gain_1_s): (f64, f64),
+        (sampling, gain_1_s): (Sampling, f64),
         (mut backbone, mut cancellation, mut responses): (BackboneModel, Option<Cancellation>, Vec<ResponsePoint>),
     ) -> PhaseWalk {
         backbone.forget();
@@ -182,16 +184,16 @@ impl PhaseWalk {
         responses.clear();
         let omega_rad_s = model.angular_frequency_rad_s;
         let damping = 2.0 * model.damping_ratio * omega_rad_s * model.modal_mass;
-        let other_step = model.other_angular_frequency_rad_s / rate_hz;
+        let other_step = model.other_angular_frequency_rad_s / sampling.rate_hz;
         PhaseWalk {
             plan,
             limit,
             unit_load: plan.unit_load(),
             share,
             model,
-            rate_hz,
+            sampling,
             gain_1_s,
-            filter: FourierFilter::new(spec::FILTER_RATE * gain_1_s / rate_hz, other_step),
+            filter: FourierFilter::new(spec::FILTER_RATE * gain_1_s / sampling.rate_hz, other_step),
             backbone,
             taken: Phasor::new(0.0, 0.0),
             reader: Reader::new(0, 1),
@@ -205,7 +207,7 @@ impl PhaseWalk {
             last_sample: None,
             phase_rad: 0.0,
             omega_rad_s,
-            held: 0.0,
+            held: Held::default(),
             responses,
         }
     }
@@ -221,7 +223,7 @@ impl PhaseWalk {
     }
 
     fn samples_in(&self, seconds: f64) -> u64 {
-        libm::ceil(seconds * self.rate_hz) as u64
+        libm::ceil(seconds * self.sampling.rate_hz) as u64
     }
 
     /// Sets off at sample `n` to the point that is to be tried, or to rest after the last.
@@ -275,7 +277,7 @@ impl PhaseWalk {
         let Target { amplitude_rad: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
         let Stage::Ramp { from, since, length } = self.stage else { return (a1, 0.0, w1, d1) };
         let (s, slope) = ramped((n - since) as f64 / length as f64);
-        let slope = slope * self.rate_hz / length as f64;
+        let slope = slope * self.sampling.rate_hz / length as f64;
         let between = |a: f64, b: f64| a + (b - a) * s;
         let stiffness = from.stiffness + (d1 - from.stiffness) * s;
         let change = a1 - from.amplitude_rad;
@@ -303,7 +305,7 @@ impl PhaseWalk {
             Stage::Read => {
                 let how = (self.load_kind(), &self.unit_load, self.share);
                 let omega = self.target.omega_rad_s;
-                if let Some(found) = self.reader.finish(n, self.rate_hz, how, &self.model, omega) {
+                if let Some(found) = self.reader.finish(n, &self.sampling, how, &self.model, omega) {
                     self.judge(n, &found);
                 }
             }
@@ -364,21 +366,22 @@ impl PhaseWalk {
 
     /// The angle's complex amplitude: in a steady vibration the acceleration's is −ω² times it.
     fn angle(&self) -> Phasor {
-        -self.filter.fundamental() / (self.omega_rad_s * self.omega_rad_s)
+        let gain = self.sampling.gain(self.omega_rad_s / TAU);
+        -self.filter.fundamental() / (self.omega_rad_s * self.omega_rad_s * gain)
     }
 
     /// The load to hold from sample `n` on, at the phase of the middle of the hold.
     fn feedback(&mut self, n: u64) -> f64 {
         let (amplitude, rate, omega, stiffness) = self.wanted(n);
-        self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.rate_hz);
+        self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.sampling.rate_hz);
         self.omega_rad_s = omega;
         let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
         // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm
         // does, it counts.
-        let half = 0.5 * omega / self.rate_hz;
-        real_product(&(u * (half / libm::sin(half))), &unit(self.phase_rad)) + self.harmonics(n)
+        let hold = self.sampling.hold(omega / TAU);
+        real_product(&(u / hold), &unit(self.phase_rad)) + self.harmonics(n)
     }
 
     /// What to command beside the fundamental from sample `n` on, N.
@@ -402,7 +405,7 @@ impl PhaseWalk {
 
     fn check_load(&self) -> Option<Abort> {
         let unit = self.plan.amplitude().unit();
-        let (got, limit, frequency_hz) = (self.held.abs(), self.limit, self.omega_rad_s / TAU);
+        let (got, limit, frequency_hz) = (self.held.last().abs(), self.limit, self.omega_rad_s / TAU);
         (got > limit).then_some(Abort::Load { got, limit, unit, frequency_hz })
     }
 }
@@ -421,23 +424,28 @@ impl Controller for PhaseWalk {
     fn restart(&mut self) {
         let room = (mem::take(&mut self.backbone), self.cancellation.take(), mem::take(&mut self.responses));
         *self =
-            PhaseWalk::at_start(self.plan, (self.limit, self.share), self.model, (self.rate_hz, self.gain_1_s), room);
+            PhaseWalk::at_start(self.plan, (self.limit, self.share), self.model, (self.sampling, self.gain_1_s), room);
     }
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
         // The load of the sample before was held on while samples were lost.
         let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
-        self.phase_rad = wrapped(self.phase_rad + lost as f64 * self.omega_rad_s / self.rate_hz);
+        let step_rad = self.omega_rad_s / self.sampling.rate_hz;
+        self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);
+        self.held.hold_on(lost);
         self.last_sample = Some(n);
-        self.filter.update(self.model.angular_acceleration_rad_s2(sample), self.phase_rad);
+        let holds_late = self.sampling.converter.holds_late();
+        let read_rad = self.phase_rad - holds_late as f64 * step_rad;
+        self.filter.update(self.model.angular_acceleration_rad_s2(sample), read_rad);
         if matches!(self.stage, Stage::Read) {
-            let other_rad = n as f64 * (self.model.other_angular_frequency_rad_s / self.rate_hz);
-            self.reader.add(sample, &self.model, self.phase_rad, other_rad, self.held);
-            self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, self.phase_rad / TAU));
+            let other_rad = n as f64 * (self.model.other_angular_frequency_rad_s / self.sampling.rate_hz);
+            self.reader.add(sample, &self.model, read_rad, other_rad, self.held.before(holds_late));
+            self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, read_rad / TAU));
         }
         self.proceed(n);
-        self.held = self.feedback(n);
+        let load = self.feedback(n);
+        self.held.hold(load);
         let abort = self.check_reading(sample).or_else(|| self.check_load());
         if let (Some(_), false) = (abort, matches!(self.stage, Stage::Done(_))) {
             self.stage = Stage::Done(abort);
@@ -445,7 +453,7 @@ impl Controller for PhaseWalk {
         match self.stage {
             Stage::Done(None) => Answer::Finished,
             Stage::Done(Some(abort)) => Answer::Aborted(abort),
-            _ => Answer::Hold(self.unit_load.scaled(self.held)),
+            _ => Answer::Hold(self.unit_load.scaled(self.held.last())),
         }
     }
 

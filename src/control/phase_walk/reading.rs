@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use crate::arm::Load;
 use crate::control::{LoadKind, ModeModel, ResponsePoint};
 use crate::excitation::{HarmonicFit, Phasor};
-use crate::rig::Measurement;
+use crate::rig::{Measurement, Sampling};
 
 use super::drift_fit::DriftFit;
 use super::unit;
@@ -75,13 +75,13 @@ impl Reader {
 
     /// What was found at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
     ///
-    /// What is held for a period T is a staircase, whose fundamental is smaller than that of its samples by
-    /// sinc ωT/2. Of the rest, edges that come and go within a sample, the head between shaker and arm reads the share
-    /// that goes into the arm.
+    /// Readings are divided by the gain of the converters. What is held for a period T is a staircase, whose
+    /// fundamental is smaller than that of its samples by sin y/y, y = ½ωT. Of its images, which the converters fold
+    /// onto the fundamental, the head between shaker and arm reads the share that goes into the arm.
     pub fn finish(
         &self,
         now: u64,
-        rate_hz: f64,
+        sampling: &Sampling,
         (kind, unit_load, share): (LoadKind, &Load, f64),
         model: &ModeModel,
         omega: f64,
@@ -89,28 +89,36 @@ impl Reader {
         if now + 1 < self.first + self.samples {
             return None;
         }
-        let harmonics = self.fit.harmonics()?;
-        let half = 0.5 * omega / rate_hz;
+        let frequency_hz = omega / TAU;
+        let mut harmonics = self.fit.harmonics()?;
+        for channel in harmonics.iter_mut().take(Measurement::CHANNELS) {
+            for (harmonic, order) in channel.iter_mut().zip([1.0, 2.0, 3.0]) {
+                *harmonic /= sampling.gain(order * frequency_hz);
+            }
+        }
         let held = harmonics[CHANNELS - 1][0];
         let fundamental = |channel: usize| harmonics[channel][0];
         let acting = match kind {
-            LoadKind::Torque => held,
-            LoadKind::Force => fundamental(0) * unit_load.force_n.x + fundamental(1) * unit_load.force_n.y,
+            LoadKind::Torque => held * sampling.hold(frequency_hz),
+            LoadKind::Force => {
+                let head = fundamental(0) * unit_load.force_n.x + fundamental(1) * unit_load.force_n.y;
+                head - held * (share * sampling.images(frequency_hz))
+            }
         };
-        let acting = acting + held * (share * (libm::sin(half) / half - 1.0));
         let angle =
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
         let drift = self.drift.finish()?;
-        let windows_1_s = rate_hz / self.samples as f64;
+        let windows_1_s = sampling.rate_hz / self.samples as f64;
         let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.modal_mass * windows_1_s) * drift.change;
         let stiffness = acting / angle - taken_by_drift;
         let steady = stiffness * angle;
         Some(Found {
             amplitude_rad: size(angle),
             stiffness,
-            taken: (held * (libm::sin(half) / half) - acting) / angle,
+            taken: (held * sampling.hold(frequency_hz) - acting) / angle,
             load: size(steady),
-            load_deviation: 2.0 * model.modal_mass / omega * windows_1_s * drift.deviation,
+            load_deviation: 2.0 * model.modal_mass / omega * windows_1_s * drift.deviation
+                / sampling.gain(frequency_hz),
             taken_by_drift: size(taken_by_drift * angle),
             drift: size(drift.change),
             harmonics: harmonics.map(|orders| turned(orders, -libm::atan2(steady.im, steady.re))),

@@ -9,6 +9,7 @@ use crate::control::loop_poles::{self, Loop};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::{Amplitude, ExcitationError};
 use crate::number::short;
+use crate::rig::Sampling;
 
 /// Most points of a walk: each is kept.
 pub(super) const MOST_POINTS: usize = 10_000;
@@ -203,7 +204,8 @@ impl PhaseWalkSpec {
 }
 
 /// The gain g of the loop on `model`, the mode of this number, 1/s.
-pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, rate_hz: f64) -> Result<f64, PhaseWalkError> {
+pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, sampling: &Sampling) -> Result<f64, PhaseWalkError> {
+    let rate_hz = sampling.rate_hz;
     let mode = u8::from(mode_number);
     let frequency_hz = model.angular_frequency_rad_s / TAU;
     if !model.modal_mass.is_finite() {
@@ -213,7 +215,7 @@ pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, rate_hz: f64)
         return Err(PhaseWalkError::Rate { rate_hz, frequency_hz });
     }
     let other_hz = model.other_angular_frequency_rad_s / TAU;
-    stable_gain_1_s(model, rate_hz).ok_or(PhaseWalkError::Unstable { mode, other_hz })
+    stable_gain_1_s(model, sampling).ok_or(PhaseWalkError::Unstable { mode, other_hz })
 }
 
 /// The largest gain g of which the loop is stable with room to spare, 1/s.
@@ -221,7 +223,7 @@ pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, rate_hz: f64)
 /// Tried are g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must
 /// be stable with the command up to two samples late, and no motion may die out more slowly than half as fast as the
 /// slower mode does alone.
-fn stable_gain_1_s(model: &ModeModel, rate_hz: f64) -> Option<f64> {
+fn stable_gain_1_s(model: &ModeModel, sampling: &Sampling) -> Option<f64> {
     const LARGEST: f64 = 0.072;
     const TRIES: i32 = 12;
     const LATE: usize = 2;
@@ -232,8 +234,8 @@ fn stable_gain_1_s(model: &ModeModel, rate_hz: f64) -> Option<f64> {
         (0..=LATE).all(|delay| {
             let control = Loop {
                 model: *model,
-                rate_hz,
-                adaptation: FILTER_RATE * gain_1_s / rate_hz,
+                sampling: *sampling,
+                adaptation: FILTER_RATE * gain_1_s / sampling.rate_hz,
                 gain_1_s: *gain_1_s,
                 omega_rad_s: model.angular_frequency_rad_s,
                 delay,

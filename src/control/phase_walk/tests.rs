@@ -6,12 +6,16 @@ use crate::control::{CancelHarmonics, ModeNumber};
 use crate::excitation::Amplitude;
 use crate::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};
-use crate::rig::{AccelerometerSpec, RigSpec};
+use crate::rig::{AccelerometerSpec, Converter, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
 
 fn arm(beta2_deg: f64) -> Arm {
     Arm::new(Preset::default().parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg }).unwrap()
+}
+
+fn sampling(rate_hz: f64) -> Sampling {
+    Sampling { rate_hz, converter: Converter::default() }
 }
 
 fn torque(torque1_nm: f64) -> PhaseWalkSpec {
@@ -59,7 +63,7 @@ fn walk_late(controller: &mut PhaseWalk, plant: &mut Plant, late: usize) -> (Vec
 #[test]
 fn walks_over_the_resonance_and_again_after_a_restart() {
     let mut plant = plant(60.0, RigSpec::default());
-    let mut controller = PhaseWalk::new(torque(10.0), &arm(60.0), 1000.0, 1600.0).unwrap();
+    let mut controller = PhaseWalk::new(torque(10.0), &arm(60.0), sampling(1000.0), 1600.0).unwrap();
     let (points, end) = walk(&mut controller, &mut plant);
     assert_eq!((points.len(), end), (5, Answer::Finished));
     for (point, lag_deg) in points.iter().zip([10.0, 50.0, 90.0, 130.0, 170.0]) {
@@ -77,7 +81,7 @@ fn walks_over_the_resonance_and_again_after_a_restart() {
 fn a_clipped_reading_of_the_followed_angle_ends_the_walk() {
     let deaf = AccelerometerSpec { range_m_s2: 300.0, ..AccelerometerSpec::default() };
     let mut plant = plant(60.0, RigSpec { accelerometer_b: deaf, ..RigSpec::default() });
-    let mut controller = PhaseWalk::new(torque(20.0), &arm(60.0), 1000.0, 1600.0).unwrap();
+    let mut controller = PhaseWalk::new(torque(20.0), &arm(60.0), sampling(1000.0), 1600.0).unwrap();
     let (_, end) = walk(&mut controller, &mut plant);
     let Answer::Aborted(abort) = end else { panic!("{end:?}") };
     assert!(matches!(abort, Abort::Clipped { point: 'B', .. }), "{abort}");
@@ -91,7 +95,7 @@ fn commands_may_come_late() {
         let mut plant = plant(60.0, RigSpec::default());
         let amplitude = Amplitude { force_y_n: 10.0, ..Amplitude::default() };
         let spec = PhaseWalkSpec { points: 5, ..PhaseWalkSpec::new(amplitude) };
-        let mut controller = PhaseWalk::new(spec, &arm(60.0), 1000.0, 600.0).unwrap();
+        let mut controller = PhaseWalk::new(spec, &arm(60.0), sampling(1000.0), 600.0).unwrap();
         walk_late(&mut controller, &mut plant, late)
     };
     let (points, end) = walked(3);
@@ -105,7 +109,7 @@ fn commands_may_come_late() {
 #[test]
 fn another_arm_than_the_scenario_s_is_found_out() {
     let mut plant = plant(60.0, RigSpec::default());
-    let mut controller = PhaseWalk::new(torque(20.0), &arm(120.0), 1000.0, 1600.0).unwrap();
+    let mut controller = PhaseWalk::new(torque(20.0), &arm(120.0), sampling(1000.0), 1600.0).unwrap();
     let (points, end) = walk(&mut controller, &mut plant);
     assert!(matches!(end, Answer::Aborted(_)), "{end:?}");
     assert!(points.iter().all(|point| !point.settled), "{points:?}");
@@ -132,7 +136,7 @@ fn harmonics_of_the_force_are_cancelled() {
     let largest = |cancel_harmonics| {
         let amplitude = Amplitude { force_x_n: 5.0, ..Amplitude::default() };
         let spec = PhaseWalkSpec { points: 5, cancel_harmonics, ..PhaseWalkSpec::new(amplitude) };
-        let mut controller = PhaseWalk::new(spec, &known, 1000.0, 600.0).unwrap();
+        let mut controller = PhaseWalk::new(spec, &known, sampling(1000.0), 600.0).unwrap();
         let mut plant = plant(60.0, RigSpec { shaker: Some(shaker), ..RigSpec::default() });
         let (points, end) = walk(&mut controller, &mut plant);
         let settled: Vec<_> = points.iter().filter(|point| point.settled).collect();
@@ -146,7 +150,7 @@ fn harmonics_of_the_force_are_cancelled() {
 #[test]
 fn says_what_no_walk_can_be() {
     let says = |spec: PhaseWalkSpec, rate_hz, limit| -> String {
-        PhaseWalk::new(spec, &arm(60.0), rate_hz, limit).unwrap_err().to_string()
+        PhaseWalk::new(spec, &arm(60.0), sampling(rate_hz), limit).unwrap_err().to_string()
     };
     let spec = torque(20.0);
     insta::assert_snapshot!(says(PhaseWalkSpec { points: 2, ..spec }, 1000.0, 1600.0), @"control: `points` is 2: it must be from 3 to 10000");
@@ -172,7 +176,7 @@ fn says_what_response_can_not_be_controlled() {
         cancel_harmonics,
     };
     let says = |spec: ResponseControlSpec| -> String {
-        PhaseWalk::at_one_amplitude(spec, &arm(60.0), 1000.0, 1600.0).unwrap_err().to_string()
+        PhaseWalk::at_one_amplitude(spec, &arm(60.0), sampling(1000.0), 1600.0).unwrap_err().to_string()
     };
     insta::assert_snapshot!(says(ResponseControlSpec { points: 1, ..spec }), @"control: `points` is 1: it must be from 3 to 10000");
     insta::assert_snapshot!(says(ResponseControlSpec { angle_rad: -0.05, ..spec }), @"control: `angle_rad` is -0.05: it must be above 0 and below 0.5");
