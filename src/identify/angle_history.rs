@@ -22,9 +22,10 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::double_integration::{Integration, Integrator, Pair};
+use super::droop::without_droop;
 use super::{CHANNELS, IdentifyError};
 use crate::arm::Arm;
-use crate::rig::RigSpec;
+use crate::rig::{Converter, RigSpec};
 
 /// Length of each end, in periods of the corner: by then about 1e-5 is left of how a record begins and ends.
 const END_PERIODS: f64 = 4.0;
@@ -72,7 +73,8 @@ pub struct Residual {
 }
 
 /// The angles behind the accelerations of B and C along x and y, m/s², read `rate_hz` times a second by the instruments
-/// of `rig` on `arm`. None may be clipped. The chains of the instruments are not undone.
+/// of `rig` on `arm`, whose converters' droop is taken out. None may be clipped. The rest of the instruments' chains is
+/// not undone.
 ///
 /// # Errors
 /// [`IdentifyError`] if the corner is none of the record, the record has no more than its ends, a reading is no number,
@@ -87,7 +89,7 @@ pub fn joint_angles(
     let [first, end, silence] = stretch(readings, rate_hz, settings)?;
     let integrator = Integrator::new(settings.integration, readings.len(), silence, rate_hz, settings.from_hz);
     let [d_b, d_c] =
-        [0, 2].map(|channel| integrator.displacements(&accelerations(readings, channel, settings.starts_at_rest)));
+        [0, 2].map(|channel| integrator.displacements(&accelerations(readings, channel, settings, rig.converter)));
     let links = Links::new(arm);
     let (across, along) = links.displacements(&d_b, &d_c);
     let turns = turns(&integrator, &across)?;
@@ -125,15 +127,20 @@ fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) 
     Ok([first as usize, samples - end as usize, end as usize])
 }
 
-/// The accelerations of a point. Unless there was rest before, their mean is taken out: silence before and after a
-/// record would make a step of it.
-fn accelerations(readings: &[[f64; CHANNELS]], channel: usize, starts_at_rest: bool) -> Vec<Pair> {
+/// The accelerations of a point, without the droop of the converters. Unless there was rest before, their mean is taken
+/// out: silence before and after a record would make a step of it.
+fn accelerations(
+    readings: &[[f64; CHANNELS]],
+    channel: usize,
+    settings: AngleSettings,
+    converter: Converter,
+) -> Vec<Pair> {
     let mut values: Vec<Pair> = readings.iter().map(|values| Pair::new(values[channel], values[channel + 1])).collect();
-    if !starts_at_rest {
+    if !settings.starts_at_rest {
         let mean = values.iter().sum::<Pair>() / values.len() as f64;
         values.iter_mut().for_each(|value| *value -= mean);
     }
-    values
+    without_droop(&values, converter)
 }
 
 /// The angles θ of both links behind g[sin θ], rad.

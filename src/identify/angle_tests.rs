@@ -47,7 +47,9 @@ struct Run {
 fn run(spec: &PlantSpec, samples: usize, load: impl Fn(f64) -> Load) -> Run {
     let mut plant = Plant::new(spec).unwrap();
     let arm = Arm::new(spec.parameters, spec.pose).unwrap();
-    let (mut readings, mut alpha_rad) = (Vec::new(), Vec::new());
+    // A reading is of the middle of a hold that began so many holds before the last.
+    let late = spec.rig.converter.holds_late();
+    let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![spec.initial.alpha_rad.into(); late]);
     plant.measure();
     for k in 0..samples {
         let before = *plant.state();
@@ -60,6 +62,7 @@ fn run(spec: &PlantSpec, samples: usize, load: impl Fn(f64) -> Load) -> Run {
             + (before.alpha_dot_rad_s - after.alpha_dot_rad_s) * (0.125 / RATE_HZ);
         alpha_rad.push(middle.into());
     }
+    alpha_rad.truncate(samples);
     let from_hz = 0.25 * analysis::modes(&arm)[0].frequency_hz;
     Run { arm, rig: spec.rig.clone(), readings, alpha_rad, from_hz }
 }

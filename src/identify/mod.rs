@@ -7,6 +7,7 @@
 
 mod angle_history;
 mod double_integration;
+mod droop;
 mod error;
 mod frequency_response;
 mod least_squares;

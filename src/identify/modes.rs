@@ -38,11 +38,11 @@ pub enum Part {
 /// A mode as the readings tell it, with standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IdentifiedMode {
-    /// Natural frequency without damping, |s|/(2π), Hz.
+    /// Undamped natural frequency, |λ|/(2π) of the eigenvalue λ, Hz: what `modes` states of an arm.
     pub frequency_hz: f64,
     /// Its standard deviation, Hz.
     pub frequency_deviation_hz: f64,
-    /// Damping ratio −Re s/|s|.
+    /// Damping ratio −Re λ/|λ|.
     pub damping_ratio: f64,
     /// Its standard deviation.
     pub damping_ratio_deviation: f64,
