@@ -36,6 +36,7 @@ fn motion(sample: u64) -> [Record; 2] {
         alpha_dot_rad_s: pair(0.1),
         torque_nm: [0.0; 2],
         force_n: reading(80.0),
+        coil_current_a: None,
         is_end: false,
     };
     let readings = SampleRecord {

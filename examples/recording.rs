@@ -60,6 +60,7 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
             alpha_dot_rad_s: [-2.0 * alpha, alpha],
             torque_nm: [0.0, 0.0],
             force_n: [10.0 * libm::sin(phase), 0.0],
+            coil_current_a: None,
             is_end: false,
         }),
         Record::Sample(SampleRecord {

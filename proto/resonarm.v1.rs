@@ -278,6 +278,9 @@ pub struct StepBatch {
     /// whose last row is such a one.
     #[prost(bool, tag = "11")]
     pub last_row_is_end: bool,
+    /// Current in the coil of the shaker at the sample, A. Empty of a plant without a shaker, and in recordings of formats 1 to 3.
+    #[prost(double, repeated, tag = "12")]
+    pub coil_current_a: ::prost::alloc::vec::Vec<f64>,
 }
 /// Consecutive ticks of the real-time loop. Row i is sample first_step + i. All columns have the same length.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

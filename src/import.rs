@@ -136,6 +136,7 @@ impl FrameLog {
             time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
             flush: FlushPolicy::Samples(1000),
             existing: options.existing,
+            reading_delay_samples: options.scenario.as_ref().map_or(0.5, |known| known.rig.converter.delay_samples()),
             ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
         };
         let recorder = Recorder::create(path, &configuration, options)?;

@@ -8,7 +8,7 @@ use pyo3::types::PyByteArray;
 use resonarm::export::Part;
 use resonarm::protocol::{FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
-use resonarm::recording::{self, Direction, Record, RecordingError, Records};
+use resonarm::recording::{self, Direction, Origin, Record, RecordingError, Records};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
@@ -29,7 +29,7 @@ pub struct Reader {
     records: Mutex<AnyRecords>,
     from_sample: u64,
     to_sample: u64,
-    dt_s: f64,
+    origin: Origin,
 }
 
 #[pymethods]
@@ -81,7 +81,7 @@ impl Recording {
             Part::Events => boxed(self.inner.events(), Record::Event),
         };
         let records = records.map_err(errors::recording)?;
-        Ok(Reader { records: Mutex::new(records), from_sample, to_sample, dt_s: self.inner.origin().dt_s })
+        Ok(Reader { records: Mutex::new(records), from_sample, to_sample, origin: self.inner.origin().clone() })
     }
 }
 
@@ -125,7 +125,7 @@ impl Reader {
                     break;
                 }
                 if (self.from_sample..=self.to_sample).contains(&record.sample()) {
-                    push(&mut rows, &mut names, record, self.dt_s);
+                    push(&mut rows, &mut names, record, &self.origin);
                     count += 1;
                 }
             }
@@ -136,14 +136,12 @@ impl Reader {
     }
 }
 
-/// Instruments sample in the middle of a hold, so many sample periods before the sample.
-const READING_LEAD: f64 = 0.5;
 /// In format 1 nothing says which readings were clipped.
 const CLIPPING_UNKNOWN: u64 = 0xFF;
 
-fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, dt_s: f64) {
+fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin: &Origin) {
     rows.word(record.sample());
-    let time_s = record.sample() as f64 * dt_s;
+    let time_s = record.sample() as f64 * origin.dt_s;
     match record {
         Record::State(state) => {
             rows.numbers(&[time_s]);
@@ -153,7 +151,7 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, dt_s: 
             rows.word(state.is_end);
         }
         Record::Sample(sample) => {
-            rows.numbers(&[(sample.sample as f64 - READING_LEAD) * dt_s]);
+            rows.numbers(&[(sample.sample as f64 - origin.reading_delay_samples) * origin.dt_s]);
             for pair in [sample.acceleration_b_m_s2, sample.acceleration_c_m_s2, sample.head_force_n] {
                 rows.numbers(&pair);
             }

@@ -3,7 +3,7 @@
 use core::ops::RangeInclusive;
 
 use super::{ExportError, Part};
-use crate::recording::{Recording, RecordingError, SampleRecord, StateRecord};
+use crate::recording::{Origin, Recording, RecordingError, SampleRecord, StateRecord};
 
 /// What a channel is a measure of, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,10 +79,10 @@ pub(crate) const fn channels(part: Part) -> &'static [Channel] {
     }
 }
 
-/// How long before its sample a channel was read, in sample periods: instruments sample in the middle of a hold.
-pub(super) const fn lead(part: Part) -> f64 {
+/// How long before its sample a channel was read, in samples: the delay of the instruments' converters.
+pub(super) fn lead(part: Part, origin: &Origin) -> f64 {
     match part {
-        Part::Samples => 0.5,
+        Part::Samples => origin.reading_delay_samples,
         _ => 0.0,
     }
 }

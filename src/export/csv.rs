@@ -104,7 +104,7 @@ struct Row<'a> {
 impl Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (record, sample) = (self.record, self.record.sample());
-        let time_s = (sample as f64 - lead(part(record))) * self.origin.dt_s;
+        let time_s = (sample as f64 - lead(part(record), self.origin)) * self.origin.dt_s;
         match record {
             Record::State(record) => {
                 write!(f, "{sample},{}", short(&time_s))?;

@@ -159,7 +159,7 @@ fn message(origin: &Origin, record: &Record<String>) -> Option<(Part, u64, Value
         let fields = channels(part).iter().zip(values).map(|(channel, value)| (channel.name.to_owned(), json!(value)));
         let mut fields: Map<String, Value> = fields.collect();
         fields.insert(String::from("sample"), json!(sample));
-        Some((part, sample_ns(origin, sample, lead(part)), Value::Object(fields)))
+        Some((part, sample_ns(origin, sample, lead(part, origin)), Value::Object(fields)))
     };
     match record {
         Record::State(state) => row(Part::States, &state_values(state)),

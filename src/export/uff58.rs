@@ -57,7 +57,7 @@ pub(super) fn write(
             let (first, count) = span(recording, part, &selection.samples)?;
             for (index, channel) in channels(part).iter().enumerate() {
                 let dt_s = recording.origin().dt_s;
-                let start_s = (first as f64 - lead(part)) * dt_s;
+                let start_s = (first as f64 - lead(part, recording.origin())) * dt_s;
                 head(&mut out, recording, channel, &Abscissa { count, start_s, dt_s }).map_err(failed)?;
                 let mut written = 0;
                 visit(recording, part, &selection.samples, |values| {

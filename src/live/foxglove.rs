@@ -369,8 +369,15 @@ mod tests {
         let zero = [0.0; 2];
         for sample in 5..8 {
             let (alpha_rad, alpha_dot_rad_s) = ([1e-3, 0.0], zero);
-            let state =
-                StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm: zero, force_n: zero, is_end: false };
+            let state = StateRecord {
+                sample,
+                alpha_rad,
+                alpha_dot_rad_s,
+                torque_nm: zero,
+                force_n: zero,
+                coil_current_a: None,
+                is_end: false,
+            };
             stream.record(&Record::<&str>::State(state));
         }
         let published = stream.take();

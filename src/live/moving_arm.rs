@@ -77,7 +77,15 @@ mod tests {
 
     fn state(sample: u64, alpha_rad: [f64; 2]) -> StateRecord {
         let zero = [0.0; 2];
-        StateRecord { sample, alpha_rad, alpha_dot_rad_s: zero, torque_nm: zero, force_n: zero, is_end: false }
+        StateRecord {
+            sample,
+            alpha_rad,
+            alpha_dot_rad_s: zero,
+            torque_nm: zero,
+            force_n: zero,
+            coil_current_a: None,
+            is_end: false,
+        }
     }
 
     #[test]

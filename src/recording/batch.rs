@@ -112,6 +112,7 @@ impl Batch for StepBatch {
         self.torque2_nm.push(row.torque_nm[1]);
         self.force_x_n.push(row.force_n[0]);
         self.force_y_n.push(row.force_n[1]);
+        self.coil_current_a.extend(row.coil_current_a);
         self.last_row_is_end = row.is_end;
     }
 
@@ -119,23 +120,29 @@ impl Batch for StepBatch {
         Some(self.dt_s)
     }
 
-    fn takes(&self, _row: &StateRecord) -> bool {
-        !self.last_row_is_end
+    fn takes(&self, row: &StateRecord) -> bool {
+        !self.last_row_is_end && self.coil_current_a.is_empty() == row.coil_current_a.is_none()
     }
 
     fn columns(&self) -> Vec<usize> {
         let columns = [&self.alpha1_rad, &self.alpha2_rad, &self.alpha1_dot_rad_s, &self.alpha2_dot_rad_s];
         let loads = [&self.torque1_nm, &self.torque2_nm, &self.force_x_n, &self.force_y_n];
-        columns.iter().chain(&loads).map(|column| column.len()).collect()
+        let current = (!self.coil_current_a.is_empty()).then_some(self.coil_current_a.len());
+        columns.iter().chain(&loads).map(|column| column.len()).chain(current).collect()
     }
 
     fn row(&self, index: usize) -> Option<StateRecord> {
+        let coil_current_a = match self.coil_current_a.as_slice() {
+            [] => None,
+            column => Some(*column.get(index)?),
+        };
         Some(StateRecord {
             sample: self.first_step.checked_add(index as u64)?,
             alpha_rad: [*self.alpha1_rad.get(index)?, *self.alpha2_rad.get(index)?],
             alpha_dot_rad_s: [*self.alpha1_dot_rad_s.get(index)?, *self.alpha2_dot_rad_s.get(index)?],
             torque_nm: [*self.torque1_nm.get(index)?, *self.torque2_nm.get(index)?],
             force_n: [*self.force_x_n.get(index)?, *self.force_y_n.get(index)?],
+            coil_current_a,
             is_end: self.last_row_is_end && index + 1 == self.force_x_n.len(),
         })
     }

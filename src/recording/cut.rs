@@ -121,6 +121,7 @@ fn options(recording: &Recording, existing: Existing) -> Options {
         flush: FlushPolicy::Samples(1000),
         existing,
         plot_every_samples: origin.plot_every_samples,
+        reading_delay_samples: origin.reading_delay_samples,
         ..Options::virtual_time(origin.dt_s, &origin.interface)
     }
 }

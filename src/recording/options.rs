@@ -133,6 +133,8 @@ pub struct Options {
     /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
     /// From 2 on they are filtered against aliases, as `docs/recording.md` states.
     pub plot_every_samples: u64,
+    /// How long before its sample a reading was, in samples, 0 or more: noted in the file. By default 0.5.
+    pub reading_delay_samples: f64,
 }
 
 impl Options {
@@ -163,6 +165,7 @@ impl Options {
             existing: Existing::Refuse,
             batch_samples: 500,
             plot_every_samples: 10,
+            reading_delay_samples: 0.5,
         }
     }
 
@@ -183,6 +186,12 @@ impl Options {
                 self.plot_every_samples <= 1000,
                 self.plot_every_samples.to_string(),
                 "at most 1000",
+            ),
+            (
+                "reading_delay_samples",
+                self.reading_delay_samples.is_finite() && self.reading_delay_samples >= 0.0,
+                short(&self.reading_delay_samples).to_string(),
+                "a finite number, 0 or more",
             ),
             ("flush", !matches!(self.flush, FlushPolicy::Samples(0)), String::from("every 0 samples"), at_least_one),
         ];

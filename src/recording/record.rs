@@ -37,7 +37,8 @@ impl<Name> Record<Name> {
 
 /// The arm at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
 ///
-/// From these alone the run can be simulated again bit for bit: a sample's state and load give the next sample's state.
+/// From these alone the run can be simulated again bit for bit: state, current and load of a sample give state and
+/// current of the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateRecord {
     /// Index of the sample; sample k is at k times the sample period.
@@ -48,8 +49,11 @@ pub struct StateRecord {
     pub alpha_dot_rad_s: [f64; 2],
     /// Torques at joints 1 and 2, N·m.
     pub torque_nm: [f64; 2],
-    /// Force at point C along x and y, N.
+    /// Force at point C along x and y, N; of a shaker, the force that it would exert were it blocked.
     pub force_n: [f64; 2],
+    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of formats 1 to
+    /// 3, which do not hold it.
+    pub coil_current_a: Option<f64>,
     /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
     /// nothing. Recordings of format 1 don't say it of their last.
     pub is_end: bool,

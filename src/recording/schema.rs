@@ -172,15 +172,19 @@ pub(super) mod metadata {
 }
 
 /// Version of topics, schemas and metadata that is written.
-pub(super) const FORMAT: u32 = 3;
+pub(super) const FORMAT: u32 = 4;
 
 /// The first version; all from it to [`FORMAT`] are read. 1 has no column of clipped readings and no mark at the end of
 /// a run; its plotting topics are not filtered, its publish times are the log times, and the log times of frames and
-/// events are when they were handled. 1 and 2 have a message for every frame.
+/// events are when they were handled. 1 and 2 have a message for every frame. 1 to 3 have no column of the shaker's
+/// current, and their instruments read instants.
 pub(super) const FIRST_FORMAT: u32 = 1;
 
 /// The key of the time from sample to sample in [`metadata::RECORDING`].
 pub(super) const DT_S: &str = "dt_s";
+
+/// The key of the delay of readings in [`metadata::RECORDING`].
+pub(super) const READING_DELAY: &str = "reading_delay_samples";
 
 /// How the name of the library begins in the head of a recording.
 pub(super) const OUR_LIBRARY: &str = "resonarm";

@@ -8,13 +8,13 @@ use resonarm_protocol::EmergencyCode;
 use serde::ser::SerializeStruct;
 
 use super::scan::Scan;
-use super::schema::{DT_S, FIRST_FORMAT, FORMAT, metadata};
+use super::schema::{DT_S, FIRST_FORMAT, FORMAT, READING_DELAY, metadata};
 use super::{BuildInfo, FrameRecord, RecordingError};
 
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Origin {
-    /// Version of the format, from 1 to 3.
+    /// Version of the format, from 1 to 4.
     pub format: u32,
     /// Time from one sample to the next, s.
     pub dt_s: f64,
@@ -27,6 +27,9 @@ pub struct Origin {
     pub start_unix_ns: Option<u64>,
     /// Every how many samples the plotting topics hold a message; 0 is never.
     pub plot_every_samples: u64,
+    /// How long before its sample a reading was, in samples: the delay of the instruments' converters. Half a sample in
+    /// formats 1 to 3.
+    pub reading_delay_samples: f64,
     /// The build that recorded.
     pub build: BuildInfo,
 }
@@ -215,6 +218,11 @@ impl Origin {
             .ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
         let every = if format == 1 { "plot_every_steps" } else { "plot_every_samples" };
         let plot_every_samples = value(every).parse().map_err(|_| wrong(every, "a number of samples"))?;
+        let reading_delay_samples = match (format, value(READING_DELAY).parse::<f64>()) {
+            (..4, _) => 0.5,
+            (_, Ok(delay)) if delay.is_finite() && delay >= 0.0 => delay,
+            _ => return Err(wrong(READING_DELAY, "a number of samples, 0 or more")),
+        };
         Ok(Origin {
             dt_s,
             interface: value("interface"),
@@ -222,6 +230,7 @@ impl Origin {
             time,
             start_unix_ns,
             plot_every_samples,
+            reading_delay_samples,
             build: BuildInfo {
                 version: value(metadata::VERSION),
                 git_commit: value("git_commit"),
@@ -247,7 +256,7 @@ pub(super) fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u3
             name: metadata::RECORDING,
             key: String::from(metadata::FORMAT),
             got,
-            expected: "a version from 1 to 3",
+            expected: "a version from 1 to 4",
         }),
     }
 }

@@ -12,7 +12,7 @@ use super::frames::FrameBatcher;
 use super::plots::{Plot, Plots};
 use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
-use super::schema::{DT_S, FORMAT, MessageType, Topic, metadata};
+use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
 use super::sink::{self, Sink, Stamp};
 use super::staged::is_at;
 use super::{
@@ -426,6 +426,7 @@ fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, Stri
         ("interface", options.interface.clone()),
         ("time", options.time_base.name().to_string()),
         ("plot_every_samples", options.plot_every_samples.to_string()),
+        (READING_DELAY, options.reading_delay_samples.to_string()),
         ("plot_filter", decimate::describe(options.plot_every_samples)),
         ("version", build.version),
         ("git_commit", build.git_commit),

@@ -55,6 +55,15 @@ pub enum ReplayError {
         /// Whether the scenario is known.
         has_scenario: bool,
     },
+    /// The current of the shaker's coil at the first sample is not known.
+    #[error(
+        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker, as formats 1 \
+         to 3 do not: simulate the whole recording again, from sample 0 on"
+    )]
+    NoCurrent {
+        /// The first sample.
+        sample: u64,
+    },
     /// The speed is impossible.
     #[error(
         "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",

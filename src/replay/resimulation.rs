@@ -5,14 +5,16 @@ use crate::arm::{Load, State};
 use crate::import::IMPORTED_FROM;
 use crate::plant::{Plant, PlantSpec};
 use crate::recording::{Integrity, Recording, StateRecord};
+use crate::rig::Amplifier;
 use crate::scenario::Scenario;
 use crate::study::on_all_cores;
 
 /// Whether a run, simulated again, is the recorded one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Verdict {
-    /// Whether every state is the recorded one, bit for bit. Never of a damaged recording: there are states that can't
-    /// be compared. Of one that was cut short it says so of the states that are there.
+    /// Whether every state, and the current of a shaker's coil, is the recorded one, bit for bit. Never of a damaged
+    /// recording: there are states that can't be compared. Of one that was cut short it says so of the states that are
+    /// there.
     pub identical: bool,
     /// Whether the recording is whole.
     pub integrity: Integrity,
@@ -33,13 +35,13 @@ const PART: usize = 1 << 11;
 
 /// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
 ///
-/// The state at a sample follows from state and load at the one before alone, but for a shaker's coil. So as long as no
-/// state differs, all cores simulate parts of the run, each from a recorded state, with the result of one after the
-/// other.
+/// State and current at a sample follow from state, current and load at the one before alone. So as long as none
+/// differs, all cores simulate parts of the run, each from a recorded state, with the result of one after the other.
 ///
 /// # Errors
 /// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes
-/// no plant or not the one that was recorded: other samples, loads beyond its exciter.
+/// no plant or not the one that was recorded: other samples, loads beyond its exciter; if it begins in the middle of a
+/// run without the current of its shaker's coil.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration());
     if let Some(log) = recording.configuration().get(IMPORTED_FROM) {
@@ -64,7 +66,7 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
         if block.len() == 1 {
             return Ok(verdict);
         }
-        if spec.rig.shaker.is_none() && verdict.first_divergence.is_none() && agrees(&spec, &block) {
+        if verdict.first_divergence.is_none() && agrees(&spec, &block) {
             verdict.samples += block.len() as u64 - 1;
             verdict.steps += u64::from(spec.steps_per_sample) * (block.len() as u64 - 1);
             plant = self::plant(&spec, &last)?;
@@ -78,7 +80,14 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
 
 /// The plant in a recorded state.
 fn plant(spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
-    Ok(Plant::new(&PlantSpec { initial: state(record), ..spec.clone() })?.at_sample(record.sample))
+    let plant = Plant::new(&PlantSpec { initial: state(record), ..spec.clone() })?.at_sample(record.sample);
+    match (spec.rig.shaker, record.coil_current_a) {
+        (None, _) => Ok(plant),
+        (Some(_), Some(current_a)) => Ok(plant.with_coil_current(current_a)),
+        // At sample 0 the coil has none, and an amplifier in current mode sets it with the load.
+        (Some(shaker), None) if record.sample == 0 || shaker.amplifier == Amplifier::Current => Ok(plant),
+        (Some(_), None) => Err(ReplayError::NoCurrent { sample: record.sample }),
+    }
 }
 
 /// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
@@ -90,7 +99,7 @@ fn agrees(spec: &PlantSpec, block: &[StateRecord]) -> bool {
         let mut plant = plant(spec, &records[0]).ok()?;
         let agree = records.windows(2).all(|pair| {
             let advanced = load(&pair[0], &plant).is_ok_and(|load| plant.advance(&load).is_ok());
-            advanced && bits(plant.state()) == bits(&state(&pair[1]))
+            advanced && is_recorded(&plant, &pair[1])
         });
         agree.then_some(())
     };
@@ -107,7 +116,7 @@ fn follow(
     for pair in block.windows(2) {
         plant.advance(&load(&pair[0], plant)?)?;
         verdict.steps += u64::from(steps_per_sample);
-        compare(verdict, plant.state(), &pair[1]);
+        compare(verdict, plant, &pair[1]);
     }
     Ok(())
 }
@@ -121,15 +130,21 @@ fn check(recording: &Recording, spec: &PlantSpec) -> Result<(), ReplayError> {
     Ok(())
 }
 
-fn compare(verdict: &mut Verdict, simulated: &State, record: &StateRecord) {
-    let recorded = state(record);
+fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
     verdict.samples += 1;
-    if bits(simulated) != bits(&recorded) {
+    if !is_recorded(plant, record) {
         verdict.identical = false;
         verdict.first_divergence.get_or_insert(record.sample);
-        let drift_rad = (simulated.alpha_rad - recorded.alpha_rad).amax();
+        let drift_rad = (plant.state().alpha_rad - state(record).alpha_rad).amax();
         verdict.max_drift_rad = verdict.max_drift_rad.max(drift_rad);
     }
+}
+
+/// Whether state and current are the recorded ones, bit for bit; the current where it is recorded.
+fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
+    let current = |current_a: Option<f64>| current_a.map(f64::to_bits);
+    bits(plant.state()) == bits(&state(record))
+        && (record.coil_current_a.is_none() || current(plant.coil_current_a()) == current(record.coil_current_a))
 }
 
 fn bits(state: &State) -> [u64; 4] {

@@ -312,6 +312,7 @@ impl<'a> Bench<'a> {
             alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
+            coil_current_a: self.plant.coil_current_a(),
             is_end,
         };
         self.record(Record::State(record));

@@ -443,6 +443,7 @@ impl Session {
         };
         options.existing = *existing;
         options.plot_every_samples = self.scenario.recording.plot_every_samples;
+        options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
         Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
     }
 }

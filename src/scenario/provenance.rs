@@ -3,6 +3,7 @@
 use super::{Scenario, ScenarioError};
 use crate::protocol::{PROTOCOL_VERSION, dbc};
 use crate::recording::Configuration;
+use crate::rig::Converter;
 
 /// The key of the scenario in a recording's configuration.
 const SCENARIO: &str = "scenario";
@@ -28,6 +29,17 @@ impl Scenario {
     pub fn from_configuration(configuration: &Configuration) -> Result<Scenario, ScenarioError> {
         let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
         // What was run is not judged again.
-        Scenario::parse_unchecked(text, "the recording's scenario")
+        let mut scenario = Scenario::parse_unchecked(text, "the recording's scenario")?;
+        if !states_a_converter(text) {
+            scenario.rig.converter = Converter::Instant;
+        }
+        Ok(scenario)
     }
+}
+
+/// Whether the text of a scenario states `rig.converter`. A recording's scenario has every default written out; those
+/// of formats 1 to 3 know no converters, and their instruments read instants.
+fn states_a_converter(text: &str) -> bool {
+    let table = text.parse::<toml::Table>().ok();
+    table.as_ref().and_then(|table| table.get("rig")?.get("converter")).is_some()
 }

@@ -95,7 +95,8 @@ fn record(path: &Path) -> Outcome {
 fn records_at(sample: u64, time_ns: u64) -> Outcome<[Record; 2]> {
     let x = sample as f64;
     let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
-    let state = StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false };
+    let state =
+        StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, coil_current_a: None, is_end: false };
     let frame = Frame::classic(Id::Standard(0x203), &sample.to_le_bytes())?;
     let (direction, bus_timestamp_ns) = (Direction::Sent, None);
     Ok([Record::State(state), Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })])

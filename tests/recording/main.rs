@@ -39,6 +39,7 @@ fn records_of(sample: u64) -> Outcome<Vec<Record>> {
             alpha_dot_rad_s: [0.1 + x, 0.2 - x],
             torque_nm: [0.0, -0.0],
             force_n: [x / 3.0, 1.0],
+            coil_current_a: None,
             is_end: false,
         }),
         Record::Sample(SampleRecord {

@@ -24,7 +24,15 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
         let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Some(Clipped::NONE));
         let records = [
-            Record::State(StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: false }),
+            Record::State(StateRecord {
+                sample,
+                alpha_rad,
+                alpha_dot_rad_s,
+                torque_nm,
+                force_n,
+                coil_current_a: None,
+                is_end: false,
+            }),
             Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
             Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }),
             Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None }),

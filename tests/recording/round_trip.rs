@@ -45,9 +45,20 @@ fn clipped() -> impl Strategy<Value = Option<Clipped>> {
 fn any_record(sample: u64) -> impl Strategy<Value = Record> {
     let direction = prop_oneof![Just(Direction::Received), Just(Direction::Sent)];
     prop_oneof![
-        4 => [pair(), pair(), pair(), pair()].prop_map(move |[alpha_rad, alpha_dot_rad_s, torque_nm, force_n]| {
-            Record::State(StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, is_end: sample % 7 == 3 })
-        }),
+        4 => ([pair(), pair(), pair(), pair()], prop::option::of(any::<u64>().prop_map(f64::from_bits))).prop_map(
+            move |([alpha_rad, alpha_dot_rad_s, torque_nm, force_n], coil_current_a)| {
+                let is_end = sample % 7 == 3;
+                Record::State(StateRecord {
+                    sample,
+                    alpha_rad,
+                    alpha_dot_rad_s,
+                    torque_nm,
+                    force_n,
+                    coil_current_a,
+                    is_end,
+                })
+            }
+        ),
         4 => ([pair(), pair(), pair()], clipped()).prop_map(move |([b, c, head_force_n], clipped)| {
             let (acceleration_b_m_s2, acceleration_c_m_s2) = (b, c);
             Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
@@ -98,7 +109,8 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
     match record {
         Record::State(r) => {
             let numbers = bits(&[r.alpha_rad, r.alpha_dot_rad_s, r.torque_nm, r.force_n]);
-            format!("{} {} {numbers}", r.sample, r.is_end)
+            let current = r.coil_current_a.map(f64::to_bits);
+            format!("{} {} {current:x?} {numbers}", r.sample, r.is_end)
         }
         Record::Sample(r) => {
             let numbers = bits(&[r.acceleration_b_m_s2, r.acceleration_c_m_s2, r.head_force_n]);

@@ -135,6 +135,7 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
         alpha_dot_rad_s: [0.3, 0.4],
         torque_nm: [0.0; 2],
         force_n: [0.0; 2],
+        coil_current_a: None,
         is_end: true,
     };
     let at_the_limit = |clipped| SampleRecord {
