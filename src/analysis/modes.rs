@@ -10,7 +10,8 @@ use crate::arm::Arm;
 /// A natural mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mode {
-    /// Natural frequency without damping, ω/(2π), Hz.
+    /// Undamped natural frequency, ω/(2π) with K φ = ω² M φ, Hz. Of an eigenvalue λ of the damped arm it is |λ|/(2π),
+    /// but for parts in ζ² that damping leaves which is not proportional.
     pub frequency_hz: f64,
     /// Damping ratio ζ = φᵀDφ/(2ω), dimensionless: the modal one, which leaves out the coupling of the modes by D.
     pub damping_ratio: f64,

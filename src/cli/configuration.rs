@@ -8,12 +8,18 @@ use crate::scenario::Scenario;
 
 /// The arm with all its parameters, and its pose: what results of every command depend on.
 pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
-    Ok(json!({
+    let mut configuration = json!({
         "preset": scenario.arm.preset,
         "parameters": scenario.parameters()?,
         "beta1_deg": scenario.arm.beta1_deg,
         "beta2_deg": scenario.arm.beta2_deg,
-    }))
+    });
+    // β is the pose of the relaxed springs: by so much the joints are deflected where α = 0.
+    let arm = scenario.build_arm()?;
+    if arm.parameters().gravity.is_some() {
+        configuration["static_deflection_rad"] = json!(<[f64; 2]>::from(arm.static_deflection_rad()));
+    }
+    Ok(configuration)
 }
 
 /// The same, and the load at the crest.

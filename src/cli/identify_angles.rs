@@ -101,8 +101,8 @@ pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
     };
     let found = joint_angles(&arm, rate_hz, &scenario.rig, &readings.accelerations_m_s2, settings)?;
     warn(scenario, &found);
-    // A reading tells of the time half a sample period before its sample.
-    let time_s = |row: usize| (readings.first_sample as f64 + (found.first + row) as f64 - 0.5) / rate_hz;
+    let delay = recording.origin().reading_delay_samples;
+    let time_s = |row: usize| (readings.first_sample as f64 + (found.first + row) as f64 - delay) / rate_hz;
     let file = output::write(request.csv.to_path_buf(), &csv(&found, time_s))?;
     let document = Document {
         configuration: configuration::of_arm(scenario)?,

@@ -13,11 +13,14 @@ use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output::{self, OverwriteFlag};
 use crate::analysis::{Mode, modes};
+use crate::arm::Arm;
 use crate::number::short;
 use crate::plot::{Axis, Color, Figure, Panel, Series};
 use crate::scenario::{ArmSection, Scenario};
 
-/// Natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
+/// Undamped natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
+///
+/// With gravity α = 0 is the arm at rest under its weight: β is the pose of the relaxed springs, before it sags.
 ///
 /// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal
 /// mass. With --plot CSV and JSON go to files beside the figure, and standard output says which.
@@ -76,21 +79,23 @@ impl Modes {
     }
 
     fn in_pose(&self, scenario: &Scenario) -> Result<(), Failure> {
-        let modes = modes(&scenario.build_arm()?);
+        let arm = scenario.build_arm()?;
+        let modes = modes(&arm);
         if self.json {
             return output::print_json(&Document { configuration: configuration::of_arm(scenario)?, modes });
         }
         let mut text = format!(
-            "{} at β1 = {}°, β2 = {}°\n\n  mode   frequency   damping ratio   α2/α1\n",
+            "{} at β1 = {}°, β2 = {}°\n{}\n  mode   undamped frequency   damping ratio   α2/α1\n",
             scenario.arm.label(),
             scenario.arm.beta1_deg,
-            scenario.arm.beta2_deg
+            scenario.arm.beta2_deg,
+            sag_text(&arm)
         );
         for (k, mode) in modes.iter().enumerate() {
             let ratio = mode.shape[1] / mode.shape[0];
             let _infallible = writeln!(
                 text,
-                "  {:4}   {:6.2} Hz   {:13.3e}   {ratio:+.4}",
+                "  {:4}   {:15.2} Hz   {:13.3e}   {ratio:+.4}",
                 k + 1,
                 mode.frequency_hz,
                 mode.damping_ratio
@@ -117,8 +122,10 @@ impl Modes {
         };
         let poses = (0..self.points).map(in_pose).collect::<Result<_, Failure>>()?;
         let mut configuration = configuration::of_arm(scenario)?;
-        // β2 varies, and stands beside each pose.
-        let _beta2 = configuration.as_object_mut().and_then(|arm| arm.remove("beta2_deg"));
+        // β2 varies and stands beside each pose, and with it how far the arm sags.
+        if let Some(arm) = configuration.as_object_mut() {
+            ["beta2_deg", "static_deflection_rad"].into_iter().for_each(|varied| drop(arm.remove(varied)));
+        }
         let document = RangeDocument { configuration, poses };
         let files = match &self.plot {
             Some(stem) => Some(output::plot(stem, &document.figure(&scenario.arm), &document.csv(), &document)?),
@@ -130,6 +137,19 @@ impl Modes {
             (false, None) => output::print(&document.csv()),
         }
     }
+}
+
+/// A line with how far the weight deflects the joints; empty without gravity.
+fn sag_text(arm: &Arm) -> String {
+    if arm.parameters().gravity.is_none() {
+        return String::new();
+    }
+    let sag_rad = arm.static_deflection_rad();
+    format!(
+        "under its weight it sags by {:+.5} rad in joint 1 and {:+.5} rad in joint 2: α counts from there, β is the pose \
+         before\n",
+        sag_rad.x, sag_rad.y
+    )
 }
 
 impl RangeDocument {
