@@ -116,7 +116,7 @@ pub struct Event {
     /// When, ns since the start of the run, by the clock of the machine; in a free run by simulated time.
     #[prost(uint64, tag = "2")]
     pub time_ns: u64,
-    /// What, as a short stable name, for example plant.state.fault.
+    /// What, as a short stable name, for example state.fault.
     #[prost(string, tag = "3")]
     pub name: ::prost::alloc::string::String,
     /// A number that belongs to it (a fault code, a count); 0 where none does.

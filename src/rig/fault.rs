@@ -220,8 +220,8 @@ impl Fault {
     }
 }
 
-/// The first sample at `time_s` or later. Times that are a whole number of samples but for rounding count as one: 1.1 s
-/// at 1 kHz is 1100.0000000000002 samples.
+/// The first sample at `time_s` or later. Times that are a whole number of samples but for rounding count as one:
+/// 2.007 s at 1 kHz is 2007.0000000000002 samples.
 fn sample_at(time_s: f64, rate_hz: f64) -> u64 {
     const ROUNDING: f64 = 1e-12;
     libm::ceil(time_s * rate_hz * (1.0 - ROUNDING)) as u64
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn times_are_rounded_up_to_samples_but_for_their_last_bits() {
         for (time_s, rate_hz, sample) in
-            [(1.1, 1000.0, 1100), (0.0, 1e3, 0), (0.0001, 1e3, 1), (2.0001, 1e3, 2001), (0.3, 1000.0, 300)]
+            [(2.007, 1000.0, 2007), (0.0, 1e3, 0), (0.0001, 1e3, 1), (2.0001, 1e3, 2001), (0.3, 1000.0, 300)]
         {
             assert_eq!(sample_at(time_s, rate_hz), sample, "{time_s}");
         }

@@ -63,7 +63,7 @@ fn records_of(sample: u64) -> Outcome<Vec<Record>> {
         records.push(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns: None, frame }));
     }
     if sample % 100 == 50 {
-        let (time_ns, name) = (sample * 1_000_000, "plant.state.fault");
+        let (time_ns, name) = (sample * 1_000_000, "state.fault");
         records.push(Record::Event(Event { sample, time_ns, name, value: -3 }));
     }
     Ok(records)

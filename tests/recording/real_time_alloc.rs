@@ -36,7 +36,7 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
             Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
             Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }),
             Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None }),
-            Record::Event(Event { sample, time_ns, name: "plant.state.fault", value: 1 }),
+            Record::Event(Event { sample, time_ns, name: "state.fault", value: 1 }),
         ];
         records.into_iter().for_each(|record| assert_eq!(wide.push(record), Pushed::Stored));
         records.into_iter().filter(|record| narrow.push(*record) == Pushed::Lost).count()

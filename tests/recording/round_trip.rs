@@ -73,7 +73,7 @@ fn any_record(sample: u64) -> impl Strategy<Value = Record> {
                 Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns, cause })
         }),
         1 => any::<(u64, i64)>().prop_map(move |(time_ns, value)| {
-            Record::Event(Event { sample, time_ns, name: "plant.state.fault", value })
+            Record::Event(Event { sample, time_ns, name: "state.fault", value })
         }),
     ]
 }
