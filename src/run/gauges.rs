@@ -67,9 +67,10 @@ impl Gauges {
 
     /// What they show now; the latest sample and the largest loads are looked for anew from here on.
     pub fn read(&self) -> Shown {
-        let shown = self.look();
-        [&self.latest_ns, &self.force_n, &self.torque_nm].into_iter().for_each(|of| of.store(0, Ordering::Relaxed));
-        shown
+        // Each is taken and set back at once, so that what the loop writes meanwhile is there for the next reading.
+        let [latest_ns, force, torque] =
+            [&self.latest_ns, &self.force_n, &self.torque_nm].map(|of| of.swap(0, Ordering::Relaxed));
+        Shown { latest_ns, force_n: f64::from_bits(force), torque_nm: f64::from_bits(torque), ..self.look() }
     }
 
     /// What they show now.
@@ -88,6 +89,8 @@ impl Gauges {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Barrier;
+
     use super::*;
 
     #[test]
@@ -110,5 +113,34 @@ mod tests {
         };
         assert_eq!((gauges.look(), gauges.read()), (expected, expected));
         assert_eq!(gauges.read(), Shown { latest_ns: 0, force_n: 0.0, ..expected });
+    }
+
+    /// A loop writes while somebody reads: each round one sample is late, and one of the readings shows it.
+    #[test]
+    fn what_comes_during_a_reading_is_shown_by_the_next() {
+        const ROUNDS: u64 = 20_000;
+        let (gauges, begin, end) = (Gauges::default(), Barrier::new(2), Barrier::new(2));
+        let mut missed = Vec::new();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for round in 1..=ROUNDS {
+                    begin.wait();
+                    gauges.count(round, 0, 0);
+                    gauges.set(&Load::force_n(round as f64, 0.0), NodeState::Operational);
+                    end.wait();
+                }
+            });
+            for round in 1..=ROUNDS {
+                begin.wait();
+                let during = [(); 8].map(|()| gauges.read());
+                end.wait();
+                let shown = during.into_iter().chain([gauges.read()]);
+                let most = shown.fold((0, 0.0_f64), |most, it| (most.0.max(it.latest_ns), most.1.max(it.force_n)));
+                if most != (round, round as f64) {
+                    missed.push((round, most));
+                }
+            }
+        });
+        assert_eq!(missed, []);
     }
 }
