@@ -91,21 +91,24 @@ impl Journal {
         }
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(open)?;
-        // What stands behind the last end of a line was cut off.
-        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-        file.set_len(whole as u64).and_then(|()| file.seek(SeekFrom::End(0))).map_err(open)?;
         let mut journal = Journal { path, file };
         // Numbers as they are after being written and read.
         let header: Value = json!({ "build": build_info(), "configuration": configuration });
-        let mut lines = bytes[..whole].split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).peekable();
-        let first = lines.next().unwrap_or_default();
-        if lines.peek().is_none() {
+        // What stands behind the last end of a line was cut off.
+        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+        let mut lines = bytes[..whole].split(|byte| *byte == b'\n').peekable();
+        let had = match lines.next_if(|_first| whole > 0) {
+            Some(first) => Some(header_in(first).ok_or_else(|| journal.damaged(1, "header"))?),
+            None if is_torn_header(&bytes) => None,
+            None => return Err(journal.damaged(1, "header")),
+        };
+        let mut lines = lines.filter(|line| !line.is_empty()).peekable();
+        let (Some(had), Some(_)) = (had, lines.peek()) else {
             // Nothing is computed yet, so nothing can be lost: whatever it was begun with, it is begun anew.
-            journal.file.set_len(0).map_err(|source| JournalError::Open { path: journal.path.clone(), source })?;
+            journal.cut(0)?;
             journal.append(&header)?;
             return Ok((journal, Vec::new()));
-        }
-        let had: Value = serde_json::from_slice(first).map_err(|_error| journal.damaged(1, "header"))?;
+        };
         if let Some((key, had, has)) = difference("", &had, &header) {
             return Err(JournalError::Differs { path: journal.path, key, had, has });
         }
@@ -113,7 +116,14 @@ impl Journal {
             .enumerate()
             .map(|(k, line)| serde_json::from_slice(line).map_err(|_error| journal.damaged(k + 2, "point")))
             .collect::<Result<_, _>>()?;
+        journal.cut(whole)?;
         Ok((journal, points))
+    }
+
+    /// Takes off what stands behind these bytes.
+    fn cut(&mut self, bytes: usize) -> Result<(), JournalError> {
+        let cut = self.file.set_len(bytes as u64).and_then(|()| self.file.seek(SeekFrom::End(0)));
+        cut.map(drop).map_err(|source| JournalError::Write { path: self.path.clone(), source })
     }
 
     /// Writes a line.
@@ -141,6 +151,18 @@ impl Journal {
     }
 }
 
+/// The header in a line, if it is one.
+fn header_in(line: &[u8]) -> Option<Value> {
+    let found: Value = serde_json::from_slice(line).ok()?;
+    ["build", "configuration"].iter().all(|key| found.get(key).is_some()).then_some(found)
+}
+
+/// Whether a file without the end of a line is empty, or may be a header whose writing was cut off.
+fn is_torn_header(bytes: &[u8]) -> bool {
+    const BEGIN: &[u8] = br#"{"build":{"#;
+    bytes.starts_with(BEGIN) || BEGIN.starts_with(bytes)
+}
+
 /// The first key in which two documents differ, as `a.b`, and the two values.
 fn difference(at: &str, had: &Value, has: &Value) -> Option<(String, Value, Value)> {
     if let (Value::Object(a), Value::Object(b)) = (had, has) {
@@ -156,6 +178,8 @@ fn difference(at: &str, had: &Value, has: &Value) -> Option<(String, Value, Valu
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const NO_HEADER: &str = "line 1 of DIR/sweep.partial.jsonl is no header: delete the file to begin anew";
 
     fn says(path: &Path, configuration: &Value) -> String {
         let error = Journal::open::<u32>(path, configuration).unwrap_err();
@@ -183,6 +207,37 @@ mod tests {
         assert_eq!(points.len(), 4);
         journal.remove().unwrap();
         assert!(!path.exists());
+    }
+
+    /// A file that is no journal stays as it is, to the last byte: one line, no end of a line, the JSON of another.
+    #[test]
+    fn a_foreign_file_is_left_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let foreign =
+            ["one line\n", "no end of a line", "two\nlines, the last one open", "{}\n", "{\"build\":1}\n", "\n"];
+        for text in foreign {
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(says(&path, &json!({ "steps": 3 })), NO_HEADER, "{text:?}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
+    }
+
+    /// What is left of a process that was killed while it wrote the header.
+    #[test]
+    fn a_journal_with_a_torn_header_is_begun_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let configuration = json!({ "steps": 3 });
+        drop(Journal::open::<u32>(&path, &configuration).unwrap());
+        let header = std::fs::read(&path).unwrap();
+        for length in 0..=header.len() {
+            std::fs::write(&path, &header[..length]).unwrap();
+            let (journal, points) = Journal::open::<u32>(&path, &configuration).unwrap();
+            assert!(points.is_empty());
+            drop(journal);
+            assert_eq!(std::fs::read(&path).unwrap(), header, "{length} bytes");
+        }
     }
 
     #[test]
