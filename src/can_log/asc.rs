@@ -96,7 +96,10 @@ impl Reader {
     pub fn line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
-            ["date", ..] | ["Begin", "Triggerblock" | "TriggerBlock", ..] => self.date(line).map(|()| None),
+            ["date", ref date @ ..] => self.date(date).map(|()| None),
+            // One without a date begins with the log.
+            [begin, block] if is_trigger_block(begin, block) => Ok(None),
+            [begin, block, ref date @ ..] if is_trigger_block(begin, block) => self.date(date).map(|()| None),
             ["base", base, "timestamps", times, ..] => {
                 self.radix = if base == "dec" { 10 } else { 16 };
                 self.is_relative = times == "relative";
@@ -110,11 +113,10 @@ impl Reader {
         }
     }
 
-    fn date(&mut self, line: &str) -> Result<(), CanLogError> {
-        let text = line.trim().trim_start_matches("Begin").trim_start();
-        let text = text.split_once(char::is_whitespace).map_or("", |(_, text)| text);
-        let unix_ns = Date::from_asc(text).and_then(|date| date.unix_ns());
-        self.start_ns = unix_ns.ok_or_else(|| CanLogError::Date { got: text.to_owned() })?;
+    fn date(&mut self, words: &[&str]) -> Result<(), CanLogError> {
+        let text = words.join(" ");
+        let unix_ns = Date::from_asc(&text).and_then(|date| date.unix_ns());
+        self.start_ns = unix_ns.ok_or(CanLogError::Date { got: text })?;
         Ok(())
     }
 
@@ -179,4 +181,8 @@ impl Reader {
     fn data(&self, words: &[&str]) -> Result<Vec<u8>, CanLogError> {
         words.iter().map(|word| u8::from_str_radix(word, self.radix).map_err(|_| CanLogError::AscLine)).collect()
     }
+}
+
+fn is_trigger_block(begin: &str, block: &str) -> bool {
+    begin.eq_ignore_ascii_case("begin") && block.eq_ignore_ascii_case("triggerblock")
 }

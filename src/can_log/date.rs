@@ -2,6 +2,10 @@
 
 const DAYS: [&str; 7] = ["Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"];
 const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+/// What CANoe writes on a German Windows where it is another name; the second is of a text whose code page is not
+/// known.
+const GERMAN_MONTHS: [(&str, u64); 6] =
+    [("M\u{e4}r", 3), ("M\u{fffd}r", 3), ("Mrz", 3), ("Mai", 5), ("Okt", 10), ("Dez", 12)];
 const DAY_S: u64 = 86_400;
 
 /// A millisecond in the calendar, UTC.
@@ -80,7 +84,7 @@ impl Date {
     }
 
     /// From ASC: `Sat Sep 30 15:06:13.191 2017`, the milliseconds left out or the hours of half a day,
-    /// `Sat Sep 30 03:06:13.191 pm 2017`.
+    /// `Sat Sep 30 03:06:13.191 pm 2017`; the month in English or German.
     pub fn from_asc(text: &str) -> Option<Date> {
         let words: Vec<&str> = text.split_whitespace().collect();
         let (month, day, time, half, year) = match words[..] {
@@ -88,7 +92,8 @@ impl Date {
             [_, month, day, time, half, year] => (month, day, time, Some(half), year),
             _ => return None,
         };
-        let month = 1 + MONTHS.iter().position(|name| name.eq_ignore_ascii_case(month))? as u64;
+        let months = MONTHS.into_iter().zip(1..).chain(GERMAN_MONTHS);
+        let (_, month) = months.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(month))?;
         let (time, millisecond) = time.split_once('.').unwrap_or((time, "0"));
         let numbers: Vec<u64> = time.split(':').map(|number| number.parse().ok()).collect::<Option<_>>()?;
         let [hour, minute, second] = numbers[..] else { return None };

@@ -35,7 +35,7 @@ struct Lines {
     path: PathBuf,
     file: BufReader<File>,
     /// The last line, and its number from 1 on.
-    text: String,
+    bytes: Vec<u8>,
     number: u64,
     syntax: Syntax,
 }
@@ -84,7 +84,7 @@ impl Lines {
     fn open(path: &Path, syntax: Syntax) -> Result<Lines, CanLogError> {
         let path = path.to_path_buf();
         match File::open(&path) {
-            Ok(file) => Ok(Lines { path, file: BufReader::new(file), text: String::new(), number: 0, syntax }),
+            Ok(file) => Ok(Lines { path, file: BufReader::new(file), bytes: Vec::new(), number: 0, syntax }),
             Err(source) => Err(CanLogError::Read { path, source }),
         }
     }
@@ -92,8 +92,8 @@ impl Lines {
     /// What stands in the next line that is not empty; `None` at the end.
     fn next(&mut self) -> Result<Option<Entry>, CanLogError> {
         loop {
-            self.text.clear();
-            let read = self.file.by_ref().take(LONGEST_LINE as u64 + 1).read_line(&mut self.text);
+            self.bytes.clear();
+            let read = self.file.by_ref().take(LONGEST_LINE as u64 + 1).read_until(b'\n', &mut self.bytes);
             let read = read.map_err(|source| CanLogError::Read { path: self.path.clone(), source })?;
             if read == 0 {
                 return Ok(None);
@@ -106,7 +106,9 @@ impl Lines {
             if read > LONGEST_LINE {
                 return Err(failed(CanLogError::LongLine { most: LONGEST_LINE }));
             }
-            let line = self.text.trim();
+            // Comments and names may be of any code page; what counts is ASCII.
+            let text = String::from_utf8_lossy(&self.bytes);
+            let line = text.trim();
             if line.is_empty() {
                 continue;
             }

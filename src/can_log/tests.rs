@@ -93,6 +93,36 @@ fn logs_of_other_programs_are_read() {
     assert_eq!(others, 6);
 }
 
+/// CANoe writes the names of months in the language of Windows, in its code page, and a trigger block may state no date.
+#[test]
+fn dates_of_vectors_tools_are_read_in_german_and_left_out() {
+    let times = |head: &[u8]| {
+        let (found, _) = read_text(LogFormat::Asc, &[head, b"0.5 1 123 Rx d 1 00\n"].concat()).unwrap();
+        found.iter().map(|logged| logged.time_ns / 1_000_000).collect::<Vec<_>>()
+    };
+    let begun_ms = 1_506_783_973_191;
+    assert_eq!(times(b"date Sam Sep 30 15:06:13.191 2017\nBegin Triggerblock\n"), [begun_ms + 500]);
+    assert_eq!(times(b"date Sam Sep 30 15:06:13.191 2017\nBegin TriggerBlock \r\n"), [begun_ms + 500]);
+    assert_eq!(times(b"begin triggerblock Sat Sep 30 15:06:13.191 2017\n"), [begun_ms + 500]);
+    assert_eq!(times(b"Begin Triggerblock\n"), [500]);
+    // `date -u -d 'YYYY-MM-DD 01:02:03' +%s`.
+    for (text, begun_s) in [
+        ("Don M\u{e4}r 5 01:02:03 2020", 1_583_370_123),
+        ("Don Mrz 5 01:02:03 2020", 1_583_370_123),
+        ("Die Mai 5 01:02:03 2020", 1_588_640_523),
+        ("Mon Okt 5 01:02:03 2020", 1_601_859_723),
+        ("Sam Dez 5 01:02:03 2020", 1_607_130_123),
+    ] {
+        let line = format!("date {text}\n");
+        assert_eq!(times(line.as_bytes()), [1000 * begun_s + 500], "{text}");
+        // In Windows-1252 ä is one byte.
+        let line: Vec<u8> = line.chars().map(|letter| letter as u8).collect();
+        assert_eq!(times(&line), [1000 * begun_s + 500], "{text}");
+    }
+    let (found, others) = read_text(LogFormat::Asc, b"// Pr\xfcfstand\n0.5 1 123 Rx d 1 00\n").unwrap();
+    assert_eq!((found.len(), others), (1, 1));
+}
+
 #[test]
 fn what_is_wrong_is_said_with_its_line() {
     let said = |format, text: &[u8]| {
