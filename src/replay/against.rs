@@ -26,6 +26,8 @@ use crate::scenario::Scenario;
 
 /// Answers that are kept until the recording has come to their sample: more than a sample's frames on their way.
 const ANSWERS: usize = 256;
+/// Requests that are kept, until the recording has come to them.
+const REQUESTS: usize = 256;
 
 /// How a controller is tested.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -170,8 +172,8 @@ struct Live {
     /// Anything of it has been heard.
     is_there: bool,
     has_said_hello: bool,
-    /// What it asked for last.
-    request: Option<OperatorRequest>,
+    /// What it asked for from what was compared last on, oldest first, each once however often it was repeated.
+    requests: VecDeque<OperatorRequest>,
     /// Its latest answers, by the index of their sample on the wire.
     answers: BTreeMap<u16, [f64; 4]>,
     /// The same indices, as they came.
@@ -185,7 +187,7 @@ impl Live {
             receiver: Receiver::new(network),
             is_there: false,
             has_said_hello: false,
-            request: None,
+            requests: VecDeque::new(),
             answers: BTreeMap::new(),
             order: VecDeque::new(),
             fault: None,
@@ -201,12 +203,32 @@ impl Live {
         self.is_there = true;
         match message {
             Message::ExciterHello(_) => self.has_said_hello = true,
-            Message::Operator(operator) => self.request = Some(operator.request),
+            Message::Operator(operator) => self.ask(operator.request),
             Message::Emergency(emergency) if emergency.code != EmergencyCode::Leaving => {
                 self.fault.get_or_insert(emergency);
             }
             message => self.answer(message),
         }
+    }
+
+    fn ask(&mut self, request: OperatorRequest) {
+        if self.requests.back() != Some(&request) {
+            self.requests.push_back(request);
+        }
+        if self.requests.len() > REQUESTS {
+            self.requests.pop_front();
+        }
+    }
+
+    /// Whether it has asked for that, be it that it has asked for more since.
+    fn has_asked(&self, request: OperatorRequest) -> bool {
+        self.requests.contains(&request)
+    }
+
+    /// Forgets what it asked for before that.
+    fn forget_before(&mut self, request: OperatorRequest) {
+        let before = self.requests.iter().position(|asked| *asked == request).unwrap_or(0);
+        self.requests.drain(..before);
     }
 
     fn answer(&mut self, message: Message) {
@@ -261,13 +283,14 @@ impl<C: Clock> Test<'_, C> {
             Message::ExciterHello(_) => (self.wait_for(|live| live.has_said_hello)?, DifferenceKind::NoHello),
             Message::Operator(operator) => {
                 let expected = name(operator.request);
-                let done = self.wait_for(|live| live.request == Some(operator.request))?;
+                let done = self.wait_for(|live| live.has_asked(operator.request))?;
+                self.live.forget_before(operator.request);
                 (done, DifferenceKind::NoRequest { expected })
             }
             message => {
                 let Some((index, expected)) = command(message) else { return Ok(ControlFlow::Continue(())) };
                 // One that disarms the plant has ended.
-                let has_ended = |live: &Live| live.request == Some(OperatorRequest::Disarm);
+                let has_ended = |live: &Live| live.requests.back() == Some(&OperatorRequest::Disarm);
                 self.wait_for(|live| live.answers.contains_key(&index) || has_ended(live))?;
                 let got = self.live.answers.get(&index).copied();
                 if let Some(got) = got {

@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::*;
 use crate::bus::{Bus, BusError, Filter, Received, Sent, Statistics};
 use crate::node::{self, ExciterNode};
-use crate::protocol::Frame;
+use crate::protocol::{ForceCommand, Frame, Message, Node, OperatorCommand, OperatorRequest, Transmitter};
 use crate::realtime::Clock;
-use crate::recording::{Direction, Options, Recorder, Recording};
+use crate::recording::{Direction, FrameRecord, Options, Record, Recorder, Recording};
 use crate::run::{Mode, Session, Signals};
 use crate::scenario::Scenario;
 
@@ -142,4 +142,79 @@ fn a_controller_that_faults_is_told() {
     // It expects other samples a second than the plant says hello with.
     let (compared, _) = tested(&format!("{SCENARIO}\n[simulation]\nrate_hz = 500.0"), EXACT);
     insta::assert_snapshot!(said(&compared), @"0: the controller faults: exciter, code 5: the partner does not fit (another sample rate), at sample 0; the recorded one went on with: arm");
+}
+
+/// A bus on which all that a controller ever says is there at once.
+struct Said(std::collections::VecDeque<Frame>, Time);
+
+impl Bus for Said {
+    fn name(&self) -> String {
+        String::from("said")
+    }
+
+    fn send(&mut self, _frame: &Frame) -> Result<Sent, BusError> {
+        Ok(Sent::Queued)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        Ok(self.0.pop_front().map(|frame| Received { frame, timestamp_ns: None }))
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        self.1.sleep_until_ns(self.1.now_ns() + timeout.as_nanos() as u64);
+        Ok(!self.0.is_empty())
+    }
+
+    fn set_filters(&mut self, _filters: &[Filter]) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    fn statistics(&self) -> Statistics {
+        Statistics::default()
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+/// What becomes of a controller that asks for `live`, all of it before it is looked at, where `recorded` was asked for
+/// and then a sample answered.
+fn asked(recorded: &[OperatorRequest], live: &[OperatorRequest]) -> Compared {
+    let network = Scenario::parse(SCENARIO, "test").unwrap().network().unwrap();
+    let frames = |requests: &[OperatorRequest]| {
+        let mut transmitter = Transmitter::new(network);
+        let request =
+            |request: &OperatorRequest| Message::Operator(OperatorCommand { request: *request, target: Node::Plant });
+        let answer = Message::Force(ForceCommand { force_x_n: 1.0, force_y_n: 0.0, sample: 0 });
+        let messages: Vec<_> = requests.iter().map(request).chain([answer]).collect();
+        messages.iter().map(|message| transmitter.frame(message).unwrap()).collect::<Vec<_>>()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let configuration = Scenario::parse(SCENARIO, "test").unwrap().configuration("free").unwrap();
+    let recorder = Recorder::create(&path, &configuration, Options::virtual_time(1e-3, "none")).unwrap();
+    let mut channel = recorder.channel("plant", 64).unwrap();
+    for frame in frames(recorded) {
+        let (direction, bus_timestamp_ns) = (Direction::Received, None);
+        let record = FrameRecord { sample: 0, direction, time_ns: 0, bus_timestamp_ns, frame };
+        channel.push_blocking(Record::Frame(record)).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+    let time = Time::default();
+    let mut bus = Said(frames(live).into(), time.clone());
+    play_against(&Recording::open(&path).unwrap(), &mut bus, &time, EXACT, &Signals::default()).unwrap()
+}
+
+#[test]
+fn requests_that_come_together_count_one_by_one() {
+    use OperatorRequest::{Arm, Disarm, Reset};
+    let passed = Compared { commands: 1, ..Compared::default() };
+    assert_eq!(asked(&[Reset, Arm], &[Reset, Arm]), passed);
+    assert_eq!(asked(&[Arm, Disarm, Reset, Arm], &[Arm, Disarm, Reset, Arm]), passed);
+    // Repeated as long as the plant has not done it: how often depends on the bus.
+    assert_eq!(asked(&[Reset, Reset, Arm, Arm], &[Reset, Arm]), passed);
+    assert_eq!(asked(&[Reset, Arm], &[Reset, Reset, Arm, Arm, Arm]), passed);
+    insta::assert_snapshot!(said(&asked(&[Reset, Arm], &[Arm])), @"0: the controller does not ask the plant to reset; the recorded one did");
+    insta::assert_snapshot!(said(&asked(&[Reset, Arm], &[Arm, Reset])), @"0: the controller does not ask the plant to arm; the recorded one did");
 }
