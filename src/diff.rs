@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::export::{Part, channels, sample_values, state_values};
 use crate::number::short;
-use crate::recording::{Direction, Record, Recording, RecordingError};
+use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
 
 /// What is compared.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +61,7 @@ pub struct PartDifference {
 pub struct FirstDifference {
     /// The sample of A's.
     pub sample: u64,
-    /// The channel; of frames and events, `frame` or `event`.
+    /// The channel, or the mark, `is_end` or `clipped`; of frames and events, `frame` or `event`.
     pub what: &'static str,
     /// In A.
     pub a: String,
@@ -115,7 +115,8 @@ struct Row {
     key: u64,
     sample: u64,
     numbers: Vec<f64>,
-    /// Of frames and events.
+    /// What else it says, whole: the frame, the event, the marks of a state or of readings. `None` if its recording
+    /// doesn't say.
     text: Option<String>,
 }
 
@@ -126,24 +127,27 @@ fn rows<'r>(
     samples: &RangeInclusive<u64>,
 ) -> Result<impl Iterator<Item = Result<Row, RecordingError>> + use<'r>, RecordingError> {
     let (samples, mut count) = (samples.clone(), 0);
+    let marks_ends = recording.origin().format > 1;
     Ok(recording.records()?.filter_map(move |record| {
-        let row = record.map(|record| row(part, &record).filter(|row| samples.contains(&row.sample)));
+        let row = record.map(|record| row(part, &record, marks_ends).filter(|row| samples.contains(&row.sample)));
         row.transpose().map(|row| {
             row.map(|row| {
                 count += 1;
-                Row { key: if row.text.is_some() { count } else { row.key }, ..row }
+                Row { key: if row.numbers.is_empty() { count } else { row.key }, ..row }
             })
         })
     }))
 }
 
-fn row(part: Part, record: &Record<String>) -> Option<Row> {
+fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
     let sample = record.sample();
-    let numbers = |numbers: &[f64]| Some(Row { key: sample, sample, numbers: numbers.to_vec(), text: None });
+    let numbers = |numbers: &[f64], text| Some(Row { key: sample, sample, numbers: numbers.to_vec(), text });
     let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text: Some(text) });
     match (part, record) {
-        (Part::States, Record::State(state)) => numbers(&state_values(state)),
-        (Part::Samples, Record::Sample(readings)) => numbers(&sample_values(readings)),
+        (Part::States, Record::State(state)) => {
+            numbers(&state_values(state), marks_ends.then(|| u8::from(state.is_end).to_string()))
+        }
+        (Part::Samples, Record::Sample(readings)) => numbers(&sample_values(readings), readings.clipped.map(marks)),
         (Part::Frames, Record::Frame(frame)) => {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
@@ -151,6 +155,13 @@ fn row(part: Part, record: &Record<String>) -> Option<Row> {
         (Part::Events, Record::Event(event)) => text(format!("{} {} at sample {sample}", event.name, event.value)),
         _ => None,
     }
+}
+
+/// Which readings are marked.
+fn marks(clipped: Clipped) -> String {
+    let marked = channels(Part::Samples).iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
+    let names: Vec<_> = marked.map(|(channel, _)| channel.name).collect();
+    if names.is_empty() { String::from("none") } else { names.join(" and ") }
 }
 
 fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> Result<PartDifference, RecordingError> {
@@ -224,7 +235,12 @@ impl Found {
         if let (Some(a), Some(b)) = (&left.text, &right.text)
             && a != b
         {
-            let what = if part == Part::Frames { "frame" } else { "event" };
+            let what = match part {
+                Part::States => "is_end",
+                Part::Samples => "clipped",
+                Part::Frames => "frame",
+                Part::Events | Part::Ticks => "event",
+            };
             let first = || FirstDifference { sample, what, a: a.clone(), b: b.clone() };
             self.part.first_difference.get_or_insert_with(first);
         }

@@ -90,10 +90,15 @@ impl Clipped {
     pub const NONE: Clipped =
         Clipped { acceleration_b: [false; 2], acceleration_c: [false; 2], head_force: [false; 2] };
 
+    /// One by one: of B, of C, of the head, x before y.
+    pub(crate) fn marks(self) -> [bool; 6] {
+        let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b, self.acceleration_c, self.head_force);
+        [b_x, b_y, c_x, c_y, x, y]
+    }
+
     /// As in the file: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
     pub(crate) fn bits(self) -> u32 {
-        let pairs = [self.acceleration_b, self.acceleration_c, self.head_force];
-        pairs.as_flattened().iter().enumerate().map(|(bit, clipped)| u32::from(*clipped) << bit).sum()
+        self.marks().into_iter().enumerate().map(|(bit, clipped)| u32::from(clipped) << bit).sum()
     }
 
     /// From the file; what is wrong with it, if there are other bits.
@@ -155,7 +160,7 @@ pub struct Event<Name = &'static str> {
     pub sample: u64,
     /// When, nanoseconds since the start of the run.
     pub time_ns: u64,
-    /// What, as a short stable name, for example `plant.state.fault`.
+    /// What, as a short stable name, for example `state.fault`.
     pub name: Name,
     /// A number that belongs to it (a fault code, a count), 0 where none does.
     pub value: i64,

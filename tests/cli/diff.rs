@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use insta::assert_snapshot;
+use resonarm::recording::{Clipped, Configuration, Options, Record, Recorder, SampleRecord, StateRecord};
 
 use crate::{complaint, document, resonarm};
 
@@ -72,4 +73,43 @@ fn what_cannot_be_compared_is_said() {
     assert_snapshot!(said(&["b.mcap"]), @"resonarm: `b.mcap` is not an MCAP file: it begins with `no recor`");
     assert_snapshot!(said(&["a.mcap", "--tolerance=-1"]), @"resonarm: --tolerance is -1: it must be 0 or more");
     assert_snapshot!(said(&["a.mcap", "--from-s", "3"]), @"resonarm: there is no sample from 3 to 0.15 s: the recording has those from 0 to 0.15 s");
+}
+
+/// A recording of two samples, of which only what is marked differs from others: the last state as the end of the run,
+/// and readings as clipped.
+fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>) {
+    let recorder =
+        Recorder::create(folder.join(name), &Configuration::new(), Options::virtual_time(1e-3, "none")).unwrap();
+    let mut channel = recorder.channel("plant", 64).unwrap();
+    for sample in 0..2 {
+        let zero = [0.0; 2];
+        let is_end = is_end && sample == 1;
+        let clipped = if sample == 1 { clipped } else { clipped.map(|_| Clipped::NONE) };
+        let state =
+            StateRecord { sample, alpha_rad: zero, alpha_dot_rad_s: zero, torque_nm: zero, force_n: zero, is_end };
+        channel.push_blocking(Record::State(state)).unwrap();
+        let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (zero, zero, zero);
+        let readings = SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped };
+        channel.push_blocking(Record::Sample(readings)).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+}
+
+#[test]
+fn marks_are_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let some = Clipped { acceleration_b: [false, true], head_force: [true, false], ..Clipped::NONE };
+    marked(folder.path(), "a.mcap", true, Some(some));
+    marked(folder.path(), "b.mcap", false, Some(Clipped::NONE));
+    marked(folder.path(), "says-nothing.mcap", true, None);
+    let both = ["diff", "a.mcap", "b.mcap", "--tolerance", "0.5"];
+    let said = resonarm(folder.path(), &both);
+    assert_eq!(said.code, 1, "{}", said.stdout);
+    assert_snapshot!(said.stdout, @r"
+    states: 2 compared; first difference at sample 1: is_end is 1 in A, 0 in B
+    samples: 2 compared; first difference at sample 1: clipped is acceleration_b_y_m_s2 and head_force_x_n in A, none in B
+    ");
+    assert_eq!(document(folder.path(), 1, &[&both[..], &["--json"]].concat())["same"], false);
+    // A recording of format 1 says nothing of clipped readings.
+    document(folder.path(), 0, &["diff", "a.mcap", "says-nothing.mcap", "--json"]);
 }
