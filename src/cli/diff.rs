@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::failure::{Failure, Verdict};
+use super::output::{self, in_line};
 use super::time_range::TimeRange;
-use super::{flags, inspect, output};
+use super::{flags, inspect};
 use crate::diff::{DiffOptions, Difference, PartDifference, diff};
 use crate::export::{Part, samples};
 use crate::number::short;
@@ -71,8 +72,8 @@ fn text(difference: &Difference) -> String {
     let mut text = String::new();
     difference.parts.iter().for_each(|part| text.push_str(&part_text(part)));
     for entry in &difference.configuration {
-        let [a, b] = [&entry.a, &entry.b].map(|value| value.as_deref().unwrap_or("absent"));
-        let _infallible = writeln!(text, "{}: {a} in A, {b} in B", entry.key);
+        let [a, b] = [&entry.a, &entry.b].map(|value| in_line(value.as_deref().unwrap_or("absent")));
+        let _infallible = writeln!(text, "{}: {a} in A, {b} in B", in_line(&entry.key));
     }
     text
 }
@@ -90,7 +91,10 @@ fn part_text(part: &PartDifference) -> String {
             writeln!(
                 text,
                 "; first difference at sample {}: {} is {} in A, {} in B",
-                first.sample, first.what, first.a, first.b
+                first.sample,
+                first.what,
+                in_line(&first.a),
+                in_line(&first.b)
             )
         }
         None if channels.is_empty() => writeln!(text, "; all the same"),

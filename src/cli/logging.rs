@@ -3,10 +3,12 @@
 use std::io::IsTerminal;
 
 use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use super::failure::Failure;
+use super::output::printable;
 
 /// Names level and targets: `debug`, `resonarm::bus=trace`, or several with commas between them.
 const VARIABLE: &str = "RESONARM_LOG";
@@ -22,7 +24,14 @@ pub(super) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     let filter = filter(level, &std::env::var(VARIABLE).unwrap_or_default())?;
     // Colours are for people: none in a file or a pipe, and none where NO_COLOR (no-color.org) asks for none.
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(colours).with_target(false);
+    let lines = tracing_subscriber::fmt::layer()
+        .fmt_fields(debug_fn(|writer, field, value| match field.name() {
+            "message" => write!(writer, "{}", printable(&format!("{value:?}"))),
+            name => write!(writer, " {name}={}", printable(&format!("{value:?}"))),
+        }))
+        .with_writer(std::io::stderr)
+        .with_ansi(colours)
+        .with_target(false);
     tracing_subscriber::registry().with(lines).with(filter).init();
     Ok(())
 }

@@ -3,6 +3,7 @@
 //! Standard output holds one thing: the JSON document with `--json`; else the data, if there is no other place for
 //! them; else, with `--plot` or `--out`, a summary and the names of the files that hold the data.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -12,18 +13,47 @@ use serde::Serialize;
 use super::failure::Failure;
 use crate::plot::{Figure, beside};
 
-/// Writes text to standard output.
+/// Writes text to standard output, with the control characters in it escaped.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())?;
+    out.write_all(printable(text).as_bytes())?;
     Ok(out.flush()?)
 }
 
 /// Writes one JSON document to standard output.
 pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    let mut text = serde_json::to_string(value)?;
-    text.push('\n');
-    print(&text)
+    // Those that JSON leaves as they are stand inside of strings alone, where it has an escape for each.
+    let text = escape(&serde_json::to_string(value)?, is_control, |letter| format!("\\u{:04x}", u32::from(letter)))
+        .into_owned();
+    print(&(text + "\n"))
+}
+
+/// The text with its control characters, line feeds and tabs apart, as escapes such as `\u{1b}`: names in files of
+/// others must not move a terminal's cursor, rename its window or write backwards. All that is written to a terminal
+/// goes through it.
+pub(super) fn printable(text: &str) -> Cow<'_, str> {
+    escape(text, is_control, |letter| letter.escape_default().to_string())
+}
+
+/// The same of what stands in a line: line feeds and tabs, too.
+pub(super) fn in_line(text: &str) -> Cow<'_, str> {
+    let is_wanted = |letter| is_control(letter) || matches!(letter, '\n' | '\t');
+    escape(text, is_wanted, |letter| letter.escape_default().to_string())
+}
+
+/// Control characters (Unicode's category Cc) but line feed and tab, and those that reverse the direction of writing
+/// (UAX #9, section 2).
+fn is_control(letter: char) -> bool {
+    letter.is_control() && !matches!(letter, '\n' | '\t')
+        || matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+fn escape(text: &str, is_wanted: impl Fn(char) -> bool, escaped: impl Fn(char) -> String) -> Cow<'_, str> {
+    if !text.contains(&is_wanted) {
+        return Cow::Borrowed(text);
+    }
+    let letter = |letter| if is_wanted(letter) { escaped(letter) } else { String::from(letter) };
+    text.chars().map(letter).collect()
 }
 
 /// Writes a text file, over what is there, and returns its path.
@@ -58,10 +88,10 @@ pub(super) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
     print(&format!("written to {}\n", names.join(", ")))
 }
 
-/// Writes a line to standard error.
+/// Writes a line to standard error, with the control characters in it escaped.
 pub(super) fn note(line: &str) {
     // If this can't be written there is nobody to tell.
-    let _unwritten = writeln!(io::stderr(), "{line}");
+    let _unwritten = writeln!(io::stderr(), "{}", printable(line));
 }
 
 /// Tells on standard error why a command failed.

@@ -8,6 +8,7 @@ mod conformance;
 mod cut;
 mod diff;
 mod documents;
+mod escapes;
 mod experiment;
 mod export;
 mod figures;

@@ -9,7 +9,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
-use super::output;
+use super::output::{self, in_line};
 use crate::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 use crate::statistics::{ChannelStatistics, Statistics, statistics};
 
@@ -141,7 +141,7 @@ fn plotting_text(origin: &Origin) -> String {
 fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&Statistics>) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
-        let _infallible = writeln!(text, "{name:12} {value}");
+        let _infallible = writeln!(text, "{:12} {}", in_line(name), in_line(&value));
     };
     line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
     line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
@@ -174,7 +174,7 @@ fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&St
         text.push_str(&statistics_text(statistics));
     }
     for (key, value) in &summary.configuration {
-        let _infallible = write!(text, "\n[{key}]\n{}\n", value.trim_end());
+        let _infallible = write!(text, "\n[{}]\n{}\n", in_line(key), value.trim_end());
     }
     text
 }
@@ -186,7 +186,7 @@ fn statistics_text(statistics: &Statistics) -> String {
     }
     let counts = statistics.messages.iter().map(|(name, count)| (*name, count));
     for (name, count) in counts.chain(statistics.events.iter().map(|(name, count)| (name.as_str(), count))) {
-        let _infallible = writeln!(text, "{name:24} {count:12}");
+        let _infallible = writeln!(text, "{:24} {count:12}", in_line(name));
     }
     let Statistics { lost_frames, foreign_frames, .. } = statistics;
     let _infallible =
