@@ -11,8 +11,8 @@ use thiserror::Error;
 
 use crate::can_log::{CanLogError, LogFormat, LoggedFrame, LoggedFrames, read};
 use crate::recording::{
-    Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Options, Record, Recorder, RecordingError,
-    TimeBase,
+    Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Naming, Options, Record, Recorder,
+    RecordingError, TimeBase,
 };
 use crate::scenario::{Scenario, ScenarioError};
 
@@ -112,7 +112,8 @@ pub struct FrameLog {
 }
 
 impl FrameLog {
-    /// Begins the recording `path` of the log `log`, whose earliest frame is `first`; that is still to be written.
+    /// Begins the recording `path` of the log `log`, whose earliest frame is `first`; that is still to be written. It
+    /// has its name as `naming` says.
     ///
     /// # Errors
     /// [`ImportError`] if the scenario has no network, or the recording can't be begun.
@@ -120,7 +121,7 @@ impl FrameLog {
         log: &Path,
         format: &str,
         first: &LoggedFrame,
-        path: &Path,
+        (path, naming): (&Path, Naming),
         options: &ImportOptions,
     ) -> Result<FrameLog, ImportError> {
         let (network, rate_hz) = match &options.scenario {
@@ -137,6 +138,7 @@ impl FrameLog {
             flush: FlushPolicy::Samples(1000),
             existing: options.existing,
             reading_delay_samples: options.scenario.as_ref().map_or(0.5, |known| known.rig.converter.delay_samples()),
+            naming,
             ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
         };
         let recorder = Recorder::create(path, &configuration, options)?;
@@ -177,7 +179,7 @@ impl FrameLog {
 /// [`ImportError`] if the log can't be read or has no frames, or the recording can't be written.
 pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
     let first = check(log, format, options)?;
-    let mut written = FrameLog::create(log, format.name(), &first, path, options)?;
+    let mut written = FrameLog::create(log, format.name(), &first, (path, Naming::Whole), options)?;
     let mut imported =
         Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, others: 0, duration_s: 0.0 };
     let mut frames = read(log, format)?;

@@ -195,7 +195,9 @@ fn recording(error: &RecordingError) -> Exit {
         RecordingError::Write { .. } | RecordingError::WriterDied { .. } | RecordingError::Gone { .. } => {
             Exit::Environment
         }
-        RecordingError::NothingRecovered { .. } | RecordingError::NothingLeft { .. } => Exit::Negative,
+        RecordingError::NothingRecovered { .. }
+        | RecordingError::NothingLeft { .. }
+        | RecordingError::NothingToCopy { .. } => Exit::Negative,
         _ => Exit::Usage,
     }
 }

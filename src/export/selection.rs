@@ -105,7 +105,7 @@ impl Selection {
     }
 }
 
-/// The samples from one simulated time to another, both included. What is off by a millionth of a sample is a time
+/// The samples from one simulated time to another, both included; all of a recording without a record. What is off by a millionth of a sample is a time
 /// written in decimals.
 ///
 /// # Errors
@@ -117,7 +117,8 @@ pub fn samples(
 ) -> Result<RangeInclusive<u64>, ExportError> {
     const TOLERANCE: f64 = 1e-6;
     let dt_s = recording.origin().dt_s;
-    let (first, last) = recording.summary().samples.unwrap_or_default();
+    // Of a recording without a record there is nothing, whatever is asked for.
+    let Some((first, last)) = recording.summary().samples else { return Ok(0..=u64::MAX) };
     let from = from_s.map_or(first, |from_s| libm::ceil(from_s / dt_s - TOLERANCE) as u64);
     let to = to_s.map_or(last, |to_s| libm::floor(to_s / dt_s + TOLERANCE) as u64);
     let is_negative = [from_s, to_s].iter().flatten().any(|time_s| *time_s < 0.0);

@@ -11,8 +11,11 @@ use mcap::{McapError, parse_record};
 use super::lengths;
 use super::schema::{MessageType, Topic};
 
-/// Longest record, and longest chunk once decompressed, that is believed: 256 MiB, far above what a recorder writes.
+/// Longest record that is believed: 256 MiB, far above what a recorder writes.
 pub(super) const LONGEST: usize = 1 << 28;
+/// Longest chunk once decompressed that is believed: 64 MiB, where a recorder writes some 1 MiB, and other tools up to 4
+/// MiB. A few bytes may decompress to any length.
+const LONGEST_CHUNK: u64 = 1 << 26;
 /// Fields of a chunk before its compressed records, without the name of the compression, bytes (MCAP, "Chunk").
 pub(super) const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 8;
 
@@ -86,6 +89,12 @@ impl Contents {
     /// Decompresses a chunk, compares its checksum, and gathers its messages.
     pub fn read_chunk(&mut self, body: &[u8]) -> Result<(), Fault> {
         if let McapRecord::Chunk { header, data } = parse(op::CHUNK, body)? {
+            if header.uncompressed_size > LONGEST_CHUNK {
+                return Err(Fault::Damaged(format!(
+                    "a chunk states {} bytes once decompressed, of which {LONGEST_CHUNK} are believed at most",
+                    header.uncompressed_size
+                )));
+            }
             let expected = CHUNK_HEAD + header.compression.len() + data.len();
             if expected != body.len() {
                 return Err(Fault::Damaged(format!("a chunk of {} bytes states {expected}", body.len())));
@@ -97,7 +106,7 @@ impl Contents {
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST);
+            .with_record_length_limit(LONGEST_CHUNK as usize);
         let mut reader = LinearReader::new_with_options(options);
         let head = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
         let mut source = head.chain(body);
@@ -107,7 +116,10 @@ impl Contents {
                     let read = source.read(reader.insert(need)).map_err(Fault::Io)?;
                     reader.notify_read(read);
                 }
-                LinearReadEvent::Record { data, opcode } => self.read_record(opcode, data)?,
+                LinearReadEvent::Record { data, opcode } if is_for_chunks(opcode) => self.read_record(opcode, data)?,
+                LinearReadEvent::Record { opcode, .. } => {
+                    return Err(Fault::Damaged(format!("a record with opcode {opcode} in a chunk")));
+                }
             }
         }
         Ok(())
@@ -115,9 +127,6 @@ impl Contents {
 
     /// Makes sense of a record inside a chunk, or of a declaration repeated at the end of the file.
     pub fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
-        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
-            return Ok(());
-        }
         match parse(opcode, body)? {
             McapRecord::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);
@@ -151,6 +160,11 @@ impl Contents {
         }
         Ok(())
     }
+}
+
+/// Whether a chunk may hold such a record (MCAP specification, "Chunk").
+const fn is_for_chunks(opcode: u8) -> bool {
+    matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
 }
 
 /// The fields of a record.

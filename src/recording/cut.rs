@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::staged::same_file;
 use super::{
-    Configuration, Event, Existing, FlushPolicy, Integrity, Options, Record, Recorder, Recording, RecordingError,
-    RunTime, Summary, TimeBase,
+    Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Record, Recorder, Recording,
+    RecordingError, RunTime, Summary, TimeBase,
 };
 use crate::number::short;
 
@@ -22,7 +22,8 @@ const NAMES: usize = 1000;
 ///
 /// # Errors
 /// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
-/// they are one file.
+/// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and one that was
+/// to be overwritten is kept.
 pub fn cut(
     recording: &Recording,
     samples: RangeInclusive<u64>,
@@ -84,14 +85,19 @@ fn join(
     }
     let recorder = Recorder::create(path, &configuration(first), options(first, existing))?;
     let mut channel = recorder.channel("cut", CAPACITY)?;
-    let mut names = Names::default();
+    let (mut names, mut is_empty) = (Names::default(), true);
     for recording in recordings {
         for record in recording.records()? {
             let record = record?;
             if samples.contains(&record.sample()) {
+                is_empty = false;
                 channel.push_blocking(names.record(record, recording.path())?)?;
             }
         }
+    }
+    if is_empty {
+        let sources = recordings.iter().map(|it| (it.path().to_path_buf(), it.integrity().clone())).collect();
+        return Err(RecordingError::NothingToCopy { sources, samples });
     }
     let is_whole = recordings.iter().all(|recording| *recording.integrity() == Integrity::Complete);
     recorder.finish(&[("cut_from_whole_recordings", is_whole.to_string())])
@@ -120,6 +126,7 @@ fn options(recording: &Recording, existing: Existing) -> Options {
         },
         flush: FlushPolicy::Samples(1000),
         existing,
+        naming: Naming::Whole,
         plot_every_samples: origin.plot_every_samples,
         reading_delay_samples: origin.reading_delay_samples,
         ..Options::virtual_time(origin.dt_s, &origin.interface)

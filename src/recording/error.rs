@@ -1,6 +1,7 @@
 //! What can go wrong with a recording.
 
 use std::io;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -209,6 +210,14 @@ pub enum RecordingError {
         /// What is wrong with it.
         integrity: Integrity,
     },
+    /// There is no record to copy: of the samples that were asked for, or at all.
+    #[error("there is nothing to copy: {}; no file was written", nothing_of(.sources, .samples))]
+    NothingToCopy {
+        /// The recordings, with what is wrong with them.
+        sources: Vec<(PathBuf, Integrity)>,
+        /// The samples that were asked for.
+        samples: RangeInclusive<u64>,
+    },
     /// The file is not at its path any more.
     #[error("recording `{path}` was deleted, moved or replaced while it was written: what was recorded is not there")]
     Gone {
@@ -267,6 +276,19 @@ fn but_by(library: &str) -> String {
             library.chars().filter(|character| !character.is_control()).take(80).collect::<String>()
         ),
     }
+}
+
+/// Recordings without a record of these samples, for a message.
+fn nothing_of(sources: &[(PathBuf, Integrity)], samples: &RangeInclusive<u64>) -> String {
+    let of = match samples.clone().into_inner() {
+        (0, u64::MAX) => String::new(),
+        (first, last) => format!(" of samples {first} to {last}"),
+    };
+    let each = |(path, integrity): &(PathBuf, Integrity)| match integrity {
+        Integrity::Complete => format!("recording `{}` has no record{of}", path.display()),
+        wrong => format!("recording `{}` has no record{of} that can be read ({wrong})", path.display()),
+    };
+    sources.iter().map(each).collect::<Vec<_>>().join(", ")
 }
 
 /// The first bytes of a file, for a message.

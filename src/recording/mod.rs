@@ -50,7 +50,7 @@ pub use cut::{cut, merge};
 pub use error::RecordingError;
 #[cfg(feature = "live")]
 pub(crate) use frames::FrameBatcher;
-pub use options::{Compression, Configuration, Existing, FlushPolicy, Options, TimeBase};
+pub use options::{Compression, Configuration, Existing, FlushPolicy, Naming, Options, TimeBase};
 #[cfg(feature = "live")]
 pub(crate) use plots::{Plot, Plots};
 pub use reader::Recording;

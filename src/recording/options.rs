@@ -109,8 +109,18 @@ pub enum Compression {
 pub enum Existing {
     /// Refuse with [`RecordingError::Exists`].
     Refuse,
-    /// Overwrite it.
+    /// Replace it, at the time that [`Naming`] says; until then it stays as it is. What is no regular file, such as a
+    /// pipe, is written to.
     Overwrite,
+}
+
+/// When the file has its name. If the recorder is given up before, the file is removed, and what was there stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Naming {
+    /// From the first record on: a run that is killed leaves what was flushed.
+    FirstRecord,
+    /// When it is whole: for recordings made of others, which can be made again.
+    Whole,
 }
 
 /// How to record.
@@ -128,6 +138,8 @@ pub struct Options {
     pub compression: Compression,
     /// What to do if the file is there already.
     pub existing: Existing,
+    /// When the file has its name.
+    pub naming: Naming,
     /// Samples in a batch, at least 1.
     pub batch_samples: u32,
     /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
@@ -163,6 +175,7 @@ impl Options {
             flush: FlushPolicy::Samples(1000),
             compression: Compression::Zstd,
             existing: Existing::Refuse,
+            naming: Naming::FirstRecord,
             batch_samples: 500,
             plot_every_samples: 10,
             reading_delay_samples: 0.5,

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock, mpsc};
 use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
-use super::writer::{Control, Source, Writer};
+use super::writer::{Control, Ending, Source, Writer};
 use super::{Configuration, Options, Record, RecordingError, Topic};
 
 /// How long a full channel waits before it looks again.
@@ -16,8 +16,11 @@ const FULL_WAIT: Duration = Duration::from_micros(50);
 /// Writes a recording on a thread of its own.
 ///
 /// The thread inherits scheduling policy and affinity of the thread that calls [`Recorder::create`]: call it before the
-/// set-up of a real-time thread. Dropping a recorder finishes the file without statistics; a failure then goes to the
-/// log.
+/// set-up of a real-time thread.
+///
+/// Dropping a recorder gives the recording up: the file has no end, so that it opens as
+/// [`Integrity::Truncated`](super::Integrity::Truncated) with what came until then. Without a record, or before it has
+/// its name ([`Naming`](super::Naming)), it is removed.
 #[derive(Debug)]
 pub struct Recorder {
     control: mpsc::Sender<Control>,
@@ -91,11 +94,10 @@ impl Recorder {
         let shared =
             Arc::new(Shared { path: path.to_path_buf(), failure: OnceLock::new(), start_clock_ns: AtomicU64::new(0) });
         let (control, commands) = mpsc::channel();
-        let writer = Writer::create(path, configuration, options, commands)?;
-        let for_thread = Arc::clone(&shared);
+        let writer = Writer::create(Arc::clone(&shared), configuration, options, commands)?;
         let thread = thread::Builder::new()
             .name(String::from("recorder"))
-            .spawn(move || writer.run(&for_thread))
+            .spawn(move || writer.run())
             .map_err(|source| RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) })?;
         Ok(Recorder { control, shared, thread: Some(thread) })
     }
@@ -149,12 +151,12 @@ impl Recorder {
     /// deleted, moved or replaced meanwhile.
     pub fn finish(mut self, statistics: &[(&str, String)]) -> Result<Summary, RecordingError> {
         let statistics = statistics.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
-        self.end(statistics)
+        self.end(Ending::Whole(statistics))
     }
 
     /// Ends the thread. A thread that has ended before takes no command; its result says why.
-    fn end(&mut self, statistics: BTreeMap<String, String>) -> Result<Summary, RecordingError> {
-        let _ended_before = self.control.send(Control::Finish(statistics));
+    fn end(&mut self, ending: Ending) -> Result<Summary, RecordingError> {
+        let _ended_before = self.control.send(Control::End(ending));
         match self.thread.take() {
             Some(thread) => {
                 thread.thread().unpark();
@@ -167,10 +169,9 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        if self.thread.is_some()
-            && let Err(error) = self.end(BTreeMap::new())
-        {
-            tracing::error!(%error, "the recording is not whole");
+        if self.thread.is_some() {
+            // The thread has logged a failure.
+            let _given_up = self.end(Ending::GivenUp);
         }
     }
 }
@@ -197,7 +198,7 @@ impl Channel {
         if !self.ring.is_abandoned() && self.ring.push(record).is_ok() {
             Pushed::Stored
         } else {
-            self.lost.fetch_add(1, Ordering::Relaxed);
+            self.lost.fetch_add(1, Ordering::Release);
             Pushed::Lost
         }
     }

@@ -66,7 +66,7 @@ pub fn recover(
     // What can't be opened afterwards is not recovered.
     Origin::of(input, &scan)?;
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
-    let (staged, file) = Staged::create(output, existing)?;
+    let (mut staged, file) = Staged::create(output, existing)?;
     let mut sink = Sink::begin(file, output, Compression::Zstd, &head, salvage.contents().types())?;
     let filled = fill(&mut sink, salvage, input, &scan).and_then(|copied| {
         head.into_iter().try_for_each(|(name, content)| sink.metadata(name, content))?;

@@ -1,7 +1,7 @@
 //! The MCAP file being written: topics, messages, metadata.
 
 use std::collections::BTreeMap;
-use std::fs::{File, Metadata, OpenOptions};
+use std::fs::{File, Metadata};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use mcap::{WriteOptions, Writer};
 
 use super::contents::RawMessage;
 use super::schema::{MessageType, Topic};
-use super::{Compression, Existing, RecordingError};
+use super::{Compression, RecordingError};
 
 /// How hard Zstandard tries: its default.
 const ZSTD_LEVEL: u32 = 3;
@@ -173,17 +173,4 @@ impl Sink {
     fn into_file(self) -> BufWriter<File> {
         self.writer.into_inner().into_inner()
     }
-}
-
-/// Opens the file for writing.
-pub(super) fn open(path: &Path, existing: Existing) -> Result<File, RecordingError> {
-    let mut options = OpenOptions::new();
-    match existing {
-        Existing::Refuse => options.write(true).create_new(true),
-        Existing::Overwrite => options.write(true).create(true).truncate(true),
-    };
-    options.open(path).map_err(|source| match source.kind() {
-        io::ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_path_buf() },
-        _ => RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) },
-    })
 }

@@ -1,4 +1,4 @@
-//! A file that takes its name only when it is whole.
+//! A file that is whole under its name, or not there.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -9,12 +9,13 @@ use std::sync::Arc;
 use super::source::file_kind;
 use super::{Existing, RecordingError};
 
-/// A file being written under another name in the same folder. Dropped before [`Staged::publish`], it leaves nothing.
+/// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and what was there before as it was.
 pub(super) struct Staged {
     target: PathBuf,
-    temporary: PathBuf,
-    /// The target was created empty, so that nobody else takes its name.
-    reserved: bool,
+    /// Its name in the same folder until then; `None` if it has its own from the start.
+    temporary: Option<PathBuf>,
+    /// What was created at the target, so that nobody else takes its name.
+    reserved: Option<fs::Metadata>,
     published: bool,
 }
 
@@ -23,34 +24,68 @@ impl Staged {
     ///
     /// With [`Existing::Overwrite`] a file that is there stays as it is until it is replaced.
     pub fn create(path: &Path, existing: Existing) -> Result<(Staged, File), RecordingError> {
-        let failed = |source: io::Error| RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) };
-        let (target, reserved) = match (existing, fs::metadata(path)) {
+        match (existing, fs::metadata(path)) {
             (Existing::Refuse, _) => {
-                super::sink::open(path, Existing::Refuse)?;
-                (path.to_path_buf(), true)
+                let reserved = open_new(path)?.metadata().map_err(failed(path))?;
+                Staged::beside(path.to_path_buf(), Some(reserved), path)
             }
             (Existing::Overwrite, Ok(found)) if !found.is_file() => {
                 let got = file_kind(found.file_type());
-                return Err(failed(io::Error::other(format!("it is {got}, expected a regular file or none"))));
+                Err(failed(path)(io::Error::other(format!("it is {got}, expected a regular file or none"))))
             }
-            // Behind a symbolic link, the file it names is replaced.
-            (Existing::Overwrite, Ok(_)) => (path.canonicalize().map_err(failed)?, false),
-            (Existing::Overwrite, Err(_)) => (path.to_path_buf(), false),
-        };
-        let name = target.file_name().unwrap_or_default().to_string_lossy();
-        let temporary = target.with_file_name(format!(".{name}.{}.part", std::process::id()));
-        let staged = Staged { target, temporary, reserved, published: false };
-        let file = OpenOptions::new().write(true).create_new(true).open(&staged.temporary).map_err(failed)?;
-        Ok((staged, file))
+            (Existing::Overwrite, Ok(_)) => Staged::in_place_of(path),
+            (Existing::Overwrite, Err(_)) => Staged::beside(path.to_path_buf(), None, path),
+        }
     }
 
-    /// Gives the file its name; its content must have been synchronised.
-    pub fn publish(mut self) -> Result<(), RecordingError> {
-        let failed = |source: io::Error| RecordingError::Write { path: self.target.clone(), source: Arc::new(source) };
-        fs::rename(&self.temporary, &self.target).map_err(failed)?;
-        let folder = self.target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // Some file systems refuse to synchronise a folder; the file itself is safe by then.
-        let _not_everywhere = File::open(folder).and_then(|folder| folder.sync_all());
+    /// As [`Staged::create`], of a file that grows under its name where nothing is there, and of pipes and devices.
+    pub fn create_growing(path: &Path, existing: Existing) -> Result<(Staged, File), RecordingError> {
+        let (file, is_new) = match (existing, fs::metadata(path)) {
+            (Existing::Overwrite, Ok(found)) if found.is_file() => return Staged::in_place_of(path),
+            (Existing::Overwrite, Ok(_)) => (OpenOptions::new().write(true).open(path).map_err(failed(path))?, false),
+            (Existing::Refuse, _) | (Existing::Overwrite, Err(_)) => (open_new(path)?, true),
+        };
+        let reserved = is_new.then(|| file.metadata()).transpose().map_err(failed(path))?;
+        Ok((Staged { target: path.to_path_buf(), temporary: None, reserved, published: false }, file))
+    }
+
+    /// A file that will take the place of another. Behind a symbolic link, the file it names is replaced.
+    fn in_place_of(path: &Path) -> Result<(Staged, File), RecordingError> {
+        Staged::beside(path.canonicalize().map_err(failed(path))?, None, path)
+    }
+
+    /// A file in the folder of the target, which in what users read is called `path`.
+    fn beside(target: PathBuf, reserved: Option<fs::Metadata>, path: &Path) -> Result<(Staged, File), RecordingError> {
+        let mut staged = Staged { target, temporary: None, reserved, published: false };
+        let name = staged.target.file_name().unwrap_or_default().to_string_lossy();
+        // One that a killed process has left may have the same number.
+        for number in 0.. {
+            let temporary = staged.target.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()));
+            match OpenOptions::new().write(true).create_new(true).open(&temporary) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(failed(path)(error)),
+                Ok(file) => {
+                    staged.temporary = Some(temporary);
+                    return Ok((staged, file));
+                }
+            }
+        }
+        unreachable!("some number is free")
+    }
+
+    /// Gives the file its name, once. What must be whole under it must have been synchronised.
+    pub fn publish(&mut self) -> Result<(), RecordingError> {
+        if self.published {
+            return Ok(());
+        }
+        if let Some(temporary) = &self.temporary {
+            let failed =
+                |source: io::Error| RecordingError::Write { path: self.target.clone(), source: Arc::new(source) };
+            fs::rename(temporary, &self.target).map_err(failed)?;
+            let folder = self.target.parent().filter(|folder| !folder.as_os_str().is_empty());
+            // Some file systems refuse to synchronise a folder; the file itself is safe by then.
+            let _not_everywhere = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());
+        }
         self.published = true;
         Ok(())
     }
@@ -59,12 +94,24 @@ impl Staged {
 impl Drop for Staged {
     fn drop(&mut self) {
         if !self.published {
-            let _gone = fs::remove_file(&self.temporary);
-            if self.reserved {
+            let _gone = self.temporary.as_ref().map(fs::remove_file);
+            if self.reserved.as_ref().is_some_and(|ours| is_at(ours, &self.target)) {
                 let _gone = fs::remove_file(&self.target);
             }
         }
     }
+}
+
+/// Creates a file where none is.
+fn open_new(path: &Path) -> Result<File, RecordingError> {
+    OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_path_buf() },
+        _ => failed(path)(source),
+    })
+}
+
+fn failed(path: &Path) -> impl Fn(io::Error) -> RecordingError {
+    move |source| RecordingError::Create { path: path.to_path_buf(), source: Arc::new(source) }
 }
 
 /// Whether both paths lead to one file, be it by links.

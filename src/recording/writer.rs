@@ -1,7 +1,6 @@
 //! The thread that takes records from the channels and writes them.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread;
@@ -13,11 +12,11 @@ use super::plots::{Plot, Plots};
 use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
 use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
-use super::sink::{self, Sink, Stamp};
-use super::staged::is_at;
+use super::sink::{Sink, Stamp};
+use super::staged::{Staged, is_at};
 use super::{
-    Configuration, FlushPolicy, FrameRecord, Options, Record, RecordingError, SampleRecord, StateRecord, TickRecord,
-    TimeBase, build_info, decimate,
+    Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, SampleRecord, StateRecord,
+    TickRecord, TimeBase, build_info, decimate,
 };
 
 /// How often the thread looks into empty channels.
@@ -30,8 +29,17 @@ const TURN: usize = 4096;
 pub(super) enum Control {
     /// A channel was opened.
     Open(Source),
-    /// Write what is there, these statistics, and the end.
-    Finish(BTreeMap<String, String>),
+    /// Write what is there, and end.
+    End(Ending),
+}
+
+/// How a recording ends.
+#[derive(Debug)]
+pub(super) enum Ending {
+    /// With these statistics.
+    Whole(BTreeMap<String, String>),
+    /// Without an end: it must not look whole.
+    GivenUp,
 }
 
 /// The receiving end of a channel.
@@ -52,7 +60,9 @@ impl Source {
 
 /// What the thread works on.
 pub(super) struct Writer {
+    shared: Arc<Shared>,
     sink: Sink,
+    file: Staged,
     options: Options,
     configuration: BTreeMap<String, String>,
     commands: mpsc::Receiver<Control>,
@@ -64,6 +74,8 @@ pub(super) struct Writer {
     plots: Plots,
     state_count: u64,
     last_sample: u64,
+    /// A record has come.
+    has_begun: bool,
     times: Times,
     flushed: Flushed,
 }
@@ -77,22 +89,27 @@ struct Flushed {
 impl Writer {
     /// Creates the file with its head.
     pub fn create(
-        path: &Path,
+        shared: Arc<Shared>,
         configuration: &Configuration,
         options: Options,
         commands: mpsc::Receiver<Control>,
     ) -> Result<Writer, RecordingError> {
+        let path = &shared.path;
         let configuration = configuration.0.clone();
         let about = about(&options, None);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
-        let file = sink::open(path, options.existing)?;
-        let sink = Sink::begin(file, path, options.compression, &head, Topic::ALL.map(Topic::message_type))?;
+        let (file, opened) = match options.naming {
+            Naming::FirstRecord => Staged::create_growing(path, options.existing)?,
+            Naming::Whole => Staged::create(path, options.existing)?,
+        };
+        let sink = Sink::begin(opened, path, options.compression, &head, Topic::ALL.map(Topic::message_type))?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
             FlushPolicy::Samples(_) => Duration::ZERO,
         };
         Ok(Writer {
             sink,
+            file,
             configuration,
             commands,
             sources: Vec::new(),
@@ -103,25 +120,27 @@ impl Writer {
             plots: Plots::new(options.plot_every_samples),
             state_count: 0,
             last_sample: 0,
+            has_begun: false,
             times: Times { start_unix_ns: None, elapsed_ns: 0 },
             flushed: Flushed { time, sample: None },
             options,
+            shared,
         })
     }
 
-    /// Writes until told to finish. A failure is put into `shared` before the channels are let go.
-    pub fn run(mut self, shared: &Shared) -> Result<Summary, RecordingError> {
-        let result = self.write_all(&shared.start_clock_ns);
-        let ended = match result {
-            Ok(()) => {
-                let summary = self.summary();
-                self.sink.finish().and_then(|file| match is_at(&file, &summary.path) {
-                    true => Ok(Summary { bytes: file.len(), ..summary }),
-                    false => Err(RecordingError::Gone { path: summary.path }),
-                })
+    /// Writes until it is to end. A failure is put into what is shared before the channels are let go.
+    pub fn run(mut self) -> Result<Summary, RecordingError> {
+        let written = self.write_all();
+        let summary = self.summary();
+        let Writer { shared, sink, mut file, sources: _let_go_at_the_end, .. } = self;
+        let ended = match written {
+            Ok(Ending::Whole(_)) => close(sink, &mut file, summary),
+            Ok(Ending::GivenUp) => {
+                sink.abandon();
+                Ok(summary)
             }
             Err(error) => {
-                self.sink.abandon();
+                sink.abandon();
                 Err(error)
             }
         };
@@ -131,17 +150,19 @@ impl Writer {
         })
     }
 
-    /// Everything but the footer.
-    fn write_all(&mut self, start_clock_ns: &AtomicU64) -> Result<(), RecordingError> {
+    /// Everything but the footer. Returns how it is to end.
+    fn write_all(&mut self) -> Result<Ending, RecordingError> {
         loop {
-            let finish = self.take_commands();
-            self.note_start(start_clock_ns)?;
+            let ending = self.take_commands();
             let taken = self.take_records()?;
             self.report_losses()?;
-            if let Some(statistics) = finish {
-                self.note_start(start_clock_ns)?;
+            if let Some(ending) = ending {
                 self.take_rest()?;
-                return self.write_end(&statistics);
+                match &ending {
+                    Ending::Whole(statistics) => self.write_end(statistics)?,
+                    Ending::GivenUp => self.flush()?,
+                }
+                return Ok(ending);
             }
             self.flush_in_time()?;
             if taken == 0 {
@@ -150,14 +171,14 @@ impl Writer {
         }
     }
 
-    /// Opens channels. Returns the statistics if the recording is to end.
-    fn take_commands(&mut self) -> Option<BTreeMap<String, String>> {
+    /// Opens channels. Returns how the recording is to end, if it is.
+    fn take_commands(&mut self) -> Option<Ending> {
         loop {
             match self.commands.try_recv() {
                 Ok(Control::Open(source)) => self.sources.push(source),
-                Ok(Control::Finish(statistics)) => return Some(statistics),
+                Ok(Control::End(ending)) => return Some(ending),
                 Err(mpsc::TryRecvError::Empty) => return None,
-                Err(mpsc::TryRecvError::Disconnected) => return Some(BTreeMap::new()),
+                Err(mpsc::TryRecvError::Disconnected) => return Some(Ending::GivenUp),
             }
         }
     }
@@ -186,12 +207,17 @@ impl Writer {
         self.report_losses()
     }
 
-    /// Writes down when the run began, once there is a record: the run loop has said it by then.
-    fn note_start(&mut self, start_clock_ns: &AtomicU64) -> Result<(), RecordingError> {
-        if self.times.start_unix_ns.is_some() || self.sources.iter().all(|source| source.records.is_empty()) {
+    /// At the first record, gives the file its name and writes down when the run began: the run loop has said it by
+    /// then.
+    fn begin(&mut self) -> Result<(), RecordingError> {
+        if core::mem::replace(&mut self.has_begun, true) {
             return Ok(());
         }
-        self.times.start_unix_ns = self.options.time_base.start_unix_ns(start_clock_ns.load(Ordering::Acquire));
+        if self.options.naming == Naming::FirstRecord {
+            self.file.publish()?;
+        }
+        let start_clock_ns = self.shared.start_clock_ns.load(Ordering::Acquire);
+        self.times.start_unix_ns = self.options.time_base.start_unix_ns(start_clock_ns);
         match self.times.start_unix_ns {
             Some(start_ns) => {
                 let start = BTreeMap::from([(String::from(metadata::START_UNIX_NS), start_ns.to_string())]);
@@ -203,6 +229,7 @@ impl Writer {
 
     /// Writes one record, after a flush if its sample calls for one.
     fn write(&mut self, record: &Record) -> Result<(), RecordingError> {
+        self.begin()?;
         self.flush_by_sample(record.sample())?;
         self.last_sample = self.last_sample.max(record.sample());
         match record {
@@ -300,10 +327,11 @@ impl Writer {
     fn report_losses(&mut self) -> Result<(), RecordingError> {
         for index in 0..self.sources.len() {
             let source = &mut self.sources[index];
-            let lost = source.lost.load(Ordering::Relaxed);
+            let lost = source.lost.load(Ordering::Acquire);
             let new = lost - core::mem::replace(&mut source.lost_reported, lost);
             if new > 0 {
                 let name = format!("recording.lost.{}", source.name);
+                self.begin()?;
                 let time_ns = match self.times.start_unix_ns {
                     Some(_) => self.times.elapsed_ns,
                     None => self.options.simulated_ns(self.last_sample),
@@ -404,6 +432,16 @@ impl Times {
     }
 }
 
+/// Writes the footer and puts the file, which must still be there, on the disk.
+fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, RecordingError> {
+    let written = sink.finish()?;
+    file.publish()?;
+    match is_at(&written, &summary.path) {
+        true => Ok(Summary { bytes: written.len(), ..summary }),
+        false => Err(RecordingError::Gone { path: summary.path }),
+    }
+}
+
 /// Writes a batch, if it holds a row.
 fn take<B: Batch>(
     batcher: &mut Batcher<B>,
@@ -437,3 +475,7 @@ fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, Stri
     let start = start_unix_ns.map(|start_ns| (metadata::START_UNIX_NS, start_ns.to_string()));
     entries.into_iter().chain(start).map(|(key, value)| (key.to_string(), value)).collect()
 }
+
+#[cfg(test)]
+#[path = "writer_tests.rs"]
+mod tests;

@@ -61,11 +61,11 @@ impl Overrun {
     }
 }
 
-/// The thread beside a loop.
+/// The thread beside a loop, which ends with it.
 pub(super) struct CoreWatch {
     overruns: Producer<Overrun>,
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<Found>,
+    thread: Option<JoinHandle<Found>>,
 }
 
 impl CoreWatch {
@@ -83,7 +83,7 @@ impl CoreWatch {
             .name(String::from("core-watch"))
             .stack_size(STACK_BYTES)
             .spawn(move || look_on(share, told, (record, watched), &asked))?;
-        Ok(CoreWatch { overruns, stop, thread })
+        Ok(CoreWatch { overruns, stop, thread: Some(thread) })
     }
 
     /// Tells of an overrun. Never blocks, locks or allocates; one that finds the ring full keeps the loop's cause.
@@ -92,13 +92,26 @@ impl CoreWatch {
     }
 
     /// Ends it, and moves those of `causes` that it has found another cause for.
-    pub fn finish(self, causes: OverrunCauses) -> OverrunCauses {
-        self.stop.store(true, Ordering::Release);
-        self.thread.thread().unpark();
-        match self.thread.join() {
-            Ok(found) => found.moved(causes),
-            Err(panic) => std::panic::resume_unwind(panic),
+    pub fn finish(mut self, causes: OverrunCauses) -> OverrunCauses {
+        match self.end() {
+            Some(Ok(found)) => found.moved(causes),
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            None => causes,
         }
+    }
+
+    fn end(&mut self) -> Option<thread::Result<Found>> {
+        let thread = self.thread.take()?;
+        self.stop.store(true, Ordering::Release);
+        thread.thread().unpark();
+        Some(thread.join())
+    }
+}
+
+impl Drop for CoreWatch {
+    /// Ends the thread of a run that did not begin: it would look on for ever, and hold the recording open.
+    fn drop(&mut self) {
+        let _nobody_asks = self.end();
     }
 }
 

@@ -19,6 +19,7 @@ mod both_ends;
 mod jammed_bus;
 mod lost_bus;
 mod network;
+mod not_begun;
 mod watched;
 
 use jammed_bus::JammedBus;

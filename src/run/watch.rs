@@ -245,6 +245,12 @@ impl Watcher {
         self.open.retain(|opened| !opened.is_over());
     }
 
+    /// Loops whose rings are open, as of the last look.
+    #[cfg(test)]
+    pub(super) fn loops(&self) -> usize {
+        self.open.len()
+    }
+
     /// How much was lost because a ring was full.
     pub fn lost(&self) -> u64 {
         self.shared.lost.load(Ordering::Relaxed)

@@ -55,6 +55,35 @@ fn parts_that_are_joined_are_the_whole() {
     assert!(!folder.path().join("new.mcap").exists());
 }
 
+/// Of a recording that was cut short before its first record, and of one without a record.
+#[test]
+fn nothing_to_cut_or_to_join_is_no_success() {
+    let folder = recorded();
+    let bytes = fs::read(folder.path().join("run.mcap")).unwrap();
+    // Behind the metadata stands the first chunk.
+    let zstd = bytes.windows(8).position(|bytes| bytes == b"\x04\0\0\0zstd").unwrap();
+    fs::write(folder.path().join("head.mcap"), &bytes[..zstd]).unwrap();
+    assert_eq!(document(folder.path(), 1, &["inspect", "head.mcap", "--json"])["samples"], serde_json::Value::Null);
+    let recorder = resonarm::recording::Recorder::create(
+        folder.path().join("empty.mcap"),
+        resonarm::recording::Recording::open(folder.path().join("run.mcap")).unwrap().configuration(),
+        resonarm::recording::Options::virtual_time(1e-3, "none"),
+    );
+    recorder.unwrap().finish(&[]).unwrap();
+    let files = fs::read_dir(folder.path()).unwrap().count();
+    let said = |arguments: &[&str]| {
+        let said = complaint(folder.path(), 1, arguments);
+        let line = said.lines().find(|line| line.starts_with("resonarm: ")).unwrap_or_default();
+        // The head has the commit and the compiler in it: its length is that of the machine.
+        line.replace(&zstd.to_string(), "N").replace(&(zstd - 37).to_string(), "M")
+    };
+    assert_snapshot!(said(&["cut", "head.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
+    assert_snapshot!(said(&["cut", "head.mcap", "part.mcap", "--from-s", "0.1"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
+    assert_snapshot!(said(&["cut", "empty.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `empty.mcap` has no record; no file was written");
+    assert_snapshot!(said(&["merge", "head.mcap", "empty.mcap", "--out", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample), recording `empty.mcap` has no record; no file was written");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), files, "a file is left");
+}
+
 #[test]
 fn a_recording_in_numbers_and_as_a_figure() {
     let folder = recorded();

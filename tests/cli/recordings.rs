@@ -136,12 +136,19 @@ fn a_disk_that_fills_up_is_told_and_leaves_what_was_there() {
     let kept = document(folder.path(), 1, &["inspect", "full.mcap", "--json"]);
     assert_eq!(kept["integrity"]["state"], "truncated");
 
-    damage(&folder.path().join("run.mcap"), 1);
     fs::write(folder.path().join("other.mcap"), "something else").unwrap();
-    let recover = with_little_space(folder.path(), "recover run.mcap other.mcap --overwrite");
-    assert_eq!(recover.status.code(), Some(3), "{}", String::from_utf8_lossy(&recover.stderr));
-    assert_eq!(fs::read(folder.path().join("other.mcap")).unwrap(), b"something else");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "a part of a file is left");
+    let log = (1..5000_u64).map(|n| format!("({}.5) can0 123#{:016X}\n", n, n.wrapping_mul(0x9E37_79B9_7F4A_7C15)));
+    fs::write(folder.path().join("can0.log"), log.collect::<String>()).unwrap();
+    for command in ["cut run.mcap", "import can0.log", "recover damaged.mcap"] {
+        fs::copy(folder.path().join("run.mcap"), folder.path().join("damaged.mcap")).unwrap();
+        damage(&folder.path().join("damaged.mcap"), 1);
+        let ended = with_little_space(folder.path(), &format!("{command} other.mcap --overwrite"));
+        assert_eq!(ended.status.code(), Some(3), "{command}: {}", String::from_utf8_lossy(&ended.stderr));
+        assert_eq!(fs::read(folder.path().join("other.mcap")).unwrap(), b"something else", "{command}");
+        let ended = with_little_space(folder.path(), &format!("{command} new.mcap"));
+        assert_eq!(ended.status.code(), Some(3), "{command}: {}", String::from_utf8_lossy(&ended.stderr));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "{command}: a part of a file is left");
+    }
 }
 
 /// Where the chunks of a recording lie: the places of their records, bytes.

@@ -268,3 +268,45 @@ fn a_wrong_message_is_refused_or_read() -> Outcome {
     }
     Ok(())
 }
+
+/// A recording whose chunk is `records`, compressed, and states a length once decompressed.
+fn with_chunk(path: &Path, records: &[u8], states: u64) -> Outcome<String> {
+    record(path, Options { existing: Existing::Overwrite, ..options() }, &run(3)?)?;
+    let whole = fs::read(path)?;
+    let first = chunk(&whole, 0).ok_or("no chunk")?;
+    let head: [&[u8]; 7] = [
+        &[0; 16], // the times of its messages
+        &states.to_le_bytes(),
+        &[0; 4], // no checksum
+        &4_u32.to_le_bytes(),
+        b"zstd",
+        &(records.len() as u64).to_le_bytes(),
+        records,
+    ];
+    let body = head.concat();
+    let bytes = [&whole[..first.start], &[0x06], &(body.len() as u64).to_le_bytes(), &body, &whole[first.end..]];
+    fs::write(path, bytes.concat())?;
+    match Recording::open(path)?.integrity() {
+        Integrity::Damaged { cause, .. } => Ok(cause.clone()),
+        other => Err(format!("{other:?}").into()),
+    }
+}
+
+/// A few bytes may state, and decompress to, any length: what is refused at the statement or at the first record that
+/// is none takes neither time nor memory.
+#[test]
+fn a_chunk_that_claims_too_much_or_holds_no_records_is_refused_at_once() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    // A frame of Zstandard (RFC 8878): no checksum, its length in 8 bytes, 128 KiB of zeros as one byte and a count.
+    let zeros = |bytes: u64| {
+        let blocks = bytes >> 17;
+        let block = |n: u64| [&((1 << 20) | 1 << 1 | u32::from(n + 1 == blocks)).to_le_bytes()[..3], &[0]].concat();
+        let window = [&[0x28, 0xB5, 0x2F, 0xFD, 0b1100_0000, 0x38][..], &bytes.to_le_bytes()].concat();
+        [window, (0..blocks).flat_map(block).collect()].concat()
+    };
+    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 30), 1 << 30)?, @"a chunk states 1073741824 bytes once decompressed, of which 67108864 are believed at most");
+    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 26), 1 << 26)?, @"a record with opcode 0 in a chunk");
+    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 17), u64::MAX)?, @"a chunk states 18446744073709551615 bytes once decompressed, of which 67108864 are believed at most");
+    Ok(())
+}

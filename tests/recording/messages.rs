@@ -20,7 +20,7 @@ fn text<T>(result: Result<T, RecordingError>, directory: &tempfile::TempDir) -> 
 fn of_files_that_cannot_be_created() -> Outcome {
     let directory = tempfile::tempdir()?;
     let create = |name: &str| Recorder::create(directory.path().join(name), &Configuration::new(), options());
-    create("run.mcap")?;
+    let _there = create("run.mcap")?;
     insta::assert_snapshot!(text(create("run.mcap"), &directory)?, @"recording `run.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
     insta::assert_snapshot!(text(create("missing/run.mcap"), &directory)?, @"can't create recording `missing/run.mcap`: No such file or directory (os error 2); name a file in a directory that exists and is writable");
     fs::create_dir(directory.path().join("folder"))?;

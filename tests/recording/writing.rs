@@ -3,7 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use resonarm::recording::{Existing, FlushPolicy, Options, Pushed, Record, Recorder, Recording, RecordingError, Topic};
+use resonarm::recording::{
+    Event, Existing, FlushPolicy, Integrity, Options, Pushed, Record, Recorder, Recording, RecordingError, Topic, cut,
+    recover,
+};
 
 use crate::{Outcome, configuration, options, record, records_of, run};
 
@@ -87,8 +90,9 @@ fn several_channels_keep_the_order_of_each() -> Outcome {
     Ok(())
 }
 
+/// What was recorded is there, and the end is missing.
 #[test]
-fn a_dropped_recorder_leaves_a_whole_file() -> Outcome {
+fn a_recording_that_is_given_up_does_not_look_whole() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let recorder = Recorder::create(&path, &configuration(), options())?;
@@ -96,8 +100,71 @@ fn a_dropped_recorder_leaves_a_whole_file() -> Outcome {
     run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
     drop(recorder);
     let recording = Recording::open(&path)?;
-    assert_eq!(recording.states()?.count(), 10);
+    let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
+        return Err(format!("given up, but {:?}", recording.integrity()).into());
+    };
+    assert_eq!((recording.states()?.count(), *last_sample), (10, Some(9)));
     assert!(matches!(channel.push_blocking(records_of(10)?[0]), Err(RecordingError::Finished { .. })));
+    Ok(())
+}
+
+/// Nothing was recorded: the name is free for another try, and what may be overwritten is there still.
+#[test]
+fn a_recording_without_a_record_leaves_nothing_when_it_is_given_up() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let overwrite = Options { existing: Existing::Overwrite, ..options() };
+    for options in [options(), overwrite.clone()] {
+        drop(Recorder::create(&path, &configuration(), options)?);
+        assert_eq!(fs::read_dir(directory.path())?.count(), 0);
+    }
+    fs::write(&path, "what was there")?;
+    drop(Recorder::create(&path, &configuration(), overwrite.clone())?);
+    assert_eq!(fs::read_to_string(&path)?, "what was there");
+    assert_eq!(fs::read_dir(directory.path())?.count(), 1);
+    // With the first record the file takes the place of the one that was there.
+    record(&path, overwrite, &run(3)?)?;
+    assert_eq!(Recording::open(&path)?.states()?.count(), 3);
+    assert_eq!(fs::read_dir(directory.path())?.count(), 1);
+    Ok(())
+}
+
+/// A recording made of others has its name when it is whole, or never.
+#[test]
+fn a_cut_that_fails_leaves_what_was_there() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let (path, part) = (directory.path().join("run.mcap"), directory.path().join("part.mcap"));
+    // More names of events than are copied, behind states that are.
+    let names = (0..1001).map(|name| &*format!("event.{name}").leak());
+    let event = |name| Record::Event(Event { sample: 50, time_ns: 0, name, value: 0 });
+    record(&path, options(), &run(50)?.into_iter().chain(names.map(event)).collect::<Vec<_>>())?;
+    let recording = Recording::open(&path)?;
+    let failed = cut(&recording, 0..=u64::MAX, &part, Existing::Refuse);
+    assert!(matches!(failed, Err(RecordingError::Names { .. })), "{failed:?}");
+    assert!(!part.exists());
+    fs::write(&part, "what was there")?;
+    let failed = cut(&recording, 0..=u64::MAX, &part, Existing::Overwrite);
+    assert!(matches!(failed, Err(RecordingError::Names { .. })), "{failed:?}");
+    assert_eq!(fs::read_to_string(&part)?, "what was there");
+    assert_eq!(fs::read_dir(directory.path())?.count(), 2, "a part of a file is left");
+    Ok(())
+}
+
+/// Left by a process of the same number, as processes in containers have.
+#[test]
+fn a_part_that_a_killed_process_has_left_is_in_nobodys_way() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let (path, part) = (directory.path().join("run.mcap"), directory.path().join("part.mcap"));
+    record(&path, options(), &run(50)?)?;
+    let whole = fs::read(&path)?;
+    fs::write(&path, &whole[..whole.len() - 100])?;
+    for left in [".part", ".0.part", ".1.part"] {
+        fs::write(directory.path().join(format!(".part.mcap.{}{left}", std::process::id())), "left")?;
+        recover(&path, &part, Existing::Overwrite)?;
+        assert_eq!(Recording::open(&part)?.states()?.count(), 50);
+        assert_eq!(cut(&Recording::open(&path)?, 0..=9, &part, Existing::Overwrite)?.samples, 10);
+        assert_eq!(Recording::open(&part)?.states()?.count(), 10);
+    }
     Ok(())
 }
 
