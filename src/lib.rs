@@ -104,6 +104,8 @@ pub mod run;
 #[cfg(feature = "std")]
 pub mod scenario;
 #[cfg(feature = "std")]
+mod staged;
+#[cfg(feature = "std")]
 pub mod statistics;
 #[cfg(feature = "std")]
 pub mod study;

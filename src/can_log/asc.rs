@@ -9,39 +9,38 @@ use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::candump::nanoseconds;
 use super::date::Date;
-use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format};
+use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, since};
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
-/// Writes frames of channel 1, with hexadecimal numbers and times from the first frame on.
+/// Writes frames of channel 1, with hexadecimal numbers and times from the start of the log on.
 pub(super) struct Writer<W> {
     out: W,
     /// When the log begins, ms of the UNIX epoch.
-    start_ms: Option<u64>,
+    start_ms: u64,
+    has_head: bool,
 }
 
 impl<W: Write> Writer<W> {
-    pub fn new(out: W) -> Writer<W> {
-        Writer { out, start_ms: None }
+    pub fn new(out: W, start_ns: u64) -> Writer<W> {
+        Writer { out, start_ms: start_ns / 1_000_000, has_head: false }
     }
 
-    /// The head, which has the milliseconds of the first frame.
-    fn begin(&mut self, start_ms: u64) -> io::Result<u64> {
-        let date = Date::from_unix_ms(start_ms).asc();
+    /// The head, if it is not there.
+    fn begin(&mut self) -> io::Result<()> {
+        if core::mem::replace(&mut self.has_head, true) {
+            return Ok(());
+        }
+        let date = Date::from_unix_ms(self.start_ms).asc();
         write!(self.out, "date {date}\nbase hex  timestamps absolute\ninternal events logged\n")?;
-        writeln!(self.out, "Begin Triggerblock {date}\n   0.000000 Start of measurement")?;
-        self.start_ms = Some(start_ms);
-        Ok(start_ms)
+        writeln!(self.out, "Begin Triggerblock {date}\n   0.000000 Start of measurement")
     }
 }
 
 impl<W: Write> LogWriter for Writer<W> {
     fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
-        let start_ms = match self.start_ms {
-            Some(start_ms) => start_ms,
-            None => self.begin(logged.time_ns / 1_000_000)?,
-        };
-        let microseconds = logged.time_ns.saturating_sub(start_ms * 1_000_000) / 1000;
+        self.begin()?;
+        let microseconds = since(logged, self.start_ms)? / 1000;
         let direction = if logged.direction == Some(Direction::Sent) { "Tx" } else { "Rx" };
         let frame = &logged.frame;
         let id = match frame.id() {
@@ -69,9 +68,7 @@ impl<W: Write> LogWriter for Writer<W> {
     }
 
     fn finish(&mut self) -> io::Result<()> {
-        if self.start_ms.is_none() {
-            self.begin(0)?;
-        }
+        self.begin()?;
         writeln!(self.out, "End TriggerBlock")?;
         self.out.flush()
     }

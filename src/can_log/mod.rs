@@ -68,12 +68,13 @@ impl LogFormat {
         }
     }
 
-    /// A writer of this format. A candump log names `interface` in every line, the others call it channel 1.
-    pub fn writer<'a, W: Write + Seek + 'a>(self, out: W, interface: &str) -> Box<dyn LogWriter + 'a> {
+    /// A writer of this format. A candump log names `interface` in every line, the others call it channel 1; their
+    /// times count from the millisecond of `start_ns`, ns, than which no frame may be earlier.
+    pub fn writer<'a, W: Write + Seek + 'a>(self, out: W, interface: &str, start_ns: u64) -> Box<dyn LogWriter + 'a> {
         match self {
             LogFormat::Candump => Box::new(candump::Writer::new(out, interface)),
-            LogFormat::Asc => Box::new(asc::Writer::new(out)),
-            LogFormat::Blf => Box::new(blf::Writer::new(out)),
+            LogFormat::Asc => Box::new(asc::Writer::new(out, start_ns)),
+            LogFormat::Blf => Box::new(blf::Writer::new(out, start_ns)),
         }
     }
 }
@@ -83,7 +84,8 @@ pub trait LogWriter {
     /// Writes one frame. Its interface is that of the log.
     ///
     /// # Errors
-    /// What the system says.
+    /// What the system says; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if it is earlier than the start of a log
+    /// that counts from there.
     fn write(&mut self, frame: &LoggedFrame) -> std::io::Result<()>;
 
     /// Writes what belongs at the end. A log without it may not be readable.

@@ -33,7 +33,7 @@ fn frames(start_ns: u64) -> Vec<LoggedFrame> {
 
 fn written(format: LogFormat, frames: &[LoggedFrame]) -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
-    let mut writer = format.writer(&mut out, "vcan0");
+    let mut writer = format.writer(&mut out, "vcan0", frames.first().map_or(0, |frame| frame.time_ns));
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
     drop(writer);
@@ -62,6 +62,20 @@ fn what_is_written_is_read() {
             let expected: Vec<_> =
                 frames.iter().map(|frame| LoggedFrame { interface: interface.clone(), ..frame.clone() }).collect();
             assert_eq!((found, skipped), (expected, others), "{}", format.name());
+        }
+    }
+}
+
+/// What would come out as a time that it does not have is refused.
+#[test]
+fn a_frame_before_the_start_of_its_log_is_refused() {
+    let frames = frames(1_785_000_000_123_456_000);
+    for format in [LogFormat::Asc, LogFormat::Blf] {
+        let mut out = Cursor::new(Vec::new());
+        let mut writer = format.writer(&mut out, "vcan0", frames[1].time_ns);
+        let refused = writer.write(&frames[0]).unwrap_err();
+        insta::allow_duplicates! {
+            insta::assert_snapshot!(refused, @"a frame at 1785000000123456000 ns, earlier than the start of the log, 1785000000124 ms");
         }
     }
 }

@@ -1,6 +1,10 @@
 //! What Vector's formats, ASC and BLF, have in common.
 
+use std::io;
+
 use resonarm_protocol::{Frame, FrameFormat};
+
+use super::LoggedFrame;
 
 /// Lengths of CAN FD frames by their DLC (ISO 11898-1).
 const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
@@ -38,4 +42,12 @@ pub(super) fn format(flags: u32) -> FrameFormat {
         (false, true) => FrameFormat::Remote,
         (false, false) => FrameFormat::Classic,
     }
+}
+
+/// When a frame was seen in a log that begins at `start_ms` of the UNIX epoch, ns from there.
+pub(super) fn since(logged: &LoggedFrame, start_ms: u64) -> io::Result<u64> {
+    logged.time_ns.checked_sub(start_ms * 1_000_000).ok_or_else(|| {
+        let cause = format!("a frame at {} ns, earlier than the start of the log, {start_ms} ms", logged.time_ns);
+        io::Error::new(io::ErrorKind::InvalidInput, cause)
+    })
 }

@@ -14,7 +14,8 @@ use super::channels::{Channel, channels, lead, sample_values, state_values};
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::number::short;
 use crate::realtime::OverrunCause;
-use crate::recording::{Direction, Event, FrameRecord, Origin, Record, Recording, TickRecord};
+use crate::recording::{Direction, Event, Existing, FrameRecord, Origin, Record, Recording, TickRecord};
+use crate::staged::Staged;
 
 /// Names of the columns.
 fn columns(part: Part) -> Vec<&'static str> {
@@ -35,6 +36,7 @@ fn columns(part: Part) -> Vec<&'static str> {
 struct Table {
     part: Part,
     out: BufWriter<File>,
+    staged: Staged,
     file: ExportedFile,
 }
 
@@ -55,7 +57,8 @@ pub(super) fn write(
             table.row(recording.origin(), &record)?;
         }
     }
-    tables.into_iter().map(Table::finish).collect()
+    tables.iter_mut().try_for_each(Table::flush)?;
+    tables.into_iter().map(Table::publish).collect()
 }
 
 fn part(record: &Record<String>) -> Part {
@@ -70,15 +73,11 @@ fn part(record: &Record<String>) -> Part {
 
 impl Table {
     fn create(path: PathBuf, part: Part) -> Result<Table, ExportError> {
-        let failed = |path, source| Err(ExportError::Write { path, source });
-        let columns = columns(part);
-        match File::create(&path).map(BufWriter::new) {
-            Ok(mut out) => match writeln!(out, "{}", columns.join(",")) {
-                Ok(()) => Ok(Table { part, out, file: ExportedFile { path, rows: 0, columns } }),
-                Err(source) => failed(path, source),
-            },
-            Err(source) => failed(path, source),
-        }
+        let (columns, failed) = (columns(part), |source| ExportError::Write { path: path.clone(), source });
+        let (staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
+        let mut out = BufWriter::new(file);
+        writeln!(out, "{}", columns.join(",")).map_err(failed)?;
+        Ok(Table { part, out, staged, file: ExportedFile { path, rows: 0, columns } })
     }
 
     fn row(&mut self, origin: &Origin, record: &Record<String>) -> Result<(), ExportError> {
@@ -87,8 +86,12 @@ impl Table {
         writeln!(self.out, "{row}").map_err(|source| ExportError::Write { path: self.file.path.clone(), source })
     }
 
-    fn finish(mut self) -> Result<ExportedFile, ExportError> {
-        match self.out.flush() {
+    fn flush(&mut self) -> Result<(), ExportError> {
+        self.out.flush().map_err(|source| ExportError::Write { path: self.file.path.clone(), source })
+    }
+
+    fn publish(mut self) -> Result<ExportedFile, ExportError> {
+        match self.staged.publish() {
             Ok(()) => Ok(self.file),
             Err(source) => Err(ExportError::Write { path: self.file.path, source }),
         }

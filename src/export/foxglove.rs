@@ -18,8 +18,9 @@ use super::channels::{channels, lead, sample_values, state_values};
 use super::scene::{self, Scene};
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::protocol::dbc::Dbc;
-use crate::recording::{Event, Origin, Record, RecordedFault, Recording};
+use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
 use crate::scenario::Scenario;
+use crate::staged::Staged;
 
 /// Levels of `foxglove.Log` (foxglove.dev, "LogLevel").
 const INFO: u8 = 2;
@@ -58,7 +59,7 @@ fn copy(
 ) -> Result<ExportedFile, ExportError> {
     let scene = selection.magnification.map(|factor| Scene::new(recording, factor)).transpose()?;
     let failed = |error: McapError| write_error(&path, error);
-    let file = File::create(&path).map_err(|error| failed(error.into()))?;
+    let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(|error| failed(error.into()))?;
     let library = concat!("resonarm ", env!("CARGO_PKG_VERSION"));
     let options = WriteOptions::new().library(library).compression(Some(mcap::Compression::Lz4));
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
@@ -84,7 +85,7 @@ fn copy(
         rows += 1;
     }
     attach(recording, &mut writer).map_err(failed)?;
-    writer.finish().map_err(failed)?;
+    writer.finish().and_then(|_summary| Ok(staged.publish()?)).map_err(failed)?;
     let columns = parts.iter().flat_map(|part| channels(*part)).map(|channel| channel.name).collect();
     Ok(ExportedFile { path, rows, columns })
 }

@@ -1,12 +1,12 @@
 //! Frames as a log of another tool.
 
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
 
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::can_log::{LogFormat, LoggedFrame};
-use crate::recording::Recording;
+use crate::recording::{Existing, FrameRecord, Origin, Recording, RecordingError};
+use crate::staged::Staged;
 
 /// Longest name of a network interface, bytes (IFNAMSIZ of Linux, without the terminator).
 const LONGEST_NAME: usize = 15;
@@ -20,27 +20,39 @@ pub(super) fn write(
     selection: &Selection,
     files: Vec<(PathBuf, Vec<Part>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
+    let origin = recording.origin();
+    let logged = || {
+        let wanted = |record: &FrameRecord| selection.samples.contains(&record.sample);
+        let frames = recording.frames()?.filter(move |record| record.as_ref().map_or(true, wanted));
+        Ok::<_, RecordingError>(frames.map(|record| record.map(|record| logged_frame(origin, &record))))
+    };
+    // Frames need not be in order: what the times of a log count from is the earliest.
+    let mut start_ns: Option<u64> = None;
+    for frame in logged()? {
+        let time_ns = frame?.time_ns;
+        start_ns = Some(start_ns.map_or(time_ns, |earliest| earliest.min(time_ns)));
+    }
     let mut exported = Vec::new();
     for (path, _) in files {
         let failed = |source| ExportError::Write { path: path.clone(), source };
-        let out = BufWriter::new(File::create(&path).map_err(failed)?);
-        let origin = recording.origin();
-        let mut writer = format.writer(out, interface(&origin.interface));
+        let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
+        let mut writer = format.writer(BufWriter::new(file), interface(&origin.interface), start_ns.unwrap_or(0));
         let mut rows = 0;
-        for record in recording.frames()? {
-            let record = record?;
-            if !selection.samples.contains(&record.sample) {
-                continue;
-            }
-            let time_ns = origin.log_start_ns().saturating_add(origin.frame_time_ns(&record));
-            let (direction, frame) = (Some(record.direction), record.frame);
-            writer.write(&LoggedFrame { time_ns, interface: None, direction, frame }).map_err(failed)?;
+        for frame in logged()? {
+            writer.write(&frame?).map_err(failed)?;
             rows += 1;
         }
         writer.finish().map_err(failed)?;
+        drop(writer);
+        staged.publish().map_err(failed)?;
         exported.push(ExportedFile { path, rows, columns: Vec::new() });
     }
     Ok(exported)
+}
+
+fn logged_frame(origin: &Origin, record: &FrameRecord) -> LoggedFrame {
+    let time_ns = origin.log_start_ns().saturating_add(origin.frame_time_ns(record));
+    LoggedFrame { time_ns, interface: None, direction: Some(record.direction), frame: record.frame }
 }
 
 /// The name of the bus, if it is one that an interface can have.

@@ -4,13 +4,13 @@
 //! Numbers stand in fixed columns of lines of 80. A dataset holds one channel, so the recording is read once for each:
 //! that needs no memory, and no file beside. Values have 13 digits.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
 use super::channels::{Axis, Channel, Quantity, channels, lead, span, visit};
 use super::{ExportError, ExportedFile, Part, Selection};
-use crate::recording::Recording;
+use crate::recording::{Existing, Recording};
+use crate::staged::Staged;
 
 /// Begins and ends a dataset.
 const DELIMITER: &str = "    -1";
@@ -50,7 +50,8 @@ pub(super) fn write(
     let mut exported = Vec::new();
     for (path, parts) in files {
         let failed = |source| ExportError::Write { path: path.clone(), source };
-        let mut out = BufWriter::new(File::create(&path).map_err(failed)?);
+        let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
+        let mut out = BufWriter::new(file);
         units(&mut out).map_err(failed)?;
         let (mut rows, mut columns) = (0, Vec::new());
         for part in parts {
@@ -70,7 +71,7 @@ pub(super) fn write(
             }
             rows = rows.max(count);
         }
-        out.flush().map_err(failed)?;
+        out.flush().and_then(|()| staged.publish()).map_err(failed)?;
         exported.push(ExportedFile { path: path.clone(), rows, columns });
     }
     Ok(exported)

@@ -1,13 +1,14 @@
 //! States and samples as sound files: a file a part, 32-bit floating-point numbers in SI units.
 
-use std::io;
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use hound::{Error, SampleFormat, WavSpec, WavWriter};
 
 use super::channels::{Channel, channels, span, visit};
 use super::{ExportError, ExportedFile, Part, Selection};
-use crate::recording::Recording;
+use crate::recording::{Existing, Recording};
+use crate::staged::Staged;
 
 /// Bytes of a value.
 const VALUE: u64 = 4;
@@ -31,12 +32,15 @@ pub(super) fn write(
             }
             let (bits_per_sample, sample_format) = (32, SampleFormat::Float);
             let spec = WavSpec { channels: channels.len() as u16, sample_rate, bits_per_sample, sample_format };
-            let mut writer = WavWriter::create(&path, spec).map_err(|error| failed(&path, error))?;
+            let staged = Staged::create(&path, Existing::Overwrite);
+            let (mut staged, file) = staged.map_err(|error| failed(&path, error.into()))?;
+            let mut writer = WavWriter::new(BufWriter::new(file), spec).map_err(|error| failed(&path, error))?;
             visit(recording, part, &selection.samples, |values| {
                 let mut each = values.iter();
                 each.try_for_each(|value| writer.write_sample(*value as f32)).map_err(|error| failed(&path, error))
             })?;
-            writer.finalize().map_err(|error| failed(&path, error))?;
+            let finished = writer.finalize().and_then(|()| Ok(staged.publish()?));
+            finished.map_err(|error| failed(&path, error))?;
             let columns = channels.iter().map(|Channel { name, .. }| *name).collect();
             exported.push(ExportedFile { path: path.clone(), rows, columns });
         }

@@ -4,12 +4,12 @@ use core::ops::RangeInclusive;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::staged::same_file;
 use super::{
     Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Record, Recorder, Recording,
     RecordingError, RunTime, Summary, TimeBase,
 };
 use crate::number::short;
+use crate::staged::same_file;
 
 /// Records that wait for the writer at most.
 const CAPACITY: usize = 8192;

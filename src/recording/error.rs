@@ -257,6 +257,24 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    /// The file can't be created.
+    pub(super) fn create(path: &std::path::Path, source: io::Error) -> RecordingError {
+        let path = path.to_path_buf();
+        match source.kind() {
+            io::ErrorKind::AlreadyExists => RecordingError::Exists { path },
+            _ => RecordingError::Create { path, source: Arc::new(source) },
+        }
+    }
+
+    /// The file can't be given its name.
+    pub(super) fn publish(path: &std::path::Path, source: io::Error) -> RecordingError {
+        let path = path.to_path_buf();
+        match source.kind() {
+            io::ErrorKind::AlreadyExists => RecordingError::Exists { path },
+            _ => RecordingError::Write { path, source: Arc::new(source) },
+        }
+    }
+
     /// A failure while writing `path`.
     pub(super) fn write(path: &std::path::Path, error: McapError) -> RecordingError {
         let path = path.to_path_buf();

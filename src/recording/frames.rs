@@ -8,6 +8,9 @@ use super::{Direction, FrameRecord};
 
 /// Frames in a batch, at most: so many come in the time of a batch only on a bus that is jammed by somebody else.
 const MOST_FRAMES: usize = 4096;
+/// Frames in a batch that are believed, at most: with their payloads taken apart they are 64 times as large as in the
+/// file.
+const MOST_FRAMES_READ: usize = 1 << 16;
 /// Longest payload, bytes (ISO 11898-1, CAN FD).
 const LONGEST_DATA: usize = 64;
 
@@ -140,6 +143,9 @@ pub(super) fn batch(batch: &FrameBatch, mut visit: impl FnMut(FrameRecord)) -> R
     let lengths = [batch.step_difference.len(), batch.time_difference_ns.len(), batch.direction.len()];
     if lengths.into_iter().chain([batch.flags.len(), batch.length.len()]).any(|length| length != rows) {
         return Err(format!("a batch of frames with columns of different lengths, {rows} rows in `id`"));
+    }
+    if rows > MOST_FRAMES_READ {
+        return Err(format!("a batch of {rows} frames, of which {MOST_FRAMES_READ} are believed at most"));
     }
     let payloads = payloads(batch)?;
     let mut bus_timestamps = sums(&batch.bus_timestamp_difference_ns);
@@ -283,6 +289,23 @@ mod tests {
                 assert_eq!(again, columns);
             }
         }
+    }
+
+    /// A few bytes, compressed, may state any number of frames without a payload.
+    #[test]
+    fn a_batch_of_more_frames_than_a_recorder_writes_is_refused() {
+        let rows = MOST_FRAMES_READ + 1;
+        let differences = vec![0; rows];
+        let columns = FrameBatch {
+            step_difference: differences.clone(),
+            time_difference_ns: differences,
+            direction: vec![1; rows],
+            id: vec![0; rows],
+            flags: vec![0; rows],
+            length: vec![0; rows],
+            ..FrameBatch::default()
+        };
+        insta::assert_snapshot!(batch(&columns, |_| {}).unwrap_err(), @"a batch of 65537 frames, of which 65536 are believed at most");
     }
 
     #[test]

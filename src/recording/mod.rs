@@ -38,7 +38,6 @@ mod scan;
 mod schema;
 mod sink;
 mod source;
-mod staged;
 mod summary;
 mod walk;
 mod writer;

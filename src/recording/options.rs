@@ -140,7 +140,7 @@ pub struct Options {
     pub existing: Existing,
     /// When the file has its name.
     pub naming: Naming,
-    /// Samples in a batch, at least 1.
+    /// Samples in a batch, from 1 to 100000.
     pub batch_samples: u32,
     /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
     /// From 2 on they are filtered against aliases, as `docs/recording.md` states.
@@ -189,11 +189,18 @@ impl Options {
 
     /// Refuses values that make no sense.
     pub(super) fn check(&self) -> Result<(), RecordingError> {
+        // A batch of so many takes some 10 MB, far less than a chunk may.
+        const MOST_IN_A_BATCH: u32 = 100_000;
         let at_least_one = "at least 1";
         let dt = self.dt_s.is_finite() && self.dt_s > 0.0;
         let checks = [
             ("dt_s", dt, short(&self.dt_s).to_string(), "a finite time above 0 s"),
-            ("batch_samples", self.batch_samples > 0, self.batch_samples.to_string(), at_least_one),
+            (
+                "batch_samples",
+                (1..=MOST_IN_A_BATCH).contains(&self.batch_samples),
+                self.batch_samples.to_string(),
+                "from 1 to 100000",
+            ),
             (
                 "plot_every_samples",
                 self.plot_every_samples <= 1000,

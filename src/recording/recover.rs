@@ -7,8 +7,8 @@ use super::salvage::{LostChunk, Piece, Salvage};
 use super::scan::{Scan, Tally, lost, scan};
 use super::schema::{Topic, metadata};
 use super::sink::Sink;
-use super::staged::{Staged, same_file};
 use super::{Compression, Existing, Integrity, Origin, RecordingError};
+use crate::staged::{Staged, same_file};
 
 /// What was recovered.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -66,7 +66,7 @@ pub fn recover(
     // What can't be opened afterwards is not recovered.
     Origin::of(input, &scan)?;
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
-    let (mut staged, file) = Staged::create(output, existing)?;
+    let (mut staged, file) = Staged::create(output, existing).map_err(|error| RecordingError::create(output, error))?;
     let mut sink = Sink::begin(file, output, Compression::Zstd, &head, salvage.contents().types())?;
     let filled = fill(&mut sink, salvage, input, &scan).and_then(|copied| {
         head.into_iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
@@ -82,7 +82,7 @@ pub fn recover(
     };
     let messages = messages(&sink);
     let bytes = sink.finish()?.len();
-    staged.publish()?;
+    staged.publish().map_err(|error| RecordingError::publish(output, error))?;
     let (lost_chunks, missing_samples) = (copied.lost, copied.missing);
     Ok(Recovered { path: output.to_path_buf(), bytes, messages, source: scan.integrity, lost_chunks, missing_samples })
 }

@@ -13,11 +13,11 @@ use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
 use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
 use super::sink::{Sink, Stamp};
-use super::staged::{Staged, is_at};
 use super::{
     Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, SampleRecord, StateRecord,
     TickRecord, TimeBase, build_info, decimate,
 };
+use crate::staged::{Staged, is_at};
 
 /// How often the thread looks into empty channels.
 const POLL: Duration = Duration::from_millis(5);
@@ -98,10 +98,11 @@ impl Writer {
         let configuration = configuration.0.clone();
         let about = about(&options, None);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
-        let (file, opened) = match options.naming {
-            Naming::FirstRecord => Staged::create_growing(path, options.existing)?,
-            Naming::Whole => Staged::create(path, options.existing)?,
+        let create = match options.naming {
+            Naming::FirstRecord => Staged::create_growing,
+            Naming::Whole => Staged::create,
         };
+        let (file, opened) = create(path, options.existing).map_err(|error| RecordingError::create(path, error))?;
         let sink = Sink::begin(opened, path, options.compression, &head, Topic::ALL.map(Topic::message_type))?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
@@ -214,7 +215,7 @@ impl Writer {
             return Ok(());
         }
         if self.options.naming == Naming::FirstRecord {
-            self.file.publish()?;
+            self.file.publish().map_err(|error| RecordingError::publish(&self.shared.path, error))?;
         }
         let start_clock_ns = self.shared.start_clock_ns.load(Ordering::Acquire);
         self.times.start_unix_ns = self.options.time_base.start_unix_ns(start_clock_ns);
@@ -435,7 +436,7 @@ impl Times {
 /// Writes the footer and puts the file, which must still be there, on the disk.
 fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, RecordingError> {
     let written = sink.finish()?;
-    file.publish()?;
+    file.publish().map_err(|error| RecordingError::publish(&summary.path, error))?;
     match is_at(&written, &summary.path) {
         true => Ok(Summary { bytes: written.len(), ..summary }),
         false => Err(RecordingError::Gone { path: summary.path }),

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use insta::assert_snapshot;
-use resonarm::recording::{Options, Record, Recorder, Recording};
+use resonarm::recording::{Options, Record, Recorder, Recording, SampleRecord, StateRecord};
 
 use crate::{complaint, document, resonarm};
 
@@ -77,4 +77,71 @@ fn a_gap_is_said_where_every_sample_is_needed() {
     assert_snapshot!(complaint(folder.path(), 2, &["export", "gap.mcap", "--to", "wav"]), @"resonarm: recording `gap.mcap` is not continuous in topic `/plant/steps`: sample 21 follows where sample 20 should (1 such gaps in all); the run lost records, or the file was recovered from a damaged one");
     let table = document(folder.path(), 0, &["export", "gap.mcap", "--to", "csv", "--json"]);
     assert_eq!(table["files"][0]["rows"], 100);
+}
+
+/// An export that fails leaves what was there, and no part of a file.
+#[test]
+fn what_may_be_overwritten_is_kept_by_an_export_that_fails() {
+    let folder = recorded();
+    with_gap(folder.path());
+    // The gap is found at once, and the damage, behind the first samples, on the way.
+    let bytes = fs::read(folder.path().join("run.mcap")).unwrap();
+    let there = ["gap.uff", "gap-states.wav"];
+    there.iter().for_each(|name| fs::write(folder.path().join(name), "mine").unwrap());
+    for format in ["uff58", "wav"] {
+        complaint(folder.path(), 2, &["export", "gap.mcap", "--to", format, "--parts", "states", "--overwrite"]);
+    }
+    for name in there {
+        assert_eq!(fs::read_to_string(folder.path().join(name)).unwrap(), "mine", "{name}");
+    }
+    // A disk that fills up, for which a limit of 2 KiB stands.
+    for (format, name) in [
+        ("csv", "run-states.csv"),
+        ("candump", "run.log"),
+        ("asc", "run.asc"),
+        ("blf", "run.blf"),
+        ("foxglove", "run-foxglove.mcap"),
+        ("uff58", "run.uff"),
+        ("wav", "run-states.wav"),
+    ] {
+        fs::write(folder.path().join(name), "mine").unwrap();
+        let script = format!("ulimit -f 4; exec \"$0\" export run.mcap --to {format} --overwrite");
+        let program = env!("CARGO_BIN_EXE_resonarm");
+        let ended =
+            std::process::Command::new("dash").args(["-c", &script, program]).current_dir(folder.path()).output();
+        let ended = ended.unwrap();
+        assert!(matches!(ended.status.code(), Some(2 | 3)), "{format}: {ended:?}");
+        assert_eq!(fs::read_to_string(folder.path().join(name)).unwrap(), "mine", "{format}");
+        fs::remove_file(folder.path().join(name)).unwrap();
+    }
+    assert_eq!(fs::read(folder.path().join("run.mcap")).unwrap(), bytes);
+    let mut names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["gap-states.wav", "gap.mcap", "gap.uff", "run.mcap"]);
+}
+
+/// Somebody else's recording may state any sample.
+#[test]
+fn the_last_of_all_samples_is_exported() {
+    let folder = recorded();
+    let recording = Recording::open(folder.path().join("run.mcap")).unwrap();
+    let options = Options::virtual_time(recording.origin().dt_s, "none");
+    let recorder = Recorder::create(folder.path().join("last.mcap"), recording.configuration(), options).unwrap();
+    let mut channel = recorder.channel("plant", 1024).unwrap();
+    for (sample, state) in (u64::MAX - 2..=u64::MAX).zip(recording.states().unwrap()) {
+        channel.push_blocking(Record::State(StateRecord { sample, ..state.unwrap() })).unwrap();
+    }
+    for (sample, readings) in (u64::MAX - 2..=u64::MAX).zip(recording.samples().unwrap()) {
+        channel.push_blocking(Record::Sample(SampleRecord { sample, ..readings.unwrap() })).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+    for format in ["csv", "uff58", "wav", "foxglove"] {
+        let told = document(folder.path(), 0, &["export", "last.mcap", "--to", format, "--json"]);
+        let rows = if format == "foxglove" { 6 } else { 3 };
+        assert_eq!(told["files"][0]["rows"], rows, "{format}");
+    }
+    document(folder.path(), 0, &["inspect", "last.mcap", "--statistics", "--plot", "last", "--json"]);
+    document(folder.path(), 0, &["cut", "last.mcap", "part.mcap", "--json"]);
+    document(folder.path(), 0, &["diff", "last.mcap", "part.mcap", "--json"]);
+    assert_eq!(resonarm(folder.path(), &["resim", "last.mcap"]).code, 0);
 }

@@ -53,6 +53,23 @@ fn exported_frames_come_back() {
     assert_eq!(document(folder.path(), 0, &["inspect", "back.mcap", "--json"])["integrity"]["state"], "complete");
 }
 
+/// A log of what a program sends and what it receives is out of order by what waited in a queue.
+#[test]
+fn frames_out_of_order_keep_their_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = "(1700000000.050000) can0 123#01\n(1700000000.000000) can0 123#02\n(1700000000.049999) can0 123#03\n";
+    fs::write(folder.path().join("queued.log"), lines).unwrap();
+    document(folder.path(), 0, &["import", "queued.log", "run.mcap", "--json"]);
+    let times =
+        |name: &str| frames(&folder.path().join(name)).iter().map(|frame| frame.time_ns / 1000).collect::<Vec<_>>();
+    assert_eq!(times("run.mcap"), [50_000, 0, 49_999]);
+    for (format, log) in [("candump", "run.log"), ("asc", "run.asc"), ("blf", "run.blf")] {
+        document(folder.path(), 0, &["export", "run.mcap", "--to", format, "--json"]);
+        document(folder.path(), 0, &["import", log, "back.mcap", "--overwrite", "--json"]);
+        assert_eq!(times("back.mcap"), [50_000, 0, 49_999], "{format}");
+    }
+}
+
 #[test]
 fn what_is_missing_to_simulate_again_is_said() {
     let folder = exported();

@@ -38,7 +38,8 @@ fn of_options_that_make_no_sense() -> Outcome {
     insta::assert_snapshot!(create(Options { dt_s: f64::NAN, ..options() })?, @"recording option `dt_s` is NaN, expected a finite time above 0 s");
     insta::assert_snapshot!(create(Options { dt_s: -1e300, ..options() })?, @"recording option `dt_s` is -1e300, expected a finite time above 0 s");
     insta::assert_snapshot!(create(Options { dt_s: 0.0, ..options() })?, @"recording option `dt_s` is 0, expected a finite time above 0 s");
-    insta::assert_snapshot!(create(Options { batch_samples: 0, ..options() })?, @"recording option `batch_samples` is 0, expected at least 1");
+    insta::assert_snapshot!(create(Options { batch_samples: 0, ..options() })?, @"recording option `batch_samples` is 0, expected from 1 to 100000");
+    insta::assert_snapshot!(create(Options { batch_samples: 100_001, ..options() })?, @"recording option `batch_samples` is 100001, expected from 1 to 100000");
     insta::assert_snapshot!(create(Options { plot_every_samples: 1001, ..options() })?, @"recording option `plot_every_samples` is 1001, expected at most 1000");
     insta::assert_snapshot!(create(Options { flush: FlushPolicy::Samples(0), ..options() })?, @"recording option `flush` is every 0 samples, expected at least 1");
     assert!(!path.exists(), "a refusal has made a file");

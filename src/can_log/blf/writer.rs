@@ -15,7 +15,7 @@ use crate::recording::Direction;
 /// Bytes of objects from which on a container is written.
 const CONTAINER: usize = 1 << 17;
 
-/// Writes frames of channel 1, with times from the first frame on.
+/// Writes frames of channel 1, with times from the start of the log on.
 pub(in crate::can_log) struct Writer<W> {
     out: W,
     /// Objects that wait for a container.
@@ -23,13 +23,24 @@ pub(in crate::can_log) struct Writer<W> {
     count: u32,
     /// The head and the containers written so far, bytes.
     written: u64,
-    /// Times of the first and the last frame, ms of the UNIX epoch.
-    span_ms: Option<(u64, u64)>,
+    /// When the log begins, and the time of its latest frame, ms of the UNIX epoch.
+    start_ms: u64,
+    last_ms: u64,
 }
 
 impl<W: Write + Seek> Writer<W> {
-    pub fn new(out: W) -> Writer<W> {
-        Writer { out, objects: Vec::new(), count: 0, written: 0, span_ms: None }
+    pub fn new(out: W, start_ns: u64) -> Writer<W> {
+        let start_ms = start_ns / 1_000_000;
+        Writer { out, objects: Vec::new(), count: 0, written: 0, start_ms, last_ms: start_ms }
+    }
+
+    /// The head, if it is not there: the place for it.
+    fn begin(&mut self) -> io::Result<()> {
+        if self.written == 0 {
+            self.write_head()?;
+            self.written = FILE_HEAD as u64;
+        }
+        Ok(())
     }
 
     /// The objects so far as a container.
@@ -59,9 +70,8 @@ impl<W: Write + Seek> Writer<W> {
         head.extend_from_slice(&self.written.to_le_bytes());
         head.extend_from_slice(&self.count.to_le_bytes());
         head.extend_from_slice(&[0; 4]);
-        let (first_ms, last_ms) = self.span_ms.unwrap_or_default();
-        head.extend_from_slice(&system_time(first_ms));
-        head.extend_from_slice(&system_time(last_ms));
+        head.extend_from_slice(&system_time(self.start_ms));
+        head.extend_from_slice(&system_time(self.last_ms));
         head.resize(FILE_HEAD, 0);
         self.out.write_all(&head)
     }
@@ -69,18 +79,10 @@ impl<W: Write + Seek> Writer<W> {
 
 impl<W: Write + Seek> LogWriter for Writer<W> {
     fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
-        let time_ms = logged.time_ns / 1_000_000;
-        let first_ms = match self.span_ms {
-            Some((first_ms, _)) => first_ms,
-            None => {
-                self.write_head()?;
-                self.written = FILE_HEAD as u64;
-                time_ms
-            }
-        };
-        self.span_ms = Some((first_ms, time_ms.max(first_ms)));
+        self.begin()?;
+        self.last_ms = self.last_ms.max(logged.time_ns / 1_000_000);
         // A file with the date 0, of simulated time, has the times themselves.
-        let time_ns = logged.time_ns.saturating_sub(stated_ms(first_ms) * 1_000_000);
+        let time_ns = vector::since(logged, stated_ms(self.start_ms))?;
         let (kind, body) = body(&logged.frame, logged.direction);
         base(&mut self.objects, OBJECT_HEAD, OBJECT_HEAD + body.len(), kind);
         self.objects.extend_from_slice(&NANOSECONDS.to_le_bytes());
@@ -92,10 +94,7 @@ impl<W: Write + Seek> LogWriter for Writer<W> {
     }
 
     fn finish(&mut self) -> io::Result<()> {
-        if self.span_ms.is_none() {
-            self.write_head()?;
-            self.written = FILE_HEAD as u64;
-        }
+        self.begin()?;
         if !self.objects.is_empty() {
             self.write_container()?;
         }

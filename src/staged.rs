@@ -1,0 +1,202 @@
+//! A file that is whole under its name, or not there.
+
+use std::fs::{self, File, FileType, OpenOptions};
+use std::io;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use crate::recording::Existing;
+
+/// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and what was there before as it was.
+pub(crate) struct Staged {
+    target: PathBuf,
+    existing: Existing,
+    /// Its name in the same folder until then; `None` if it has its own from the start.
+    temporary: Option<PathBuf>,
+    /// What was created under its own name.
+    created: Option<fs::Metadata>,
+    published: bool,
+}
+
+impl Staged {
+    /// Begins a file that will be `path`, and gives it opened. With [`Existing::Overwrite`] a file that is there stays as
+    /// it is until it is replaced.
+    ///
+    /// # Errors
+    /// What the system says; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].
+    pub fn create(path: &Path, existing: Existing) -> io::Result<(Staged, File)> {
+        let target = match (existing, fs::metadata(path)) {
+            (Existing::Refuse, _) if fs::symlink_metadata(path).is_ok() => {
+                return Err(io::ErrorKind::AlreadyExists.into());
+            }
+            (Existing::Overwrite, Ok(found)) if !found.is_file() => {
+                let got = file_kind(found.file_type());
+                return Err(io::Error::other(format!("it is {got}, expected a regular file or none")));
+            }
+            // Behind a symbolic link, the file it names is replaced.
+            (Existing::Overwrite, Ok(_)) => path.canonicalize()?,
+            (Existing::Refuse | Existing::Overwrite, _) => path.to_path_buf(),
+        };
+        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        // One that a killed process has left may have the same number.
+        for number in 0.. {
+            let temporary = target.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()));
+            match OpenOptions::new().write(true).create_new(true).open(&temporary) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+                Ok(file) => {
+                    let temporary = Some(temporary);
+                    return Ok((Staged { target, existing, temporary, created: None, published: false }, file));
+                }
+            }
+        }
+        unreachable!("some number is free")
+    }
+
+    /// As [`Staged::create`], of a file that grows under its name where nothing is there, and of pipes and devices.
+    ///
+    /// # Errors
+    /// As [`Staged::create`].
+    pub fn create_growing(path: &Path, existing: Existing) -> io::Result<(Staged, File)> {
+        let (file, is_new) = match (existing, fs::metadata(path)) {
+            (Existing::Overwrite, Ok(found)) if found.is_file() => return Staged::create(path, existing),
+            (Existing::Overwrite, Ok(_)) => (OpenOptions::new().write(true).open(path)?, false),
+            (Existing::Refuse, _) | (Existing::Overwrite, Err(_)) => {
+                (OpenOptions::new().write(true).create_new(true).open(path)?, true)
+            }
+        };
+        let created = if is_new { Some(file.metadata()?) } else { None };
+        Ok((Staged { target: path.to_path_buf(), existing, temporary: None, created, published: false }, file))
+    }
+
+    /// Gives the file its name, once. What must be whole after a crash of the machine must have been synchronised.
+    ///
+    /// # Errors
+    /// What the system says; [`io::ErrorKind::AlreadyExists`] if the name was taken meanwhile and must not be.
+    pub fn publish(&mut self) -> io::Result<()> {
+        if self.published {
+            return Ok(());
+        }
+        if let Some(temporary) = &self.temporary {
+            match self.existing {
+                Existing::Overwrite => fs::rename(temporary, &self.target)?,
+                Existing::Refuse => rename_new(temporary, &self.target)?,
+            }
+            let folder = self.target.parent().filter(|folder| !folder.as_os_str().is_empty());
+            // Some file systems refuse to synchronise a folder; the file itself is safe by then.
+            let _not_everywhere = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());
+        }
+        self.published = true;
+        Ok(())
+    }
+}
+
+impl Drop for Staged {
+    fn drop(&mut self) {
+        if self.published {
+            return;
+        }
+        let _gone = self.temporary.as_ref().map(fs::remove_file);
+        // Somebody else's under the same name stays.
+        if self.created.as_ref().is_some_and(|ours| is_at(ours, &self.target)) {
+            let _gone = fs::remove_file(&self.target);
+        }
+    }
+}
+
+/// Renames a file to a name that is free.
+fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    match fs::hard_link(from, to) {
+        // The file has both names; if the old can't be removed, it is there twice.
+        Ok(()) => fs::remove_file(from),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
+        // Some file systems have no links.
+        Err(_) if fs::symlink_metadata(to).is_ok() => Err(io::ErrorKind::AlreadyExists.into()),
+        Err(_) => fs::rename(from, to),
+    }
+}
+
+/// Whether both paths lead to one file, be it by links.
+pub(crate) fn same_file(one: &Path, other: &Path) -> bool {
+    fs::metadata(one).is_ok_and(|one| is_at(&one, other))
+}
+
+/// Whether `path` leads to this file.
+pub(crate) fn is_at(file: &fs::Metadata, path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|found| (found.dev(), found.ino()) == (file.dev(), file.ino()))
+}
+
+/// What a file is, in words.
+pub(crate) fn file_kind(kind: FileType) -> &'static str {
+    match kind {
+        kind if kind.is_dir() => "a folder",
+        kind if kind.is_fifo() => "a named pipe",
+        kind if kind.is_char_device() => "a character device",
+        kind if kind.is_block_device() => "a block device",
+        kind if kind.is_socket() => "a socket",
+        _ => "a regular file",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    /// What is in the folder, by name.
+    fn names(folder: &Path) -> Vec<String> {
+        let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<_> = names.collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_has_its_name_when_it_is_published() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let (mut staged, mut file) = Staged::create(&path, Existing::Refuse).unwrap();
+        file.write_all(b"whole").unwrap();
+        // A process that is killed here leaves no file of that name.
+        assert!(!path.exists());
+        staged.publish().unwrap();
+        staged.publish().unwrap();
+        drop(staged);
+        assert_eq!((names(folder.path()), fs::read(&path).unwrap()), (vec![String::from("file")], b"whole".to_vec()));
+    }
+
+    #[test]
+    fn a_name_that_is_taken_meanwhile_stays_with_whom_took_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let (mut staged, _file) = Staged::create(&path, Existing::Refuse).unwrap();
+        fs::write(&path, "another").unwrap();
+        assert_eq!(staged.publish().unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        drop(staged);
+        assert_eq!((names(folder.path()), fs::read(&path).unwrap()), (vec![String::from("file")], b"another".to_vec()));
+        let (growing, _file) = Staged::create_growing(&folder.path().join("growing"), Existing::Refuse).unwrap();
+        fs::remove_file(folder.path().join("growing")).unwrap();
+        fs::write(folder.path().join("growing"), "another").unwrap();
+        drop(growing);
+        assert_eq!(names(folder.path()), ["file", "growing"]);
+    }
+
+    #[test]
+    fn behind_a_link_the_file_is_replaced_that_it_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("file"), folder.path().join("link"));
+        fs::write(&path, "old").unwrap();
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        for create in [Staged::create, Staged::create_growing] {
+            assert_eq!(create(&link, Existing::Refuse).err().unwrap().kind(), io::ErrorKind::AlreadyExists);
+            let (mut staged, mut file) = create(&link, Existing::Overwrite).unwrap();
+            file.write_all(b"new").unwrap();
+            staged.publish().unwrap();
+            assert_eq!(
+                (names(folder.path()), fs::read(&path).unwrap()),
+                (vec![String::from("file"), String::from("link")], b"new".to_vec())
+            );
+        }
+    }
+}
