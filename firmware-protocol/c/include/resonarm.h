@@ -8,6 +8,9 @@
  *
  * A double must be an IEEE 754 binary64 and a float a binary32, computed without excess precision, without -ffast-math,
  * and rounded to nearest.
+ *
+ * With RESONARM_CLASSIC_ONLY defined, the same for every file that includes this one, the library is built without the FD
+ * profile: it makes no network of it, and frames have 8 bytes.
  */
 #ifndef RESONARM_H
 #define RESONARM_H
@@ -17,6 +20,16 @@
 #include <stdint.h>
 
 #include "resonarm_config.h"
+
+/** @name Version of this library, which is that of the crate resonarm-protocol. The protocol has a version of its own,
+ * RESONARM_PROTOCOL_VERSION. */
+/**@{*/
+#define RESONARM_VERSION_MAJOR 0
+#define RESONARM_VERSION_MINOR 1
+#define RESONARM_VERSION_PATCH 0
+/** The same as text. */
+#define RESONARM_VERSION "0.1.0"
+/**@}*/
 
 #ifdef __cplusplus
 extern "C" {
@@ -45,7 +58,8 @@ typedef enum {
     RESONARM_BASE_OUT_OF_RANGE,    /**< The base is not in RESONARM_BASE_MIN to RESONARM_BASE_MAX. */
     RESONARM_BASE_UNALIGNED,       /**< The base is not a multiple of 0x10. */
     RESONARM_NODE_ID_OUT_OF_RANGE, /**< A node id is not in 1 to RESONARM_NODE_ID_MAX. */
-    RESONARM_SAME_NODE_ID          /**< Both nodes have the same node id. */
+    RESONARM_SAME_NODE_ID,         /**< Both nodes have the same node id. */
+    RESONARM_PROFILE_NOT_BUILT     /**< The library is built without the FD profile. */
 } resonarm_network_check;
 
 /** Checks a base identifier and two node ids, by default 1 and 2, and makes the network of them if it is possible. */
@@ -96,7 +110,11 @@ typedef enum { RESONARM_ID_STANDARD, RESONARM_ID_EXTENDED } resonarm_id_format;
 /** The format of a frame (ISO 11898-1). */
 typedef enum { RESONARM_FRAME_CLASSIC, RESONARM_FRAME_REMOTE, RESONARM_FRAME_FD } resonarm_frame_format;
 /** Most bytes in a frame. */
+#ifdef RESONARM_CLASSIC_ONLY
+#define RESONARM_FRAME_BYTES 8
+#else
 #define RESONARM_FRAME_BYTES 64
+#endif
 
 /** The format of the frames of this kind in a profile. */
 resonarm_frame_format resonarm_format(resonarm_profile profile, resonarm_kind kind);
@@ -106,7 +124,7 @@ typedef struct {
     uint32_t id; /**< 11 or 29 bits. */
     resonarm_id_format id_format;
     resonarm_frame_format format;
-    uint8_t length; /**< Bytes in `data`: 0 to 8, in CAN FD to 64. */
+    uint8_t length; /**< Bytes in `data`: 0 to 8, in CAN FD to 64; more than RESONARM_FRAME_BYTES is refused. */
     uint8_t data[RESONARM_FRAME_BYTES];
 } resonarm_frame;
 
@@ -253,9 +271,11 @@ typedef struct {
         resonarm_hello hello;               /**< Of both nodes. */
         resonarm_state state;               /**< Of both heartbeats. */
         resonarm_emergency emergency;       /**< Of both nodes. */
+#ifndef RESONARM_CLASSIC_ONLY
         resonarm_sensors sensors;
         resonarm_sensor_pair pair;
         resonarm_capabilities capabilities; /**< Of both nodes. */
+#endif
     } content;
 } resonarm_message;
 

@@ -93,7 +93,11 @@ typedef struct {
 
 /** @cond the members of resonarm_exciter */
 /* Bytes in the longest message of an exciter. */
+#ifdef RESONARM_CLASSIC_ONLY
+#define RESONARM_EXCITER_BYTES_ 8
+#else
 #define RESONARM_EXCITER_BYTES_ 16
+#endif
 
 typedef struct {
     uint64_t look_period_ns;

@@ -2,7 +2,7 @@
 
 #include "scaling.h"
 
-const axes_coding *axes_coding_of(resonarm_kind kind)
+const axes_coding *resonarm_axes_coding_of(resonarm_kind kind)
 {
     static const axes_coding force = {{"force_x_n", "force_y_n"}, RESONARM_COUNTS_PER_N};
     static const axes_coding torque = {{"torque1_nm", "torque2_nm"}, RESONARM_COUNTS_PER_NM};
@@ -21,12 +21,12 @@ const axes_coding *axes_coding_of(resonarm_kind kind)
     }
 }
 
-bool axes_are_measured(resonarm_kind kind)
+bool resonarm_axes_are_measured(resonarm_kind kind)
 {
     return kind == RESONARM_IMPEDANCE_HEAD || kind == RESONARM_ACCELEROMETER_B || kind == RESONARM_ACCELEROMETER_C;
 }
 
-axes axes_of(const resonarm_message *message)
+axes resonarm_axes_of(const resonarm_message *message)
 {
     if (message->kind == RESONARM_FORCE_COMMAND) {
         const resonarm_force_command *c = &message->content.force;
@@ -44,7 +44,7 @@ axes axes_of(const resonarm_message *message)
     return (axes){{a->acceleration_x_m_s2, a->acceleration_y_m_s2}, {a->x_saturated, a->y_saturated}, a->sample};
 }
 
-resonarm_message axes_message(resonarm_kind kind, const axes *values)
+resonarm_message resonarm_axes_message(resonarm_kind kind, const axes *values)
 {
     const double x = values->values[0], y = values->values[1];
     const bool x_saturated = values->saturated[0], y_saturated = values->saturated[1];

@@ -23,15 +23,15 @@ typedef struct {
 } axes;
 
 /** The coding of a kind with two physical values; NULL of any other. */
-const axes_coding *axes_coding_of(resonarm_kind kind);
+const axes_coding *resonarm_axes_coding_of(resonarm_kind kind);
 
 /** Whether the kind is a sensor message: saturated values are cut and flagged. */
-bool axes_are_measured(resonarm_kind kind);
+bool resonarm_axes_are_measured(resonarm_kind kind);
 
 /** The values of a message with two. */
-axes axes_of(const resonarm_message *message);
+axes resonarm_axes_of(const resonarm_message *message);
 
 /** The message of this kind with these values. */
-resonarm_message axes_message(resonarm_kind kind, const axes *values);
+resonarm_message resonarm_axes_message(resonarm_kind kind, const axes *values);
 
 #endif

@@ -27,8 +27,8 @@ static resonarm_receipt check_flags(resonarm_kind kind, const uint8_t *data, uns
 
 static resonarm_receipt decode_axes(resonarm_kind kind, const uint8_t *data, resonarm_message *message)
 {
-    const axes_coding *coding = axes_coding_of(kind);
-    const unsigned used = axes_are_measured(kind) ? FLAG_X_SATURATED | FLAG_Y_SATURATED : 0u;
+    const axes_coding *coding = resonarm_axes_coding_of(kind);
+    const unsigned used = resonarm_axes_are_measured(kind) ? FLAG_X_SATURATED | FLAG_Y_SATURATED : 0u;
     resonarm_receipt receipt = check_flags(kind, data, used);
     axes values = {
         .saturated = {(data[1] & FLAG_X_SATURATED) != 0, (data[1] & FLAG_Y_SATURATED) != 0},
@@ -40,9 +40,9 @@ static resonarm_receipt decode_axes(resonarm_kind kind, const uint8_t *data, res
         if (count == COUNT_NOT_AVAILABLE) {
             return (resonarm_receipt){RESONARM_NOT_AVAILABLE, kind, coding->signals[axis], 0, 0};
         }
-        values.values[axis] = value_of((int16_t)count, coding->counts_per_unit);
+        values.values[axis] = resonarm_value_of((int16_t)count, coding->counts_per_unit);
     }
-    *message = axes_message(kind, &values);
+    *message = resonarm_axes_message(kind, &values);
     return receipt;
 }
 
@@ -137,25 +137,51 @@ static resonarm_receipt decode_classic(resonarm_kind kind, const uint8_t *data, 
     }
 }
 
-/* CRC, then counter. */
-static resonarm_receipt check_protection(
-    resonarm_receiver *receiver, resonarm_kind kind, const uint8_t *data, size_t length)
+/* The content of a frame whose form and protection are right. */
+static resonarm_receipt decode_content(resonarm_kind kind, const resonarm_frame *frame, resonarm_message *message)
 {
-    const resonarm_network network = receiver->network;
-    const bool is_fd = resonarm_format(network.profile, kind) == RESONARM_FRAME_FD;
+#ifndef RESONARM_CLASSIC_ONLY
+    if (frame->format == RESONARM_FRAME_FD) {
+        return resonarm_fd_decode(kind, frame->data, message);
+    }
+#endif
+    return decode_classic(kind, frame->data, message);
+}
+
+/* What protects a frame: the CRC that came, the one that belongs there, and the counter. */
+typedef struct {
+    uint16_t got;
+    uint16_t crc;
+    uint8_t counter;
+    uint8_t counter_max;
+} protection;
+
+static protection protection_of(const resonarm_network network, resonarm_kind kind, const resonarm_frame *frame)
+{
     const uint16_t data_id = resonarm_data_id(network, kind);
-    const uint16_t crc = is_fd ? e2e_p5_crc(data_id, data, length) : e2e_p11_crc(data_id, data);
-    const uint16_t got = is_fd ? get_u16(data) : data[0];
-    if (crc != got) {
-        return (resonarm_receipt){RESONARM_BAD_CRC, kind, NULL, got, crc};
+    const uint8_t *data = frame->data;
+#ifndef RESONARM_CLASSIC_ONLY
+    if (frame->format == RESONARM_FRAME_FD) {
+        const uint16_t crc = resonarm_e2e_p5_crc(data_id, data, frame->length);
+        return (protection){get_u16(data), crc, data[2], E2E_P5_COUNTER_MAX};
+    }
+#endif
+    return (protection){data[0], resonarm_e2e_p11_crc(data_id, data), data[1] & 0xFu, E2E_P11_COUNTER_MAX};
+}
+
+/* CRC, then counter. */
+static resonarm_receipt check_protection(resonarm_receiver *receiver, resonarm_kind kind, const resonarm_frame *frame)
+{
+    const protection found = protection_of(receiver->network, kind, frame);
+    if (found.crc != found.got) {
+        return (resonarm_receipt){RESONARM_BAD_CRC, kind, NULL, found.got, found.crc};
     }
     uint8_t lost;
     resonarm_supervision *supervision = &receiver->supervisions[kind];
-    const uint8_t last = supervision->last, counter = is_fd ? data[2] : data[1] & 0xFu;
-    const uint8_t counter_max = is_fd ? E2E_P5_COUNTER_MAX : E2E_P11_COUNTER_MAX;
-    const resonarm_verdict verdict = e2e_supervise(supervision, counter, counter_max, &lost);
+    const uint8_t last = supervision->last;
+    const resonarm_verdict verdict = resonarm_e2e_supervise(supervision, found.counter, found.counter_max, &lost);
     receiver->lost += lost;
-    return (resonarm_receipt){verdict, kind, NULL, counter, verdict == RESONARM_WRONG_SEQUENCE ? last : 0};
+    return (resonarm_receipt){verdict, kind, NULL, found.counter, verdict == RESONARM_WRONG_SEQUENCE ? last : 0};
 }
 
 static void restart(resonarm_receiver *receiver, resonarm_node node)
@@ -202,15 +228,13 @@ resonarm_receipt resonarm_accept(resonarm_receiver *receiver, const resonarm_fra
         return (resonarm_receipt){RESONARM_BAD_LENGTH, kind, NULL, frame->length, length};
     }
     if (resonarm_data_id(receiver->network, kind) != 0) {
-        const resonarm_receipt protection = check_protection(receiver, kind, frame->data, length);
+        const resonarm_receipt protection = check_protection(receiver, kind, frame);
         if (protection.verdict != RESONARM_ACCEPTED) {
             return protection;
         }
     }
     resonarm_message decoded = {.kind = kind};
-    const bool is_fd = format == RESONARM_FRAME_FD;
-    const resonarm_receipt receipt =
-        is_fd ? fd_decode(kind, frame->data, &decoded) : decode_classic(kind, frame->data, &decoded);
+    const resonarm_receipt receipt = decode_content(kind, frame, &decoded);
     if (receipt.verdict != RESONARM_ACCEPTED) {
         return receipt;
     }

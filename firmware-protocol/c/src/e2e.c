@@ -14,7 +14,7 @@ static uint8_t crc_of(uint8_t crc, uint8_t byte)
     return (uint8_t)remainder;
 }
 
-uint8_t e2e_p11_crc(uint16_t data_id, const uint8_t *data)
+uint8_t resonarm_e2e_p11_crc(uint16_t data_id, const uint8_t *data)
 {
     uint8_t crc = crc_of(crc_of(0, (uint8_t)(data_id & 0xFFu)), (uint8_t)(data_id >> 8));
     for (size_t i = 1; i < E2E_P11_BYTES; i++) {
@@ -22,6 +22,8 @@ uint8_t e2e_p11_crc(uint16_t data_id, const uint8_t *data)
     }
     return crc;
 }
+
+#ifndef RESONARM_CLASSIC_ONLY
 
 /*
  * The polynomial is x^16 + x^12 + x^5 + 1, most significant bit first, start 0xFFFF, no final XOR. Four bits at a time:
@@ -37,7 +39,7 @@ static uint16_t crc16_of(uint16_t crc, uint8_t byte)
     return (uint16_t)remainder;
 }
 
-uint16_t e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t length)
+uint16_t resonarm_e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t length)
 {
     uint16_t crc = 0xFFFFu;
     for (size_t i = 2; i < length; i++) {
@@ -46,12 +48,14 @@ uint16_t e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t length)
     return crc16_of(crc16_of(crc, (uint8_t)(data_id & 0xFFu)), (uint8_t)(data_id >> 8));
 }
 
-uint8_t e2e_counter_after(uint8_t counter, uint8_t counter_max)
+#endif
+
+uint8_t resonarm_e2e_counter_after(uint8_t counter, uint8_t counter_max)
 {
     return counter >= counter_max ? 0 : (uint8_t)(counter + 1);
 }
 
-resonarm_verdict e2e_supervise(
+resonarm_verdict resonarm_e2e_supervise(
     resonarm_supervision *supervision, uint8_t counter, uint8_t counter_max, uint8_t *lost)
 {
     *lost = 0;

@@ -14,16 +14,16 @@
 #define E2E_P11_BYTES 8u
 
 /** The CRC of a frame of eight bytes, without its byte 0, under a data id. */
-uint8_t e2e_p11_crc(uint16_t data_id, const uint8_t *data);
+uint8_t resonarm_e2e_p11_crc(uint16_t data_id, const uint8_t *data);
 
 /** The CRC of a frame of `length` bytes, 2 or more, without its bytes 0 and 1, under a data id. */
-uint16_t e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t length);
+uint16_t resonarm_e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t length);
 
 /** The counter after this one. */
-uint8_t e2e_counter_after(uint8_t counter, uint8_t counter_max);
+uint8_t resonarm_e2e_counter_after(uint8_t counter, uint8_t counter_max);
 
 /** Judges a counter: accepted with the number of frames lost before it, or the verdict that refuses it. */
-resonarm_verdict e2e_supervise(
+resonarm_verdict resonarm_e2e_supervise(
     resonarm_supervision *supervision, uint8_t counter, uint8_t counter_max, uint8_t *lost);
 
 #endif

@@ -11,14 +11,14 @@ static const resonarm_encoding sendable = {RESONARM_SENDABLE, NULL, 0.0, 0.0, 0.
 static resonarm_encoding encode_axes(const resonarm_message *message, uint8_t *data)
 {
     static const uint8_t flags[2] = {FLAG_X_SATURATED, FLAG_Y_SATURATED};
-    const axes_coding *coding = axes_coding_of(message->kind);
-    const bool is_measured = axes_are_measured(message->kind);
-    const axes values = axes_of(message);
-    const double limit = value_of(RESONARM_COUNT_MAX, coding->counts_per_unit);
+    const axes_coding *coding = resonarm_axes_coding_of(message->kind);
+    const bool is_measured = resonarm_axes_are_measured(message->kind);
+    const axes values = resonarm_axes_of(message);
+    const double limit = resonarm_value_of(RESONARM_COUNT_MAX, coding->counts_per_unit);
     for (size_t axis = 0; axis < 2; axis++) {
         int16_t count;
         const double got = values.values[axis];
-        const count_range range = count_of(got, coding->counts_per_unit, &count);
+        const count_range range = resonarm_count_of(got, coding->counts_per_unit, &count);
         if (range == COUNT_NOT_FINITE) {
             return (resonarm_encoding){RESONARM_NOT_FINITE, coding->signals[axis], got, -limit, limit};
         }
@@ -116,7 +116,7 @@ static resonarm_encoding encode_classic(const resonarm_message *message, uint8_t
     }
 }
 
-resonarm_encoding encode_content(resonarm_profile profile, const resonarm_message *message, uint8_t *content)
+resonarm_encoding resonarm_encode_content(resonarm_profile profile, const resonarm_message *message, uint8_t *content)
 {
     const resonarm_kind kind = message->kind;
     if ((unsigned)kind >= RESONARM_KINDS) {
@@ -125,11 +125,15 @@ resonarm_encoding encode_content(resonarm_profile profile, const resonarm_messag
     if (resonarm_length(profile, kind) == 0) {
         return (resonarm_encoding){RESONARM_NOT_SENT, NULL, 0.0, 0.0, 0.0};
     }
-    const bool is_fd = resonarm_format(profile, kind) == RESONARM_FRAME_FD;
-    return is_fd ? fd_encode(message, content) : encode_classic(message, content);
+#ifndef RESONARM_CLASSIC_ONLY
+    if (resonarm_format(profile, kind) == RESONARM_FRAME_FD) {
+        return resonarm_fd_encode(message, content);
+    }
+#endif
+    return encode_classic(message, content);
 }
 
-void encode_frame(
+void resonarm_encode_frame(
     const resonarm_transmitter *transmitter, resonarm_kind kind, const uint8_t *content, resonarm_frame *frame)
 {
     const resonarm_network network = transmitter->network;
@@ -144,12 +148,16 @@ void encode_frame(
     for (size_t i = 0; i < frame->length; i++) {
         frame->data[i] = content[i];
     }
+#ifndef RESONARM_CLASSIC_ONLY
     if (frame->format == RESONARM_FRAME_FD) {
         frame->data[2] = counter;
-        put_u16(frame->data, e2e_p5_crc(data_id, frame->data, frame->length));
-    } else if (data_id != 0) {
+        put_u16(frame->data, resonarm_e2e_p5_crc(data_id, frame->data, frame->length));
+        return;
+    }
+#endif
+    if (data_id != 0) {
         frame->data[1] |= counter;
-        frame->data[0] = e2e_p11_crc(data_id, frame->data);
+        frame->data[0] = resonarm_e2e_p11_crc(data_id, frame->data);
     }
 }
 
@@ -162,9 +170,9 @@ resonarm_encoding resonarm_encode(
     const resonarm_transmitter *transmitter, const resonarm_message *message, resonarm_frame *frame)
 {
     uint8_t content[RESONARM_FRAME_BYTES] = {0};
-    const resonarm_encoding encoding = encode_content(transmitter->network.profile, message, content);
+    const resonarm_encoding encoding = resonarm_encode_content(transmitter->network.profile, message, content);
     if (encoding.reason == RESONARM_SENDABLE) {
-        encode_frame(transmitter, message->kind, content, frame);
+        resonarm_encode_frame(transmitter, message->kind, content, frame);
     }
     return encoding;
 }
@@ -173,5 +181,5 @@ void resonarm_frame_taken(resonarm_transmitter *transmitter, resonarm_kind kind)
 {
     const bool is_fd = resonarm_format(transmitter->network.profile, kind) == RESONARM_FRAME_FD;
     const uint8_t counter_max = is_fd ? E2E_P5_COUNTER_MAX : E2E_P11_COUNTER_MAX;
-    transmitter->counters[kind] = e2e_counter_after(transmitter->counters[kind], counter_max);
+    transmitter->counters[kind] = resonarm_e2e_counter_after(transmitter->counters[kind], counter_max);
 }

@@ -28,14 +28,14 @@ static void send_emergency(resonarm_exciter *exciter, resonarm_code code, uint16
 {
     resonarm_message message = {.kind = RESONARM_EXCITER_EMERGENCY};
     message.content.emergency = (resonarm_emergency){code, detail, exciter->sequence.last};
-    (void)link_send(&exciter->link, &message);
+    (void)resonarm_link_send(&exciter->link, &message);
 }
 
 static void request(resonarm_exciter *exciter, resonarm_request what)
 {
     resonarm_message message = {.kind = RESONARM_OPERATOR_COMMAND};
     message.content.operator_command = (resonarm_operator_command){what, RESONARM_PLANT};
-    (void)link_send(&exciter->link, &message);
+    (void)resonarm_link_send(&exciter->link, &message);
 }
 
 static void end(resonarm_exciter *exciter, resonarm_outcome outcome)
@@ -59,7 +59,7 @@ static void fault(resonarm_exciter *exciter, uint64_t now_ns, resonarm_code code
     }
     const resonarm_emergency emergency = {code, detail, exciter->sequence.last};
     send_emergency(exciter, code, detail);
-    link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
+    resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
     end_by(exciter, RESONARM_EXCITER, &emergency);
 }
 
@@ -67,19 +67,19 @@ static void disarm(resonarm_exciter *exciter, uint64_t now_ns, resonarm_outcome 
 {
     exciter->phase = RESONARM_DISARMING_;
     exciter->outcome = outcome;
-    exciter->retry_at_ns = saturating_sum(now_ns, RESONARM_RETRY_NS);
+    exciter->retry_at_ns = resonarm_saturating_sum(now_ns, RESONARM_RETRY_NS);
     request(exciter, RESONARM_DISARM);
-    link_transition(&exciter->link, now_ns, RESONARM_EVENT_DISARM);
+    resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_DISARM);
 }
 
 /* The plant arms only after a hello that fits (section 5), and leaves a fault only by a reset. */
 static void ask_for_arming(resonarm_exciter *exciter, uint64_t now_ns)
 {
-    exciter->retry_at_ns = saturating_sum(now_ns, RESONARM_RETRY_NS);
+    exciter->retry_at_ns = resonarm_saturating_sum(now_ns, RESONARM_RETRY_NS);
     if (!exciter->has_plant_hello) {
         return;
     }
-    link_send_hello(&exciter->link, now_ns);
+    resonarm_link_send_hello(&exciter->link, now_ns);
     if (exciter->has_plant_state && exciter->plant_state == RESONARM_FAULT) {
         request(exciter, RESONARM_RESET);
     }
@@ -98,7 +98,7 @@ static void greet(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_hel
     if (is_new && exciter->phase == RESONARM_ARMING_) {
         ask_for_arming(exciter, now_ns);
     } else if (is_new) {
-        link_send_hello(&exciter->link, now_ns);
+        resonarm_link_send_hello(&exciter->link, now_ns);
     }
 }
 
@@ -124,7 +124,7 @@ static void watch(resonarm_exciter *exciter, uint64_t now_ns, resonarm_state sta
         if (state == RESONARM_OPERATIONAL && exciter->has_plant_hello) {
             exciter->phase = RESONARM_PLAYING_;
             exciter->sample_heard_ns = exciter->link.listening.listened_ns;
-            link_transition(&exciter->link, now_ns, RESONARM_EVENT_ARM);
+            resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_ARM);
         }
         break;
     case RESONARM_PLAYING_:
@@ -147,7 +147,7 @@ static void part(resonarm_exciter *exciter, uint64_t now_ns)
     exciter->has_plant_state = false;
     if (exciter->phase == RESONARM_PLAYING_) {
         end(exciter, RESONARM_PLANT_LEFT);
-        link_transition(&exciter->link, now_ns, RESONARM_EVENT_DISARM);
+        resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_DISARM);
     } else if (exciter->phase == RESONARM_DISARMING_) {
         end(exciter, exciter->outcome);
     }
@@ -162,7 +162,7 @@ static void heed_fault(resonarm_exciter *exciter, uint64_t now_ns, const resonar
     }
     const bool is_arming = exciter->phase == RESONARM_ARMING_;
     if (exciter->phase == RESONARM_PLAYING_ || (is_arming && is_incompatible)) {
-        link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
+        resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
         end_by(exciter, RESONARM_PLANT, emergency);
     }
 }
@@ -188,7 +188,7 @@ static void command(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_a
         message.kind = RESONARM_FORCE_COMMAND;
         message.content.force = (resonarm_force_command){answer->force_x_n, answer->force_y_n, index};
     }
-    if (!link_send(&exciter->link, &message)) {
+    if (!resonarm_link_send(&exciter->link, &message)) {
         fault(exciter, now_ns, RESONARM_COMMAND_OUT_OF_RANGE, 0);
     }
 }
@@ -197,7 +197,7 @@ static void command(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_a
 static bool is_fresh(resonarm_exciter *exciter, uint64_t now_ns, uint16_t index)
 {
     uint16_t ahead;
-    switch (sequence_judge(&exciter->sequence, index, &ahead)) {
+    switch (resonarm_sequence_judge(&exciter->sequence, index, &ahead)) {
     case SEQUENCE_STALE:
         return false;
     case SEQUENCE_BROKEN:
@@ -250,6 +250,7 @@ static void complete_sample(resonarm_exciter *exciter, uint64_t now_ns, const re
     }
 }
 
+#ifndef RESONARM_CLASSIC_ONLY
 /* In the FD profile a frame has one or two whole samples, the first of this index. The last of them is answered: a
  * command for the first of two would come too late. */
 static void take_samples(
@@ -258,12 +259,13 @@ static void take_samples(
     for (size_t i = 0; i < count; i++) {
         resonarm_answer given;
         const uint16_t index = (uint16_t)(first + i);
-        resonarm_sample sample = readings_sample(&readings[i], index);
+        resonarm_sample sample = resonarm_readings_sample(&readings[i], index);
         if (answer(exciter, now_ns, &sample, index, &given) && i + 1 == count) {
             command(exciter, now_ns, &given, index);
         }
     }
 }
+#endif
 
 static void tell_leave(resonarm_exciter *exciter)
 {
@@ -276,20 +278,20 @@ static void tell_leave(resonarm_exciter *exciter)
 void resonarm_exciter_init(resonarm_exciter *exciter, const resonarm_exciter_config *config)
 {
     *exciter = (resonarm_exciter){.answer = config->answer, .context = config->context};
-    exciter->sequence = sequence_new(config->rate_hz);
-    link_init(&exciter->link, config);
+    exciter->sequence = resonarm_sequence_new(config->rate_hz);
+    resonarm_link_init(&exciter->link, config);
 }
 
 void resonarm_exciter_start(resonarm_exciter *exciter, uint64_t now_ns)
 {
-    link_start(&exciter->link, now_ns);
+    resonarm_link_start(&exciter->link, now_ns);
     exciter->retry_at_ns = now_ns;
 }
 
 void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_frame *frame)
 {
     resonarm_message message;
-    if (!link_accept(&exciter->link, now_ns, frame, &message)) {
+    if (!resonarm_link_accept(&exciter->link, now_ns, frame, &message)) {
         if (exciter->link.second_sender != 0) {
             fault(exciter, now_ns, RESONARM_SECOND_SENDER, exciter->link.second_sender);
             exciter->link.second_sender = 0;
@@ -317,12 +319,14 @@ void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, c
     case RESONARM_ACCELEROMETER_C:
         complete_sample(exciter, now_ns, &message.content.acceleration);
         break;
+#ifndef RESONARM_CLASSIC_ONLY
     case RESONARM_SENSORS:
         take_samples(exciter, now_ns, &message.content.sensors.readings, 1, message.content.sensors.sample);
         break;
     case RESONARM_SENSOR_PAIR:
         take_samples(exciter, now_ns, message.content.pair.readings, 2, message.content.pair.sample);
         break;
+#endif
     default:
         break;
     }
@@ -332,22 +336,22 @@ void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, c
 static bool is_sensor_lost(const resonarm_exciter *exciter)
 {
     const resonarm_link_ *link = &exciter->link;
-    return listening_has_passed(&link->listening, exciter->sample_heard_ns, link->timing.partner_timeout_ns);
+    return resonarm_listening_has_passed(&link->listening, exciter->sample_heard_ns, link->timing.partner_timeout_ns);
 }
 
 void resonarm_exciter_handle_deadline(resonarm_exciter *exciter, uint64_t now_ns)
 {
     resonarm_link_ *link = &exciter->link;
-    link_handle_deadline(link, now_ns);
+    resonarm_link_handle_deadline(link, now_ns);
     const bool is_retry_due = now_ns >= exciter->retry_at_ns;
     if (exciter->phase == RESONARM_ARMING_ && is_retry_due) {
         ask_for_arming(exciter, now_ns);
-    } else if (exciter->phase == RESONARM_DISARMING_ && link_is_partner_lost(link)) {
+    } else if (exciter->phase == RESONARM_DISARMING_ && resonarm_link_is_partner_lost(link)) {
         fault(exciter, now_ns, RESONARM_HEARTBEAT_LOST, RESONARM_PLANT);
     } else if (exciter->phase == RESONARM_DISARMING_ && is_retry_due) {
         disarm(exciter, now_ns, exciter->outcome);
-    } else if (exciter->phase == RESONARM_PLAYING_ && link_is_jammed(link)) {
-        fault(exciter, now_ns, RESONARM_BUS_LOSS, link_not_sent(link));
+    } else if (exciter->phase == RESONARM_PLAYING_ && resonarm_link_is_jammed(link)) {
+        fault(exciter, now_ns, RESONARM_BUS_LOSS, resonarm_link_not_sent(link));
     } else if (exciter->phase == RESONARM_PLAYING_ && is_sensor_lost(exciter)) {
         fault(exciter, now_ns, RESONARM_SENSOR_TIMEOUT, exciter->sequence.last);
     }
@@ -357,18 +361,18 @@ void resonarm_exciter_handle_deadline(resonarm_exciter *exciter, uint64_t now_ns
 uint64_t resonarm_exciter_next_deadline_ns(const resonarm_exciter *exciter)
 {
     const resonarm_link_ *link = &exciter->link;
-    const uint64_t due_ns = earlier(link->heartbeat_at_ns, link->hello_at_ns);
+    const uint64_t due_ns = resonarm_earlier(link->heartbeat_at_ns, link->hello_at_ns);
     const uint64_t timeout_ns = link->timing.partner_timeout_ns;
     uint64_t look_ns;
     switch (exciter->phase) {
     case RESONARM_ARMING_:
-        return earlier(due_ns, exciter->retry_at_ns);
+        return resonarm_earlier(due_ns, exciter->retry_at_ns);
     case RESONARM_PLAYING_:
-        look_ns = listening_next_look_ns(&link->listening, exciter->sample_heard_ns, timeout_ns);
-        return earlier(due_ns, look_ns);
+        look_ns = resonarm_listening_next_look_ns(&link->listening, exciter->sample_heard_ns, timeout_ns);
+        return resonarm_earlier(due_ns, look_ns);
     case RESONARM_DISARMING_:
-        look_ns = listening_next_look_ns(&link->listening, link->partner_heard_ns, timeout_ns);
-        return earlier(earlier(due_ns, look_ns), exciter->retry_at_ns);
+        look_ns = resonarm_listening_next_look_ns(&link->listening, link->partner_heard_ns, timeout_ns);
+        return resonarm_earlier(resonarm_earlier(due_ns, look_ns), exciter->retry_at_ns);
     case RESONARM_DONE_:
         break;
     }
@@ -377,18 +381,18 @@ uint64_t resonarm_exciter_next_deadline_ns(const resonarm_exciter *exciter)
 
 bool resonarm_exciter_next_frame(const resonarm_exciter *exciter, resonarm_frame *frame)
 {
-    return link_next_frame(&exciter->link, frame);
+    return resonarm_link_next_frame(&exciter->link, frame);
 }
 
 void resonarm_exciter_frame_sent(resonarm_exciter *exciter)
 {
-    link_frame_sent(&exciter->link);
+    resonarm_link_frame_sent(&exciter->link);
 }
 
 void resonarm_exciter_bus_lost(resonarm_exciter *exciter, uint64_t now_ns)
 {
     if (exciter->phase == RESONARM_PLAYING_) {
-        fault(exciter, now_ns, RESONARM_BUS_LOSS, link_not_sent(&exciter->link));
+        fault(exciter, now_ns, RESONARM_BUS_LOSS, resonarm_link_not_sent(&exciter->link));
     }
 }
 
@@ -418,20 +422,20 @@ bool resonarm_exciter_rearm(resonarm_exciter *exciter, uint64_t now_ns)
     if (!has_faulted || exciter->leave != RESONARM_STAY_) {
         return false;
     }
-    link_transition(&exciter->link, now_ns, RESONARM_EVENT_RESET);
+    resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_RESET);
     exciter->phase = RESONARM_ARMING_;
     /* By then it has heard the plant's state after what went wrong. */
-    exciter->retry_at_ns = saturating_sum(now_ns, RESONARM_RETRY_NS);
+    exciter->retry_at_ns = resonarm_saturating_sum(now_ns, RESONARM_RETRY_NS);
     exciter->has_head = false;
     exciter->has_b = false;
     exciter->samples_answered = 0;
-    exciter->sequence = sequence_new(exciter->link.hello.rate_hz);
+    exciter->sequence = resonarm_sequence_new(exciter->link.hello.rate_hz);
     return true;
 }
 
 bool resonarm_exciter_is_quiet(const resonarm_exciter *exciter)
 {
-    return exciter->phase == RESONARM_DONE_ && outbox_waiting(&exciter->link.outbox) == 0;
+    return exciter->phase == RESONARM_DONE_ && resonarm_outbox_waiting(&exciter->link.outbox) == 0;
 }
 
 resonarm_report resonarm_exciter_report(const resonarm_exciter *exciter)

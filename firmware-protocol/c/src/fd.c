@@ -4,6 +4,8 @@
 #include "bytes.h"
 #include "single.h"
 
+#ifndef RESONARM_CLASSIC_ONLY
+
 /* Places in a frame: CRC and counter in the bytes 0 to 2, then these. */
 enum { FLAGS = 3, SAMPLES_PER_FRAME = 3, SAMPLE = 4, SECOND_FLAGS = 6, SINGLES = 8, SECOND_SINGLES = 32 };
 /* Bytes of SensorPair, of which the last are zero. */
@@ -31,7 +33,7 @@ static resonarm_encoding sendable(void)
 /* A value that is never cut. */
 static resonarm_encoding put_commanded(uint8_t *at, const char *signal, double value)
 {
-    switch (put_single(at, value)) {
+    switch (resonarm_put_single(at, value)) {
     case SINGLE_NOT_FINITE:
         return refused(RESONARM_NOT_FINITE, signal, value);
     case SINGLE_BEYOND:
@@ -44,8 +46,8 @@ static resonarm_encoding put_commanded(uint8_t *at, const char *signal, double v
 
 static resonarm_encoding encode_command(const resonarm_message *message, uint8_t *content)
 {
-    const axes_coding *coding = axes_coding_of(message->kind);
-    const axes values = axes_of(message);
+    const axes_coding *coding = resonarm_axes_coding_of(message->kind);
+    const axes values = resonarm_axes_of(message);
     resonarm_encoding encoding = sendable();
     put_u16(content + SAMPLE, values.sample);
     for (size_t axis = 0; axis < 2 && encoding.reason == RESONARM_SENDABLE; axis++) {
@@ -58,7 +60,7 @@ static resonarm_encoding encode_command(const resonarm_message *message, uint8_t
 static resonarm_encoding encode_readings(const resonarm_readings *readings, uint8_t *singles, uint8_t *flags)
 {
     for (size_t i = 0; i < RESONARM_READINGS; i++) {
-        const single_range range = put_single(singles + SINGLE_BYTES * i, readings->values[i]);
+        const single_range range = resonarm_put_single(singles + SINGLE_BYTES * i, readings->values[i]);
         if (range == SINGLE_NOT_FINITE) {
             return refused(RESONARM_NOT_FINITE, reading_names[i], readings->values[i]);
         }
@@ -94,14 +96,14 @@ static resonarm_encoding encode_capabilities(const resonarm_capabilities *capabi
         if (encoding.reason != RESONARM_SENDABLE) {
             return encoding;
         }
-        if (get_single(at, &rounded) && rounded < 0.0) {
+        if (resonarm_get_single(at, &rounded) && rounded < 0.0) {
             return (resonarm_encoding){RESONARM_NEGATIVE, limit_names[i], limits[i], 0.0, SINGLE_MAX};
         }
     }
     return sendable();
 }
 
-resonarm_encoding fd_encode(const resonarm_message *message, uint8_t *content)
+resonarm_encoding resonarm_fd_encode(const resonarm_message *message, uint8_t *content)
 {
     switch (message->kind) {
     case RESONARM_SENSORS:
@@ -135,18 +137,18 @@ static resonarm_receipt check_zero(resonarm_kind kind, const uint8_t *data, uint
 
 static resonarm_receipt decode_command(resonarm_kind kind, const uint8_t *data, resonarm_message *message)
 {
-    const axes_coding *coding = axes_coding_of(kind);
+    const axes_coding *coding = resonarm_axes_coding_of(kind);
     axes values = {.sample = get_u16(data + SAMPLE)};
     resonarm_receipt receipt = check_zero(kind, data, FLAGS, SAMPLE);
     if (receipt.verdict == RESONARM_ACCEPTED) {
         receipt = check_zero(kind, data, SAMPLE + 2, SINGLES);
     }
     for (size_t axis = 0; axis < 2 && receipt.verdict == RESONARM_ACCEPTED; axis++) {
-        if (!get_single(data + SINGLES + SINGLE_BYTES * axis, &values.values[axis])) {
+        if (!resonarm_get_single(data + SINGLES + SINGLE_BYTES * axis, &values.values[axis])) {
             receipt = (resonarm_receipt){RESONARM_VALUE_NOT_FINITE, kind, coding->signals[axis], 0, 0};
         }
     }
-    *message = axes_message(kind, &values);
+    *message = resonarm_axes_message(kind, &values);
     return receipt;
 }
 
@@ -159,7 +161,7 @@ static resonarm_receipt decode_readings(
     }
     for (size_t i = 0; i < RESONARM_READINGS; i++) {
         readings->saturated[i] = (data[flags] >> i & 1u) != 0;
-        if (!get_single(data + singles + SINGLE_BYTES * i, &readings->values[i])) {
+        if (!resonarm_get_single(data + singles + SINGLE_BYTES * i, &readings->values[i])) {
             return (resonarm_receipt){RESONARM_VALUE_NOT_FINITE, kind, reading_names[i], 0, 0};
         }
     }
@@ -205,7 +207,7 @@ static resonarm_receipt decode_capabilities(
         return (resonarm_receipt){RESONARM_UNKNOWN_VALUE, kind, "samples_per_frame", got, 0};
     }
     for (size_t i = 0; i < 2; i++) {
-        if (!get_single(data + SINGLES + SINGLE_BYTES * i, &limits[i])) {
+        if (!resonarm_get_single(data + SINGLES + SINGLE_BYTES * i, &limits[i])) {
             return (resonarm_receipt){RESONARM_VALUE_NOT_FINITE, kind, limit_names[i], 0, 0};
         }
         if (limits[i] < 0.0) {
@@ -216,7 +218,7 @@ static resonarm_receipt decode_capabilities(
     return receipt;
 }
 
-resonarm_receipt fd_decode(resonarm_kind kind, const uint8_t *data, resonarm_message *message)
+resonarm_receipt resonarm_fd_decode(resonarm_kind kind, const uint8_t *data, resonarm_message *message)
 {
     switch (kind) {
     case RESONARM_SENSORS:
@@ -230,3 +232,5 @@ resonarm_receipt fd_decode(resonarm_kind kind, const uint8_t *data, resonarm_mes
         return decode_command(kind, data, message);
     }
 }
+
+#endif

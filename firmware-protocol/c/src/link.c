@@ -18,11 +18,11 @@ static void send_heartbeat(resonarm_link_ *link, uint64_t now_ns)
 {
     resonarm_message message = {.kind = RESONARM_EXCITER_HEARTBEAT};
     message.content.state = link->state;
-    link->heartbeat_at_ns = saturating_sum(now_ns, early_ns(link, RESONARM_HEARTBEAT_PERIOD_NS));
-    (void)link_send(link, &message);
+    link->heartbeat_at_ns = resonarm_saturating_sum(now_ns, early_ns(link, RESONARM_HEARTBEAT_PERIOD_NS));
+    (void)resonarm_link_send(link, &message);
 }
 
-void link_init(resonarm_link_ *link, const resonarm_exciter_config *config)
+void resonarm_link_init(resonarm_link_ *link, const resonarm_exciter_config *config)
 {
     *link = (resonarm_link_){.timing = config->timing, .state = RESONARM_BOOT_UP};
     link->listening.look_period_ns = config->timing.look_period_ns;
@@ -32,15 +32,15 @@ void link_init(resonarm_link_ *link, const resonarm_exciter_config *config)
     resonarm_receiver_init(&link->receiver, config->network);
 }
 
-void link_start(resonarm_link_ *link, uint64_t now_ns)
+void resonarm_link_start(resonarm_link_ *link, uint64_t now_ns)
 {
     link->listening.looked_at_ns = now_ns;
     send_heartbeat(link, now_ns);
-    link_transition(link, now_ns, RESONARM_EVENT_STARTED);
-    link_send_hello(link, now_ns);
+    resonarm_link_transition(link, now_ns, RESONARM_EVENT_STARTED);
+    resonarm_link_send_hello(link, now_ns);
 }
 
-void link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event)
+void resonarm_link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event)
 {
     const resonarm_state from = link->state;
     link->state = resonarm_next_state(from, event);
@@ -48,14 +48,14 @@ void link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event
         return;
     }
     if (from == RESONARM_OPERATIONAL) {
-        outbox_clear_command(&link->outbox);
+        resonarm_outbox_clear_command(&link->outbox);
     }
     send_heartbeat(link, now_ns);
 }
 
-bool link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *frame, resonarm_message *message)
+bool resonarm_link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *frame, resonarm_message *message)
 {
-    listening_look(&link->listening, now_ns);
+    resonarm_listening_look(&link->listening, now_ns);
     const resonarm_receipt receipt = resonarm_accept(&link->receiver, frame, message);
     if (receipt.verdict == RESONARM_IGNORED) {
         return false;
@@ -75,18 +75,18 @@ bool link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *fr
     return true;
 }
 
-bool link_send(resonarm_link_ *link, const resonarm_message *message)
+bool resonarm_link_send(resonarm_link_ *link, const resonarm_message *message)
 {
     uint8_t content[RESONARM_FRAME_BYTES] = {0};
     resonarm_waiting_ waiting = {.kind = message->kind};
     const resonarm_profile profile = link->transmitter.network.profile;
-    if (encode_content(profile, message, content).reason != RESONARM_SENDABLE) {
+    if (resonarm_encode_content(profile, message, content).reason != RESONARM_SENDABLE) {
         return false;
     }
     for (size_t i = 0; i < RESONARM_EXCITER_BYTES_; i++) {
         waiting.content[i] = content[i];
     }
-    outbox_push(&link->outbox, &waiting);
+    resonarm_outbox_push(&link->outbox, &waiting);
     if (!link->is_waiting) {
         link->is_waiting = true;
         link->waiting_since_ns = link->listening.listened_ns;
@@ -94,65 +94,67 @@ bool link_send(resonarm_link_ *link, const resonarm_message *message)
     return true;
 }
 
-void link_send_hello(resonarm_link_ *link, uint64_t now_ns)
+void resonarm_link_send_hello(resonarm_link_ *link, uint64_t now_ns)
 {
     resonarm_message message = {.kind = RESONARM_EXCITER_HELLO};
     message.content.hello = link->hello;
-    link->hello_at_ns = saturating_sum(now_ns, early_ns(link, RESONARM_HELLO_PERIOD_NS));
-    (void)link_send(link, &message);
+    link->hello_at_ns = resonarm_saturating_sum(now_ns, early_ns(link, RESONARM_HELLO_PERIOD_NS));
+    (void)resonarm_link_send(link, &message);
+#ifndef RESONARM_CLASSIC_ONLY
     if (link->hello.profile == RESONARM_PROFILE_FD) {
         message = (resonarm_message){.kind = RESONARM_EXCITER_CAPABILITIES};
         message.content.capabilities = link->capabilities;
-        (void)link_send(link, &message);
+        (void)resonarm_link_send(link, &message);
     }
+#endif
 }
 
-void link_handle_deadline(resonarm_link_ *link, uint64_t now_ns)
+void resonarm_link_handle_deadline(resonarm_link_ *link, uint64_t now_ns)
 {
-    listening_look(&link->listening, now_ns);
+    resonarm_listening_look(&link->listening, now_ns);
     if (now_ns >= link->heartbeat_at_ns) {
         send_heartbeat(link, now_ns);
     }
     if (now_ns >= link->hello_at_ns) {
-        link_send_hello(link, now_ns);
+        resonarm_link_send_hello(link, now_ns);
     }
 }
 
-bool link_is_partner_lost(const resonarm_link_ *link)
+bool resonarm_link_is_partner_lost(const resonarm_link_ *link)
 {
-    return listening_has_passed(&link->listening, link->partner_heard_ns, link->timing.partner_timeout_ns);
+    return resonarm_listening_has_passed(&link->listening, link->partner_heard_ns, link->timing.partner_timeout_ns);
 }
 
-bool link_is_jammed(const resonarm_link_ *link)
+bool resonarm_link_is_jammed(const resonarm_link_ *link)
 {
     return link->is_waiting &&
-           listening_has_passed(&link->listening, link->waiting_since_ns, link->timing.command_timeout_ns);
+           resonarm_listening_has_passed(&link->listening, link->waiting_since_ns, link->timing.command_timeout_ns);
 }
 
-uint16_t link_not_sent(const resonarm_link_ *link)
+uint16_t resonarm_link_not_sent(const resonarm_link_ *link)
 {
-    const uint64_t frames = (uint64_t)link->outbox.unsent + outbox_waiting(&link->outbox);
+    const uint64_t frames = (uint64_t)link->outbox.unsent + resonarm_outbox_waiting(&link->outbox);
     return frames > UINT16_MAX ? UINT16_MAX : (uint16_t)frames;
 }
 
-bool link_next_frame(const resonarm_link_ *link, resonarm_frame *frame)
+bool resonarm_link_next_frame(const resonarm_link_ *link, resonarm_frame *frame)
 {
-    const resonarm_waiting_ *message = outbox_front(&link->outbox);
+    const resonarm_waiting_ *message = resonarm_outbox_front(&link->outbox);
     if (message == NULL) {
         return false;
     }
-    encode_frame(&link->transmitter, message->kind, message->content, frame);
+    resonarm_encode_frame(&link->transmitter, message->kind, message->content, frame);
     return true;
 }
 
-void link_frame_sent(resonarm_link_ *link)
+void resonarm_link_frame_sent(resonarm_link_ *link)
 {
-    const resonarm_waiting_ *message = outbox_front(&link->outbox);
+    const resonarm_waiting_ *message = resonarm_outbox_front(&link->outbox);
     if (message == NULL) {
         return;
     }
     resonarm_frame_taken(&link->transmitter, message->kind);
-    outbox_pop(&link->outbox);
-    link->is_waiting = outbox_front(&link->outbox) != NULL;
+    resonarm_outbox_pop(&link->outbox);
+    link->is_waiting = resonarm_outbox_front(&link->outbox) != NULL;
     link->waiting_since_ns = link->listening.listened_ns;
 }

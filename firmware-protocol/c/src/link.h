@@ -6,39 +6,40 @@
 #include "resonarm_exciter.h"
 
 /** A link in the state boot-up. */
-void link_init(resonarm_link_ *link, const resonarm_exciter_config *config);
+void resonarm_link_init(resonarm_link_ *link, const resonarm_exciter_config *config);
 
 /** Boot-up heartbeat, then pre-operational, then hello. */
-void link_start(resonarm_link_ *link, uint64_t now_ns);
+void resonarm_link_start(resonarm_link_ *link, uint64_t now_ns);
 
 /** Follows the table of states; a change is told by a heartbeat. */
-void link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event);
+void resonarm_link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event);
 
 /** The plant's message in a frame; false if there is none. */
-bool link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *frame, resonarm_message *message);
+bool resonarm_link_accept(
+    resonarm_link_ *link, uint64_t now_ns, const resonarm_frame *frame, resonarm_message *message);
 
 /** Queues a message; false if it can't be sent. */
-bool link_send(resonarm_link_ *link, const resonarm_message *message);
+bool resonarm_link_send(resonarm_link_ *link, const resonarm_message *message);
 
 /** Queues the hello, in the FD profile with the capabilities behind it. */
-void link_send_hello(resonarm_link_ *link, uint64_t now_ns);
+void resonarm_link_send_hello(resonarm_link_ *link, uint64_t now_ns);
 
 /** Looks at the clock, and queues the heartbeat and the hello that are due. */
-void link_handle_deadline(resonarm_link_ *link, uint64_t now_ns);
+void resonarm_link_handle_deadline(resonarm_link_ *link, uint64_t now_ns);
 
 /** Whether the plant gave no sign of life in time. */
-bool link_is_partner_lost(const resonarm_link_ *link);
+bool resonarm_link_is_partner_lost(const resonarm_link_ *link);
 
 /** Whether frames wait and none could be sent in time. */
-bool link_is_jammed(const resonarm_link_ *link);
+bool resonarm_link_is_jammed(const resonarm_link_ *link);
 
 /** Frames that wait or were replaced by newer ones, at most 65535. */
-uint16_t link_not_sent(const resonarm_link_ *link);
+uint16_t resonarm_link_not_sent(const resonarm_link_ *link);
 
 /** The frame to send next; false if none waits. */
-bool link_next_frame(const resonarm_link_ *link, resonarm_frame *frame);
+bool resonarm_link_next_frame(const resonarm_link_ *link, resonarm_frame *frame);
 
 /** The bus has taken it. */
-void link_frame_sent(resonarm_link_ *link);
+void resonarm_link_frame_sent(resonarm_link_ *link);
 
 #endif

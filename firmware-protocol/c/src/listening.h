@@ -8,18 +8,18 @@
 #include "resonarm_exciter.h"
 
 /** The node looks: what has come is taken in, what is due is judged. */
-void listening_look(resonarm_listening_ *listening, uint64_t now_ns);
+void resonarm_listening_look(resonarm_listening_ *listening, uint64_t now_ns);
 
 /** Whether `timeout_ns` of listening have passed since `since_ns`, of the time listened. */
-bool listening_has_passed(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
+bool resonarm_listening_has_passed(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
 
 /** When to look next, on the clock, for a timeout that runs. */
-uint64_t listening_next_look_ns(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
+uint64_t resonarm_listening_next_look_ns(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
 
 /** a + b, or the largest number if that is more. */
-uint64_t saturating_sum(uint64_t a, uint64_t b);
+uint64_t resonarm_saturating_sum(uint64_t a, uint64_t b);
 
 /** The lesser of two times. */
-uint64_t earlier(uint64_t a, uint64_t b);
+uint64_t resonarm_earlier(uint64_t a, uint64_t b);
 
 #endif

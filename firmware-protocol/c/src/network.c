@@ -27,6 +27,20 @@ static const kind_row kinds[RESONARM_KINDS] = {
     {"ExciterCapabilities", 0x0E, {0, 16}, RESONARM_EXCITER},
 };
 
+#ifdef RESONARM_CLASSIC_ONLY
+typedef char the_profile_of_the_config_is_built[RESONARM_PROFILE == RESONARM_PROFILE_CLASSIC ? 1 : -1];
+#endif
+
+/* Whether the library speaks the profile. */
+static bool is_built(resonarm_profile profile)
+{
+#ifdef RESONARM_CLASSIC_ONLY
+    return profile == RESONARM_PROFILE_CLASSIC;
+#else
+    return profile == RESONARM_PROFILE_CLASSIC || profile == RESONARM_PROFILE_FD;
+#endif
+}
+
 static bool is_node_id(uint8_t id)
 {
     return id >= 1 && id <= RESONARM_NODE_ID_MAX;
@@ -46,6 +60,9 @@ resonarm_network_check resonarm_network_init(
     }
     if (plant_id == exciter_id) {
         return RESONARM_SAME_NODE_ID;
+    }
+    if (!is_built(profile)) {
+        return RESONARM_PROFILE_NOT_BUILT;
     }
     *network = (resonarm_network){base, plant_id, exciter_id, profile};
     return RESONARM_NETWORK_VALID;
@@ -89,7 +106,7 @@ uint16_t resonarm_data_id(resonarm_network network, resonarm_kind kind)
 
 uint8_t resonarm_length(resonarm_profile profile, resonarm_kind kind)
 {
-    return kinds[kind].lengths[profile];
+    return is_built(profile) ? kinds[kind].lengths[profile] : 0;
 }
 
 resonarm_frame_format resonarm_format(resonarm_profile profile, resonarm_kind kind)

@@ -28,7 +28,7 @@ static bool is_said(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
     return false;
 }
 
-void outbox_push(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
+void resonarm_outbox_push(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
 {
     if (message->kind == RESONARM_FORCE_COMMAND || message->kind == RESONARM_TORQUE_COMMAND) {
         outbox->unsent += outbox->has_command ? 1 : 0;
@@ -44,7 +44,7 @@ void outbox_push(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
     }
 }
 
-const resonarm_waiting_ *outbox_front(const resonarm_outbox_ *outbox)
+const resonarm_waiting_ *resonarm_outbox_front(const resonarm_outbox_ *outbox)
 {
     if (outbox->count > 0) {
         return &outbox->control[outbox->first];
@@ -52,7 +52,7 @@ const resonarm_waiting_ *outbox_front(const resonarm_outbox_ *outbox)
     return outbox->has_command ? &outbox->command : NULL;
 }
 
-void outbox_pop(resonarm_outbox_ *outbox)
+void resonarm_outbox_pop(resonarm_outbox_ *outbox)
 {
     if (outbox->count > 0) {
         outbox->first = (outbox->first + 1) % RESONARM_OUTBOX_MESSAGES;
@@ -62,12 +62,12 @@ void outbox_pop(resonarm_outbox_ *outbox)
     }
 }
 
-void outbox_clear_command(resonarm_outbox_ *outbox)
+void resonarm_outbox_clear_command(resonarm_outbox_ *outbox)
 {
     outbox->has_command = false;
 }
 
-uint32_t outbox_waiting(const resonarm_outbox_ *outbox)
+uint32_t resonarm_outbox_waiting(const resonarm_outbox_ *outbox)
 {
     return (uint32_t)outbox->count + (outbox->has_command ? 1 : 0);
 }

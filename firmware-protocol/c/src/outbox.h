@@ -7,18 +7,18 @@
 #include "resonarm_exciter.h"
 
 /** Queues a message. A command takes the place of one that still waits. */
-void outbox_push(resonarm_outbox_ *outbox, const resonarm_waiting_ *message);
+void resonarm_outbox_push(resonarm_outbox_ *outbox, const resonarm_waiting_ *message);
 
 /** The message to send next; NULL if none waits. */
-const resonarm_waiting_ *outbox_front(const resonarm_outbox_ *outbox);
+const resonarm_waiting_ *resonarm_outbox_front(const resonarm_outbox_ *outbox);
 
 /** Takes out the message to send next. */
-void outbox_pop(resonarm_outbox_ *outbox);
+void resonarm_outbox_pop(resonarm_outbox_ *outbox);
 
 /** Takes back the command that still waits. */
-void outbox_clear_command(resonarm_outbox_ *outbox);
+void resonarm_outbox_clear_command(resonarm_outbox_ *outbox);
 
 /** Messages that wait. */
-uint32_t outbox_waiting(const resonarm_outbox_ *outbox);
+uint32_t resonarm_outbox_waiting(const resonarm_outbox_ *outbox);
 
 #endif

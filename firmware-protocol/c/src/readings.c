@@ -1,5 +1,7 @@
 #include "readings.h"
 
+#ifndef RESONARM_CLASSIC_ONLY
+
 static resonarm_acceleration acceleration(const resonarm_readings *readings, resonarm_reading x, uint16_t index)
 {
     return (resonarm_acceleration){
@@ -11,7 +13,7 @@ static resonarm_acceleration acceleration(const resonarm_readings *readings, res
     };
 }
 
-resonarm_sample readings_sample(const resonarm_readings *readings, uint16_t index)
+resonarm_sample resonarm_readings_sample(const resonarm_readings *readings, uint16_t index)
 {
     const resonarm_impedance_head head = {
         .force_x_n = readings->values[RESONARM_FORCE_X_N],
@@ -26,3 +28,5 @@ resonarm_sample readings_sample(const resonarm_readings *readings, uint16_t inde
         .c = acceleration(readings, RESONARM_ACCELERATION_C_X_M_S2, index),
     };
 }
+
+#endif

@@ -6,6 +6,6 @@
 #include "resonarm_exciter.h"
 
 /** The sample of this index, not yet counted. */
-resonarm_sample readings_sample(const resonarm_readings *readings, uint16_t index);
+resonarm_sample resonarm_readings_sample(const resonarm_readings *readings, uint16_t index);
 
 #endif

@@ -27,7 +27,7 @@ static int32_t nearest(double x)
     return whole;
 }
 
-count_range count_of(double value, int counts_per_unit, int16_t *count)
+count_range resonarm_count_of(double value, int counts_per_unit, int16_t *count)
 {
     *count = 0;
     if (!is_finite(value)) {
@@ -46,7 +46,7 @@ count_range count_of(double value, int counts_per_unit, int16_t *count)
     return COUNT_IN_RANGE;
 }
 
-double value_of(int16_t count, int counts_per_unit)
+double resonarm_value_of(int16_t count, int counts_per_unit)
 {
     return (double)count / counts_per_unit;
 }

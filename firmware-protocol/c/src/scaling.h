@@ -14,9 +14,9 @@
 typedef enum { COUNT_IN_RANGE, COUNT_BEYOND, COUNT_NOT_FINITE } count_range;
 
 /** The count nearest to a value, ties to even; of a value beyond the range the end that it lies beyond. */
-count_range count_of(double value, int counts_per_unit, int16_t *count);
+count_range resonarm_count_of(double value, int counts_per_unit, int16_t *count);
 
 /** The value that a count stands for. */
-double value_of(int16_t count, int counts_per_unit);
+double resonarm_value_of(int16_t count, int counts_per_unit);
 
 #endif

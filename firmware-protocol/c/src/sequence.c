@@ -1,11 +1,11 @@
 #include "sequence.h"
 
-resonarm_sequence_ sequence_new(uint16_t rate_hz)
+resonarm_sequence_ resonarm_sequence_new(uint16_t rate_hz)
 {
     return (resonarm_sequence_){.window = resonarm_sample_window(rate_hz)};
 }
 
-sequence_place sequence_judge(resonarm_sequence_ *sequence, uint16_t index, uint16_t *ahead)
+sequence_place resonarm_sequence_judge(resonarm_sequence_ *sequence, uint16_t index, uint16_t *ahead)
 {
     const uint16_t step = (uint16_t)(index - sequence->last);
     const uint16_t back = (uint16_t)(sequence->last - index);

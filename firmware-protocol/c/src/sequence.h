@@ -14,9 +14,9 @@ typedef enum {
 } sequence_place;
 
 /** A sequence that begins with any index. */
-resonarm_sequence_ sequence_new(uint16_t rate_hz);
+resonarm_sequence_ resonarm_sequence_new(uint16_t rate_hz);
 
 /** Judges an index; a new one becomes the last one, and `ahead` is how far it is from the one before. */
-sequence_place sequence_judge(resonarm_sequence_ *sequence, uint16_t index, uint16_t *ahead);
+sequence_place resonarm_sequence_judge(resonarm_sequence_ *sequence, uint16_t index, uint16_t *ahead);
 
 #endif

@@ -1,5 +1,7 @@
 #include "single.h"
 
+#ifndef RESONARM_CLASSIC_ONLY
+
 /* From here on a value rounds beyond the largest single: half a unit of its last place above it. */
 #define FIRST_BEYOND 0x1.ffffffp127
 #define EXPONENT UINT32_C(0x7F800000)
@@ -11,7 +13,7 @@ typedef union {
     uint32_t bits;
 } single;
 
-single_range put_single(uint8_t *at, double value)
+single_range resonarm_put_single(uint8_t *at, double value)
 {
     single nearest;
     single_range range = SINGLE_IN_RANGE;
@@ -35,7 +37,7 @@ single_range put_single(uint8_t *at, double value)
     return range;
 }
 
-bool get_single(const uint8_t *at, double *value)
+bool resonarm_get_single(const uint8_t *at, double *value)
 {
     single read = {.bits = 0};
     for (int i = 0; i < SINGLE_BYTES; i++) {
@@ -47,3 +49,5 @@ bool get_single(const uint8_t *at, double *value)
     *value = (double)read.value;
     return true;
 }
+
+#endif

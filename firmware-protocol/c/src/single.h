@@ -15,9 +15,9 @@
 typedef enum { SINGLE_IN_RANGE, SINGLE_BEYOND, SINGLE_NOT_FINITE } single_range;
 
 /** Writes the single nearest to a value, ties to even; of a value beyond the range the end that it lies beyond. */
-single_range put_single(uint8_t *at, double value);
+single_range resonarm_put_single(uint8_t *at, double value);
 
 /** Reads a single; false if it is not a finite number. */
-bool get_single(const uint8_t *at, double *value);
+bool resonarm_get_single(const uint8_t *at, double *value);
 
 #endif

@@ -1,7 +1,8 @@
 /*
  * The codec on standard input and output, a line a command, for a test that holds it to another codec.
  *
- *   network BASE PLANT EXCITER FD a new sender and receiver of a network     valid | base | unaligned | node-id | same
+ *   network BASE PLANT EXCITER FD a new sender and receiver of a network     valid | base | unaligned | node-id | same |
+ *                                                                             not-built
  *   encode KIND V...              the sender's next frame of a message        frame ID c|f DATA |
  *                                                                             refused REASON SIGNAL
  *   accept s|e c|r|f ID LEN DATA  what the receiver makes of a frame          ignored | accepted KIND V... |
@@ -65,6 +66,7 @@ static resonarm_hello next_hello(void)
     return hello;
 }
 
+#ifndef RESONARM_CLASSIC_ONLY
 static resonarm_readings next_readings(void)
 {
     resonarm_readings readings;
@@ -86,6 +88,7 @@ static void say_readings(const resonarm_readings *readings)
         say_value(readings->saturated[i]);
     }
 }
+#endif
 
 static void read_axes(resonarm_message *message)
 {
@@ -129,6 +132,7 @@ static resonarm_message read_message(void)
         message.content.emergency.detail = (uint16_t)next_value();
         message.content.emergency.sample = (uint16_t)next_value();
         break;
+#ifndef RESONARM_CLASSIC_ONLY
     case RESONARM_SENSORS:
         message.content.sensors.readings = next_readings();
         message.content.sensors.sample = (uint16_t)next_value();
@@ -144,6 +148,7 @@ static resonarm_message read_message(void)
         message.content.capabilities.force_limit_n = next_value();
         message.content.capabilities.torque_limit_nm = next_value();
         break;
+#endif
     default:
         read_axes(&message);
     }
@@ -197,6 +202,7 @@ static void say_message(const resonarm_message *message)
     case RESONARM_EXCITER_EMERGENCY:
         say_axes(emergency->code, emergency->detail, emergency->sample);
         break;
+#ifndef RESONARM_CLASSIC_ONLY
     case RESONARM_SENSORS:
         say_readings(&message->content.sensors.readings);
         say_value(message->content.sensors.sample);
@@ -211,6 +217,9 @@ static void say_message(const resonarm_message *message)
         say_value(message->content.capabilities.samples_per_frame);
         say_value(message->content.capabilities.force_limit_n);
         say_value(message->content.capabilities.torque_limit_nm);
+        break;
+#endif
+    default:
         break;
     }
     printf("\n");
@@ -275,7 +284,7 @@ static void accept(void)
 
 static void begin(void)
 {
-    static const char *const checks[] = {"valid", "base", "unaligned", "node-id", "same"};
+    static const char *const checks[] = {"valid", "base", "unaligned", "node-id", "same", "not-built"};
     resonarm_network network;
     const uint16_t base = (uint16_t)next_number(10);
     const uint8_t plant_id = (uint8_t)next_number(10), exciter_id = (uint8_t)next_number(10);

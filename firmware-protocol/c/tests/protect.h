@@ -11,9 +11,9 @@ static inline void protect(resonarm_network network, resonarm_kind kind, resonar
 {
     const uint16_t data_id = resonarm_data_id(network, kind);
     if (resonarm_format(network.profile, kind) == RESONARM_FRAME_FD) {
-        put_u16(frame->data, e2e_p5_crc(data_id, frame->data, resonarm_length(network.profile, kind)));
+        put_u16(frame->data, resonarm_e2e_p5_crc(data_id, frame->data, resonarm_length(network.profile, kind)));
     } else if (data_id != 0) {
-        frame->data[0] = e2e_p11_crc(data_id, frame->data);
+        frame->data[0] = resonarm_e2e_p11_crc(data_id, frame->data);
     }
 }
 

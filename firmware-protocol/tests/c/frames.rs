@@ -9,6 +9,9 @@ use serde_json::Value;
 
 use super::{Harness, common};
 
+const CLASSIC: &str = include_str!("../../vectors/classic.json");
+const FD: &str = include_str!("../../vectors/fd.json");
+
 fn message(value: &Value) -> resonarm_protocol::Message {
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap());
     let signals = value["signals"].as_object().unwrap();
@@ -16,9 +19,8 @@ fn message(value: &Value) -> resonarm_protocol::Message {
     common::message(common::kind(value["message"].as_str().unwrap()), &signals)
 }
 
-fn do_what_the_golden_frames_say(profile: Profile, text: &str) {
+fn do_what_the_golden_frames_say(mut both: Harness, profile: Profile, text: &str) {
     let held: Value = serde_json::from_str(text).unwrap();
-    let mut both = Harness::start(profile);
     for case in held["cases"].as_array().unwrap() {
         let id = |at: usize| case["node_ids"][at].as_u64().unwrap() as u8;
         let network = Network::new(case["base"].as_u64().unwrap() as u16).unwrap();
@@ -46,8 +48,10 @@ fn do_what_the_golden_frames_say(profile: Profile, text: &str) {
 
 #[test]
 fn both_do_what_the_golden_frames_say() {
-    do_what_the_golden_frames_say(Profile::Classic, include_str!("../../vectors/classic.json"));
-    do_what_the_golden_frames_say(Profile::Fd, include_str!("../../vectors/fd.json"));
+    for (profile, text) in Profile::ALL.into_iter().zip([CLASSIC, FD]) {
+        do_what_the_golden_frames_say(Harness::start(profile), profile, text);
+    }
+    do_what_the_golden_frames_say(Harness::start_classic_only(), Profile::Classic, CLASSIC);
 }
 
 /// Most of the time the bits of a frame that must be zero, in the place of others.
@@ -102,8 +106,8 @@ fn any_frame() -> impl Strategy<Value = Frame> {
     })
 }
 
-fn judge_random_frames_alike(profile: Profile) {
-    let both = RefCell::new(Harness::start(profile));
+fn judge_random_frames_alike(both: Harness, profile: Profile) {
+    let both = RefCell::new(both);
     let seen = RefCell::new([0_u32; 3]);
     let frames = prop_oneof![4 => likely_frame(profile).boxed(), 1 => any_frame().boxed()];
     TestRunner::new(Config { cases: 20_000, failure_persistence: None, ..Config::default() })
@@ -125,7 +129,8 @@ fn judge_random_frames_alike(profile: Profile) {
 
 #[test]
 fn both_judge_random_frames_alike() {
-    Profile::ALL.into_iter().for_each(judge_random_frames_alike);
+    Profile::ALL.into_iter().for_each(|profile| judge_random_frames_alike(Harness::start(profile), profile));
+    judge_random_frames_alike(Harness::start_classic_only(), Profile::Classic);
 }
 
 #[test]

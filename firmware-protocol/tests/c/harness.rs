@@ -28,6 +28,12 @@ pub fn build_for(network: Network, name: &str) -> PathBuf {
     make(&out, &out.join(name), &[format!("CONFIG={}", config.display())])
 }
 
+/// Builds what the makefile calls `name` with a setting, in a folder of its own; its path.
+pub fn build_with(folder: &str, setting: &str, name: &str) -> PathBuf {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    make(&out, &out.join(name), &[setting.to_string()])
+}
+
 fn make(out: &Path, program: &Path, settings: &[String]) -> PathBuf {
     let mut make = Command::new("make");
     make.args(["--silent", "--directory", concat!(env!("CARGO_MANIFEST_DIR"), "/c")]);
@@ -136,7 +142,17 @@ impl Harness {
     /// A harness of its own, of a program that is built once, for a profile.
     pub fn start(profile: Profile) -> Harness {
         static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-        let program = PROGRAM.get_or_init(|| build("codec_harness"));
+        Harness::of(PROGRAM.get_or_init(|| build("codec_harness")), profile)
+    }
+
+    /// A harness of the library without the FD profile, in the classic one.
+    pub fn start_classic_only() -> Harness {
+        static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+        let build = || build_with("classic-only", "DEFINES=-DRESONARM_CLASSIC_ONLY", "codec_harness");
+        Harness::of(PROGRAM.get_or_init(build), Profile::Classic)
+    }
+
+    fn of(program: &Path, profile: Profile) -> Harness {
         let mut process = Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (input, output) = (process.stdin.take(), BufReader::new(process.stdout.take().unwrap()));
         let network = super::common::network(profile);

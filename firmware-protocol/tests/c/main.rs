@@ -8,6 +8,7 @@ mod common;
 mod corpus;
 mod frames;
 mod harness;
+mod library;
 mod messages;
 mod tables;
 
