@@ -5,8 +5,8 @@ mod common;
 
 use can_dbc::{Dbc, Message as DbcMessage, NumericValue, SignalExtendedValueType, ValueType};
 use resonarm_protocol::{
-    Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, MessageKind, Mismatch, Network, Node, NodeState, PROTOCOL_VERSION,
-    Profile, Refusal, SamplesPerFrame, StateEvent, Trip, Version,
+    Cycle, DEFAULT_BASE, EmergencyCode, FrameFormat, Hello, MessageKind, Mismatch, Network, Node, NodeState,
+    PROTOCOL_VERSION, Profile, Refusal, SamplesPerFrame, StateEvent, Trip, Version,
     bits::{BitRates, IdFormat, Stuffing, bounds},
     dbc, e2e,
     e2e::Protection,
@@ -194,6 +194,35 @@ fn the_faults_are_those_of_the_code() {
     }
 }
 
+/// A hello that differs in several things is judged by the first of them.
+#[test]
+fn the_details_of_a_hello_that_does_not_fit_have_the_order_of_the_code() {
+    let own = Hello::new(Profile::Classic, 1000);
+    let mut partner = own;
+    let mut order = Vec::new();
+    for change in [
+        (|hello: &mut Hello| hello.rate_hz += 1) as fn(&mut Hello),
+        |hello| hello.dbc_hash ^= 1,
+        |hello| hello.profile = Profile::Fd,
+        |hello| hello.version.major += 1,
+    ] {
+        change(&mut partner);
+        order.insert(0, own.mismatch(&partner).unwrap() as u16);
+    }
+    order.insert(0, Mismatch::NoHello as u16);
+    let order = order.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
+    let text = words("## 9. Faults");
+    assert!(text.contains(&format!("the first is told in the order {order}:")), "{order}");
+}
+
+#[test]
+fn the_hashes_are_those_of_the_dbc() {
+    for (profile, name) in [(Profile::Classic, "resonarm.dbc"), (Profile::Fd, "resonarm-fd.dbc")] {
+        let stated = format!("`0x{:06X}` of `{name}`", dbc::hash(profile) & Hello::DBC_HASH_MASK);
+        assert!(words("### PlantHello").contains(&stated), "{stated}");
+    }
+}
+
 #[test]
 fn the_reasons_of_refusal_are_those_of_the_code() {
     let reasons = ["not armed", "too old or still to come", "older than the last taken", "the same as the last taken"];
@@ -321,8 +350,11 @@ fn the_examples_are_frames_of_the_code() {
         }
         seen.sort();
         seen.dedup();
-        let own =
-            |kind: &MessageKind| kind.form(profile).is_some_and(|form| profile == Profile::Classic || form.length > 8);
+        let is_hello = |kind| matches!(kind, MessageKind::PlantHello | MessageKind::ExciterHello);
+        let own = |kind: &MessageKind| match profile {
+            Profile::Classic => kind.form(profile).is_some(),
+            Profile::Fd => is_hello(*kind) || kind.form(profile).is_some_and(|form| form.length > 8),
+        };
         assert_eq!(seen, MessageKind::ALL.into_iter().filter(own).collect::<Vec<_>>(), "an example of every message");
     }
 }

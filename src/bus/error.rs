@@ -5,7 +5,6 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use std::io;
 
-use resonarm_protocol::FrameError;
 use thiserror::Error;
 
 /// Why a bus could not be opened or used.
@@ -98,9 +97,6 @@ pub enum BusError {
         /// What the kernel answered.
         source: io::Error,
     },
-    /// The backend handed over a frame that can't be one.
-    #[error("a frame came in that can't be one: {0}")]
-    Malformed(FrameError),
     /// Another answer of the operating system.
     #[error("{interface}: {action} failed: {source}")]
     Os {
@@ -169,7 +165,6 @@ mod tests {
     use alloc::string::ToString;
 
     use insta::assert_snapshot;
-    use resonarm_protocol::Id;
 
     use super::*;
 
@@ -182,7 +177,6 @@ mod tests {
         assert_snapshot!(BusError::Closed, @"the bus is closed");
         assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
         assert_snapshot!(BusError::NoPythonCan, @"this build has no python-can; `cargo build --release --features python-can` makes one that has");
-        assert_snapshot!(BusError::Malformed(FrameError::Id(Id::Standard(0x800))), @"a frame came in that can't be one: identifier 0x800 does not fit 11 bits (at most 0x7FF)");
     }
 
     #[test]

@@ -15,7 +15,7 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use core::time::Duration;
 
-use resonarm_protocol::{Frame, Id};
+use resonarm_protocol::{Frame, Id, MessageKind, Network};
 
 pub use address::BusAddress;
 pub use controller::{ControllerErrors, ControllerState};
@@ -79,7 +79,8 @@ pub trait Bus: Send {
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError>;
 
     /// Receives from now on only frames that match one of `filters`; an empty list receives everything. Frames that
-    /// came in before the call and were not yet received may still come out.
+    /// came in before the call and were not yet received may still come out. What a filter keeps out costs no wake-up where
+    /// the kernel filters. An adapter of python-can that filters in software keeps out its error frames, too.
     ///
     /// # Errors
     /// [`BusError`] if the backend can't filter so.
@@ -206,6 +207,12 @@ impl Filter {
     }
 }
 
+/// Filters that let every message of a network through, from whichever node: those that this node alone sends tell of
+/// another sender.
+pub fn network_filters(network: Network) -> [Filter; MessageKind::COUNT] {
+    MessageKind::ALL.map(|kind| Filter { id: Id::Standard(kind.id(network)), mask: 0x7FF })
+}
+
 /// Whether `filters` let `frame` through; none let everything through.
 fn accepts(filters: &[Filter], frame: &Frame) -> bool {
     filters.is_empty() || filters.iter().any(|filter| filter.matches(frame))
@@ -222,6 +229,9 @@ pub struct Statistics {
     /// (`net.core.netdev_max_backlog`, counted for all interfaces in the second column of `/proc/net/softnet_stat`) is
     /// not in it; there the counters within the frames tell.
     pub dropped: u64,
+    /// Incoming frames that can't be any, such as one of CAN FD with 9 bytes, which a virtual interface carries all the same.
+    /// They are left out.
+    pub malformed: u64,
     /// Calls of [`Bus::send`] and [`Bus::send_all`] that met a full transmit queue.
     pub queue_full: u64,
     /// What the controller of this end told of errors; nothing where the backend does not tell.

@@ -10,12 +10,12 @@ use super::flags::{self, SessionFlags, ThreadFlags};
 use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
-use super::session::seconds;
+use super::session::{frames_text, other_sender_warning, seconds, set_filters};
 use super::status::{Status, StatusFlag, Style};
 use super::supervise::supervise;
 use crate::bus::{self, BusAddress};
 use crate::node::Outcome;
-use crate::run::{BusCounts, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
+use crate::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use crate::scenario::Scenario;
 
 /// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the
@@ -54,6 +54,8 @@ struct Document {
     #[serde(flatten)]
     end: ExciterEnd,
     fault: Option<Fault>,
+    partner_fault: Option<Fault>,
+    bus_loss: Option<BusLoss>,
     error: Option<String>,
     samples_played: u64,
     missed_samples: u64,
@@ -84,6 +86,9 @@ impl Exciter {
         let length = session.controller()?.length();
         session.leave_core();
         let mut bus = bus::open(&address)?;
+        if self.live.live.is_none() {
+            set_filters(bus.as_mut(), &address, &session)?;
+        }
         let part =
             Part { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
         let (session, _serving) = self.live.watched(session, &part)?;
@@ -102,6 +107,7 @@ impl Exciter {
             },
         )??;
         self.print(&report)?;
+        other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));
         let complaint = complaint(&report);
         complaint.iter().for_each(|text| tracing::error!("{text}"));
         match report.error {
@@ -116,6 +122,8 @@ impl Exciter {
             return output::print_json(&Document {
                 end,
                 fault: report.fault().map(Fault::from),
+                partner_fault: report.partner_fault.as_ref().map(Fault::from),
+                bus_loss: report.bus_loss,
                 error: report.error.as_ref().map(RunError::to_string),
                 samples_played: report.samples_played,
                 missed_samples: report.missed_samples,
@@ -126,14 +134,11 @@ impl Exciter {
             });
         }
         let mut text = format!(
-            "{} after {} samples, {} missed; {} frames received, {} sent, {} dropped, {} refused\n",
+            "{} after {} samples, {} missed; frames: {}\n",
             end.outcome,
             report.samples_played,
             report.missed_samples,
-            report.bus.received,
-            report.bus.sent,
-            report.bus.dropped,
-            report.bus.e2e_errors
+            frames_text(&report.bus)
         );
         text.push_str(&responses::table(&report.responses));
         output::print(&text)
@@ -146,6 +151,6 @@ pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
         Some(Outcome::Stopped) if report.samples_played == 0 => {
             Some(String::from("stopped before the plant was armed, so nothing was played"))
         }
-        ref outcome => ExciterEnd::of(outcome.as_ref()).reason,
+        _ => ExciterEnd::of_controller(report).reason,
     }
 }

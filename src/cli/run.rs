@@ -15,7 +15,10 @@ use super::latency_figure::{self, Curve, HistogramFlag};
 use super::live::{LiveFlags, Part, Role, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
-use super::session::{EventLog, PlantDocument, RecordFlags, complaint, event_ring, report_text, seconds};
+use super::session::{
+    EventLog, PlantDocument, RecordFlags, complaint, event_ring, other_sender_warning, report_text, seconds,
+    set_filters,
+};
 use super::status::{Status, StatusFlag, Style};
 use super::supervise::{Line, supervise};
 use crate::bus::{self, BusAddress};
@@ -132,6 +135,9 @@ impl Run {
         let address: BusAddress = bus.parse()?;
         session.leave_core();
         let mut bus = bus::open(&address)?;
+        if self.record.record.is_none() && self.live.live.is_none() {
+            set_filters(bus.as_mut(), &address, &session)?;
+        }
         let part = Part {
             role: Role::Plant,
             place: address.to_string(),
@@ -229,6 +235,7 @@ impl Run {
             complaint(&report),
             exciter.filter(|report| report.outcome != Some(NodeOutcome::PlantLeft)).and_then(super::exciter::complaint),
         ];
+        other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match report.error {
             Some(error) => Err(error.into()),

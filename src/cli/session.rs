@@ -11,10 +11,11 @@ use serde_json::Value;
 
 use super::failure::Failure;
 use super::supervise::Line;
+use crate::bus::{Bus, BusAddress, network_filters};
 use crate::number::short;
 use crate::realtime::Percentiles;
 use crate::recording::Existing;
-use crate::run::{Outcome, PlantReport, RecordTo, RunEvent, fault_text};
+use crate::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 
 /// Events on their way to standard error.
 const EVENTS: usize = 256;
@@ -42,6 +43,15 @@ pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
         Failure::Usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
     })
+}
+
+/// Has the kernel hand over the frames of the session's network alone, which is for a run that neither records nor shows
+/// those of others. Other adapters may filter in software, and lose what tells of their controller.
+pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
+    match address {
+        BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),
+        BusAddress::Memory | BusAddress::PythonCan(_) => Ok(()),
+    }
 }
 
 /// The way of a run's events from its loop, which must not wait, to standard error.
@@ -74,15 +84,57 @@ impl EventLog {
             RunEvent::Ready => format!("ready on {bus}: waiting for a controller to arm the plant"),
             RunEvent::Armed { sample } => format!("armed at sample {sample}"),
             RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
-            RunEvent::Faulted { fault } => format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample),
+            RunEvent::Faulted { fault, partner: None } => in_words(fault),
+            RunEvent::Faulted { fault, partner: Some(said) } => {
+                format!("{}; the exciter said: {}", in_words(fault), in_words(said))
+            }
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
-            RunEvent::BusLost { .. } => format!("{bus} is off or down: going on for a while in case it comes back"),
+            RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {
+                format!("the controller of {bus} is bus-off: going on for a while in case it comes back")
+            }
+            RunEvent::BusLost { cause: BusLoss::Down, .. } => {
+                format!("{bus} is down: going on for a while in case it comes back")
+            }
+            RunEvent::OtherSender { sample, identifier } => format!(
+                "a frame of another network came under {identifier:#05X}, which only this plant sends, at sample {sample}: \
+                 {OTHER_SENDER}"
+            ),
             RunEvent::BusBack { .. } => format!("{bus} is back: a controller can reset and arm the plant"),
             RunEvent::Controller { state, .. } => format!("the controller of {bus} is {}", state.name()),
             // On a machine that stalls all the time a line each would be a flood; the summary has the sum.
             RunEvent::Slipped { .. } => return None,
         })
     }
+}
+
+/// What to do about another sender.
+const OTHER_SENDER: &str = "two networks have one base; give each its own (network.base_id)";
+
+fn in_words(fault: &Fault) -> String {
+    format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample)
+}
+
+/// What to say at the end of frames under this node's own identifiers; `None` if there were none.
+pub(super) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
+    (bus.other_sender > 0).then(|| {
+        format!(
+            "{} frames of another network came under identifiers that only this node sends: {OTHER_SENDER}",
+            bus.other_sender
+        )
+    })
+}
+
+/// The frames of an end, counted.
+pub(super) fn frames_text(bus: &BusCounts) -> String {
+    let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, .. } = bus;
+    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
+    if *other_sender > 0 {
+        let _infallible = write!(text, " ({other_sender} of another network under own identifiers)");
+    }
+    if *malformed > 0 {
+        let _infallible = write!(text, ", {malformed} malformed");
+    }
+    text
 }
 
 /// What a plant's run came to, and of which arm, as JSON.
@@ -128,13 +180,8 @@ pub(super) fn report_text(report: &PlantReport) -> String {
             );
         }
     }
-    let bus = &report.bus;
-    let _infallible = writeln!(
-        text,
-        "frames       {} received, {} sent, {} dropped, {} refused",
-        bus.received, bus.sent, bus.dropped, bus.e2e_errors
-    );
-    let errors = &bus.errors;
+    let _infallible = writeln!(text, "frames       {}", frames_text(&report.bus));
+    let errors = &report.bus.errors;
     let told = counted(&[
         ("faults on the wire", errors.protocol),
         ("not acknowledged", errors.no_ack),
@@ -174,7 +221,7 @@ fn counted(kinds: &[(&str, u64)]) -> Option<String> {
 /// Why a run did not do what it was for, and what to do; `None` if it did.
 pub(super) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (&report.emergency, report.outcome) {
-        (Some(emergency), _) => fault_text(emergency),
+        (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
         (None, Outcome::NotArmed) => String::from(
             "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
              same mode and scenario; --patience-s says how long to wait",
@@ -196,6 +243,30 @@ pub(super) fn complaint(report: &PlantReport) -> Option<String> {
 mod tests {
     use super::*;
     use crate::realtime::OverrunCauses;
+
+    #[test]
+    fn what_happens_to_a_plant_is_told() {
+        let (_, events) = event_ring();
+        let log = EventLog { events, json: false, bus: String::from("can0") };
+        let fault = |code, name| Fault { code, name, detail: 2, sample: 300 };
+        let (own, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
+        let said = |event| log.words(&event).unwrap();
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: own, partner: None }), @"fault 4 (partner fault) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: own, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: going on for a while in case it comes back");
+        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: going on for a while in case it comes back");
+        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: 0x203 }), @"a frame of another network came under 0x203, which only this plant sends, at sample 7: two networks have one base; give each its own (network.base_id)");
+    }
+
+    #[test]
+    fn frames_of_another_network_are_told_in_the_summary() {
+        let bus = BusCounts { received: 30, sent: 40, e2e_errors: 7, ..BusCounts::default() };
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused");
+        assert_eq!(other_sender_warning(&bus), None);
+        let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under own identifiers), 1 malformed");
+        insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network came under identifiers that only this node sends: two networks have one base; give each its own (network.base_id)");
+    }
 
     #[test]
     fn causes_are_told_that_there_were() {

@@ -65,7 +65,7 @@ const PLANT: [Row; 35] = [
     (
         "plant-arms-for-a-hello",
         "not armed without a hello that fits",
-        &["R-5.3", "R-7.2"],
+        &["R-5.3", "R-7.2", "R-9.3"],
         Run(plant_cases::arms_for_a_hello),
     ),
     ("plant-states", "the table of states", &["R-5.1", "R-5.2"], Run(plant_cases::states)),
@@ -249,7 +249,7 @@ const EXCITER: [Row; 25] = [
     ("exciter-soak", "good and bad samples at random", &["R-2.2", "R-2.4", "R-2.5", "R-8.2"], Run(soak_cases::exciter)),
 ];
 
-const LOCKSTEP_PLANT: [Row; 4] = [
+const LOCKSTEP_PLANT: [Row; 5] = [
     ("lockstep-plant-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
     ("lockstep-plant-waits", "no sample before the last is answered", &["R-8.20"], Run(lockstep_cases::plant_waits)),
     (
@@ -259,6 +259,12 @@ const LOCKSTEP_PLANT: [Row; 4] = [
         Run(lockstep_cases::plant_takes_no_other),
     ),
     ("lockstep-plant-timeout", "silence of the exciter", &["R-8.21"], Run(lockstep_cases::plant_timeout)),
+    (
+        "lockstep-plant-refused",
+        "an exciter that gives up after its command was refused",
+        &["R-8.25"],
+        Run(lockstep_cases::plant_tells_refusal),
+    ),
 ];
 
 const LOCKSTEP_EXCITER: [Row; 4] = [

@@ -8,7 +8,7 @@ use super::plant_role::{arm, forces, hold, meet, run_samples};
 use super::source::Samples;
 use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, late, ms};
 use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
-use crate::protocol::{Emergency, EmergencyCode};
+use crate::protocol::{Emergency, EmergencyCode, NodeState, Refusal};
 
 /// Holds the force, and then leaves a sample unanswered: its index.
 fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
@@ -77,6 +77,20 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     let e = times_out(t, t.answered_ns, EmergencyCode::CommandTimeout)?;
     becomes_fault(t, from)?;
     ramps(t, from, e.sample)
+}
+
+/// An exciter whose command was refused gives up for want of samples: the plant tells the refusal.
+pub(super) fn plant_tells_refusal(t: &mut Tester) -> Result<(), Stop> {
+    let sample = leave_unanswered(t)?;
+    t.answer_with(Answers::Shifted(t.settings.force_n, -1), sample)?;
+    t.run_ns(MARGIN_NS)?;
+    t.send_emergency(EmergencyCode::SensorTimeout, sample)?;
+    t.send_state(NodeState::Fault)?;
+    let text = "no emergency after its exciter has faulted";
+    match t.expect_emergency(MARGIN_NS, EmergencyCode::CommandTimeout, text)? {
+        (_, e) if e.code == EmergencyCode::CommandTimeout && Refusal::from_detail(e.detail).1.is_some() => Ok(()),
+        (_, e) => failed(format!("after a refused command and its exciter's fault it says: {e}")),
+    }
 }
 
 /// This emergency comes a second after the last message that the node waited for was sent, and not before.

@@ -64,6 +64,8 @@ pub(super) fn arms_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
         (Hello { dbc_hash: own.dbc_hash ^ 1, ..own }, Mismatch::DbcHash),
         (Hello { profile: other, ..own }, Mismatch::Profile),
         (Hello { rate_hz: own.rate_hz ^ 1, ..own }, Mismatch::Rate),
+        (Hello { rate_hz: own.rate_hz ^ 1, dbc_hash: own.dbc_hash ^ 1, ..own }, Mismatch::DbcHash),
+        (Hello { profile: other, dbc_hash: own.dbc_hash ^ 1, ..own }, Mismatch::Profile),
     ] {
         t.hello = hello;
         t.send_hello()?;

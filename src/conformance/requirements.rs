@@ -29,7 +29,7 @@ const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Re
 }
 
 /// All of them, in the order of their sections.
-pub const REQUIREMENTS: [Requirement; 48] = [
+pub const REQUIREMENTS: [Requirement; 54] = [
     untested(
         "R-1.1",
         "CAN FD frames are taken with and without bit rate switch",
@@ -80,8 +80,23 @@ pub const REQUIREMENTS: [Requirement; 48] = [
     ),
     untested("R-6.4", "a node looks at least once a sample period", "the bus doesn't show when a node looks"),
     tested("R-6.5", "in real time at least 100 samples a second"),
+    untested(
+        "R-6.7",
+        "of timeouts that pass together bus loss is told before the others, and heartbeat lost last",
+        "which timeouts pass at one look of a node is chance on a bus",
+    ),
     tested("R-7.1", "the first hello of a partner that has booted is answered at once"),
     tested("R-7.2", "a boot-up heartbeat makes a node forget the partner's hello"),
+    untested(
+        "R-7.3",
+        "a plant in fault is asked for the reset before it is asked to arm",
+        "an operator's station may ask for both in the exciter's place",
+    ),
+    untested(
+        "R-7.4",
+        "an exciter in fault resets no plant",
+        "the bus doesn't tell its requests from those of an operator's station",
+    ),
     tested("R-8.1", "a sample's messages, in their order, with one index that has no gap"),
     tested("R-8.2", "a whole sample is answered with its index, an incomplete one is not"),
     tested("R-8.3", "repeated samples are ignored, ten are a fault, and so is an index outside the window"),
@@ -103,10 +118,17 @@ pub const REQUIREMENTS: [Requirement; 48] = [
     tested("R-8.21", "in lockstep a plant without an answer faults after 1000 ms"),
     tested("R-8.22", "in lockstep an exciter waits 1000 ms for the next sample, and faults without it"),
     tested("R-8.23", "an operational node whose CAN controller is bus-off faults"),
+    untested(
+        "R-8.24",
+        "an exciter that ends asks for the disarm until the plant has answered, and commands no more",
+        "the bus can't end the work of an exciter whose plant stays armed",
+    ),
+    tested("R-8.25", "in lockstep a plant whose exciter gives up tells why it refused the last commands"),
     tested("R-9.1", "a fault is told once, then the state is fault"),
     untested(
         "R-9.2",
         "after code 7, and code 14 of a shaker, a plant must be started again",
         "the bus can't make a simulation fail, and a plant whose shaker has tripped is gone for the cases after it",
     ),
+    tested("R-9.3", "of several reasons why a hello doesn't fit the first is told"),
 ];

@@ -182,7 +182,8 @@ fn sample_ns(origin: &Origin, sample: u64, lead: f64) -> u64 {
 fn log(event: &Event<String>, time_ns: u64) -> Value {
     let Event { sample, name, value, .. } = event;
     let (level, message) = match name.as_str() {
-        "emergency" => (ERROR, RecordedFault { sample: *sample, code: *value }.to_string()),
+        "emergency" => (ERROR, RecordedFault::new(*sample, *value).to_string()),
+        "partner.emergency" => (ERROR, format!("the exciter said: {}", RecordedFault::new(*sample, *value))),
         "state.fault" => (ERROR, format!("{name} at sample {sample}")),
         name if name.starts_with("state.") || name.ends_with(".leaving") => {
             (INFO, format!("{name} at sample {sample}"))

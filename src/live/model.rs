@@ -123,7 +123,7 @@ impl Model {
         let Event { sample, name, value, .. } = event;
         let name = name.as_ref();
         self.missed.event(*sample, name);
-        let text = (name == "emergency").then(|| RecordedFault { sample: *sample, code: *value }.to_string());
+        let text = (name == "emergency").then(|| RecordedFault::new(*sample, *value).to_string());
         let status = match name {
             "state.boot_up" => Some(("boot-up", None)),
             "state.pre_operational" => Some(("pre-operational", None)),

@@ -44,6 +44,10 @@ pub struct PlantNode {
     is_leaving: bool,
     /// Why the node faulted last.
     emergency: Option<Emergency>,
+    /// What the exciter said was wrong, until it says that it is well.
+    exciter_fault: Option<Emergency>,
+    /// The same at the fault that the node found last, where that is the reason.
+    reason: Option<Emergency>,
 }
 
 impl PlantNode {
@@ -72,6 +76,8 @@ impl PlantNode {
             echoed: None,
             is_leaving: false,
             emergency: None,
+            exciter_fault: None,
+            reason: None,
         }
     }
 
@@ -101,6 +107,11 @@ impl PlantNode {
         self.emergency.filter(|_| self.state() == NodeState::Fault)
     }
 
+    /// What the exciter said was wrong, where the fault that is latched now has its reason there.
+    pub fn fault_reason(&self) -> Option<Emergency> {
+        self.reason.filter(|_| self.state() == NodeState::Fault)
+    }
+
     /// Whether commands reach the arm.
     pub fn is_armed(&self) -> bool {
         self.link.state() == NodeState::Operational
@@ -121,9 +132,19 @@ impl PlantNode {
         self.echoed.take()
     }
 
+    /// The network.
+    pub fn network(&self) -> Network {
+        self.link.network()
+    }
+
     /// Frames of the protocol refused for their checks (E2E, length, values).
     pub fn refused_frames(&self) -> u64 {
         self.link.refused_frames()
+    }
+
+    /// Those of them that came under identifiers which only the plant sends: another network has its base.
+    pub fn other_sender_frames(&self) -> u64 {
+        self.link.other_sender_frames()
     }
 
     /// Frames that gaps in the counters say were lost.
@@ -172,6 +193,10 @@ impl PlantNode {
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
             Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
             Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => self.part(now_ns, emergency),
+            Message::Emergency(emergency) if !emergency.code.is_notice() => {
+                self.exciter_fault = Some(emergency);
+                self.link.tell(NodeEvent::PartnerEmergency(emergency));
+            }
             _ => {}
         }
     }
@@ -219,9 +244,30 @@ impl PlantNode {
         if state == NodeState::BootUp {
             self.forget_partner();
         }
+        if state != NodeState::Fault {
+            self.exciter_fault = None;
+        }
         if matches!(state, NodeState::BootUp | NodeState::Fault) && self.is_armed() {
+            self.fault_of_exciter(now_ns);
+        }
+    }
+
+    /// The exciter's fault is the plant's, too. Where it waited for a sample in vain since its commands were refused, as
+    /// in lockstep, that is what the plant tells: no valid command came.
+    fn fault_of_exciter(&mut self, now_ns: u64) {
+        let reason = self.exciter_fault;
+        let has_waited = reason.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
+        if has_waited && self.refused_since_taken > 0 {
+            self.command_timeout(now_ns);
+        } else {
             self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number()));
         }
+        self.reason = reason;
+    }
+
+    fn command_timeout(&mut self, now_ns: u64) {
+        let last = self.refusals.last().filter(|_| self.refused_since_taken > 0);
+        self.fault(now_ns, EmergencyCode::CommandTimeout, Refusal::detail(self.refused_since_taken, last));
     }
 
     fn forget_partner(&mut self) {
@@ -271,8 +317,7 @@ impl PlantNode {
         if self.link.is_jammed() {
             self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
         } else if listening.has_passed(self.command_taken_ns, timing.command_timeout_ns) {
-            let last = self.refusals.last().filter(|_| self.refused_since_taken > 0);
-            self.fault(now_ns, EmergencyCode::CommandTimeout, Refusal::detail(self.refused_since_taken, last));
+            self.command_timeout(now_ns);
         } else if self.link.is_partner_lost() {
             self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.number()));
         }
@@ -342,7 +387,7 @@ impl PlantNode {
             return;
         }
         let emergency = self.emergency(code, detail);
-        self.emergency = Some(emergency);
+        (self.emergency, self.reason) = (Some(emergency), None);
         self.link.send_emergency(emergency);
         self.exit(now_ns, StateEvent::Fault);
     }

@@ -3,6 +3,7 @@
 mod gate;
 mod indices;
 mod networks;
+mod partner;
 mod ramp;
 mod sending;
 mod stalls;

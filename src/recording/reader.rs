@@ -81,6 +81,7 @@ impl Recording {
             samples,
             clipped_samples: self.scan.tally.clipped_samples,
             faults: self.scan.tally.faults.clone(),
+            other_sender_frames: self.scan.tally.other_sender_frames,
             topics: Topic::ALL.map(|topic| (topic.name(), self.scan.tally.topics[topic as usize].summary)).into(),
             lost: self.scan.lost.clone(),
             configuration: self.configuration.0.clone(),

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::contents::Contents;
 use super::decode::decode;
-use super::schema::{DT_S, FAULT_EVENT, OUR_LIBRARY, Topic, metadata};
+use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
 use super::summary::format;
 use super::walk::{Part, Walk};
-use super::{Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
+use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use crate::number::short;
 
 /// How many faults are told one by one; what comes after these is in `/events`.
@@ -40,6 +40,10 @@ pub(super) struct Tally {
     pub clipped_samples: Option<u64>,
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
+    /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
+    pub partner_said: Option<(u64, i64)>,
+    /// Frames under identifiers that only the plant sends, of another network.
+    pub other_sender_frames: u64,
     /// One for each of [`Topic::ALL`].
     pub topics: [TopicTally; Topic::ALL.len()],
 }
@@ -152,6 +156,21 @@ impl Tally {
         Ok(self)
     }
 
+    fn event(&mut self, event: &Event<String>) {
+        match event.name.as_str() {
+            FAULT_EVENT => {
+                let said = self.partner_said.take();
+                if self.faults.len() < MOST_FAULTS {
+                    self.faults.push(RecordedFault::new(event.sample, event.value).with_partner(said));
+                }
+            }
+            PARTNER_EVENT => self.partner_said = Some((event.sample, event.value)),
+            ARMED_EVENT => self.partner_said = None,
+            OTHER_SENDER_EVENT => self.other_sender_frames += 1,
+            _ => {}
+        }
+    }
+
     /// Refuses a batch of samples that are not as far apart as those of the rest.
     fn check_period(&mut self, dt_s: Option<f64>) -> Result<(), String> {
         let Some(got_s) = dt_s else { return Ok(()) };
@@ -171,11 +190,8 @@ impl Tally {
         if let Record::Sample(SampleRecord { clipped: Some(clipped), .. }) = record {
             *self.clipped_samples.get_or_insert(0) += u64::from(clipped.any());
         }
-        if let Record::Event(event) = record
-            && event.name == FAULT_EVENT
-            && self.faults.len() < MOST_FAULTS
-        {
-            self.faults.push(RecordedFault { sample, code: event.value });
+        if let Record::Event(event) = record {
+            self.event(event);
         }
         let topic = &mut self.topics[topic as usize];
         topic.summary.records += 1;

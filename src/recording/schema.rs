@@ -191,3 +191,12 @@ pub(super) const OUR_LIBRARY: &str = "resonarm";
 
 /// Name of the event of a fault; its value is the code.
 pub(super) const FAULT_EVENT: &str = "emergency";
+
+/// Name of the event of what the partner said was wrong; its value is the code.
+pub(super) const PARTNER_EVENT: &str = "partner.emergency";
+
+/// Name of the event of a frame under an identifier that only the node sends, of another network.
+pub(super) const OTHER_SENDER_EVENT: &str = "frame.other_sender";
+
+/// Name of the event of being armed.
+pub(super) const ARMED_EVENT: &str = "state.operational";

@@ -116,6 +116,8 @@ pub struct RecordingSummary {
     pub clipped_samples: Option<u64>,
     /// The plant's faults, in order; at most 100.
     pub faults: Vec<RecordedFault>,
+    /// Frames that came under identifiers which only the plant sends, and are not of its network.
+    pub other_sender_frames: u64,
     /// What is in each topic, by its name in the file.
     pub topics: BTreeMap<&'static str, TopicSummary>,
     /// Records lost in each channel; empty if the end of the run is not in the file.
@@ -133,30 +135,64 @@ pub struct RecordedFault {
     pub sample: u64,
     /// Its code, a number of [`EmergencyCode`] if this version knows it.
     pub code: i64,
+    /// The code of what the exciter said was wrong, where the fault has its reason there.
+    pub partner_code: Option<i64>,
 }
 
 impl RecordedFault {
+    /// A fault, without what the exciter said.
+    pub const fn new(sample: u64, code: i64) -> RecordedFault {
+        RecordedFault { sample, code, partner_code: None }
+    }
+
+    /// The fault with the code that the exciter told at a sample, where it is the reason: the plant faults for the
+    /// exciter's fault, or for the commands that it refused before the exciter gave up.
+    pub(super) fn with_partner(self, said: Option<(u64, i64)>) -> RecordedFault {
+        let is_reason = |at: u64| match self.cause() {
+            Some(EmergencyCode::PartnerFault) => true,
+            Some(EmergencyCode::CommandTimeout) => at == self.sample,
+            _ => false,
+        };
+        let partner_code = said.filter(|(at, _)| is_reason(*at)).map(|(_, code)| code);
+        RecordedFault { partner_code, ..self }
+    }
+
     /// What the code means.
     pub fn cause(&self) -> Option<EmergencyCode> {
-        u16::try_from(self.code).ok().and_then(EmergencyCode::from_code)
+        meaning(self.code)
     }
+}
+
+/// What a code means, if this version knows it.
+fn meaning(code: i64) -> Option<EmergencyCode> {
+    u16::try_from(code).ok().and_then(EmergencyCode::from_code)
 }
 
 impl fmt::Display for RecordedFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.cause() {
-            Some(cause) => write!(f, "code {} at sample {}: {cause}", self.code, self.sample),
-            None => write!(f, "code {} at sample {}", self.code, self.sample),
+            Some(cause) => write!(f, "code {} at sample {}: {cause}", self.code, self.sample)?,
+            None => write!(f, "code {} at sample {}", self.code, self.sample)?,
+        }
+        match self.partner_code {
+            Some(code) => match meaning(code) {
+                Some(cause) => write!(f, "; the exciter said: code {code}: {cause}"),
+                None => write!(f, "; the exciter said: code {code}"),
+            },
+            None => Ok(()),
         }
     }
 }
 
 impl serde::Serialize for RecordedFault {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut fields = serializer.serialize_struct("RecordedFault", 3)?;
+        let mut fields = serializer.serialize_struct("RecordedFault", 5)?;
         fields.serialize_field("code", &self.code)?;
         fields.serialize_field("name", &self.cause().map(|cause| cause.to_string()))?;
         fields.serialize_field("sample", &self.sample)?;
+        fields.serialize_field("partner_code", &self.partner_code)?;
+        let partner = self.partner_code.and_then(meaning).map(|cause| cause.to_string());
+        fields.serialize_field("partner_name", &partner)?;
         fields.end()
     }
 }

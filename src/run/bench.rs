@@ -1,9 +1,11 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
 use super::event_record::{controller_record, event_record, request_records, sample_record};
+use super::outage::Outage;
 use super::record_sink::RecordSink;
+use super::report::NodeFrames;
 use super::round_trip::RoundTrips;
-use super::{BusCounts, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
+use super::{BusCounts, BusLoss, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
 use crate::arm::Load;
 use crate::bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use crate::node::{NodeEvent, PlantNode};
@@ -16,9 +18,6 @@ use crate::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickR
 const FRAMES_AT_ONCE: usize = 256;
 /// Frames given to the bus in one go. More wait only after a jam.
 const FRAMES_SENT_AT_ONCE: usize = 16;
-/// How long a run goes on without its bus, ns: long enough for a controller's automatic restart, or for somebody to
-/// plug the cable in again.
-pub(super) const BUS_PATIENCE_NS: u64 = 10_000_000_000;
 
 /// The plant, its node and where its records go.
 pub(super) struct Bench<'a> {
@@ -30,8 +29,12 @@ pub(super) struct Bench<'a> {
     on_event: &'a mut dyn FnMut(RunEvent),
     /// Memory for the frames that are sent next.
     batch: Vec<Frame>,
-    /// Since when the bus is off or down, ns.
-    lost_since_ns: Option<u64>,
+    /// While the bus is lost.
+    outage: Option<Outage>,
+    /// How it was lost last.
+    bus_loss: Option<BusLoss>,
+    /// Whether another sender of the plant's messages has been told.
+    other_sender_told: bool,
     /// What the bus told of its controller last.
     controller: ControllerState,
     /// In real time.
@@ -60,7 +63,9 @@ impl<'a> Bench<'a> {
             watched,
             on_event,
             batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
-            lost_since_ns: None,
+            outage: None,
+            bus_loss: None,
+            other_sender_told: false,
             controller: ControllerState::Active,
             round_trips: None,
             samples: 0,
@@ -91,7 +96,12 @@ impl<'a> Bench<'a> {
 
     /// What was counted so far, with a bus that has counted `statistics`.
     pub fn counts(&self, statistics: Statistics) -> BusCounts {
-        BusCounts::new(statistics, self.node.unsent_frames(), self.node.refused_frames())
+        BusCounts::new(statistics, NodeFrames::from(&self.node))
+    }
+
+    /// How the bus was lost last, if it was.
+    pub fn bus_loss(&self) -> Option<BusLoss> {
+        self.bus_loss
     }
 
     /// Whether the plant was ever armed.
@@ -229,6 +239,7 @@ impl<'a> Bench<'a> {
             frame: received.frame,
         };
         self.record(Record::Frame(record));
+        self.outage.iter_mut().for_each(Outage::hear);
         self.node.handle_frame(now_ns, &received.frame);
         if let (Some(index), Some(round_trips)) = (self.node.take_echoed(), &mut self.round_trips) {
             round_trips.arrive(index, now_ns, received.timestamp_ns);
@@ -267,8 +278,17 @@ impl<'a> Bench<'a> {
                 (self.on_event)(RunEvent::NotArmed { fault: Fault::from(emergency) });
             }
             NodeEvent::Emergency(emergency) if emergency.code.is_notice() => {}
-            NodeEvent::Emergency(emergency) => (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency) }),
+            NodeEvent::Emergency(emergency) => {
+                let partner = self.node.fault_reason().as_ref().map(Fault::from);
+                (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency), partner });
+            }
+            NodeEvent::OtherSender(error) if !self.other_sender_told => {
+                self.other_sender_told = true;
+                let identifier = error.kind().id(self.node.network());
+                (self.on_event)(RunEvent::OtherSender { sample, identifier });
+            }
             NodeEvent::State { .. } | NodeEvent::Refused(_) | NodeEvent::Frame(_) => {}
+            NodeEvent::PartnerEmergency(_) | NodeEvent::OtherSender(_) => {}
         }
     }
 
@@ -357,7 +377,7 @@ impl<'a> Bench<'a> {
         let mut rest = frames;
         let outcome = bus.send_all(&mut rest);
         let sent = &frames[..frames.len() - rest.len()];
-        if !sent.is_empty() {
+        if !sent.is_empty() && self.outage.is_some_and(|outage| outage.is_over(bus.controller())) {
             self.regain_bus(now_ns);
         }
         for frame in sent {
@@ -372,24 +392,20 @@ impl<'a> Bench<'a> {
         if !error.is_recoverable() {
             return Err(error.into());
         }
-        match self.lost_since_ns {
-            None => {
-                self.lost_since_ns = Some(now_ns);
-                self.node.bus_lost(now_ns);
-                let sample = self.sample();
-                (self.on_event)(RunEvent::BusLost { sample });
-                self.record_event(now_ns, "bus.lost", 0);
-                Ok(())
-            }
-            Some(since_ns) if now_ns.saturating_sub(since_ns) > BUS_PATIENCE_NS => Err(error.into()),
-            Some(_) => Ok(()),
+        if let Some(outage) = &self.outage {
+            return if outage.is_too_long(now_ns) { Err(error.into()) } else { Ok(()) };
         }
+        let (sample, outage) = (self.sample(), Outage::new(now_ns, &error));
+        let cause = outage.cause;
+        (self.outage, self.bus_loss) = (Some(outage), Some(cause));
+        self.node.bus_lost(now_ns);
+        (self.on_event)(RunEvent::BusLost { sample, cause });
+        self.record_event(now_ns, "bus.lost", i64::from(cause == BusLoss::BusOff));
+        Ok(())
     }
 
     fn regain_bus(&mut self, now_ns: u64) {
-        if self.lost_since_ns.take().is_none() {
-            return;
-        }
+        self.outage = None;
         let sample = self.sample();
         (self.on_event)(RunEvent::BusBack { sample });
         self.record_event(now_ns, "bus.back", 0);

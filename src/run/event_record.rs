@@ -46,7 +46,9 @@ pub(super) const fn event_record(event: &NodeEvent) -> (&'static str, i64) {
             (code, _) => ("emergency", code as i64),
         },
         NodeEvent::Refused(refusal) => (refusal_name(*refusal), 0),
+        NodeEvent::PartnerEmergency(emergency) => ("partner.emergency", emergency.code as i64),
         NodeEvent::Frame(_) => ("frame.refused", 0),
+        NodeEvent::OtherSender(_) => ("frame.other_sender", 0),
     }
 }
 

@@ -3,9 +3,10 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
-use super::bench::BUS_PATIENCE_NS;
 use super::event_record::{event_record, request_records, sample_record};
-use super::{BusCounts, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
+use super::outage::{self, Outage};
+use super::report::NodeFrames;
+use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
 use crate::bus::{Bus, BusError, Sent};
 use crate::control::ResponsePoint;
 use crate::node::{ExciterNode, Outcome};
@@ -49,15 +50,27 @@ pub(super) fn run<C: Clock>(
     (signals, watched): (&Signals, Option<Watched>),
 ) -> ExciterReport {
     let start_ns = clock.now_ns();
-    let (lost_since_ns, responses) = (None, Vec::new());
-    let mut run = Run { node, bus, clock, start_ns, patience, lost_since_ns, rearmed: 0, signals, watched, responses };
+    let mut run = Run {
+        node,
+        bus,
+        clock,
+        start_ns,
+        patience,
+        outage: None,
+        jammed_since_ns: None,
+        bus_loss: None,
+        rearmed: 0,
+        signals,
+        watched,
+        responses: Vec::new(),
+    };
     let answered = run.answer();
     let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(Outcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
-    let Run { bus, responses, rearmed, .. } = run;
-    let counts = BusCounts::new(bus.statistics(), 0, node.refused_frames());
+    let Run { bus, responses, rearmed, bus_loss, .. } = run;
+    let counts = BusCounts::new(bus.statistics(), NodeFrames::from(&*node));
     let report = ExciterReport::new(node, error);
-    ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, ..report }
+    ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, bus_loss, ..report }
 }
 
 /// What ended the exciter's loop.
@@ -73,6 +86,8 @@ impl ExciterReport {
     pub(super) fn new(node: &ExciterNode, error: Option<RunError>) -> ExciterReport {
         ExciterReport {
             outcome: node.outcome(),
+            partner_fault: node.plant_fault(),
+            bus_loss: None,
             error,
             samples_played: node.samples_played(),
             missed_samples: node.missed_samples(),
@@ -90,8 +105,12 @@ struct Run<'r, C: Clock> {
     clock: &'r C,
     start_ns: u64,
     patience: Patience<'r>,
-    /// Since when the bus is off or down, ns.
-    lost_since_ns: Option<u64>,
+    /// While the bus is lost.
+    outage: Option<Outage>,
+    /// Since when its transmit queue has taken nothing, ns.
+    jammed_since_ns: Option<u64>,
+    /// How it was lost last.
+    bus_loss: Option<BusLoss>,
     rearmed: u32,
     signals: &'r Signals,
     watched: Option<Watched>,
@@ -138,15 +157,18 @@ impl<C: Clock> Run<'_, C> {
     }
 
     /// Whether the work is done. After a fault with a try left it begins anew, once the bus takes frames again: what is
-    /// heard before then can be of before the fault.
+    /// heard before then can be of before the fault. A bus whose queue takes none for long is given up.
     fn has_ended(&mut self, now_ns: u64) -> bool {
         let Some(outcome) = self.node.outcome() else { return false };
         let begins_anew = matches!(outcome, Outcome::Faulted(_)) && self.rearmed < self.patience.rearm;
         if !begins_anew || self.signals.is_stopped() {
             return true;
         }
-        if self.lost_since_ns.is_some() {
-            return false;
+        if let Some(outage) = &self.outage {
+            return outage.is_too_long(now_ns);
+        }
+        if let Some(since_ns) = self.jammed_since_ns {
+            return outage::is_too_long(since_ns, now_ns);
         }
         if !self.node.rearm(now_ns) {
             return true;
@@ -159,6 +181,7 @@ impl<C: Clock> Run<'_, C> {
     /// Takes in what has come, and answers it.
     fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
         while let Some(received) = self.bus.receive()? {
+            self.outage.iter_mut().for_each(Outage::hear);
             self.tell_frame(Direction::Received, received.timestamp_ns, received.frame);
             self.node.handle_frame(now_ns, &received.frame);
             // An answer must not wait for the frames behind the sample.
@@ -182,8 +205,12 @@ impl<C: Clock> Run<'_, C> {
             Ok(value) => return Ok(Some(value)),
             Err(error) => error,
         };
-        let since_ns = *self.lost_since_ns.get_or_insert(now_ns);
-        if !error.is_recoverable() || now_ns.saturating_sub(since_ns) > BUS_PATIENCE_NS {
+        if !error.is_recoverable() {
+            return Err(error.into());
+        }
+        let outage = *self.outage.get_or_insert_with(|| Outage::new(now_ns, &error));
+        self.bus_loss = Some(outage.cause);
+        if outage.is_too_long(now_ns) {
             return Err(error.into());
         }
         self.node.bus_lost(now_ns);
@@ -232,10 +259,13 @@ impl<C: Clock> Run<'_, C> {
     fn transmit(&mut self) -> Result<bool, BusError> {
         while let Some(frame) = self.node.next_frame() {
             if self.bus.send(&frame)? == Sent::QueueFull {
+                self.jammed_since_ns.get_or_insert(self.now_ns());
                 return Ok(false);
             }
             self.node.frame_sent();
-            self.lost_since_ns = None;
+            self.jammed_since_ns = None;
+            let controller = self.bus.controller();
+            self.outage = self.outage.filter(|outage| !outage.is_over(controller));
             self.tell_frame(Direction::Sent, None, frame);
         }
         Ok(true)
@@ -259,14 +289,15 @@ impl<C: Clock> Run<'_, C> {
         });
     }
 
-    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet.
+    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet. A plant that
+    /// sent no sample may say why.
     fn send_rest(&mut self) -> Result<(), RunError> {
         self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;
         let mut lost = None;
         while self.now_ns() < end_ns {
             lost = match self.transmit() {
-                Ok(true) if self.node.is_quiet() => return Ok(()),
+                Ok(true) if self.node.is_quiet() && !self.node.awaits_reason() => return Ok(()),
                 Ok(_) => None,
                 Err(error) if error.is_recoverable() => Some(error),
                 Err(error) => return Err(error.into()),

@@ -20,13 +20,20 @@ impl ExciterEnd {
         let (outcome, reason) = match outcome {
             Some(Outcome::Finished) => ("finished", None),
             Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
-            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency))),
+            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency, None, None))),
             Some(Outcome::PlantLeft) => {
                 ("plant-left", Some(String::from("the plant left the bus before the excitation was over")))
             }
             Some(Outcome::Stopped) | None => ("stopped", None),
         };
         ExciterEnd { outcome, reason }
+    }
+
+    /// The same, with what the run knows of a fault; an error of the run is left out.
+    pub fn of_controller(report: &ExciterReport) -> ExciterEnd {
+        let end = ExciterEnd::of(report.outcome.as_ref());
+        let fault = report.fault().map(|fault| fault_text(fault, report.partner_fault.as_ref(), report.bus_loss));
+        ExciterEnd { reason: fault.or(end.reason), ..end }
     }
 
     /// Whether the controller did all it was for.
@@ -40,7 +47,7 @@ impl From<&ExciterReport> for ExciterEnd {
     fn from(report: &ExciterReport) -> ExciterEnd {
         match &report.error {
             Some(error) => ExciterEnd { outcome: "failed", reason: Some(error.to_string()) },
-            None => ExciterEnd::of(report.outcome.as_ref()),
+            None => ExciterEnd::of_controller(report),
         }
     }
 }

@@ -76,19 +76,20 @@ pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> Outco
     }
 }
 
-/// Goes on until the load is zero.
+/// Goes on until the load is zero, also where the bus fails: the first of its errors is told at the end.
 fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) -> Result<(), RunError> {
     pace.anchor(bench.sample());
+    let mut failed = Ok(());
     while bench.node().is_ramping() {
         bench.advance(pace.now_ns())?;
         pace.sleep(bench.sample());
         let now_ns = pace.now_ns();
-        bench.receive(now_ns, bus)?;
+        failed = failed.and(bench.receive(now_ns, bus));
         bench.handle_deadline(now_ns);
         bench.measure()?;
-        bench.transmit(now_ns, bus)?;
+        failed = failed.and(bench.transmit(now_ns, bus).map(drop));
     }
-    Ok(())
+    failed
 }
 
 /// Sends what is left.

@@ -46,6 +46,7 @@ mod free;
 mod gauges;
 mod lockstep;
 mod mode;
+mod outage;
 mod pace;
 mod real_time;
 mod record_sink;
@@ -65,7 +66,7 @@ pub use report::{
     BothReport, BusCounts, ExciterReport, Fault, Histograms, Outcome, Pacing, PlantReport, RefusedCommands, fault_text,
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
-pub use signals::{RunEvent, Signals};
+pub use signals::{BusLoss, RunEvent, Signals};
 pub use watch::{CommandRecord, End, NotAsked, Request, Told, Watch, Watched, Watcher, watch};
 
 use self::bench::Bench;

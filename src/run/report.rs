@@ -1,12 +1,14 @@
 //! What a run came to.
 
+use core::fmt::Write;
+
 use serde::{Serialize, Serializer};
 
-use super::RunError;
 use super::bench::Bench;
+use super::{BusLoss, RunError};
 use crate::bus::{ControllerErrors, Statistics};
 use crate::control::ResponsePoint;
-use crate::node::{self, Refusals};
+use crate::node::{self, ExciterNode, PlantNode, Refusals};
 use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
 use crate::realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
 use crate::recording::Summary;
@@ -47,6 +49,11 @@ pub struct PlantReport {
     /// The same as the protocol has it.
     #[serde(skip)]
     pub emergency: Option<Emergency>,
+    /// What the exciter said was wrong, where that is the reason of the fault.
+    #[serde(serialize_with = "as_fault")]
+    pub partner_fault: Option<Emergency>,
+    /// How the bus was lost, the last time that it was.
+    pub bus_loss: Option<BusLoss>,
     /// What ended it early, if something failed.
     #[serde(serialize_with = "as_text")]
     pub error: Option<RunError>,
@@ -95,6 +102,8 @@ impl PlantReport {
             outcome,
             fault: emergency.as_ref().map(Fault::from),
             emergency,
+            partner_fault: bench.node().fault_reason(),
+            bus_loss: bench.bus_loss(),
             error,
             samples: bench.samples(),
             steps: bench.steps(),
@@ -129,6 +138,10 @@ pub struct Histograms {
 pub struct ExciterReport {
     /// How it ended; `None` if an error ended it.
     pub outcome: Option<node::Outcome>,
+    /// What the plant said was wrong, where that is why the exciter missed its samples.
+    pub partner_fault: Option<Emergency>,
+    /// How the bus was lost, the last time that it was.
+    pub bus_loss: Option<BusLoss>,
     /// What ended it early, if something failed.
     pub error: Option<RunError>,
     /// Samples answered, counted from the start of the profile.
@@ -214,9 +227,31 @@ const fn name(code: EmergencyCode) -> &'static str {
     }
 }
 
-/// A fault in words, with the way to mend it.
-pub fn fault_text(emergency: &Emergency) -> String {
-    let mend = match emergency.code {
+/// A fault in words, with the way to mend it: where `partner` said what is wrong, that and how to mend it.
+pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: Option<BusLoss>) -> String {
+    let mut text = format!("fault of the {emergency}");
+    if let Some(said) = partner {
+        let _infallible = write!(text, ", because of the {said}");
+    }
+    let is_bus_off = emergency.code == EmergencyCode::BusLoss && bus_loss == Some(BusLoss::BusOff);
+    if is_bus_off {
+        text.push_str(", since its controller was bus-off");
+    }
+    // The plant tells why it refused commands, which is the reason of both.
+    let mend = match (emergency.code, partner) {
+        _ if is_bus_off => {
+            "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
+        }
+        (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => mend(said),
+        _ => mend(emergency),
+    };
+    let _infallible = write!(text, "; to mend it: {mend}");
+    text
+}
+
+/// How to mend a fault.
+fn mend(emergency: &Emergency) -> &'static str {
+    match emergency.code {
         EmergencyCode::CommandTimeout => match Refusal::from_detail(emergency.detail).1 {
             Some(Refusal::OutOfRange) => "lower the excitation, or raise rig.exciter's limits",
             Some(Refusal::RateOfChange) => {
@@ -250,8 +285,7 @@ pub fn fault_text(emergency: &Emergency) -> String {
             "lower the excitation, or take a larger shaker: the plant's own message names the limit"
         }
         EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving => "this is no fault",
-    };
-    format!("fault of the {emergency}; to mend it: {mend}")
+    }
 }
 
 /// Valid commands that did not reach the arm, by reason.
@@ -299,20 +333,61 @@ pub struct BusCounts {
     pub dropped: u64,
     /// Frames of the protocol refused for their checks (E2E, length, values).
     pub e2e_errors: u64,
+    /// Those of them that came under identifiers which only this node sends: another network has the same base.
+    pub other_sender: u64,
+    /// Frames that came in and can't be any: of a length that CAN FD does not have.
+    pub malformed: u64,
     /// What the controller told of errors, on SocketCAN.
     pub errors: ControllerErrors,
 }
 
 impl BusCounts {
-    pub(super) fn new(statistics: Statistics, unsent_frames: u64, refused_frames: u64) -> BusCounts {
+    pub(super) fn new(statistics: Statistics, frames: NodeFrames) -> BusCounts {
         BusCounts {
             received: statistics.received,
             sent: statistics.sent,
-            dropped: statistics.dropped + unsent_frames,
-            e2e_errors: refused_frames,
+            dropped: statistics.dropped + frames.unsent,
+            e2e_errors: frames.refused,
+            other_sender: frames.other_sender,
+            malformed: statistics.malformed,
             errors: statistics.errors,
         }
     }
+}
+
+/// What a node counted, in frames.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeFrames {
+    /// Never sent.
+    pub unsent: u64,
+    /// Refused.
+    pub refused: u64,
+    /// Refused under identifiers that only the node sends.
+    pub other_sender: u64,
+}
+
+impl From<&ExciterNode> for NodeFrames {
+    fn from(node: &ExciterNode) -> NodeFrames {
+        NodeFrames {
+            unsent: node.unsent_frames(),
+            refused: node.refused_frames(),
+            other_sender: node.other_sender_frames(),
+        }
+    }
+}
+
+impl From<&PlantNode> for NodeFrames {
+    fn from(node: &PlantNode) -> NodeFrames {
+        NodeFrames {
+            unsent: node.unsent_frames(),
+            refused: node.refused_frames(),
+            other_sender: node.other_sender_frames(),
+        }
+    }
+}
+
+fn as_fault<S: Serializer>(emergency: &Option<Emergency>, serializer: S) -> Result<S::Ok, S::Error> {
+    emergency.as_ref().map(Fault::from).serialize(serializer)
 }
 
 fn as_text<S: Serializer>(error: &Option<RunError>, serializer: S) -> Result<S::Ok, S::Error> {

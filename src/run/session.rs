@@ -14,6 +14,7 @@ use super::lockstep::lockstep;
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::record_sink::RecordSink;
+use super::report::NodeFrames;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use crate::bus::fault::Faulty;
 use crate::bus::{Bus, VirtualBus, memory, timed};
@@ -370,7 +371,7 @@ impl Session {
             pacing: pace.report(),
             ..PlantReport::new(&bench, bus, outcome, error)
         };
-        let bus = BusCounts::new(far.statistics(), exciter.unsent_frames(), exciter.refused_frames());
+        let bus = BusCounts::new(far.statistics(), NodeFrames::from(&exciter));
         let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&exciter, None) };
         drop(bench);
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })

@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use serde::Serialize;
 
 use super::{Fault, Gauges};
-use crate::bus::ControllerState;
+use crate::bus::{BusError, ControllerState};
 
 /// What the run's threads and the rest of the program tell each other.
 #[derive(Debug, Default)]
@@ -51,6 +51,26 @@ impl Signals {
     }
 }
 
+/// How a bus is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BusLoss {
+    /// The controller is bus-off (ISO 11898-1).
+    BusOff,
+    /// The interface is down.
+    Down,
+}
+
+impl BusLoss {
+    /// How an error of a bus that may come back has lost it.
+    pub(super) const fn of(error: &BusError) -> BusLoss {
+        match error {
+            BusError::BusOff { .. } => BusLoss::BusOff,
+            _ => BusLoss::Down,
+        }
+    }
+}
+
 /// Something that happened to a plant during a run. `sample` is the index of the sample at which it was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
@@ -71,6 +91,9 @@ pub enum RunEvent {
     Faulted {
         /// Why.
         fault: Fault,
+        /// What the exciter said was wrong, where that is the reason.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        partner: Option<Fault>,
     },
     /// It would not be armed.
     NotArmed {
@@ -84,15 +107,24 @@ pub enum RunEvent {
         /// By so many sample periods.
         periods: u32,
     },
-    /// The bus is off or down.
+    /// The bus is lost, perhaps for a while.
     BusLost {
         /// The sample.
         sample: u64,
+        /// How.
+        cause: BusLoss,
     },
     /// The bus works again.
     BusBack {
         /// The sample.
         sample: u64,
+    },
+    /// A frame came under an identifier which only the plant sends, and that is not of its network; the first of a run.
+    OtherSender {
+        /// The sample.
+        sample: u64,
+        /// The identifier.
+        identifier: u16,
     },
     /// The controller of the plant's end is in another state: by itself that ends nothing.
     Controller {

@@ -75,11 +75,17 @@ impl Clock for ScriptedClock {
     }
 }
 
+fn down(interface: String) -> BusError {
+    BusError::InterfaceDown { interface }
+}
+
 /// A bus with an exciter's node at its other end, down for a while if asked to be.
 struct NodeBus {
     exciter: ExciterNode,
     clock: ScriptedClock,
     down_ns: core::ops::Range<u64>,
+    /// How it is down.
+    loss: fn(String) -> BusError,
     statistics: Statistics,
     /// What the plant sent.
     heard: Vec<Frame>,
@@ -95,12 +101,12 @@ impl NodeBus {
         let mut exciter = node::carry(network, rate_hz, timing, scenario.controller().unwrap());
         exciter.start(clock.now_ns());
         let statistics = Statistics::default();
-        NodeBus { exciter, clock: clock.clone(), down_ns: 0..0, statistics, heard: Vec::new() }
+        NodeBus { exciter, clock: clock.clone(), down_ns: 0..0, loss: down, statistics, heard: Vec::new() }
     }
 
     fn check(&self) -> Result<(), BusError> {
         let down = self.down_ns.contains(&self.clock.now_ns());
-        if down { Err(BusError::InterfaceDown { interface: String::from("can0") }) } else { Ok(()) }
+        if down { Err((self.loss)(String::from("can0"))) } else { Ok(()) }
     }
 }
 
@@ -154,6 +160,7 @@ struct Rig {
     speed: Speed,
     ending: Ending,
     down_ns: core::ops::Range<u64>,
+    loss: fn(String) -> BusError,
 }
 
 struct Ran {
@@ -170,18 +177,18 @@ impl Rig {
     fn new() -> Rig {
         let ending = Ending { on_disarm: true, ..Ending::default() };
         let (clock, overrun, speed) = (ScriptedClock::default(), OverrunPolicy::default(), Speed::UNPACED);
-        Rig { scenario: scenario(), clock, overrun, speed, ending, down_ns: 0..0 }
+        Rig { scenario: scenario(), clock, overrun, speed, ending, down_ns: 0..0, loss: down }
     }
 
     fn run(self, mode: Mode, signals: &Signals) -> Ran {
         let folder = tempfile::tempdir().unwrap();
-        let Rig { scenario, clock, overrun, speed, ending, down_ns } = self;
+        let Rig { scenario, clock, overrun, speed, ending, down_ns, loss } = self;
         let path = folder.path().join("run.mcap");
         let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
         let session = Session::new(scenario.clone(), mode, Options { record, ..Options::default() }).unwrap();
         let recorder = session.recorder("node").unwrap();
         let mut bus = NodeBus::new(&scenario, mode, &clock);
-        bus.down_ns = down_ns;
+        (bus.down_ns, bus.loss) = (down_ns, loss);
         let mut events = Vec::new();
         let mut on_event = |event| events.push(event);
         let mut bench = session.bench(recorder.as_ref(), &mut on_event).unwrap();
@@ -224,7 +231,7 @@ impl Ran {
 
     fn faults(&self) -> Vec<u16> {
         let code = |event: &RunEvent| match event {
-            RunEvent::Faulted { fault } => Some(fault.code),
+            RunEvent::Faulted { fault, .. } => Some(fault.code),
             _ => None,
         };
         self.events.iter().filter_map(code).collect()
@@ -463,7 +470,7 @@ fn a_report_as_json_has_the_fixed_keys() {
     stopped.clock.stall(500 * MS, 10 * MS);
     let mut report = stopped.run(Mode::RealTime, &Signals::default()).report;
     (report.wakeup_us, report.exec_us) = (None, None);
-    insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"error":null,"samples":549,"steps":1096,"overruns":10,"overrun_causes":{"woke_late":10,"step_long":0,"bus_long":0,"stolen":0,"preempted":0},"slipped":0,"wakeup_us":null,"exec_us":null,"round_trip_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"e2e_errors":0,"errors":{"protocol":0,"no_ack":0,"overflow":0,"warning":0,"passive":0,"bus_off":0,"restarted":0,"other":0}},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0,"rate_of_change":0,"travel":0},"recording":null}"#);
+    insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"partner_fault":null,"bus_loss":null,"error":null,"samples":549,"steps":1096,"overruns":10,"overrun_causes":{"woke_late":10,"step_long":0,"bus_long":0,"stolen":0,"preempted":0},"slipped":0,"wakeup_us":null,"exec_us":null,"round_trip_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"e2e_errors":0,"other_sender":0,"malformed":0,"errors":{"protocol":0,"no_ack":0,"overflow":0,"warning":0,"passive":0,"bus_off":0,"restarted":0,"other":0}},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0,"rate_of_change":0,"travel":0},"recording":null}"#);
 }
 
 /// Why the exciter faulted.

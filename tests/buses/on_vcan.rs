@@ -340,6 +340,28 @@ fn tell(controller: &socketcan::CanFdSocket, class: u32, state: libc::c_int) {
     controller.write_frame(&message).unwrap();
 }
 
+#[test]
+#[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
+fn what_can_t_be_a_frame_is_counted_and_left_out() {
+    let interface = Interface::new("rtodd");
+    let (mut near, mut far) = (interface.open(), interface.open());
+    let raw = socketcan::CanFdSocket::open(interface.0).unwrap();
+    // `struct canfd_frame`: identifier, length, flags, two reserved bytes, 64 of content. No frame of CAN FD has 9.
+    let mut odd = [0_u8; 72];
+    odd[..4].copy_from_slice(&0x201_u32.to_ne_bytes());
+    odd[4] = 9;
+    let mut send_odd = || assert_eq!(rustix::io::write(&raw, &odd), Ok(odd.len()));
+    send_odd();
+    near.send(&frame(0x123, &[7])).unwrap();
+    // Found by a wait, and by a call that doesn't wait.
+    assert_eq!(next(&mut far).frame, frame(0x123, &[7]));
+    send_odd();
+    assert!(!far.wait(Duration::from_millis(30)).unwrap());
+    send_odd();
+    assert_eq!(far.receive().unwrap(), None);
+    assert_eq!(far.statistics(), Statistics { received: 1, malformed: 3, ..Statistics::default() });
+}
+
 /// What `far` makes of what the controller of `interface` tells between the frames of `near`.
 fn error_frames_are_counted_and_bus_off_comes_out(interface: &Interface, far: &mut dyn Bus) {
     pin();

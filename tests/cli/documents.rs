@@ -242,6 +242,7 @@ fn run_reports_steps_bus_and_recording() {
     let got = document(folder.path(), 0, &run);
     let keys = [
         "bus",
+        "bus_loss",
         "configuration",
         "error",
         "exciter",
@@ -251,6 +252,7 @@ fn run_reports_steps_bus_and_recording() {
         "overrun_causes",
         "overruns",
         "pacing",
+        "partner_fault",
         "recording",
         "refused",
         "responses",
@@ -261,7 +263,10 @@ fn run_reports_steps_bus_and_recording() {
         "wakeup_us",
     ];
     assert_eq!(names(&got), keys);
-    assert_eq!(names(&got["bus"]), ["dropped", "e2e_errors", "errors", "received", "sent"]);
+    assert_eq!(
+        names(&got["bus"]),
+        ["dropped", "e2e_errors", "errors", "malformed", "other_sender", "received", "sent"]
+    );
     // The sine is at a zero after 0.5 s, so that there is nothing to ramp. Two integration steps a sample.
     assert_eq!((&got["samples"], &got["steps"], &got["overruns"]), (&501.into(), &1000.into(), &0.into()));
     assert_eq!((&got["outcome"], &got["recording"]), (&"completed".into(), &"run.mcap".into()));

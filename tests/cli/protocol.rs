@@ -109,7 +109,30 @@ fn says_what_is_wrong() {
     assert_snapshot!(said(&force), @"resonarm: ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
     assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: of ForceCommand it goes from 0 to 14");
     assert_snapshot!(said(&["encode", "Sensors", "sample=0"]), @"resonarm: Sensors needs force_x_n");
-    let (code, stdout, stderr) = piped(&["protocol", "decode"], "201#8A00F40183FF3412\nnonsense here\n");
-    assert_eq!((code, stdout.lines().count()), (2, 1));
-    assert_snapshot!(stderr, @r#"resonarm: line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump -L`"#);
+}
+
+#[test]
+fn a_line_without_a_frame_is_told_counted_and_left_out() {
+    let log = format!("201#8A00F40183FF3412\nnonsense here\n{}\n(2.0) vcan0 702#05\n", "x".repeat(200));
+    let (code, stdout, stderr) = piped(&["protocol", "decode"], &log);
+    assert_eq!((code, stderr.as_str()), (1, ""));
+    assert_snapshot!(stdout, @r#"
+    201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
+    line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump -L`
+    line 3: "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx"…: there is no `#` between identifier and data, as in 123#1122
+    (2.000000) vcan0 702#05  ExciterHeartbeat state=5
+    2 frames: 2 taken, 0 refused, 0 of other protocols; 0 lost before them; 2 lines without a frame
+    "#);
+    let (code, stdout, _) = piped(&["protocol", "decode", "--json"], &log);
+    let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!((code, &found["counts"]["unreadable_lines"]), (1, &2.into()));
+    assert_eq!((&found["unreadable"][0]["line"], found["frames"].as_array().unwrap().len()), (&2.into(), 2));
+}
+
+/// A log is given as standard input, and what takes its name for a frame says so.
+#[test]
+fn the_name_of_a_log_as_a_frame_is_answered_with_the_way_to_read_it() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("can0.log"), LOG).unwrap();
+    assert_snapshot!(complaint(folder.path(), 2, &["protocol", "decode", "can0.log"]), @r#"resonarm: "can0.log": there is no `#` between identifier and data, as in 123#1122. It is a file: `resonarm protocol decode < can0.log` reads it"#);
 }

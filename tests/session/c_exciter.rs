@@ -12,8 +12,8 @@ use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoi
 use resonarm::node::{self, ExciterNode, Outcome, PlantNode, Timing};
 use resonarm::protocol::header::Header;
 use resonarm::protocol::{
-    Emergency, EmergencyCode, Frame, FrameFormat, Hello, Id, Message, MessageKind, Network, Node, OperatorCommand,
-    OperatorRequest, Profile, SamplesPerFrame, Transmitter, timing,
+    Emergency, EmergencyCode, Frame, FrameFormat, Heartbeat, Hello, Id, Message, MessageKind, Network, Node, NodeState,
+    OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, Transmitter, timing,
 };
 use resonarm::rig::{Exciter, Measurement};
 
@@ -119,8 +119,9 @@ impl Both {
         let fault = fault.map_or(String::new(), |Emergency { node, code, detail, sample }| {
             format!(" {} {} {detail} {sample}", node.number(), code as u16)
         });
+        let (said, detail) = node.plant_fault().map_or((0, 0), |said| (said.code as u16, said.detail));
         format!(
-            "| next {} | {} {number}{fault} {} {} {} {} {} {} {} {}",
+            "| next {} | {} {number}{fault} {} {} {} {} {} {} {} {} {} {said} {detail}",
             node.next_deadline_ns(),
             node.state().heartbeat_byte(),
             u8::from(node.has_heard_plant()),
@@ -129,6 +130,7 @@ impl Both {
             node.stale_samples(),
             node.slipped_periods(),
             node.refused_frames(),
+            node.other_sender_frames(),
             node.unsent_frames(),
             u8::from(node.is_quiet()),
         )
@@ -316,7 +318,12 @@ impl Bench {
 
     /// The plant is gone for a while, and the exciters listen.
     fn silence(&mut self) {
-        for _ in 0..self.random.next() % 400 {
+        let looks = self.random.next() % 400;
+        self.silence_for(looks);
+    }
+
+    fn silence_for(&mut self, looks: u64) {
+        for _ in 0..looks {
             self.now_ns += self.timing.look_period_ns;
             self.deadline();
         }
@@ -441,6 +448,48 @@ fn playing(wire: Wire) -> Bench {
     (0..500).for_each(|_| bench.tick());
     assert!(bench.both.node.samples_played() > 400 && bench.outcome().is_none());
     bench
+}
+
+/// Its own heartbeat, and frames of another network under its own identifiers.
+#[test]
+fn an_own_heartbeat_is_a_double_and_another_network_at_the_base_is_counted() {
+    for wire in Wire::ALL {
+        let mut bench = playing(wire);
+        let network = wire.network();
+        let [plant, exciter] = Node::ALL.map(|node| network.node_id(node));
+        let other = network.with_node_ids(plant + 10, exciter + 10).unwrap();
+        let hello = Transmitter::new(other).frame(&Message::ExciterHello(wire.hello())).unwrap();
+        bench.deliver(&hello);
+        let id = Id::Standard(MessageKind::ExciterHeartbeat.id(network));
+        bench.deliver(&Frame::new(id, FrameFormat::Classic, &[0; 2]).unwrap());
+        assert_eq!((bench.both.node.other_sender_frames(), bench.outcome()), (2, None));
+        let heartbeat = Message::Heartbeat(Heartbeat { node: Node::Exciter, state: NodeState::Operational });
+        bench.deliver(&Transmitter::new(network).frame(&heartbeat).unwrap());
+        let Some(Outcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
+        assert_eq!(fault.code, EmergencyCode::SecondSender);
+        bench.both.end();
+    }
+}
+
+/// In lockstep an exciter gives up for want of samples, and the plant then says why it refused its command.
+#[test]
+fn the_plant_s_word_after_a_sensor_timeout_is_kept() {
+    let plan = Plan { finish: NEVER, give_up: NEVER, beyond: NEVER };
+    let mut bench = Bench::new(Wire::Classic, timings()[1], plan, 1);
+    (0..100).for_each(|_| bench.tick());
+    bench.silence_for(60);
+    let Some(Outcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
+    assert_eq!(fault.code, EmergencyCode::SensorTimeout);
+    let emergency = |code| Message::Emergency(Emergency { node: Node::Plant, code, detail: 1281, sample: 0 });
+    let mut plant = Transmitter::new(Wire::Classic.network());
+    for code in [EmergencyCode::PartnerFault, EmergencyCode::CommandTimeout] {
+        // Whatever counter the plant has come to, the second of two follows the first.
+        for _ in 0..2 {
+            bench.deliver(&plant.frame(&emergency(code)).unwrap());
+        }
+    }
+    assert_eq!(bench.both.node.plant_fault().map(|said| said.code), Some(EmergencyCode::CommandTimeout));
+    bench.both.end();
 }
 
 #[test]

@@ -6,7 +6,7 @@ use resonarm::arm::Load;
 use resonarm::protocol::{EmergencyCode, Refusal, Trip};
 use resonarm::recording::{Existing, Recording};
 use resonarm::replay::resimulate;
-use resonarm::run::{Mode, Options, Outcome, PlantReport, RecordTo, Session, Signals, fault_text};
+use resonarm::run::{ExciterEnd, Mode, Options, Outcome, PlantReport, RecordTo, Session, Signals, fault_text};
 use resonarm::scenario::Scenario;
 
 /// A state as far as the gate is concerned: the load held from it on, and how far the tip is from rest, m.
@@ -62,11 +62,35 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     let emergency = slow.emergency.unwrap();
     assert_eq!(emergency.code, EmergencyCode::CommandTimeout);
     assert_eq!(Refusal::from_detail(emergency.detail).1, Some(Refusal::RateOfChange));
-    insta::assert_snapshot!(fault_text(&emergency), @"fault of the plant, code 1: no valid command in time (20 refused, the last because it changes the load too fast), at sample 23; to mend it: lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change");
+    insta::assert_snapshot!(fault_text(&emergency, None, None), @"fault of the plant, code 1: no valid command in time (20 refused, the last because it changes the load too fast), at sample 23; to mend it: lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change");
     assert!(slow.refused.rate_of_change > 0);
     assert_eq!(events(&path, "plant.command.rate_of_change") as u64, slow.refused.rate_of_change);
     let jump = |pair: &[Moment]| (pair[1].load.force_n - pair[0].load.force_n).amax();
     assert!(moments.windows(2).all(|pair| jump(pair) <= 5.0 + 1e-9));
+}
+
+/// In lockstep both ends wait as long for each other: whoever gives up first, both say why the command was refused.
+#[test]
+fn in_lockstep_a_refused_command_ends_with_its_reason_at_both_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let text = "network = { lockstep_timeout_s = 0.4 }\n[excitation]\namplitude = { force_x_n = 100.0 }\n\
+         profile = { waveform = 'impulse', pulse_s = 0.05, duration_s = 0.5 }\n\
+         [rig.gate]\nforce_rate_limit_n_per_s = 5000.0\n";
+    let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
+    let scenario = Scenario::parse(text, "test").unwrap();
+    let session = Session::new(scenario, Mode::Lockstep, Options { record, ..Options::default() }).unwrap();
+    let report = session.both(&Signals::default(), |_event| {}).unwrap();
+    let of_plant = fault_text(&report.plant.emergency.unwrap(), report.plant.partner_fault.as_ref(), None);
+    let of_exciter = ExciterEnd::from(&report.exciter).reason.unwrap();
+    for text in [&of_plant, &of_exciter] {
+        assert!(text.contains("it changes the load too fast"), "{text}");
+        assert!(text.contains("raise rig.gate's limits of the rate of change"), "{text}");
+    }
+    let faults = Recording::open(&path).unwrap().summary().faults;
+    assert_eq!((faults.len(), faults[0].code), (1, EmergencyCode::CommandTimeout as i64), "{faults:?}");
+    let waited = report.plant.partner_fault.map(|said| said.code as i64);
+    assert_eq!(faults[0].partner_code, waited);
 }
 
 #[test]
@@ -87,7 +111,7 @@ fn an_arm_driven_beyond_its_travel_is_let_go_at_once() {
         let emergency = report.emergency.unwrap();
         assert_eq!((emergency.code, emergency.detail), (EmergencyCode::ExciterTripped, Trip::Travel as u16));
         if mode == Mode::Free {
-            insta::assert_snapshot!(fault_text(&emergency), @"fault of the plant, code 14: the exciter has tripped (the travel), at sample 131; to mend it: lower the excitation, or raise rig.gate.travel_limit_m");
+            insta::assert_snapshot!(fault_text(&emergency, None, None), @"fault of the plant, code 14: the exciter has tripped (the travel), at sample 131; to mend it: lower the excitation, or raise rig.gate.travel_limit_m");
         }
         // The first sample beyond is the one whose command trips it, and no load acts from there on.
         let tripped = moments.iter().position(|moment| moment.travel_m > limit_m).unwrap();

@@ -1,6 +1,8 @@
 """The FD profile, several networks on one interface, and nodes that are there twice."""
 
 import json
+import socket
+import struct
 import subprocess
 from collections import Counter
 
@@ -127,3 +129,64 @@ def test_an_interface_without_can_fd_is_refused_with_the_way_to_mend_it(tmp_path
     plant = programs.resonarm("run", "--bus", interface, "--mode", "lockstep", "--scenario", scenario)
     assert plant.wait() == 3
     assert f"{interface} does not carry CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
+
+
+def test_two_plants_at_one_base_say_so_and_go_on(tmp_path, programs):
+    """Their node ids differ, so that each refuses what the other sends."""
+    plants = []
+    for plant_id in (1, 3):
+        scenario, path = tmp_path / f"{plant_id}.toml", tmp_path / f"{plant_id}.mcap"
+        scenario.write_text(SCENARIO % (0x200, plant_id, plant_id + 1, "classic", 10.0, 600.0))
+        common = ["--bus", "vcan0", "--mode", "lockstep", "--scenario", scenario, "--json"]
+        plants.append((programs.resonarm("run", *common, "--json-events", "--record", path), path))
+    wait_until(lambda: all('"other-sender"' in plant.stderr for plant, _ in plants), "both to notice the other")
+    for plant, path in plants:
+        told = [json.loads(line) for line in plant.stderr.splitlines() if '"other-sender"' in line]
+        # A hello a second is all that an idle plant in lockstep sends beside its heartbeats.
+        assert [event["identifier"] for event in told] == [0x206]
+        plant.stop()
+        bus = json.loads(plant.stdout)["bus"]
+        assert bus["other_sender"] == bus["e2e_errors"] > 0
+        assert f"{bus['other_sender']} frames of another network" in plant.stderr
+        found = programs.resonarm("inspect", path, "--json").result()
+        assert found["other_sender_frames"] == bus["other_sender"]
+        assert [problem["kind"] for problem in found["problems"]] == ["other sender"]
+
+
+def test_what_is_neither_recorded_nor_watched_is_filtered_by_the_kernel(tmp_path, programs):
+    """The recording has the frames of others; an exciter, and a plant without a recording, are not woken for them."""
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(SCENARIO % (0x200, 1, 2, "classic", 10.0, 1.0))
+    common = ["--bus", "vcan0", "--mode", "lockstep", "--scenario", scenario, "--json"]
+    for record in ([], ["--record", tmp_path / "run.mcap"]):
+        plant = programs.resonarm("run", *common, "--json-events", "--stop-on-disarm", *record)
+        wait_until(lambda plant=plant: '"ready"' in plant.stderr, "the plant")
+        for _ in range(20):
+            run("cansend", "vcan0", "123#00")
+        exciter = programs.resonarm("exciter", *common)
+        played, ran = exciter.result(), plant.result()
+        assert played["outcome"] == "finished" and ran["bus"]["sent"] > 1000
+        # All that one end receives the other has sent, but for what was sent before it listened.
+        assert ran["bus"]["received"] <= played["bus"]["sent"] + (20 if record else 0)
+        foreign = Recording.whole(record[1]).frames_of(1, 0x123) if record else []
+        assert (len(foreign), ran["bus"]["received"] > played["bus"]["sent"]) == ((20, True) if record else (0, False))
+        assert played["bus"]["received"] <= ran["bus"]["sent"]
+
+
+@pytest.mark.parametrize("record", [True, False])
+def test_a_frame_that_can_t_be_one_ends_nothing(tmp_path, programs, record):
+    """One of CAN FD with 9 bytes, which a virtual interface carries."""
+    plant = programs.resonarm(
+        "run", "--bus", "vcan0", "--mode", "lockstep", "--json", "--json-events",
+        *(["--record", tmp_path / "run.mcap"] if record else []),
+    )  # fmt: skip
+    wait_until(lambda: '"ready"' in plant.stderr, "the plant")
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        raw.bind(("vcan0",))
+        raw.send(struct.pack("=IB3x64s", 0x201, 9, bytes(9)))
+    exciter = programs.resonarm("exciter", "--bus", "vcan0", "--mode", "lockstep")
+    wait_until(lambda: '"armed"' in plant.stderr, "the plant to be armed")
+    exciter.stop()
+    assert plant.stop() == 0, plant.stderr
+    assert plant.result()["bus"]["malformed"] == 1

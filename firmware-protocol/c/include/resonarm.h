@@ -9,8 +9,8 @@
  * A double must be an IEEE 754 binary64 and a float a binary32, computed without excess precision, without -ffast-math,
  * and rounded to nearest.
  *
- * With RESONARM_CLASSIC_ONLY defined, the same for every file that includes this one, the library is built without the FD
- * profile: it makes no network of it, and frames have 8 bytes.
+ * With RESONARM_CLASSIC_ONLY defined, the same for every file that includes this one, the library is built without the
+ * FD profile: it makes no network of it, and frames have 8 bytes.
  */
 #ifndef RESONARM_H
 #define RESONARM_H

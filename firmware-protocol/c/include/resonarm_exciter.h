@@ -88,6 +88,10 @@ typedef struct {
     uint32_t stale_samples;      /**< Samples that were ignored for their index. */
     uint64_t slipped_periods;    /**< Sample periods by which the plant said its schedule has moved. */
     uint32_t refused_frames;     /**< Frames of the protocol that failed a check (section 2). */
+    /** Those of them under identifiers which only this node sends: another network has the same base (section 1). */
+    uint32_t other_sender_frames;
+    /** What the plant said was wrong after this node had missed its samples and faulted; code 0 if it said nothing. */
+    resonarm_emergency plant_fault;
     uint32_t unsent_frames;      /**< Frames in whose place newer ones were sent. */
 } resonarm_report;
 
@@ -135,6 +139,7 @@ typedef struct {
     bool is_waiting;
     uint64_t waiting_since_ns;
     uint32_t refused_frames;
+    uint32_t other_sender_frames;
     uint16_t second_sender; /* Identifier of a message that only this node sends, and that came; 0 if none did. */
 } resonarm_link_;
 
@@ -159,6 +164,7 @@ typedef struct {
     resonarm_leave_ leave;
     resonarm_node fault_node;
     resonarm_emergency fault;
+    resonarm_emergency plant_fault;
     bool has_plant_hello;
     bool has_plant_state;
     resonarm_state plant_state;

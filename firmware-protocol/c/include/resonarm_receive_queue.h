@@ -3,8 +3,8 @@
  * @brief Frames on their way from an interrupt to the loop that hands them to the node.
  *
  * One writer, an interrupt or a thread, and one reader, the loop. Neither waits for the other, disables interrupts or
- * allocates; a frame that finds the queue full is dropped and counted, and the counters of the protocol show the receiver
- * the gap. The writer must not interrupt itself: interrupts that put frames have one priority, or take turns.
+ * allocates; a frame that finds the queue full is dropped and counted, and the counters of the protocol show the
+ * receiver the gap. The writer must not interrupt itself: interrupts that put frames have one priority, or take turns.
  */
 #ifndef RESONARM_RECEIVE_QUEUE_H
 #define RESONARM_RECEIVE_QUEUE_H

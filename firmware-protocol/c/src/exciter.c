@@ -153,6 +153,13 @@ static void part(resonarm_exciter *exciter, uint64_t now_ns)
     }
 }
 
+/* Whether this node faulted for want of samples, of which the plant may say why none came. */
+static bool has_missed_samples(const resonarm_exciter *exciter)
+{
+    return exciter->phase == RESONARM_DONE_ && exciter->outcome == RESONARM_FAULTED &&
+           exciter->fault_node == RESONARM_EXCITER && exciter->fault.code == RESONARM_SENSOR_TIMEOUT;
+}
+
 /* The plant's fault ends the work. That it has no hello of this node yet is mended by the next try. */
 static void heed_fault(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_emergency *emergency)
 {
@@ -164,6 +171,8 @@ static void heed_fault(resonarm_exciter *exciter, uint64_t now_ns, const resonar
     if (exciter->phase == RESONARM_PLAYING_ || (is_arming && is_incompatible)) {
         resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_FAULT);
         end_by(exciter, RESONARM_PLANT, emergency);
+    } else if (has_missed_samples(exciter) && emergency->code != RESONARM_PARTNER_FAULT) {
+        exciter->plant_fault = *emergency;
     }
 }
 
@@ -429,6 +438,7 @@ bool resonarm_exciter_rearm(resonarm_exciter *exciter, uint64_t now_ns)
     exciter->has_head = false;
     exciter->has_b = false;
     exciter->samples_answered = 0;
+    exciter->plant_fault = (resonarm_emergency){.code = (resonarm_code)0};
     exciter->sequence = resonarm_sequence_new(exciter->link.hello.rate_hz);
     return true;
 }
@@ -451,6 +461,8 @@ resonarm_report resonarm_exciter_report(const resonarm_exciter *exciter)
         .stale_samples = exciter->sequence.stale,
         .slipped_periods = exciter->slipped_periods,
         .refused_frames = exciter->link.refused_frames,
+        .other_sender_frames = exciter->link.other_sender_frames,
+        .plant_fault = exciter->plant_fault,
         .unsent_frames = exciter->link.outbox.unsent,
     };
 }

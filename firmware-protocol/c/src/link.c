@@ -61,7 +61,12 @@ bool resonarm_link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_
         return false;
     }
     if (receipt.verdict != RESONARM_ACCEPTED) {
+        /* A remote frame is a question, and a station of the operator's may send requests: of no other sender. */
+        const bool is_own =
+            resonarm_sender(receipt.kind) == RESONARM_EXCITER && receipt.kind != RESONARM_OPERATOR_COMMAND;
+        const bool is_question = receipt.verdict == RESONARM_BAD_FORMAT && frame->format == RESONARM_FRAME_REMOTE;
         link->refused_frames++;
+        link->other_sender_frames += is_own && !is_question ? 1 : 0;
         return false;
     }
     if (resonarm_sender(receipt.kind) != RESONARM_PLANT) {

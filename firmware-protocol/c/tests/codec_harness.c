@@ -1,8 +1,8 @@
 /*
  * The codec on standard input and output, a line a command, for a test that holds it to another codec.
  *
- *   network BASE PLANT EXCITER FD a new sender and receiver of a network     valid | base | unaligned | node-id | same |
- *                                                                             not-built
+ *   network BASE PLANT EXCITER FD a new sender and receiver of a network     valid | base | unaligned |
+ *                                                                             node-id | same | not-built
  *   encode KIND V...              the sender's next frame of a message        frame ID c|f DATA |
  *                                                                             refused REASON SIGNAL
  *   accept s|e c|r|f ID LEN DATA  what the receiver makes of a frame          ignored | accepted KIND V... |

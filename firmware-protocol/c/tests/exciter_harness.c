@@ -99,8 +99,9 @@ static void say(void)
     }
     printf(" %d %" PRIu64 " %" PRIu64 " %" PRIu32, report.has_heard_plant, report.samples_answered,
            report.missed_samples, report.stale_samples);
-    printf(" %" PRIu64 " %" PRIu32 " %" PRIu32 " %d\n", report.slipped_periods, report.refused_frames,
-           report.unsent_frames, resonarm_exciter_is_quiet(&exciter));
+    printf(" %" PRIu64 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %d", report.slipped_periods, report.refused_frames,
+           report.other_sender_frames, report.unsent_frames, resonarm_exciter_is_quiet(&exciter));
+    printf(" %d %u\n", (int)report.plant_fault.code, report.plant_fault.detail);
 }
 
 static void obey(const char *command)

@@ -1,11 +1,11 @@
 /*
- * The receive queue between an interrupt and a loop. The interrupt is a signal, which stops the loop at any instruction,
- * or another thread, for the sanitiser of threads.
+ * The receive queue between an interrupt and a loop. The interrupt is a signal, which stops the loop at any
+ * instruction, or another thread, for the sanitiser of threads.
  *
  *   receive_queue signal|thread FRAMES
  *
- * It ends with 1, and says why, if a frame comes in pieces, twice or out of order, or if one is neither taken nor counted
- * as dropped.
+ * It ends with 1, and says why, if a frame comes in pieces, twice or out of order, or if one is neither taken nor
+ * counted as dropped.
  */
 #define _POSIX_C_SOURCE 200809L
 

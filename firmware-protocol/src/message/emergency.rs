@@ -81,7 +81,7 @@ impl fmt::Display for EmergencyCode {
             EmergencyCode::CommandOutOfRange => "a command beyond the range of its signal",
             EmergencyCode::SimulationFailed => "the simulation failed",
             EmergencyCode::Overrun => "ticks were missed",
-            EmergencyCode::BusLoss => "frames could not be sent",
+            EmergencyCode::BusLoss => "bus-off, or frames could not be sent",
             EmergencyCode::SampleSequence => "a sample index out of sequence",
             EmergencyCode::ScheduleSlipped => "the schedule slipped by missed sample periods",
             EmergencyCode::Leaving => "the node leaves the bus",

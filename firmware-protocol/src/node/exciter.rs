@@ -1,6 +1,7 @@
 //! The exciter's node: arms the plant, lets a controller answer its samples, disarms.
 
 use super::link::Link;
+use super::phase::{Leave, Phase};
 use super::sequence::{Place, Sequence};
 use super::{NodeEvent, Timing};
 use crate::{
@@ -13,29 +14,6 @@ use super::answering::{Answer, Answering, Outcome};
 
 /// Time between two tries to arm or disarm the plant, ns.
 const RETRY_NS: u64 = 100_000_000;
-
-/// What the controller is at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase<A> {
-    /// Looking for the plant and arming it.
-    Arming,
-    /// Answering samples.
-    Playing,
-    /// Disarming the plant, for this outcome.
-    Disarming(Outcome<A>),
-    Done(Outcome<A>),
-}
-
-/// Where a controller stands in leaving the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Leave {
-    /// Not asked to.
-    Stay,
-    /// Asked to; it is told when the work is done.
-    Asked,
-    /// Told.
-    Told,
-}
 
 /// An exciter as a node, with what answers the samples.
 #[derive(Clone, Debug)]
@@ -57,6 +35,7 @@ pub struct ExciterNode<C: Answering> {
     answered: Option<u64>,
     missed_samples: u64,
     slipped_periods: u64,
+    plant_fault: Option<Emergency>,
 }
 
 impl<C: Answering> ExciterNode<C> {
@@ -83,6 +62,7 @@ impl<C: Answering> ExciterNode<C> {
             answered: None,
             missed_samples: 0,
             slipped_periods: 0,
+            plant_fault: None,
         }
     }
 
@@ -140,9 +120,34 @@ impl<C: Answering> ExciterNode<C> {
         self.slipped_periods
     }
 
+    /// The network.
+    pub fn network(&self) -> Network {
+        self.link.network()
+    }
+
     /// Frames of the protocol refused for their checks (E2E, length, values).
     pub fn refused_frames(&self) -> u64 {
         self.link.refused_frames()
+    }
+
+    /// Those of them that came under identifiers which only this node sends: another network has its base.
+    pub fn other_sender_frames(&self) -> u64 {
+        self.link.other_sender_frames()
+    }
+
+    /// What the plant said was wrong after this node had missed its samples and faulted: the reason why none came.
+    pub fn plant_fault(&self) -> Option<Emergency> {
+        self.plant_fault
+    }
+
+    /// Whether this node has faulted for want of samples, and the plant has not yet said how it stands.
+    pub fn awaits_reason(&self) -> bool {
+        self.has_missed_samples() && self.plant_state == Some(NodeState::Operational) && self.plant_fault.is_none()
+    }
+
+    fn has_missed_samples(&self) -> bool {
+        let Phase::Done(Outcome::Faulted(own)) = &self.phase else { return false };
+        (own.node, own.code) == (Node::Exciter, EmergencyCode::SensorTimeout)
     }
 
     /// Frames that were never sent: newer ones took their place before they could be.
@@ -175,7 +180,7 @@ impl<C: Answering> ExciterNode<C> {
         self.phase = Phase::Arming;
         // By then it has heard the plant's state after what went wrong.
         self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
-        (self.head, self.b, self.answered) = (None, None, None);
+        (self.head, self.b, self.answered, self.plant_fault) = (None, None, None, None);
         self.sequence = Sequence::new(self.link.hello().rate_hz);
         self.controller.restart();
         true
@@ -309,6 +314,10 @@ impl<C: Answering> ExciterNode<C> {
             self.link.tell(NodeEvent::Emergency(emergency));
             self.link.transition(now_ns, StateEvent::Fault);
             self.phase = Phase::Done(Outcome::Faulted(emergency));
+        } else if self.has_missed_samples() && emergency.code != EmergencyCode::PartnerFault {
+            // What came of this node's own fault is no reason for it.
+            self.link.tell(NodeEvent::PartnerEmergency(emergency));
+            self.plant_fault = Some(emergency);
         }
     }
 

@@ -1,8 +1,8 @@
 //! What both nodes share: the protocol's ends, the state, heartbeats and hellos, the time listened.
 
 use crate::{
-    Capabilities, Emergency, EncodeError, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node, NodeState,
-    Profile, Receiver, SamplesPerFrame, StateEvent, Transmitter,
+    Capabilities, DecodeError, Emergency, EncodeError, Frame, FrameFormat, Heartbeat, Hello, Message, MessageKind,
+    Network, Node, NodeState, Profile, Receiver, SamplesPerFrame, StateEvent, Transmitter,
 };
 
 use super::listening::Listening;
@@ -32,6 +32,7 @@ pub struct Link {
     /// Since when frames wait and none was sent, of the time listened.
     jammed_since_ns: Option<u64>,
     refused_frames: u64,
+    other_sender_frames: u64,
     /// The identifier of a message that only this node sends and that came from another, not yet told.
     second_sender: Option<u16>,
 }
@@ -55,6 +56,7 @@ impl Link {
             partner_heard_ns: 0,
             jammed_since_ns: None,
             refused_frames: 0,
+            other_sender_frames: 0,
             second_sender: None,
         }
     }
@@ -80,6 +82,11 @@ impl Link {
     /// Frames of the protocol that could not be taken.
     pub fn refused_frames(&self) -> u64 {
         self.refused_frames
+    }
+
+    /// Those of them that came under identifiers which only this node sends ([`NodeEvent::OtherSender`]).
+    pub fn other_sender_frames(&self) -> u64 {
+        self.other_sender_frames
     }
 
     /// Frames that a gap of a counter says were lost on the way.
@@ -122,11 +129,21 @@ impl Link {
                 Some(message)
             }
             Err(error) => {
-                self.refused_frames += 1;
-                self.events.push(NodeEvent::Frame(error));
+                self.refuse(error);
                 None
             }
         }
+    }
+
+    /// Counts and tells a frame that could not be taken. A remote frame is a question, and no message of another sender.
+    fn refuse(&mut self, error: DecodeError) {
+        let kind = error.kind();
+        let is_question = matches!(error, DecodeError::Format { got: FrameFormat::Remote, .. });
+        let is_other_sender = kind.sender() == self.node && kind != MessageKind::Operator && !is_question;
+        self.refused_frames += 1;
+        self.other_sender_frames += u64::from(is_other_sender);
+        let event = if is_other_sender { NodeEvent::OtherSender } else { NodeEvent::Frame };
+        self.events.push(event(error));
     }
 
     /// The most samples in a frame that this node sends or takes.

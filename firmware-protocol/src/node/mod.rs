@@ -53,6 +53,7 @@ mod exciter;
 mod link;
 mod listening;
 mod outbox;
+mod phase;
 mod queue;
 mod sequence;
 mod timing;

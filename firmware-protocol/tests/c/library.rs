@@ -57,11 +57,9 @@ fn without_the_fd_profile_the_library_has_nothing_of_it() {
 #[test]
 fn frames_come_whole_and_in_order_from_an_interrupt() {
     let (queue, threads) = (build("receive_queue"), build("receive_queue_threads"));
-    for (program, arguments) in [
-        (&queue, ["signal", "50000"]),
-        (&queue, ["thread", "50000"]),
-        (&threads, ["thread", "50000"]),
-    ] {
+    for (program, arguments) in
+        [(&queue, ["signal", "50000"]), (&queue, ["thread", "50000"]), (&threads, ["thread", "50000"])]
+    {
         let output = Command::new(program).args(arguments).output().unwrap();
         let said = [output.stdout, output.stderr].concat();
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&said));

@@ -222,11 +222,12 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
     }
 
     fn statistics(&self) -> Statistics {
-        let Statistics { dropped, queue_full, errors, .. } = self.bus.statistics();
+        let Statistics { dropped, malformed, queue_full, errors, .. } = self.bus.statistics();
         Statistics {
             received: self.received,
             sent: self.sent,
             dropped: dropped + self.incoming.dropped,
+            malformed,
             queue_full: queue_full + self.queue_full,
             errors,
         }

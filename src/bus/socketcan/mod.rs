@@ -11,6 +11,9 @@
 //! Bus-off also comes out of [`Bus::receive`], as [`BusError::BusOff`], and the end works again once the controller has
 //! been restarted. Nothing else of them is an error of the bus. A virtual interface has no controller and makes none.
 //!
+//! **What can't be a frame**, one of CAN FD with 9 bytes, can be written to a virtual interface by anybody. It is counted
+//! ([`Statistics::malformed`]) and left out.
+//!
 //! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel
 //! counter, but only with the next frame that comes in after the loss, so never those at the end of a run.
 
@@ -82,6 +85,7 @@ pub struct SocketCan {
     buffers: Options,
     incoming: Incoming,
     received: u64,
+    malformed: u64,
     sent: u64,
     queue_full: u64,
     told: Told,
@@ -116,6 +120,7 @@ impl SocketCan {
             buffers,
             incoming: Incoming::new(),
             received: 0,
+            malformed: 0,
             sent: 0,
             queue_full: 0,
             told: Told::default(),
@@ -174,11 +179,16 @@ impl SocketCan {
         Ok(Duration::ZERO)
     }
 
-    /// Whether what was taken in holds something that [`Bus::receive`] gives out. Error frames before that are counted.
+    /// Whether what was taken in holds something that [`Bus::receive`] gives out. What stands before that is counted: error
+    /// frames, and what can't be a frame.
     fn has_frame(&mut self) -> bool {
         while let Some(slot) = self.incoming.peek() {
-            let Some(error) = ErrorFrame::of(&slot.frame.raw).filter(|error| !error.is_bus_off()) else { return true };
-            self.told.note(error);
+            match ErrorFrame::of(&slot.frame.raw) {
+                Some(error) if error.is_bus_off() => return true,
+                Some(error) => self.told.note(error),
+                None if slot.frame.frame().is_ok() => return true,
+                None => self.malformed += 1,
+            }
             self.incoming.pop();
         }
         false
@@ -237,7 +247,10 @@ impl Bus for SocketCan {
                 continue;
             };
             let Some(error) = ErrorFrame::of(&slot.frame.raw) else {
-                let frame = slot.frame.frame().map_err(BusError::Malformed)?;
+                let Ok(frame) = slot.frame.frame() else {
+                    self.malformed += 1;
+                    continue;
+                };
                 self.received += 1;
                 return Ok(Some(Received { frame, timestamp_ns: slot.timestamp_ns() }));
             };
@@ -281,8 +294,8 @@ impl Bus for SocketCan {
     fn statistics(&self) -> Statistics {
         // That the kernel answers was checked when the socket was opened.
         let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
-        let SocketCan { received, sent, queue_full, told, .. } = *self;
-        Statistics { received, sent, dropped, queue_full, errors: told.errors }
+        let SocketCan { received, malformed, sent, queue_full, told, .. } = *self;
+        Statistics { received, sent, dropped, malformed, queue_full, errors: told.errors }
     }
 
     fn controller(&self) -> ControllerState {

@@ -69,7 +69,7 @@ impl Inspect {
 /// Something wrong with a run or its recording.
 #[derive(Clone, Debug, Serialize)]
 struct Problem {
-    /// `fault`, `clipped`, `gap`, `lost` or `refused`.
+    /// `fault`, `other sender`, `clipped`, `gap`, `lost` or `refused`.
     kind: &'static str,
     /// What it is.
     what: String,
@@ -80,6 +80,13 @@ fn problems(summary: &RecordingSummary, statistics: Option<&Statistics>) -> Vec<
     let mut problems = Vec::new();
     let mut problem = |kind, what| problems.push(Problem { kind, what });
     summary.faults.iter().for_each(|fault| problem("fault", fault.to_string()));
+    if summary.other_sender_frames > 0 {
+        let frames = summary.other_sender_frames;
+        problem(
+            "other sender",
+            format!("{frames} frames of another network under identifiers that only the plant sends"),
+        );
+    }
     if let Some(clipped) = summary.clipped_samples.filter(|clipped| *clipped > 0) {
         problem("clipped", format!("{clipped} samples with a reading beyond the range of its sensor"));
     }

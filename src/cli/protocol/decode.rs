@@ -2,6 +2,7 @@
 
 use core::fmt::Write;
 use std::io::{self, BufRead};
+use std::path::Path;
 
 use clap::Args;
 use serde::Serialize;
@@ -19,7 +20,8 @@ use crate::protocol::{DecodeError, Message, Receiver};
 #[derive(Debug, Args)]
 pub(super) struct Decode {
     /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from
-    /// standard input.
+    /// standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol decode < can0.log`. A
+    /// line that is neither is told, counted and left out; then the exit code is 1.
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     #[command(flatten)]
@@ -28,6 +30,9 @@ pub(super) struct Decode {
     #[arg(long)]
     json: bool,
 }
+
+/// How much of a line without a frame is shown.
+const SHOWN_CHARS: usize = 80;
 
 /// How many frames of each verdict.
 #[derive(Default, Serialize)]
@@ -39,6 +44,8 @@ struct Counts {
     foreign: u64,
     /// As the counters tell.
     lost: u64,
+    /// Lines that hold no frame.
+    unreadable_lines: u64,
 }
 
 /// What became of a frame.
@@ -48,47 +55,98 @@ enum Verdicted {
     Foreign,
 }
 
+/// What was read so far.
+struct Decoding {
+    receiver: Receiver,
+    counts: Counts,
+    /// Where the result is one document: the frames, and the lines that hold none.
+    rows: Option<[Vec<Value>; 2]>,
+}
+
 impl Decode {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let mut receiver = Receiver::new(self.network.network()?);
-        let (mut counts, mut rows) = (Counts::default(), Vec::new());
-        let mut decode = |line: &LogLine| -> Result<(), Failure> {
-            let verdict = match receiver.accept(&line.frame) {
-                Ok(Some(message)) => Verdicted::Taken(message),
-                Ok(None) => Verdicted::Foreign,
-                Err(error) => Verdicted::Refused(error),
-            };
-            counts.add(&verdict);
-            if self.json {
-                rows.push(row(line, &verdict))
-            } else {
-                output::print(&text(line, &verdict))?
-            }
-            Ok(())
+        let mut decoding = Decoding {
+            receiver: Receiver::new(self.network.network()?),
+            counts: Counts::default(),
+            rows: self.json.then(Default::default),
         };
         if self.frames.is_empty() {
-            for (number, line) in io::stdin().lock().lines().enumerate() {
-                let line = line.map_err(|error| Failure::Usage(format!("standard input can't be read: {error}")))?;
-                if !line.trim().is_empty() {
-                    decode(&parse(&line).map_err(|error| Failure::Usage(format!("line {}: {error}", number + 1)))?)?;
-                }
-            }
+            decoding.lines(io::stdin().lock())?;
         } else {
-            self.frames.iter().try_for_each(|frame| decode(&parse(frame).map_err(Failure::Usage)?))?;
+            for frame in &self.frames {
+                decoding.frame(&parse(frame).map_err(|reason| not_a_frame(frame, reason))?)?;
+            }
         }
-        counts.lost = receiver.lost();
-        let verdict = Verdict::of(counts.refused == 0);
-        if self.json {
-            output::print_json(&json!({ "frames": rows, "counts": counts }))?;
-        } else if counts.frames > 1 {
-            output::print(&counts.text())?;
+        decoding.finish()
+    }
+}
+
+impl Decoding {
+    /// Every line of a log. What is no line of one is told, and left out.
+    fn lines(&mut self, log: impl BufRead) -> Result<(), Failure> {
+        for (line, number) in log.split(b'\n').zip(1..) {
+            let line = line.map_err(|error| Failure::Usage(format!("standard input can't be read: {error}")))?;
+            let line = String::from_utf8_lossy(&line);
+            if line.trim().is_empty() {
+                continue;
+            }
+            match parse(&line) {
+                Ok(line) => self.frame(&line)?,
+                Err(reason) => self.unreadable(number, &reason)?,
+            }
         }
-        Ok(verdict)
+        Ok(())
+    }
+
+    fn frame(&mut self, line: &LogLine) -> Result<(), Failure> {
+        let verdict = match self.receiver.accept(&line.frame) {
+            Ok(Some(message)) => Verdicted::Taken(message),
+            Ok(None) => Verdicted::Foreign,
+            Err(error) => Verdicted::Refused(error),
+        };
+        self.counts.add(&verdict);
+        match &mut self.rows {
+            Some([frames, _]) => frames.push(row(line, &verdict)),
+            None => output::print(&text(line, &verdict))?,
+        }
+        Ok(())
+    }
+
+    fn unreadable(&mut self, number: u64, reason: &str) -> Result<(), Failure> {
+        self.counts.unreadable_lines += 1;
+        match &mut self.rows {
+            Some([_, lines]) => lines.push(json!({ "line": number, "reason": reason })),
+            None => output::print(&format!("line {number}: {reason}\n"))?,
+        }
+        Ok(())
+    }
+
+    /// Tells what there was in all.
+    fn finish(mut self) -> Result<Verdict, Failure> {
+        self.counts.lost = self.receiver.lost();
+        let Counts { frames, refused, unreadable_lines, .. } = self.counts;
+        if let Some([frames, lines]) = self.rows {
+            output::print_json(&json!({ "frames": frames, "unreadable": lines, "counts": self.counts }))?;
+        } else if frames > 1 || unreadable_lines > 0 {
+            output::print(&self.counts.text())?;
+        }
+        Ok(Verdict::of(refused == 0 && unreadable_lines == 0))
     }
 }
 
 fn parse(line: &str) -> Result<LogLine, String> {
-    LogLine::parse(line).map_err(|error| format!("{line:?}: {error}"))
+    LogLine::parse(line).map_err(|error| match line.char_indices().nth(SHOWN_CHARS) {
+        Some((end, _)) => format!("{:?}…: {error}", &line[..end]),
+        None => format!("{line:?}: {error}"),
+    })
+}
+
+/// An argument that is no frame may be the name of a file with some.
+fn not_a_frame(argument: &str, reason: String) -> Failure {
+    Failure::Usage(match Path::new(argument).is_file() {
+        true => format!("{reason}. It is a file: `resonarm protocol decode < {argument}` reads it"),
+        false => reason,
+    })
 }
 
 impl Counts {
@@ -102,10 +160,15 @@ impl Counts {
     }
 
     fn text(&self) -> String {
-        let Counts { frames, taken, refused, foreign, lost } = self;
-        format!(
-            "{frames} frames: {taken} taken, {refused} refused, {foreign} of other protocols; {lost} lost before them\n"
-        )
+        let Counts { frames, taken, refused, foreign, lost, unreadable_lines } = self;
+        let mut text = format!(
+            "{frames} frames: {taken} taken, {refused} refused, {foreign} of other protocols; {lost} lost before them"
+        );
+        if *unreadable_lines > 0 {
+            let _infallible = write!(text, "; {unreadable_lines} lines without a frame");
+        }
+        text.push('\n');
+        text
     }
 }
 

@@ -39,7 +39,7 @@ pub enum Flaw {
     BelievesHellos,
     /// Arms out of a fault.
     NoLatch,
-    /// Doesn't hear that its partner leaves.
+    /// Doesn't hear its partner's emergencies: that it leaves, and why it faults.
     DeafToLeaving,
     /// Doesn't hear a second sender of its messages.
     DeafToItself,
@@ -207,10 +207,11 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
 #[test]
 fn a_node_with_a_flaw_in_lockstep_is_failed_by_the_cases_for_it() {
     let network = Network::default();
-    let plants: [(Flaw, &[&str]); 4] = [
+    let plants: [(Flaw, &[&str]); 5] = [
         (Flaw::NoHeartbeats, &["lockstep-plant-heartbeats"]),
+        (Flaw::DeafToLeaving, &["lockstep-plant-refused"]),
         (Flaw::RunsOn, &["lockstep-plant-waits", "lockstep-plant-other-samples"]),
-        (Flaw::TakesOthers, &["lockstep-plant-other-samples"]),
+        (Flaw::TakesOthers, &["lockstep-plant-other-samples", "lockstep-plant-refused"]),
         (Flaw::NoTimeout, &["lockstep-plant-timeout"]),
     ];
     for (flaw, expected) in plants {

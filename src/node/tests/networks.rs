@@ -78,17 +78,17 @@ fn two_samples_go_in_a_frame_once_armed() {
 }
 
 /// Every node on one bus: what one sends all others hear.
-struct Crowd {
+pub(super) struct Crowd {
     now_ns: u64,
     sample: u64,
-    plants: Vec<PlantNode>,
-    exciters: Vec<ExciterNode>,
+    pub plants: Vec<PlantNode>,
+    pub exciters: Vec<ExciterNode>,
     /// The loads of each plant.
-    loads: Vec<Vec<Load>>,
+    pub loads: Vec<Vec<Load>>,
 }
 
 impl Crowd {
-    fn new(plants: &[Network], exciters: &[Network]) -> Crowd {
+    pub fn new(plants: &[Network], exciters: &[Network]) -> Crowd {
         let timing = Timing::real_time(RATE_HZ);
         let plant = |network: &Network| PlantNode::new(*network, RATE_HZ, timing, Exciter::default());
         let exciter = |network: &Network| carry(*network, RATE_HZ, timing, dwell(0.3));
@@ -100,7 +100,7 @@ impl Crowd {
         Crowd { now_ns: 0, sample: 0, plants, exciters, loads }
     }
 
-    fn run(&mut self, ticks: u32) {
+    pub fn run(&mut self, ticks: u32) {
         for _ in 0..ticks {
             self.now_ns += TICK_NS;
             self.sample += 1;
@@ -136,7 +136,7 @@ impl Crowd {
         }
     }
 
-    fn faults(&self) -> Vec<Option<EmergencyCode>> {
+    pub fn faults(&self) -> Vec<Option<EmergencyCode>> {
         let of_exciter = |exciter: &ExciterNode| match exciter.outcome() {
             Some(Outcome::Faulted(Emergency { node: NodeName::Exciter, code, .. })) => Some(code),
             _ => None,

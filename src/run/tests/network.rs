@@ -91,8 +91,13 @@ fn a_controller_that_is_bus_off_faults_the_run() {
     let folder = tempfile::tempdir().unwrap();
     for (node, code) in [("plant", EmergencyCode::BusLoss), ("exciter", EmergencyCode::CommandTimeout)] {
         let text = format!("[[network.faults]]\nnode = '{node}'\nkind = 'bus_off'\nfrom_s = 0.5\nto_s = 0.6");
-        let (report, ..) = free(&session(&text, &folder));
+        let session = session(&text, &folder);
+        let mut events = Vec::new();
+        let report = session.both(&Signals::default(), |event| events.push(event)).unwrap();
         assert_eq!(report.plant.fault.map(|fault| fault.code), Some(code as u16), "{node}");
+        let is_off = |event: &RunEvent| matches!(event, RunEvent::BusLost { cause: BusLoss::BusOff, .. });
+        let is_plant = node == "plant";
+        assert_eq!((events.iter().any(is_off), report.plant.bus_loss.is_some()), (is_plant, is_plant), "{node}");
     }
 }
 
