@@ -31,7 +31,7 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
 /// Takes the node off the bus; back on it, it says so and is in fault: the place of its heartbeat in the log.
 fn lose(t: &mut Tester) -> Result<usize, Stop> {
     if t.take_off(OFF_NS) == BusOff::Impossible {
-        let why = "its controller alone can go bus-off: on a real bus nothing that is sent brings it there";
+        let why = "its controller alone can go bus-off: nothing that is sent on this bus brings it there";
         return Err(Stop::Skipped(String::from(why)));
     }
     let from = t.heard.len();

@@ -3,8 +3,8 @@
 use super::damage::Damage;
 use super::tester::{Stop, Tester};
 use super::{
-    bus_off_cases, common_cases, exciter_cases, load, lockstep_cases, pair_cases, plant_cases, refusal_cases,
-    saturation_cases, soak_cases,
+    bus_off_cases, common_cases, counters, exciter_cases, load, lockstep_cases, pair_cases, plant_cases, refusal_cases,
+    saturation_cases, sine_cases, soak_cases,
 };
 use crate::protocol::Node;
 use crate::run::Mode;
@@ -47,7 +47,7 @@ type Row = (&'static str, &'static str, &'static [&'static str], Script);
 
 use Script::{Damage as Spoilt, Loaded, Run};
 
-const PLANT: [Row; 35] = [
+const PLANT: [Row; 40] = [
     ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "plant-first-hello",
@@ -59,9 +59,10 @@ const PLANT: [Row; 35] = [
     (
         "plant-frames",
         "all its frames are valid, its samples whole and in order",
-        &["R-1.2", "R-2.1", "R-3.2", "R-3.5", "R-8.1"],
+        &["R-1.2", "R-3.2", "R-3.5", "R-8.1"],
         Run(plant_cases::frames),
     ),
+    ("plant-counters", "each message has a counter of its own, which steps by 1", &["R-2.1"], Run(counters::plant)),
     (
         "plant-arms-for-a-hello",
         "not armed without a hello that fits",
@@ -69,6 +70,7 @@ const PLANT: [Row; 35] = [
         Run(plant_cases::arms_for_a_hello),
     ),
     ("plant-states", "the table of states", &["R-5.1", "R-5.2"], Run(plant_cases::states)),
+    ("plant-reset", "a reset in fault", &["R-5.1"], Run(plant_cases::reset)),
     ("plant-commands-act", "the head reads what is commanded", &[], Run(plant_cases::commands_act)),
     ("plant-not-armed", "commands before it is armed", &["R-8.4", "R-8.5"], Run(plant_cases::not_armed)),
     ("plant-wrong-crc", "commands with a wrong bit", &["R-2.4"], Spoilt(refusal_cases::damaged, Damage::Bit)),
@@ -104,6 +106,12 @@ const PLANT: [Row; 35] = [
         Spoilt(refusal_cases::damaged, Damage::Extended),
     ),
     (
+        "plant-foreign-base",
+        "hello, request and commands with the identifiers of another base",
+        &["R-2.4", "R-5.3"],
+        Run(plant_cases::foreign_base),
+    ),
+    (
         "plant-reserved-bit",
         "commands with a bit that has no signal",
         &["R-2.5"],
@@ -118,6 +126,12 @@ const PLANT: [Row; 35] = [
     ("plant-old-command", "commands for samples too old", &["R-8.4", "R-8.5"], Run(refusal_cases::old)),
     ("plant-early-command", "commands for samples still to come", &["R-8.4", "R-8.5"], Run(refusal_cases::early)),
     ("plant-same-sample", "further commands for a sample", &["R-8.4", "R-8.5"], Run(refusal_cases::same_sample)),
+    (
+        "plant-older-command",
+        "commands for the sample before the last answered",
+        &["R-8.4", "R-8.5"],
+        Run(refusal_cases::older),
+    ),
     ("plant-too-large", "commands beyond the exciter's limit", &["R-8.4", "R-8.5"], Run(refusal_cases::too_large)),
     (
         "plant-too-fast",
@@ -135,6 +149,7 @@ const PLANT: [Row; 35] = [
     ("plant-partner-fault", "a fault and a boot of the exciter", &["R-9.1"], Run(plant_cases::partner_fault)),
     ("plant-exciter-leaves", "the exciter leaves", &["R-8.9"], Run(plant_cases::exciter_leaves)),
     ("plant-second-sender", "another node with its identifiers", &["R-1.4"], Run(plant_cases::second_sender)),
+    ("plant-stopped", "its process is stopped for a while", &["R-6.3"], Run(plant_cases::stopped)),
     ("plant-bus-off", "its CAN controller is bus-off", &["R-8.23"], Run(bus_off_cases::plant)),
     ("plant-saturation", "readings at the end of their range", &["R-3.7"], Run(saturation_cases::plant)),
     ("plant-pairs", "two samples a frame, if its capabilities say that it can", &["R-8.11"], Run(pair_cases::plant)),
@@ -166,7 +181,7 @@ const PLANT: [Row; 35] = [
     ),
 ];
 
-const EXCITER: [Row; 25] = [
+const EXCITER: [Row; 32] = [
     ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "exciter-first-hello",
@@ -184,10 +199,16 @@ const EXCITER: [Row; 25] = [
     (
         "exciter-answers",
         "each sample answered once, with its index, in valid frames",
-        &["R-1.2", "R-2.1", "R-3.2", "R-3.5", "R-8.2"],
+        &["R-1.2", "R-3.2", "R-3.5", "R-8.2"],
         Run(exciter_cases::answers),
     ),
-    ("exciter-incomplete", "samples of which a frame is lost", &["R-8.2"], Run(exciter_cases::incomplete)),
+    ("exciter-counters", "each message has a counter of its own, which steps by 1", &["R-2.1"], Run(counters::exciter)),
+    (
+        "exciter-incomplete",
+        "samples of which a frame is lost, each in turn",
+        &["R-8.2"],
+        Run(exciter_cases::incomplete),
+    ),
     ("exciter-wrong-crc", "samples with a wrong bit", &["R-2.4"], Spoilt(exciter_cases::damaged, Damage::Bit)),
     (
         "exciter-repeated-counter",
@@ -200,6 +221,12 @@ const EXCITER: [Row; 25] = [
         "samples of another network by their data id",
         &["R-2.4"],
         Spoilt(exciter_cases::damaged, Damage::DataId),
+    ),
+    (
+        "exciter-foreign-base",
+        "a hello and samples with the identifiers of another base",
+        &["R-2.4", "R-5.4"],
+        Run(exciter_cases::foreign_base),
     ),
     (
         "exciter-not-available",
@@ -223,9 +250,14 @@ const EXCITER: [Row; 25] = [
     ("exciter-plant-faults", "the plant faults", &["R-8.10"], Run(exciter_cases::plant_faults)),
     ("exciter-plant-boots", "the plant boots", &["R-8.10"], Run(exciter_cases::plant_boots)),
     ("exciter-plant-disarmed", "the plant is disarmed", &["R-8.10", "R-5.2"], Run(exciter_cases::plant_disarmed)),
+    ("exciter-state-changes", "its heartbeats at changes of state", &["R-5.2"], Run(exciter_cases::state_changes)),
+    ("exciter-leaves", "its leaving when it has ended", &["R-8.9"], Run(exciter_cases::leaves)),
+    ("exciter-leaves-faulted", "its leaving after a fault", &["R-8.9"], Run(exciter_cases::leaves_faulted)),
     ("exciter-plant-leaves", "the plant leaves", &["R-8.8"], Run(exciter_cases::plant_leaves)),
     ("exciter-second-sender", "another node with its identifiers", &["R-1.4"], Run(exciter_cases::second_sender)),
     ("exciter-bus-off", "its CAN controller is bus-off", &["R-8.23"], Run(bus_off_cases::exciter)),
+    ("exciter-own-limits", "commands within the limits that it states", &["R-4.1"], Run(sine_cases::own_limits)),
+    ("exciter-sine", "the sine that it is set to command", &[], Run(sine_cases::sine)),
     ("exciter-saturation", "samples with clipped readings", &["R-8.2"], Run(saturation_cases::exciter)),
     (
         "exciter-pairs",

@@ -1,12 +1,13 @@
 //! What both nodes must do: heartbeats, hellos.
 
 use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::tester::{MARGIN_NS, MS, Stop, Tester, failed, inconclusive, late, ms};
 use super::{exciter_role, plant_role};
 use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
-use crate::protocol::{Hello, Message, Node};
+use crate::protocol::{Hello, Message, MessageKind, Node};
 
 /// How long heartbeats are watched, ns.
 const WATCH_NS: u64 = 1000 * MS;
@@ -46,15 +47,37 @@ fn greet(t: &mut Tester) -> Result<Hello, Stop> {
 
 /// Version, profile, hash and rate of its hello.
 pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
-    let theirs = greet(t)?;
+    let theirs = match greet(t) {
+        Err(Stop::Inconclusive(text)) => return no_hello(t, text),
+        greeted => greeted?,
+    };
     if let Some(mismatch) = t.hello.mismatch(&theirs) {
-        return failed(format!("its hello doesn't fit this program's: {mismatch}: {theirs:?}, not {:?}", t.hello));
+        let (theirs, own) = (described(&theirs), described(&t.hello));
+        return failed(format!("its hello doesn't fit this program's ({mismatch}): {theirs}, not {own}"));
     }
     if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
         return failed(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
     }
     t.note(format!("{} Hz", theirs.rate_hz));
     Ok(())
+}
+
+/// A hello that is refused is one, and wrong.
+fn no_hello(t: &Tester, text: String) -> Result<(), Stop> {
+    let kind = match t.tested {
+        Node::Plant => MessageKind::PlantHello,
+        Node::Exciter => MessageKind::ExciterHello,
+    };
+    match t.traffic.refused_of(|refused| refused == kind).next() {
+        Some(refused) => failed(format!("its hello is wrong: {refused}")),
+        None => inconclusive(text),
+    }
+}
+
+/// A hello in words.
+fn described(hello: &Hello) -> String {
+    let Hello { version, dbc_hash, profile, rate_hz } = hello;
+    format!("version {version}, DBC hash {dbc_hash:#08X}, profile {profile}, {rate_hz} Hz").replace("0X", "0x")
 }
 
 /// A partner that has booted is answered at once, and hellos come by themselves.

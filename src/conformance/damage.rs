@@ -1,7 +1,9 @@
 //! Commands that a plant must refuse, and samples that an exciter must.
 
 use crate::protocol::e2e::{profile5, profile11};
-use crate::protocol::{Frame, FrameError, FrameFormat, Id, Network, Node, Profile, Transmitter};
+use crate::protocol::{
+    DEFAULT_BASE, Frame, FrameError, FrameFormat, Id, MessageKind, Network, Node, Profile, Transmitter,
+};
 
 /// What is wrong with a frame that is right otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,10 +26,12 @@ pub(super) enum Damage {
     NotAvailable,
     /// A 29-bit identifier.
     Extended,
+    /// The identifier of a network with another base; everything else is right.
+    Base,
 }
 
 impl Damage {
-    pub const ALL: [Damage; 9] = [
+    pub const ALL: [Damage; 10] = [
         Damage::Bit,
         Damage::Repeated,
         Damage::Jump,
@@ -37,6 +41,7 @@ impl Damage {
         Damage::ReservedBit,
         Damage::NotAvailable,
         Damage::Extended,
+        Damage::Base,
     ];
 
     /// The frame with the damage. `make` makes it with a transmitter, `n` counts the damaged ones.
@@ -57,12 +62,10 @@ impl Damage {
             _ => {}
         }
         let frame = make(&mut ends.transmitter)?;
-        let data_id = crate::protocol::MessageKind::from_id(ends.transmitter.network(), frame.id())
-            .and_then(|kind| kind.data_id(ends.transmitter.network()))?;
-        self.spoil(&frame, data_id, n).ok()
+        self.spoil(ends.transmitter.network(), &frame, n).ok()
     }
 
-    fn spoil(self, frame: &Frame, data_id: u16, n: u64) -> Result<Frame, FrameError> {
+    fn spoil(self, network: Network, frame: &Frame, n: u64) -> Result<Frame, FrameError> {
         let (mut data, is_classic) = (frame.data().to_vec(), frame.format() == FrameFormat::Classic);
         let bits = 8 * data.len() as u64;
         match self {
@@ -76,6 +79,9 @@ impl Damage {
             Damage::NotAvailable => data[8..12].copy_from_slice(&f32::NAN.to_le_bytes()),
             Damage::Length => data.truncate(if is_classic { 7 } else { 12 }),
             Damage::Extended => return Frame::new(Id::Extended(frame.id().raw()), frame.format(), &data),
+            Damage::Base => {
+                return Frame::new(Id::Standard(frame.id().raw() as u16 ^ base_bits(network)), frame.format(), &data);
+            }
             Damage::Format if is_classic => {
                 return Frame::new(
                     frame.id(),
@@ -86,11 +92,22 @@ impl Damage {
             Damage::Format => return Frame::classic(frame.id(), &data[..8]),
             Damage::Repeated | Damage::Jump | Damage::DataId => {}
         }
-        if matches!(self, Damage::ReservedBit | Damage::NotAvailable) {
+        if let (Damage::ReservedBit | Damage::NotAvailable, Some(data_id)) = (self, data_id(network, frame)) {
             protect(&mut data, data_id);
         }
         Frame::new(frame.id(), frame.format(), &data)
     }
+}
+
+fn data_id(network: Network, frame: &Frame) -> Option<u16> {
+    MessageKind::from_id(network, frame.id())?.data_id(network)
+}
+
+/// The bits in which the identifiers of a network with another base differ: the default one, or that beside it. A node
+/// that takes any base, and one that takes the default one besides its own, takes it.
+fn base_bits(network: Network) -> u16 {
+    let other = if network.base() == DEFAULT_BASE { DEFAULT_BASE + 0x10 } else { DEFAULT_BASE };
+    network.base() ^ other
 }
 
 /// Writes the CRC that fits the rest.

@@ -3,11 +3,24 @@
 use alloc::format;
 
 use super::damage::{Damage, needs_fd};
-use super::exciter_role::{begin, commands, greet};
-use super::source::Samples;
-use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, skipped};
+use super::exciter_role::{begin, commands, commands_of, greet, is_arm};
+use super::plant_role::period_ns;
+use super::source::{FRAMES, Samples};
+use super::tester::{
+    GONE_NS, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, not_at_once, skipped,
+};
 use crate::protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
-use crate::protocol::{EmergencyCode, Hello, Message, MessageKind, Mismatch, NodeState};
+use crate::protocol::{EmergencyCode, Hello, Message, MessageKind, Mismatch, NodeState, Profile};
+
+/// A heartbeat that must come at once and is later than this, ns, is late. No bit of the protocol says how long a node
+/// may take to send it: this is less than the 80 ms after which the next one is due in most nodes, and more than what
+/// a machine stops a process for as a rule. A node is failed only if it is so late three times.
+const AT_ONCE_NS: u64 = 75 * MS;
+/// For so long samples may be answered before the heartbeat that says so, ns: that a controller sends frames of low
+/// identifiers first is no fault.
+const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;
+/// An exciter that is still there when its work has been over for this time stays, ns.
+const STAYS_NS: u64 = 3 * GONE_NS;
 
 /// It doesn't begin without a hello, and faults at one that doesn't fit.
 pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
@@ -57,13 +70,13 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(MARGIN_NS)?;
     match (commands(t, from).last(), t.source.index.wrapping_sub(1)) {
         (Some(answered), sent) if *answered == sent => Ok(()),
-        (answered, sent) => late(format!("of the samples up to {sent} the last that it answers is {answered:?}")),
+        (Some(answered), sent) => late(format!("of the samples up to {sent} the last that it answers is {answered}")),
+        (None, sent) => late(format!("it answers none of the samples up to {sent}")),
     }
 }
 
 /// Samples that aren't whole, or damaged, are not answered; those after them are.
 fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
-    begin(t)?;
     let (from, bad) = (t.heard.len(), t.source.index);
     let period_ns = sample_period_ns(t.hello.rate_hz);
     t.source.samples = samples;
@@ -87,11 +100,31 @@ fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     }
 }
 
+/// The frames of a network with another base are none for it.
+pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    let from = t.heard.len();
+    t.send_at_other_base(&Message::PlantHello(t.hello))?;
+    t.run_ns(2 * MARGIN_NS)?;
+    if t.heard[from..].iter().any(|heard| is_arm(&heard.message)) {
+        return failed("it arms the plant for a hello with another base");
+    }
+    begin(t)?;
+    unanswered(t, Samples::Damaged(Damage::Base))
+}
+
 pub(super) fn incomplete(t: &mut Tester) -> Result<(), Stop> {
-    unanswered(t, Samples::Incomplete)
+    begin(t)?;
+    let frames = match t.network.profile() {
+        Profile::Classic => FRAMES,
+        Profile::Fd => 1,
+    };
+    (0..frames).try_for_each(|lost| unanswered(t, Samples::Without(lost)))
 }
 
 pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
+    begin(t)?;
     match unanswered(t, Samples::Damaged(damage)) {
         Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
             skipped(format!("the bus can't send a CAN FD frame: {error}"))
@@ -159,7 +192,78 @@ fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     t.source.obeys = false;
     let from = t.heard.len();
     t.send_state(state)?;
-    ends(t, from, NodeState::Fault)
+    ends(t, from, NodeState::Fault)?;
+    let at = |holds: &dyn Fn(&Message) -> bool| t.heard[from..].iter().find(|h| holds(&h.message)).map(|h| h.at_ns);
+    let Some(said_ns) = at(&|message| emergency(message).is_some()) else { return Ok(()) };
+    let told_ns = at(&|message| is_state(message, NodeState::Fault)).unwrap_or(said_ns);
+    match told_ns.checked_sub(said_ns) {
+        None => failed("its heartbeat fault comes before its emergency"),
+        Some(late_ns) if late_ns > AT_ONCE_NS => {
+            not_at_once(format!("its heartbeat fault comes {} after its emergency, not at once", ms(late_ns)))
+        }
+        Some(_) => Ok(()),
+    }
+}
+
+/// It says at once that it becomes operational, by what it answers before, and that it no longer is.
+pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let place = |holds: &dyn Fn(&Message) -> bool, from: usize| {
+        t.heard[from..].iter().position(|heard| holds(&heard.message)).map_or(t.heard.len(), |place| from + place)
+    };
+    let armed = place(&is_arm, 0);
+    let told = place(&|message| is_state(message, NodeState::Operational), armed);
+    let (early, most) = (commands_of(&t.heard[armed..told]).count(), ANSWERS_AT_ONCE_NS / period_ns(t) + 4);
+    t.note(format!("{early} samples answered before its heartbeat operational"));
+    if early as u64 > most {
+        return failed(format!("it answers {early} samples before its heartbeat operational, which comes at once"));
+    }
+    t.source.obeys = false;
+    let asked_ns = t.now_ns();
+    t.send_state(NodeState::PreOperational)?;
+    let text = format!("no heartbeat pre-operational within {}", ms(MARGIN_NS));
+    t.expect_state(MARGIN_NS, NodeState::PreOperational, text)?;
+    let last = t.heard.iter().rfind(|heard| is_state(&heard.message, NodeState::PreOperational));
+    let late_ns = last.map_or(0, |heard| heard.at_ns - asked_ns);
+    t.note(format!("pre-operational after {}", ms(late_ns)));
+    if late_ns > AT_ONCE_NS {
+        return not_at_once(format!(
+            "its heartbeat pre-operational comes {} after the plant's, not at once",
+            ms(late_ns)
+        ));
+    }
+    Ok(())
+}
+
+/// When it has ended, it says that it leaves, before it boots again or is gone.
+pub(super) fn leaves(t: &mut Tester) -> Result<(), Stop> {
+    leaves_after(t, NodeState::PreOperational)
+}
+
+pub(super) fn leaves_faulted(t: &mut Tester) -> Result<(), Stop> {
+    leaves_after(t, NodeState::Fault)
+}
+
+fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.send_state(state)?;
+    let give_up_ns = t.now_ns() + STAYS_NS;
+    while t.now_ns() < give_up_ns {
+        let word =
+            t.wait_for(GONE_NS, |message| emergency(message).is_some() || is_state(message, NodeState::BootUp))?;
+        match word.map(|heard| heard.message) {
+            Some(Message::Emergency(e)) if e.code == EmergencyCode::Leaving => return Ok(()),
+            Some(Message::Emergency(_)) => {}
+            Some(_) => return failed("it boots again, and did not say before that it leaves"),
+            None if t.heard[from..].iter().all(|heard| heard.at_ns + GONE_NS < t.now_ns()) => {
+                return failed(format!("it is silent for {}, and did not say before that it leaves", ms(GONE_NS)));
+            }
+            None => {}
+        }
+    }
+    skipped("it stays on the bus when its work is over, so that it need not say that it leaves")
 }
 
 /// The plant was disarmed.

@@ -1,16 +1,20 @@
 //! What the cases about an exciter do again and again: meet it, let it begin, read what it commands.
 
+use alloc::format;
 use alloc::vec::Vec;
 
 use super::source::Samples;
-use super::tester::{MS, Stop, Tester, inconclusive, is_state};
-use crate::protocol::{Hello, Message, Node, NodeState, OperatorCommand, OperatorRequest};
+use super::tester::{Heard, MS, Stop, Tester, inconclusive, is_state};
+use crate::protocol::{Hello, Message, MessageKind, Node, NodeState, OperatorCommand, OperatorRequest};
 
 /// Waits for an exciter and its hello; the tester then speaks at its rate.
 pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
     t.wait_for(t.settings.patience_ns, |message| matches!(message, Message::ExciterHello(_)))?;
     let Some(theirs) = t.last_hello() else {
-        return inconclusive("no hello of an exciter came: is it on this bus, and started again after each case?");
+        let instead = t.traffic.in_place_of(MessageKind::ExciterHello);
+        return inconclusive(format!(
+            "no hello of an exciter came: is it on this bus, and started again after each case? Instead came: {instead}"
+        ));
     };
     t.hello = Hello::new(t.network.profile(), theirs.rate_hz);
     Ok(theirs)
@@ -41,17 +45,23 @@ pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     Ok(())
 }
 
-fn is_arm(message: &Message) -> bool {
+/// Whether a message asks the plant to arm.
+pub(super) fn is_arm(message: &Message) -> bool {
     matches!(message, Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant }))
 }
 
 /// The samples that were answered, from a place in the log on, until it boots: then it is another exciter.
 pub(super) fn commands(t: &Tester, from: usize) -> Vec<u16> {
-    let sample = |message: &Message| match message {
+    let heard = &t.heard[from..];
+    let boot = heard.iter().position(|heard| is_state(&heard.message, NodeState::BootUp)).unwrap_or(heard.len());
+    commands_of(&heard[..boot]).collect()
+}
+
+/// The samples that were answered.
+pub(super) fn commands_of(heard: &[Heard]) -> impl Iterator<Item = u16> {
+    heard.iter().filter_map(|heard| match heard.message {
         Message::Force(command) => Some(command.sample),
         Message::Torque(command) => Some(command.sample),
         _ => None,
-    };
-    let until_boot = t.heard[from..].iter().take_while(|heard| !is_state(&heard.message, NodeState::BootUp));
-    until_boot.filter_map(|heard| sample(&heard.message)).collect()
+    })
 }

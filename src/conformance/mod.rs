@@ -14,10 +14,12 @@
 mod bus_off_cases;
 mod cases;
 mod common_cases;
+mod counters;
 mod damage;
 mod evidence;
 mod exciter_cases;
 mod exciter_role;
+mod inject;
 mod load;
 mod lockstep_cases;
 mod pair_cases;
@@ -26,9 +28,12 @@ mod plant_role;
 mod refusal_cases;
 mod requirements;
 mod saturation_cases;
+mod settings;
+mod sine_cases;
 mod soak_cases;
 mod source;
 mod tester;
+mod traffic;
 mod wire;
 
 use alloc::format;
@@ -38,8 +43,10 @@ use alloc::vec::Vec;
 pub use cases::{Case, cases};
 pub use evidence::Evidence;
 pub use requirements::{Check, REQUIREMENTS, Requirement};
-pub use tester::{MARGIN_NS, Settings};
-pub use wire::{BusOff, BusWire, Wire};
+pub use settings::{ExpectedSine, Settings, SineAmplitude};
+pub use tester::MARGIN_NS;
+pub use traffic::{Commands, Range, Refused, Traffic};
+pub use wire::{BusOff, BusWire, Stopped, Wire};
 
 use crate::bus::BusError;
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
@@ -68,7 +75,7 @@ pub enum Verdict {
 }
 
 /// What a case found.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// The verdict.
     pub verdict: Verdict,
@@ -80,13 +87,16 @@ pub struct Finding {
     pub held_up_ns: u64,
     /// The longest time in which the node under test said nothing in the last try, between two frames of it, ns.
     pub silent_ns: u64,
+    /// What came from the bus in the last try.
+    pub traffic: Traffic,
 }
 
 impl Finding {
     /// Of a case in which the bus was lost.
     pub fn lost(error: &BusError) -> Finding {
         let verdict = Verdict::Inconclusive(error.to_string());
-        Finding { verdict, measured: Vec::new(), took_ns: 0, held_up_ns: 0, silent_ns: 0 }
+        let traffic = Traffic::default();
+        Finding { verdict, measured: Vec::new(), took_ns: 0, held_up_ns: 0, silent_ns: 0, traffic }
     }
 }
 
@@ -110,6 +120,7 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
         let mut tester = Tester::new(wire, network, case.tested, settings);
         let outcome = once(case, &mut tester)?;
         let (held_up_ns, silent_ns, measured) = (tester.held_up_ns, tester.silent_ns, tester.notes);
+        let traffic = tester.traffic;
         let is_held_up = held_up_ns > held_up_limit_ns(case.mode, case.tested) || silent_ns > silent_limit_ns(case);
         let says_nothing = match &outcome {
             Outcome::Slow(text) => {
@@ -127,7 +138,7 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
             _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
         };
         let took_ns = wire.now_ns().saturating_sub(start_ns);
-        return Ok(Finding { verdict, measured, took_ns, held_up_ns, silent_ns });
+        return Ok(Finding { verdict, measured, took_ns, held_up_ns, silent_ns, traffic });
     }
 }
 

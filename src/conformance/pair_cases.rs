@@ -40,15 +40,20 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
         return failed(format!("a pair begins with sample {start}, which is odd"));
     }
     for (n, frame) in frames[first..].iter().enumerate() {
-        let wanted = start.wrapping_add(2 * n as u16);
-        if *frame != (wanted, SamplesPerFrame::Two) {
-            return failed(format!("{frame:?} came where the pair from sample {wanted} on was to come"));
+        let wanted = (start.wrapping_add(2 * n as u16), SamplesPerFrame::Two);
+        if *frame != wanted {
+            let (index, samples) = (frame.0, frame.1 as u8);
+            let wanted = wanted.0;
+            return failed(format!(
+                "a frame of {samples} samples from {index} on came where the pair from {wanted} on was to come"
+            ));
         }
     }
     t.note(format!("{} pairs", frames.len() - first));
     match forces(t, from).last() {
         Some((_, read_n)) if (read_n - t.settings.force_n).abs() < 0.2 * t.settings.force_n => Ok(()),
-        other => failed(format!("commanded {} N, the head reads {other:?}", t.settings.force_n)),
+        Some((_, read_n)) => failed(format!("commanded {} N, the head reads {read_n:.2} N", t.settings.force_n)),
+        None => failed("no force is measured"),
     }
 }
 

@@ -3,12 +3,24 @@
 use alloc::format;
 use alloc::vec::Vec;
 
-use super::plant_role::{arm, drive, forces, hold, instead, meet, run_samples, samples, timeout_ns};
-use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms};
-use crate::protocol::timing::{COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_TIMEOUT_NS};
-use crate::protocol::{
-    EmergencyCode, Heartbeat, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorRequest, Profile,
+use super::damage::Damage;
+use super::plant_role::{arm, drive, forces, greet, hold, instead, meet, run_samples, samples, timeout_ns};
+use super::refusal_cases;
+use super::tester::{
+    Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, skipped,
 };
+use super::wire::Stopped;
+use crate::protocol::timing::{COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_PERIOD_NS, HEARTBEAT_TIMEOUT_NS};
+use crate::protocol::{
+    EmergencyCode, Heartbeat, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorCommand, OperatorRequest,
+    Profile,
+};
+
+/// A heartbeat that must come at once may come so much later by the plant's samples, ns: an adapter takes some ms to
+/// hand over a request, and a plant without commands faults after this time.
+const AT_ONCE_NS: u64 = COMMAND_TIMEOUT_NS;
+/// How long a plant is stopped, ns: longer than any of its timeouts.
+const STOP_NS: u64 = 400 * MS;
 
 /// Every frame passes the protocol's checks; samples are whole and without a gap.
 pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
@@ -81,9 +93,9 @@ fn refuses_to_arm(t: &mut Tester, mismatch: Mismatch) -> Result<(), Stop> {
     })?;
     match word.and_then(|heard| emergency(&heard.message)) {
         Some(e) if (e.code, e.detail) == (EmergencyCode::Incompatible, mismatch as u16) => Ok(()),
-        Some(e) => failed(format!("armed with {mismatch:?} it says: {e}")),
-        None if word.is_some() => failed(format!("it arms with {mismatch:?}")),
-        None => late(format!("armed with {mismatch:?} it says nothing within {}", ms(100 * MS + MARGIN_NS))),
+        Some(e) => failed(format!("asked to arm ({mismatch}) it says: {e}")),
+        None if word.is_some() => failed(format!("it arms all the same: {mismatch}")),
+        None => late(format!("asked to arm ({mismatch}) it says nothing within {}", ms(100 * MS + MARGIN_NS))),
     }
 }
 
@@ -95,24 +107,106 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
     stays(t, PreOperational, &[Disarm, Reset])?;
     arm(t, Answers::Force(0.0))?;
     stays(t, Operational, &[Arm, Reset])?;
+    let from = t.heard.len();
     t.request(Disarm)?;
     becomes(t, PreOperational)?;
-    arm(t, Answers::Force(0.0))?;
+    at_once(t, from, &format!("its heartbeat {PreOperational} after the request"), PreOperational)?;
     let from = t.heard.len();
+    t.request(Arm)?;
+    becomes(t, Operational)?;
+    at_once(t, from, &format!("its heartbeat {Operational} after the request"), Operational)?;
     t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state: Fault }))?;
+    let from = t.heard.len();
     becomes(t, Fault)?;
-    let said = t.heard[from..].iter().position(|heard| emergency(&heard.message).is_some());
-    let told = t.heard[from..].iter().position(|heard| is_state(&heard.message, Fault));
-    if said > told || said.is_none() {
+    let Some(said) = t.heard[from..].iter().position(|heard| emergency(&heard.message).is_some()) else {
         return failed("the heartbeat fault comes without an emergency before it");
+    };
+    if t.heard[from..from + said].iter().any(|heard| is_state(&heard.message, Fault)) {
+        return failed("the heartbeat fault comes before its emergency");
     }
-    stays(t, Fault, &[Arm, Disarm])?;
-    t.request(Reset)?;
-    becomes(t, PreOperational)
+    at_once(t, from + said, "its heartbeat fault after its emergency", Fault)?;
+    stays(t, Fault, &[Arm, Disarm])
+}
+
+/// In fault it follows a reset, also if it is in fault from the beginning.
+pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
+    use NodeState::{Fault, Operational, PreOperational};
+    greet(t)?;
+    t.request(OperatorRequest::Disarm)?;
+    t.run_ns(HEARTBEAT_TIMEOUT_NS)?;
+    if t.last_state() == Some(Fault) {
+        leaves_fault(t)?;
+    }
+    arm(t, Answers::Force(0.0))?;
+    if t.last_state() == Some(Operational) {
+        t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state: Fault }))?;
+        becomes(t, Fault)?;
+    }
+    leaves_fault(t)?;
+    t.run_ns(HEARTBEAT_PERIOD_NS + MARGIN_NS)?;
+    match t.last_state() {
+        Some(PreOperational) | None => Ok(()),
+        Some(state) => failed(format!("after the reset it says that it is {state}")),
+    }
+}
+
+fn leaves_fault(t: &mut Tester) -> Result<(), Stop> {
+    t.request(OperatorRequest::Reset)?;
+    let text = format!("in fault it ignores the reset: no heartbeat pre-operational within {}", ms(MARGIN_NS));
+    t.expect_state(MARGIN_NS, NodeState::PreOperational, text)
 }
 
 fn becomes(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     t.expect_state(MARGIN_NS, state, format!("no heartbeat {state} within {}", ms(MARGIN_NS)))
+}
+
+/// The heartbeat of a state came at once after a place in the log: by the samples of the plant, which stand still when
+/// it is stopped. A request is on its way for some, and a plant that catches up makes 3 at once.
+fn at_once(t: &mut Tester, from: usize, what: &str, state: NodeState) -> Result<(), Stop> {
+    let told = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)).unwrap_or(0);
+    let late = t.heard[from..from + told].iter().filter(|heard| is_sample(&heard.message)).count();
+    let most = samples(t, AT_ONCE_NS) + 4 + samples(t, t.held_up_ns);
+    t.note(format!("{late} samples before its heartbeat {state}"));
+    match late > usize::from(most) {
+        true => failed(format!("{what} comes {late} samples late, not at once")),
+        false => Ok(()),
+    }
+}
+
+fn is_sample(message: &Message) -> bool {
+    matches!(message, Message::Head(_) | Message::Sensors(_))
+}
+
+/// Frames of a network with another base are none for it.
+pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    t.boot()?;
+    t.send_at_other_base(&Message::ExciterHello(t.hello))?;
+    refuses_to_arm(t, Mismatch::NoHello)?;
+    t.send_hello()?;
+    let arm = OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant };
+    t.send_at_other_base(&Message::Operator(arm))?;
+    if t.wait_for_state(MARGIN_NS, NodeState::Operational)?.is_some() {
+        return failed("it arms for a request with another base");
+    }
+    refusal_cases::damaged(t, Damage::Base)
+}
+
+/// Stopped for longer than its timeouts, it takes up its work where it was.
+pub(super) fn stopped(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    let from = t.heard.len();
+    if let Stopped::Impossible(why) = t.stop_node(STOP_NS) {
+        return skipped(why);
+    }
+    t.run_ns(STOP_NS + 2 * MARGIN_NS)?;
+    if let Some(e) = t.heard[from..].iter().find_map(|heard| emergency(&heard.message)) {
+        return failed(format!("stopped for {} it takes its own silence for its partner's: {e}", ms(STOP_NS)));
+    }
+    match forces(t, from).last() {
+        Some(_) => Ok(()),
+        None => late("it doesn't go on after it was stopped"),
+    }
 }
 
 fn stays(t: &mut Tester, state: NodeState, requests: &[OperatorRequest]) -> Result<(), Stop> {
@@ -124,13 +218,25 @@ fn stays(t: &mut Tester, state: NodeState, requests: &[OperatorRequest]) -> Resu
         )?;
         match other.map(|heard| heard.message) {
             Some(Message::Heartbeat(Heartbeat { state: NodeState::Fault, .. })) if state == NodeState::Operational => {
-                return inconclusive(format!("it faults in {state:?}, perhaps not by the request {request:?}"));
+                return inconclusive(format!("{state} it faults, perhaps not by the request {}", named(*request)));
             }
-            Some(message) => return failed(format!("in {state:?} the request {request:?} leads to {message:?}")),
-            None => {}
+            Some(Message::Heartbeat(heartbeat)) => {
+                let (request, to) = (named(*request), heartbeat.state);
+                return failed(format!("in the state {state} the request {request} makes it {to}"));
+            }
+            _ => {}
         }
     }
     Ok(())
+}
+
+/// The name of a request in SPEC.md.
+const fn named(request: OperatorRequest) -> &'static str {
+    match request {
+        OperatorRequest::Arm => "arm",
+        OperatorRequest::Disarm => "disarm",
+        OperatorRequest::Reset => "reset",
+    }
 }
 
 /// The head reads what was commanded, both ways.
@@ -231,10 +337,10 @@ pub(super) fn partner_fault(t: &mut Tester) -> Result<(), Stop> {
         meet(t)?;
         arm(t, Answers::Force(0.0))?;
         t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state }))?;
-        let text = format!("no emergency after the exciter's heartbeat {state:?}");
+        let text = format!("no emergency after the exciter's heartbeat {state}");
         let (_, e) = t.expect_emergency(MARGIN_NS, EmergencyCode::PartnerFault, text)?;
         if e.code != EmergencyCode::PartnerFault {
-            return instead(&e, &format!("after the exciter's heartbeat {state:?}"));
+            return instead(&e, &format!("after the exciter's heartbeat {state}"));
         }
         if t.wait_for_emergency(HEARTBEAT_TIMEOUT_NS)?.is_some() {
             return failed("it tells its fault more than once");

@@ -5,7 +5,7 @@ use alloc::format;
 use super::tester::{Answers, GONE_NS, Heard, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive};
 use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_TIMEOUT_NS};
 use crate::protocol::{
-    Emergency, EmergencyCode, Hello, Message, NodeState, OperatorRequest, SensorPair, SensorValues, Trip,
+    Emergency, EmergencyCode, Hello, Message, MessageKind, NodeState, OperatorRequest, SensorPair, SensorValues, Trip,
 };
 
 /// The tester boots, and hears what the plant says of itself.
@@ -23,7 +23,10 @@ pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
             return Ok(hello);
         }
     }
-    inconclusive("no hello of a plant came: is it on this bus, with this base, these node ids and this profile?")
+    let instead = t.traffic.in_place_of(MessageKind::PlantHello);
+    inconclusive(format!(
+        "no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: {instead}"
+    ))
 }
 
 /// Meets a plant and brings it to pre-operational, with no load.
@@ -32,7 +35,10 @@ pub(super) fn meet(t: &mut Tester) -> Result<(), Stop> {
     t.request(OperatorRequest::Reset)?;
     t.request(OperatorRequest::Disarm)?;
     if t.wait_for_state(HEARTBEAT_TIMEOUT_NS, NodeState::PreOperational)?.is_none() {
-        return inconclusive("no heartbeat pre-operational came after reset and disarm");
+        return inconclusive(match t.last_state() {
+            Some(NodeState::Fault) => "it stays in fault after a reset: the case plant-reset says more",
+            _ => "no heartbeat pre-operational came after reset and disarm",
+        });
     }
     t.run_ns(100 * MS)
 }

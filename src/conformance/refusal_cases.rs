@@ -1,12 +1,17 @@
 //! Commands that a plant must refuse: they neither act nor keep it operational.
 
 use alloc::format;
+use alloc::vec::Vec;
 
 use super::damage::{Damage, needs_fd};
 use super::plant_role::{arm, drive, forces, instead, meet, run_samples, samples, timeout_ns};
 use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, skipped};
 use crate::protocol::timing::COMMAND_AGE_NS;
-use crate::protocol::{Emergency, EmergencyCode, Refusal, Trip};
+use crate::protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
+
+/// What is beyond the limit that a plant states, as a multiple of it: a plant that takes it all the same is driven
+/// hardly more than it can be.
+const BEYOND_STATED: f64 = 1.01;
 
 /// In this time the force rises that drives a plant beyond its travel, ns: short, for a process that is stopped
 /// meanwhile ends the try.
@@ -58,14 +63,31 @@ pub(super) fn same_sample(t: &mut Tester) -> Result<(), Stop> {
     says(&emergency, &[Refusal::Repeated, Refusal::Late])
 }
 
-/// Commands larger than the plant's exciter can produce.
-pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
-    let Some(beyond_n) = t.settings.beyond_n else {
-        return skipped(
-            "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it",
-        );
-    };
+/// Commands for the sample before the one that was answered.
+pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
+    let from = t.heard.len();
+    t.answers = Answers::Always(-t.settings.force_n, t.answered.unwrap_or(0).wrapping_sub(1));
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::OutOfOrder, Refusal::Late])
+}
+
+/// Commands larger than the plant's exciter can produce. Without a force that is given, little more than the limit that
+/// the plant states in the FD profile.
+pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
+    let none = "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it";
+    if t.settings.beyond_n.is_none() && t.network.profile() == Profile::Classic {
+        return skipped(none);
+    }
+    drive(t)?;
+    let stated_n = t.heard.iter().rev().find_map(|heard| match heard.message {
+        Message::Capabilities(capabilities) => Some(BEYOND_STATED * capabilities.force_limit_n),
+        _ => None,
+    });
+    let Some(beyond_n) = t.settings.beyond_n.or(stated_n).filter(|force_n| *force_n <= f64::from(f32::MAX)) else {
+        return skipped(none);
+    };
+    t.note(format!("{beyond_n} N"));
     let from = t.heard.len();
     t.answers = Answers::Force(-beyond_n);
     let emergency = starves(t, from)?;
@@ -82,7 +104,16 @@ pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
     if jump_n < 2.0 * force_n {
         let least = 2.0 * force_n * f64::from(t.hello.rate_hz);
         return skipped(format!(
-            "--beyond-n-per-s must be at least {least}: from sample to sample the other cases command --force-n both ways"
+            "--beyond-n-per-s must be at least {least}: from sample to sample the other cases command --force-n both \
+             ways"
+        ));
+    }
+    if !t.can_command(force_n - jump_n) {
+        return skipped(format!(
+            "at {} samples a second --beyond-n-per-s asks for a command of {} N, which profile {} can't carry",
+            t.hello.rate_hz,
+            force_n - jump_n,
+            t.network.profile()
         ));
     }
     let from = t.heard.len();
@@ -147,6 +178,9 @@ fn starves(t: &mut Tester, from: usize) -> Result<Emergency, Stop> {
 fn says(emergency: &Emergency, reasons: &[Refusal]) -> Result<(), Stop> {
     match Refusal::from_detail(emergency.detail) {
         (1.., Some(reason)) if reasons.contains(&reason) => Ok(()),
-        _ => failed(format!("of the reason ({reasons:?} is right) it says: {emergency}")),
+        _ => {
+            let right = reasons.iter().map(|reason| format!("{} ({reason})", *reason as u8)).collect::<Vec<_>>();
+            failed(format!("the reason in its emergency must be {}: {emergency}", right.join(" or ")))
+        }
     }
 }

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands};
 use super::plant_role::{drive, forces, period_ns};
-use super::source::Samples;
+use super::source::{FRAMES, Samples};
 use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, is_state, late, ms, skipped};
 use crate::noise::Noise;
 use crate::protocol::timing::COMMAND_AGE_NS;
@@ -73,7 +73,7 @@ impl Soak {
     pub fn samples(&mut self, profile: Profile) -> Samples {
         match self.damage(profile) {
             None => Samples::Steady,
-            Some(_) if self.below(4) == 0 => Samples::Incomplete,
+            Some(_) if self.below(4) == 0 => Samples::Without(self.below(FRAMES)),
             Some(damage) => Samples::Damaged(damage),
         }
     }

@@ -12,6 +12,9 @@ use crate::protocol::{
     SensorValues, Sensors, StateEvent, Transmitter,
 };
 
+/// The most frames of a sample.
+pub(super) const FRAMES: usize = 3;
+
 /// What becomes of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Samples {
@@ -20,8 +23,8 @@ pub(super) enum Samples {
     Off,
     /// They are sent.
     Steady,
-    /// The frame that makes each whole is left out: accelerometer C, in the FD profile all.
-    Incomplete,
+    /// The frame of each with this number, from 0, is left out; in the FD profile a sample is one frame.
+    Without(usize),
     /// The frame that makes each whole is damaged.
     Damaged(Damage),
     /// The index stands still.
@@ -96,14 +99,17 @@ impl Tester<'_> {
             self.source.index = index.wrapping_add(1);
         }
         let samples = self.draw(index);
-        let messages = self.messages(samples, index);
+        let mut messages = self.messages(samples, index);
+        if let Samples::Without(lost) = samples {
+            messages.remove(lost.min(messages.len().saturating_sub(1)));
+        }
         let Some((whole, parts)) = messages.split_last() else { return Ok(()) };
         for part in parts {
             self.send(part)?;
         }
         let make = |transmitter: &mut Transmitter| transmitter.frame(whole).ok();
         let frame: Option<Frame> = match samples {
-            Samples::Incomplete | Samples::Off => return Ok(()),
+            Samples::Off => return Ok(()),
             Samples::Damaged(damage) => {
                 self.source.damaged += 1;
                 damage.apply(&mut self.ends, self.settings.seed.wrapping_add(self.source.damaged), make)
@@ -123,7 +129,7 @@ impl Tester<'_> {
             (samples, _) => samples,
         };
         match samples {
-            Samples::Incomplete | Samples::Damaged(_) => self.source.closed.insert(index),
+            Samples::Without(_) | Samples::Damaged(_) => self.source.closed.insert(index),
             _ => self.source.closed.remove(&index),
         };
         samples

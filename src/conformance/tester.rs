@@ -4,15 +4,18 @@ use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
+use super::counters::Counters;
 use super::damage::{Damage, Ends};
 use super::load::Load;
+use super::settings::Settings;
 use super::soak_cases::Soak;
-use super::wire::{BusOff, Wire};
+use super::traffic::Traffic;
+use super::wire::{BusOff, Stopped, Wire};
 use crate::bus::BusError;
 use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use crate::protocol::{
-    Capabilities, DecodeError, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, Network, Node,
-    NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
+    Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, Network, Node, NodeState,
+    OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
 };
 
 /// A millisecond, ns.
@@ -26,43 +29,6 @@ pub(super) const GONE_NS: u64 = 1000 * MS;
 
 /// The tester looks at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
-
-/// What the cases are told.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// The force that is commanded along x of a plant, N; along it, −x too.
-    pub force_n: f64,
-    /// A force that the plant must refuse for its size, N, if one is to be tried.
-    pub beyond_n: Option<f64>,
-    /// A rate of change of the force that the plant must refuse, N/s, if one is to be tried.
-    pub beyond_n_per_s: Option<f64>,
-    /// A force along x that drives the plant beyond its largest travel, N, if it is to be tried.
-    pub beyond_travel_n: Option<f64>,
-    /// How long a node under test is waited for, ns.
-    pub patience_ns: u64,
-    /// Which bit of the first damaged frame is wrong, and the seed of what is drawn.
-    pub seed: u64,
-    /// The bit rate of the bus, Hz, if it is to be loaded.
-    pub bit_rate_hz: Option<u32>,
-    /// How long good and bad frames are drawn at random, ns; 0 is not at all.
-    pub soak_ns: u64,
-}
-
-impl Default for Settings {
-    /// 5 N, none too large, too fast or too far, 10 s, the first bit, no load, a soak of 5 s.
-    fn default() -> Settings {
-        Settings {
-            force_n: 5.0,
-            beyond_n: None,
-            beyond_n_per_s: None,
-            beyond_travel_n: None,
-            patience_ns: 10_000 * MS,
-            seed: 0,
-            bit_rate_hz: None,
-            soak_ns: 5_000 * MS,
-        }
-    }
-}
 
 /// What ends a case before its end.
 #[derive(Debug)]
@@ -98,6 +64,11 @@ pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
 /// What must have come, in words, came so much later.
 fn slow<T>(text: impl Into<String>, late_ns: u64) -> Result<T, Stop> {
     Err(Stop::Slow(format!("{}, but {} later", text.into(), ms(late_ns))))
+}
+
+/// What must have come at once came so much later, in words.
+pub(super) fn not_at_once<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Slow(text.into()))
 }
 
 pub(super) fn skipped<T>(text: impl Into<String>) -> Result<T, Stop> {
@@ -163,8 +134,9 @@ pub(super) struct Tester<'w> {
     /// When that answer was sent, ns.
     pub answered_ns: u64,
     pub heard: Vec<Heard>,
-    /// Frames of the node under test that the protocol refuses.
-    pub refused: Vec<DecodeError>,
+    /// What came, and what was refused of it.
+    pub traffic: Traffic,
+    pub counters: Counters,
     looked_at_ns: u64,
     /// The longest time between two looks beyond what was meant, ns.
     pub held_up_ns: u64,
@@ -200,7 +172,8 @@ impl<'w> Tester<'w> {
             answered: None,
             answered_ns: 0,
             heard: Vec::new(),
-            refused: Vec::new(),
+            traffic: Traffic::default(),
+            counters: Counters::default(),
             looked_at_ns: now_ns,
             held_up_ns: 0,
             heard_at_ns: None,
@@ -231,6 +204,14 @@ impl<'w> Tester<'w> {
             load.count(frame);
         }
         Ok(self.wire.send(frame)?)
+    }
+
+    /// Sends a message as one of a network with another base.
+    pub fn send_at_other_base(&mut self, message: &Message) -> Result<(), Stop> {
+        match Damage::Base.apply(&mut self.ends, 0, |transmitter| transmitter.frame(message).ok()) {
+            Some(frame) => self.send_frame(&frame),
+            None => inconclusive("the tester can't say this"),
+        }
     }
 
     pub fn request(&mut self, request: OperatorRequest) -> Result<(), Stop> {
@@ -367,13 +348,12 @@ impl<'w> Tester<'w> {
         if let Some(load) = &mut self.load {
             load.count(frame);
         }
-        let message = match self.receiver.accept(frame) {
+        let said = self.receiver.accept(frame);
+        self.traffic.note(self.network, frame, &said);
+        self.counters.note(self.network, frame, &said);
+        let message = match said {
             Ok(Some(message)) if message.kind().sender() == self.tested => message,
-            Ok(_) => return Ok(()),
-            Err(error) => {
-                self.refused.push(error);
-                return Ok(());
-            }
+            Ok(_) | Err(_) => return Ok(()),
         };
         self.silent_ns = self.silent_ns.max(at_ns - self.heard_at_ns.unwrap_or(at_ns));
         self.heard_at_ns = Some(at_ns);
@@ -425,9 +405,19 @@ impl<'w> Tester<'w> {
         }
     }
 
+    /// Whether the profile can carry a force, N.
+    pub fn can_command(&self, force_x_n: f64) -> bool {
+        Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 }).check(self.network).is_ok()
+    }
+
     /// Has the controller of the node under test go bus-off for a time, where that can be done.
     pub fn take_off(&mut self, for_ns: u64) -> BusOff {
         self.wire.take_off(for_ns)
+    }
+
+    /// Stops the process of the node under test for a time, where that can be done.
+    pub fn stop_node(&mut self, for_ns: u64) -> Stopped {
+        self.wire.stop_node(for_ns)
     }
 
     /// Whether the node under test says something again, without having booted: it was stopped.
@@ -448,10 +438,22 @@ impl<'w> Tester<'w> {
 
     /// The frames of the node that the protocol refuses, as a failure.
     pub fn check_frames(&self) -> Result<(), Stop> {
-        match self.refused.first() {
+        let refused = || self.traffic.refused_of(|kind| kind.sender() == self.tested);
+        match refused().next() {
             None => Ok(()),
-            Some(error) => failed(format!("{} of its frames are refused, the first: {error}", self.refused.len())),
+            Some(first) => {
+                let count: u64 = refused().map(|refused| refused.count).sum();
+                failed(format!("{count} of its frames are refused: {first}"))
+            }
         }
+    }
+
+    /// The state that the node under test said last.
+    pub fn last_state(&self) -> Option<NodeState> {
+        self.heard.iter().rev().find_map(|heard| match heard.message {
+            Message::Heartbeat(heartbeat) => Some(heartbeat.state),
+            _ => None,
+        })
     }
 
     /// The hello that came last.

@@ -2,8 +2,9 @@
 
 use core::time::Duration;
 
+use super::inject::{Controller, Process};
 use super::{Case, Evidence, Finding};
-use crate::bus::{Bus, BusError, Sent};
+use crate::bus::{Bus, BusError, Received, Sent};
 use crate::protocol::Frame;
 use crate::realtime::{Clock, SystemClock};
 
@@ -14,6 +15,15 @@ pub enum BusOff {
     Done,
     /// Only its own controller can go bus-off.
     Impossible,
+}
+
+/// What came of a wish to stop the process of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stopped {
+    /// It is stopped, and goes on by itself.
+    Done,
+    /// It can't be stopped, and why.
+    Impossible(String),
 }
 
 /// One end of a bus, with the time on it. In tests it steps a node in virtual time.
@@ -33,9 +43,15 @@ pub trait Wire {
     /// [`BusError`] if the bus is gone.
     fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError>;
 
-    /// Has the controller of the node under test go bus-off for a time, ns: on a bus in virtual time.
+    /// Has the controller of the node under test go bus-off for a time, ns: on a bus in virtual time, and on a virtual
+    /// interface.
     fn take_off(&mut self, _for_ns: u64) -> BusOff {
         BusOff::Impossible
+    }
+
+    /// Stops the process of the node under test, ns: in virtual time, and where the process is known.
+    fn stop_node(&mut self, _for_ns: u64) -> Stopped {
+        Stopped::Impossible(String::from("its process is not known (--pid)"))
     }
 }
 
@@ -45,12 +61,47 @@ pub struct BusWire<'b> {
     clock: SystemClock,
     /// What records the frames, if anything does.
     pub evidence: Option<Evidence>,
+    /// The controller of the interface, if it is a virtual one.
+    controller: Option<Controller>,
+    /// The process of the node under test, if it is known.
+    process: Option<Process>,
+    /// Whether the bus-off that this end says is still to be heard by itself.
+    has_gone_off: bool,
 }
 
 impl<'b> BusWire<'b> {
     /// The end of a bus, with the monotonic clock.
     pub fn new(bus: &'b mut dyn Bus, evidence: Option<Evidence>) -> BusWire<'b> {
-        BusWire { bus, clock: SystemClock, evidence }
+        BusWire { bus, clock: SystemClock, evidence, controller: None, process: None, has_gone_off: false }
+    }
+
+    /// With the name of the interface, on which error frames are sent if it is a virtual one, and the process of the
+    /// node under test, if it is known, which is stopped and goes on.
+    pub fn with_means(self, interface: Option<&str>, pid: Option<rustix::process::Pid>) -> BusWire<'b> {
+        BusWire { controller: interface.and_then(Controller::of), process: pid.map(Process::new), ..self }
+    }
+
+    /// Restarts the controller, and lets the process go on, when it is time. A process that has ended meanwhile is
+    /// none of it: the cases say what is missing.
+    fn undo(&mut self) {
+        let now_ns = self.now_ns();
+        if let Some(process) = self.process.as_mut().filter(|p| p.goes_on_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
+            drop(process.go_on());
+        }
+        if let Some(controller) = self.controller.as_mut().filter(|c| c.on_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
+            drop(controller.restart());
+        }
+    }
+
+    /// The next frame, apart from what this end itself says of its controller.
+    fn next(&mut self) -> Result<Option<Received>, BusError> {
+        match self.bus.receive() {
+            Err(BusError::BusOff { .. }) if self.has_gone_off => {
+                self.has_gone_off = false;
+                self.bus.receive()
+            }
+            received => received,
+        }
     }
 
     /// Records that a case begins.
@@ -93,7 +144,8 @@ impl Wire for BusWire<'_> {
 
     fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError> {
         loop {
-            if let Some(received) = self.bus.receive()? {
+            self.undo();
+            if let Some(received) = self.next()? {
                 if let Some(evidence) = &mut self.evidence {
                     evidence.received(received);
                 }
@@ -104,6 +156,26 @@ impl Wire for BusWire<'_> {
                 return Ok(None);
             }
             self.bus.wait(Duration::from_nanos(left_ns))?;
+        }
+    }
+
+    fn take_off(&mut self, for_ns: u64) -> BusOff {
+        let until_ns = self.now_ns() + for_ns;
+        match self.controller.as_mut().map(|controller| controller.go_off(until_ns)) {
+            Some(Ok(())) => {
+                self.has_gone_off = true;
+                BusOff::Done
+            }
+            Some(Err(_)) | None => BusOff::Impossible,
+        }
+    }
+
+    fn stop_node(&mut self, for_ns: u64) -> Stopped {
+        let until_ns = self.now_ns() + for_ns;
+        match self.process.as_mut().map(|process| process.stop(until_ns)) {
+            Some(Ok(())) => Stopped::Done,
+            Some(Err(error)) => Stopped::Impossible(format!("its process can't be stopped: {error}")),
+            None => Stopped::Impossible(String::from("its process is not known (--pid)")),
         }
     }
 }

@@ -21,40 +21,49 @@ fn help_names_each_flag() {
     Usage: resonarm conformance [OPTIONS] --bus <BUS> --role <ROLE>
 
     Options:
-          --bus <BUS>             The bus: vcan0, can0, python-can:interface=I,channel=C
-      -v, --verbose...            Log more: -v for what happens, -vv for every detail
-          --role <ROLE>           The node under test. An exciter must be started again whenever it
-                                  ends, as by a loop in a shell [possible values: plant, exciter]
-          --mode <MODE>           The mode in which the node is: each has cases of its own [default:
-                                  real-time] [possible values: real-time, lockstep]
-          --base <ID>             Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default:
-                                  0x200]
-          --plant-id <N>          Node id of the plant, 1 to 127 [default: 1]
-          --exciter-id <N>        Node id of the exciter, 1 to 127 [default: 2]
-          --profile <PROFILE>     Frames of commands and samples [default: classic] [possible values:
-                                  classic, fd]
-          --case <NAME>           Only the cases whose names begin so, such as plant-hello; may be given
-                                  more than once
-          --force-n <N>           Force that a plant is commanded along x, both ways, N [default: 5]
-          --beyond-n <N>          A force that the plant must refuse for its size, N [default: none is
-                                  tried]. A plant that takes it applies it
-          --beyond-n-per-s <N/S>  A rate of change of the force that the plant must refuse, N/s
-                                  [default: none is tried]. A plant that takes it applies it
-          --beyond-travel-n <N>   A force along x that drives the plant beyond its largest travel, N
-                                  [default: none is tried]
-          --patience-s <S>        How long the node under test is waited for, s [default: 10]
-          --bit-rate-hz <HZ>      Bit rate of the bus, Hz: some cases are tried at 70 % of it, too
-                                  [default: they are not]
-          --soak-s <S>            How long good and bad frames at random are sent, s; 0 is not at all
-                                  [default: 5]
-          --seed <N>              What is drawn at random; and which bit of the first damaged frame is
-                                  wrong, the next has the next one wrong [default: 0]
-          --json                  Print one JSON document
-          --junit <FILE>          Write the report as JUnit XML, too
-          --record <FILE>         Record every frame, and where each case begins and ends, into this
-                                  MCAP file
-          --overwrite             Write over files that are there
-      -h, --help                  Print help
+          --bus <BUS>                 The bus: vcan0, can0, python-can:interface=I,channel=C
+      -v, --verbose...                Log more: -v for what happens, -vv for every detail
+          --role <ROLE>               The node under test. An exciter must be started again whenever it
+                                      ends, as by a loop in a shell [possible values: plant, exciter]
+          --mode <MODE>               The mode in which the node is: each has cases of its own [default:
+                                      real-time] [possible values: real-time, lockstep]
+          --base <ID>                 Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default:
+                                      0x200]
+          --plant-id <N>              Node id of the plant, 1 to 127 [default: 1]
+          --exciter-id <N>            Node id of the exciter, 1 to 127 [default: 2]
+          --profile <PROFILE>         Frames of commands and samples [default: classic] [possible
+                                      values: classic, fd]
+          --case <NAME>               Only the cases whose names begin so, such as plant-hello; may be
+                                      given more than once
+          --force-n <N>               Force that a plant is commanded along x, both ways, N [default: 5]
+          --beyond-n <N>              A force that the plant must refuse for its size, N [default: none
+                                      is tried; in the FD profile 1.01 times the limit that the plant
+                                      states]. A plant that takes it applies it
+          --beyond-n-per-s <N/S>      A rate of change of the force that the plant must refuse, N/s
+                                      [default: none is tried]. A plant that takes it applies it
+          --beyond-travel-n <N>       A force along x that drives the plant beyond its largest travel, N
+                                      [default: none is tried]
+          --patience-s <S>            How long the node under test is waited for, s [default: 10]
+          --bit-rate-hz <HZ>          Bit rate of the bus, Hz: some cases are tried at 70 % of it, too
+                                      [default: they are not]
+          --soak-s <S>                How long good and bad frames at random are sent, s; 0 is not at
+                                      all [default: 5]
+          --expect-frequency-hz <HZ>  Frequency of the sine that an exciter is set to command, Hz, with
+                                      its amplitude [default: no sine is expected]
+          --expect-force-n <N>        Amplitude of that sine as a force along x, N; a ramp may come
+                                      before
+          --expect-torque-nm <NM>     Amplitude of that sine as a torque at joint 1, N m; a ramp may
+                                      come before
+          --pid <PID>                 Process of the node under test on this machine, to be stopped for
+                                      0.4 s in one case [default: it isn't]
+          --seed <N>                  What is drawn at random; and which bit of the first damaged frame
+                                      is wrong, the next has the next one wrong [default: 0]
+          --json                      Print one JSON document
+          --junit <FILE>              Write the report as JUnit XML, too
+          --record <FILE>             Record every frame, and where each case begins and ends, into this
+                                      MCAP file
+          --overwrite                 Write over files that are there
+      -h, --help                      Print help
     ");
 }
 
@@ -76,7 +85,7 @@ fn flags_that_cannot_be() {
     ");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
     assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-arms-for-a-hello, plant-states, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-counters, plant-arms-for-a-hello, plant-states, plant-reset, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-foreign-base, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-older-command, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-stopped, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
     error: invalid value '9600' for '--bit-rate-hz <HZ>': 9600 is not in 10000..=1000000
 
@@ -87,6 +96,24 @@ fn flags_that_cannot_be() {
 
     For more information, try '--help'.
     ");
+}
+
+#[test]
+fn forces_that_cannot_be() {
+    let on_vcan0 = |arguments: &[&str]| conformance(2, &[&["--bus", "vcan0"], arguments].concat());
+    assert_snapshot!(on_vcan0(&["--force-n", "700"]), @"resonarm: --force-n is 700 N, and commands of the classic profile go to ±655.34 N: --profile fd carries more");
+    assert_snapshot!(on_vcan0(&["--beyond-n", "700"]), @"resonarm: --beyond-n is 700 N, and commands of the classic profile go to ±655.34 N: --profile fd carries more");
+    assert_snapshot!(on_vcan0(&["--beyond-travel-n", "1e39", "--profile", "fd"]), @"resonarm: --beyond-travel-n is 1e39 N, and commands of the fd profile go to ±3.4028234663852886e38 N");
+    assert_snapshot!(on_vcan0(&["--beyond-n", "5"]), @"resonarm: --beyond-n is 5 N, and --force-n 5 N: what is beyond must be more");
+    assert_snapshot!(on_vcan0(&["--expect-force-n", "20", "--expect-frequency-hz", "15"]), @"resonarm: --expect-frequency-hz is for --role exciter: leave it out");
+    let of_exciter = |arguments: &[&str]| {
+        complaint(Path::new("."), 2, &[&["conformance", "--role", "exciter", "--bus", "vcan0"], arguments].concat())
+    };
+    assert_snapshot!(of_exciter(&["--beyond-n", "600"]), @"resonarm: --beyond-n is for --role plant: leave it out");
+    assert_snapshot!(of_exciter(&["--expect-force-n", "20"]), @"resonarm: a sine is expected by its frequency and its amplitude: --expect-frequency-hz with --expect-force-n or --expect-torque-nm");
+    assert_snapshot!(of_exciter(&["--expect-frequency-hz", "0"]), @"resonarm: --expect-frequency-hz must be a number above 0 Hz");
+    let both = ["--expect-force-n", "20", "--expect-torque-nm", "20", "--expect-frequency-hz", "15"];
+    assert_snapshot!(of_exciter(&both), @"resonarm: --expect-force-n and --expect-torque-nm exclude each other: a command is one of them");
 }
 
 #[test]
@@ -132,9 +159,9 @@ mod on_an_empty_bus {
         let said = document(folder.path(), 1, &[&EMPTY[..], &["--json", "--junit", "report.xml"]].concat());
         let counts = ["passed", "failed", "inconclusive", "skipped", "not_run"].map(|name| said[name].as_u64());
         assert_eq!(counts, [0, 0, 1, 0, 0].map(Some));
-        assert_snapshot!(names(&said).join(" "), @"cases failed inconclusive not_run passed recording role skipped untested");
-        assert_snapshot!(names(&said["cases"][0]).join(" "), @"case held_up_ms measured reason requirements silent_ms title took_s verdict");
-        assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant came: is it on this bus, with this base, these node ids and this profile?");
+        assert_snapshot!(names(&said).join(" "), @"cases commands failed inconclusive not_run passed recording role skipped untested");
+        assert_snapshot!(names(&said["cases"][0]).join(" "), @"case heard held_up_ms measured others reason refused requirements silent_ms title took_s verdict");
+        assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: nothing");
         assert_eq!(said["untested"][0]["requirement"], "R-1.1");
         let junit = std::fs::read_to_string(folder.path().join("report.xml")).unwrap();
         let took = junit.split("time=\"").nth(1).unwrap().split('"').next().unwrap();
@@ -142,7 +169,7 @@ mod on_an_empty_bus {
         <?xml version="1.0" encoding="UTF-8"?>
         <testsuites>
           <testsuite name="resonarm conformance plant" tests="1" failures="0" skipped="1">
-            <testcase classname="resonarm" name="plant-hello" time="TIME"><skipped message="inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile?"/></testcase>
+            <testcase classname="resonarm" name="plant-hello" time="TIME"><skipped message="inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: nothing"/></testcase>
           </testsuite>
         </testsuites>
         "#);
@@ -154,7 +181,8 @@ mod on_an_empty_bus {
         assert_eq!((outcome.code, outcome.stderr.as_str()), (1, ""));
         assert_snapshot!(outcome.stdout, @r"
         inconclusive  plant-hello                version, profile, DBC hash and rate in its hello
-                      no hello of a plant came: is it on this bus, with this base, these node ids and this profile?  R-6.5
+                      no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: nothing  R-6.5
+                      heard: nothing
         0 passed, 0 failed, 1 inconclusive, 0 skipped, 0 not run
         ");
     }

@@ -12,8 +12,9 @@ use super::output;
 use super::protocol::NetworkFlags;
 use super::session::seconds;
 use crate::bus::{self, BusAddress, BusError};
-use crate::conformance::{self, BusWire, Case, Evidence, Finding, Settings};
-use crate::protocol::{Network, Node};
+use crate::conformance::{self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, Settings, SineAmplitude};
+use crate::number::short;
+use crate::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
 use crate::recording::{Existing, RecordingError};
 use crate::run::Mode;
 use crate::seed;
@@ -40,7 +41,8 @@ pub(super) struct Conformance {
     /// Force that a plant is commanded along x, both ways, N.
     #[arg(long, value_name = "N", default_value_t = 5.0)]
     force_n: f64,
-    /// A force that the plant must refuse for its size, N [default: none is tried]. A plant that takes it applies it.
+    /// A force that the plant must refuse for its size, N [default: none is tried; in the FD profile 1.01 times the
+    /// limit that the plant states]. A plant that takes it applies it.
     #[arg(long, value_name = "N")]
     beyond_n: Option<f64>,
     /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that takes it
@@ -59,6 +61,18 @@ pub(super) struct Conformance {
     /// How long good and bad frames at random are sent, s; 0 is not at all.
     #[arg(long, value_name = "S", default_value_t = 5.0, allow_hyphen_values = true)]
     soak_s: f64,
+    /// Frequency of the sine that an exciter is set to command, Hz, with its amplitude [default: no sine is expected].
+    #[arg(long, value_name = "HZ")]
+    expect_frequency_hz: Option<f64>,
+    /// Amplitude of that sine as a force along x, N; a ramp may come before.
+    #[arg(long, value_name = "N")]
+    expect_force_n: Option<f64>,
+    /// Amplitude of that sine as a torque at joint 1, N m; a ramp may come before.
+    #[arg(long, value_name = "NM")]
+    expect_torque_nm: Option<f64>,
+    /// Process of the node under test on this machine, to be stopped for 0.4 s in one case [default: it isn't].
+    #[arg(long, value_name = "PID", value_parser = value_parser!(i32).range(1..))]
+    pid: Option<i32>,
     /// What is drawn at random; and which bit of the first damaged frame is wrong, the next has the next one wrong.
     #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
     seed: u64,
@@ -78,6 +92,22 @@ pub(super) struct Conformance {
 /// The modes of a node on a bus.
 const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
 
+/// Refuses a force that the profile can't carry.
+fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(), Failure> {
+    let command = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
+    let (Some(force_n), profile) = (force_n, network.profile()) else { return Ok(()) };
+    match command(force_n).check(network) {
+        Err(EncodeError::OutOfRange { limit, .. }) => {
+            let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
+            let (force_n, limit) = (short(&force_n), short(&limit));
+            Err(Failure::Usage(format!(
+                "{flag} is {force_n} N, and commands of the {profile} profile go to ±{limit} N{more}"
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Role {
     Plant,
@@ -96,17 +126,23 @@ impl From<Role> for Node {
 impl Conformance {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let (address, network): (BusAddress, _) = (self.bus.parse()?, self.network.network()?);
-        let (settings, cases) = (self.settings()?, self.cases()?);
+        let (settings, cases) = (self.settings(network)?, self.cases()?);
         self.overwrite.check(self.junit.iter().chain(&self.record).cloned())?;
         let mut bus = bus::open(&address)?;
         let evidence = self.evidence(&bus.name(), network, settings)?;
-        let mut wire = BusWire::new(bus.as_mut(), evidence);
-        let (rows, lost) = self.rows(&cases, &mut wire, network, settings)?;
+        let interface = match &address {
+            BusAddress::SocketCan(interface) => Some(interface.as_str()),
+            BusAddress::Memory | BusAddress::PythonCan(_) => None,
+        };
+        let pid = self.pid.and_then(rustix::process::Pid::from_raw);
+        let mut wire = BusWire::new(bus.as_mut(), evidence).with_means(interface, pid);
+        let mut commands = Commands::default();
+        let (rows, lost) = self.rows(&cases, &mut wire, (network, settings), &mut commands)?;
         let (recording, unrecorded) = match wire.evidence.map(Evidence::finish).transpose() {
             Ok(recording) => (recording, None),
             Err(error) => (None, Some(error)),
         };
-        let document = report::Document::new(self.role.into(), rows, recording);
+        let document = report::Document::new(self.role.into(), rows, commands, recording);
         self.tell(&document)?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
@@ -118,8 +154,8 @@ impl Conformance {
         &self,
         cases: &[Case],
         wire: &mut BusWire,
-        network: Network,
-        settings: Settings,
+        (network, settings): (Network, Settings),
+        commands: &mut Commands,
     ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
         let (mut rows, mut lost) = (Vec::new(), None);
         for case in cases {
@@ -130,6 +166,7 @@ impl Conformance {
                     let finding = conformance::run(case, wire, network, settings)
                         .unwrap_or_else(|error| Finding::lost(lost.insert(error)));
                     wire.end(case, &finding);
+                    commands.merge(&finding.traffic.commands);
                     Row::new(case, &finding)
                 }
             };
@@ -160,17 +197,8 @@ impl Conformance {
         if self.json { output::print_json(document) } else { output::print(&document.summary()) }
     }
 
-    fn settings(&self) -> Result<Settings, Failure> {
-        for (flag, unit, number) in [
-            ("--force-n", "N", Some(self.force_n)),
-            ("--beyond-n", "N", self.beyond_n),
-            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s),
-            ("--beyond-travel-n", "N", self.beyond_travel_n),
-        ] {
-            if number.is_some_and(|number| !number.is_finite() || number <= 0.0) {
-                return Err(Failure::Usage(format!("{flag} must be a number above 0 {unit}")));
-            }
-        }
+    fn settings(&self, network: Network) -> Result<Settings, Failure> {
+        self.check_forces(network)?;
         let ns = |flag, given_s| {
             seconds(flag, given_s).map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).min(u64::MAX / 4))
         };
@@ -183,7 +211,71 @@ impl Conformance {
             seed: self.seed,
             bit_rate_hz: self.bit_rate_hz,
             soak_ns: ns("--soak-s", self.soak_s)?,
+            sine: self.sine()?,
         })
+    }
+
+    /// Refuses forces that mean nothing, that the profile can't carry, and that the role has no use for.
+    fn check_forces(&self, network: Network) -> Result<(), Failure> {
+        let of_plant = [
+            ("--beyond-n", "N", self.beyond_n),
+            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s),
+            ("--beyond-travel-n", "N", self.beyond_travel_n),
+        ];
+        let of_exciter = [
+            ("--expect-frequency-hz", "Hz", self.expect_frequency_hz),
+            ("--expect-force-n", "N", self.expect_force_n),
+            ("--expect-torque-nm", "N m", self.expect_torque_nm),
+        ];
+        let all = [("--force-n", "N", Some(self.force_n))].into_iter().chain(of_plant).chain(of_exciter);
+        if let Some((flag, unit, _)) =
+            all.into_iter().find(|(.., given)| given.is_some_and(|n| !n.is_finite() || n <= 0.0))
+        {
+            return Err(Failure::Usage(format!("{flag} must be a number above 0 {unit}")));
+        }
+        let (others, other) = match self.role {
+            Role::Plant => (of_exciter, Node::Exciter),
+            Role::Exciter => (of_plant, Node::Plant),
+        };
+        if let Some((flag, ..)) = others.into_iter().find(|(.., given)| given.is_some()) {
+            return Err(Failure::Usage(format!("{flag} is for --role {other}: leave it out")));
+        }
+        for (flag, force_n) in [
+            ("--force-n", Some(self.force_n)),
+            ("--beyond-n", self.beyond_n),
+            ("--beyond-travel-n", self.beyond_travel_n),
+        ] {
+            check_carried(network, flag, force_n)?;
+        }
+        let force_n = self.force_n;
+        for (flag, given) in [("--beyond-n", self.beyond_n), ("--beyond-travel-n", self.beyond_travel_n)] {
+            if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
+                return Err(Failure::Usage(format!(
+                    "{flag} is {beyond_n} N, and --force-n {force_n} N: what is beyond must be more"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn sine(&self) -> Result<Option<ExpectedSine>, Failure> {
+        let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
+            (Some(_), Some(_)) => {
+                let both = "--expect-force-n and --expect-torque-nm exclude each other: a command is one of them";
+                return Err(Failure::Usage(String::from(both)));
+            }
+            (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
+            (None, torque_nm) => torque_nm.map(SineAmplitude::TorqueNm),
+        };
+        match (self.expect_frequency_hz, amplitude) {
+            (None, None) => Ok(None),
+            (Some(frequency_hz), Some(amplitude)) => Ok(Some(ExpectedSine { frequency_hz, amplitude })),
+            _ => {
+                let half = "a sine is expected by its frequency and its amplitude: --expect-frequency-hz with \
+                            --expect-force-n or --expect-torque-nm";
+                Err(Failure::Usage(String::from(half)))
+            }
+        }
     }
 
     fn cases(&self) -> Result<Vec<Case>, Failure> {

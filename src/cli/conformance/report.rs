@@ -1,10 +1,12 @@
 //! The report: text, JSON, JUnit XML.
 
 use core::fmt::Write;
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::conformance::{Case, Check, Finding, REQUIREMENTS, Verdict};
+use crate::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range, Refused, Verdict};
+use crate::number::short;
 use crate::protocol::Node;
 use crate::recording::Summary;
 
@@ -20,6 +22,41 @@ pub(super) struct Row {
     took_s: f64,
     held_up_ms: f64,
     silent_ms: f64,
+    /// Frames taken, by message.
+    heard: BTreeMap<String, u64>,
+    /// Frames refused, by message and reason.
+    refused: Vec<RefusedRow>,
+    /// Frames with identifiers that the network doesn't have.
+    others: BTreeMap<String, u64>,
+}
+
+/// Frames of one message that were refused for one reason.
+#[derive(Serialize)]
+struct RefusedRow {
+    message: String,
+    count: u64,
+    /// What was expected and what came, of the first of them.
+    reason: String,
+    /// The first of them, as candump writes it.
+    frame: String,
+    /// The same with the right CRC, if its CRC was wrong.
+    expected_frame: Option<String>,
+    /// All of it, for people.
+    #[serde(skip)]
+    text: String,
+}
+
+impl RefusedRow {
+    fn new(refused: &Refused) -> RefusedRow {
+        RefusedRow {
+            message: refused.error.kind().to_string(),
+            count: refused.count,
+            reason: refused.error.to_string(),
+            frame: refused.frame.to_string(),
+            expected_frame: refused.expected.map(|frame| frame.to_string()),
+            text: refused.to_string(),
+        }
+    }
 }
 
 /// The verdict on a case that was not begun.
@@ -33,9 +70,17 @@ impl Row {
             Verdict::Inconclusive(reason) => ("inconclusive", Some(reason.clone())),
             Verdict::Skipped(reason) => ("skipped", Some(reason.clone())),
         };
+        let traffic = &finding.traffic;
+        let mut others: BTreeMap<_, _> = traffic.others.iter().map(|(id, count)| (id.to_string(), *count)).collect();
+        if traffic.further_others > 0 {
+            others.insert(String::from("more"), traffic.further_others);
+        }
         Row {
             verdict,
             reason,
+            heard: traffic.taken.iter().map(|(kind, count)| (kind.to_string(), *count)).collect(),
+            refused: traffic.refused.iter().map(RefusedRow::new).collect(),
+            others,
             measured: finding.measured.clone(),
             took_s: finding.took_ns as f64 * 1e-9,
             held_up_ms: finding.held_up_ns as f64 * 1e-6,
@@ -56,6 +101,9 @@ impl Row {
             took_s: 0.0,
             held_up_ms: 0.0,
             silent_ms: 0.0,
+            heard: BTreeMap::new(),
+            refused: Vec::new(),
+            others: BTreeMap::new(),
         }
     }
 
@@ -67,6 +115,16 @@ impl Row {
         text.push('\n');
         if let Some(reason) = &self.reason {
             let _infallible = writeln!(text, "{:14}{reason}  {}", "", self.requirements.join(" "));
+        }
+        if matches!(self.verdict, "failed" | "inconclusive") {
+            let _infallible = writeln!(text, "{:14}heard: {}", "", counted(&self.heard, "nothing"));
+            if !self.others.is_empty() {
+                let others = counted(&self.others, "");
+                let _infallible = writeln!(text, "{:14}heard with other identifiers: {others}", "");
+            }
+        }
+        for refused in &self.refused {
+            let _infallible = writeln!(text, "{:14}{}", "", refused.text);
         }
         text
     }
@@ -85,6 +143,14 @@ impl Row {
     }
 }
 
+/// Names with their counts.
+fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
+    if counts.is_empty() {
+        return String::from(none);
+    }
+    counts.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+}
+
 /// What is in an attribute of XML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -100,9 +166,45 @@ pub(super) struct Document {
     skipped: usize,
     not_run: usize,
     cases: Vec<Row>,
+    /// The ranges of what an exciter commanded.
+    commands: CommandsRow,
     recording: Option<Summary>,
     /// Demands that no case can see.
     untested: Vec<Untested>,
+}
+
+/// The ranges of what was commanded, the smallest and the largest; null where nothing was.
+#[derive(Serialize)]
+struct CommandsRow {
+    force_x_n: Option<[f64; 2]>,
+    force_y_n: Option<[f64; 2]>,
+    torque1_nm: Option<[f64; 2]>,
+    torque2_nm: Option<[f64; 2]>,
+}
+
+impl CommandsRow {
+    fn new(commands: &Commands) -> CommandsRow {
+        let ends = |range: Option<Range>| range.map(|Range { min, max }| [min, max]);
+        CommandsRow {
+            force_x_n: ends(commands.force_x_n),
+            force_y_n: ends(commands.force_y_n),
+            torque1_nm: ends(commands.torque1_nm),
+            torque2_nm: ends(commands.torque2_nm),
+        }
+    }
+
+    fn text(&self) -> String {
+        let ranges = [
+            ("force_x_n", "N", self.force_x_n),
+            ("force_y_n", "N", self.force_y_n),
+            ("torque1_nm", "N m", self.torque1_nm),
+            ("torque2_nm", "N m", self.torque2_nm),
+        ];
+        let told = ranges.into_iter().filter_map(|(name, unit, range)| {
+            range.map(|[min, max]| format!("{name} {} to {} {unit}", short(&min), short(&max)))
+        });
+        told.collect::<Vec<_>>().join(", ")
+    }
 }
 
 #[derive(Serialize)]
@@ -113,7 +215,7 @@ struct Untested {
 }
 
 impl Document {
-    pub fn new(tested: Node, cases: Vec<Row>, recording: Option<Summary>) -> Document {
+    pub fn new(tested: Node, cases: Vec<Row>, commands: Commands, recording: Option<Summary>) -> Document {
         let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
         let untested = REQUIREMENTS.iter().filter_map(|requirement| match requirement.check {
             Check::Cases => None,
@@ -127,6 +229,7 @@ impl Document {
             skipped: count("skipped"),
             not_run: count(NOT_RUN),
             untested: untested.collect(),
+            commands: CommandsRow::new(&commands),
             cases,
             recording,
         }
@@ -142,6 +245,10 @@ impl Document {
             "{} passed, {} failed, {} inconclusive, {} skipped, {} not run\n",
             self.passed, self.failed, self.inconclusive, self.skipped, self.not_run
         );
+        let commands = self.commands.text();
+        if !commands.is_empty() {
+            let _infallible = writeln!(text, "commanded: {commands}");
+        }
         if let Some(Summary { path, bytes, lost, .. }) = &self.recording {
             let lost = lost.values().sum::<u64>();
             let _infallible = writeln!(text, "recording: {}, {bytes} bytes, {lost} records lost", path.display());

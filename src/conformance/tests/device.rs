@@ -2,16 +2,16 @@
 
 use std::collections::VecDeque;
 
-use super::super::{BusOff, Wire};
-use super::flaws::{Ears, Flaw};
+use super::super::{BusOff, Stopped, Wire};
+use super::flaws::{Ears, Flaw, Mouth};
 use crate::arm::Load;
 use crate::bus::BusError;
 use crate::control::OpenLoop;
 use crate::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
 use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::protocol::timing::LOCKSTEP_TIMEOUT_NS;
-use crate::protocol::{Frame, Network, NodeState, SamplesPerFrame, Transmitter};
-use crate::rig::{Converter, Exciter, GateSpec, Measurement, Reading};
+use crate::protocol::{Frame, Network, SamplesPerFrame, Transmitter};
+use crate::rig::{Converter, Exciter, ExciterSpec, GateSpec, Measurement, Reading};
 use crate::run::Mode;
 
 pub const RATE_HZ: u16 = 1000;
@@ -68,6 +68,8 @@ pub struct Virtual {
     waiting: Vec<Frame>,
     /// Until when the node's controller is bus-off, ns.
     off_until_ns: u64,
+    /// Until when the tester has stopped the node, ns.
+    stopped_until_ns: u64,
 }
 
 impl Virtual {
@@ -87,13 +89,15 @@ impl Virtual {
             stops: None,
             waiting: Vec::new(),
             off_until_ns: 0,
+            stopped_until_ns: 0,
         }
     }
 
     fn is_stopped(&self) -> bool {
-        self.stops.is_some_and(|Stops { for_ns, every_ns, until_ns }| {
+        let is_stopped_again = self.stops.is_some_and(|Stops { for_ns, every_ns, until_ns }| {
             self.ticked_ns < until_ns && self.ticked_ns % every_ns >= every_ns - for_ns
-        })
+        });
+        is_stopped_again || self.ticked_ns < self.stopped_until_ns
     }
 
     fn step(&mut self) {
@@ -152,6 +156,11 @@ impl Wire for Virtual {
         self.off_until_ns = self.now_ns + for_ns;
         BusOff::Done
     }
+
+    fn stop_node(&mut self, for_ns: u64) -> Stopped {
+        self.stopped_until_ns = self.now_ns + for_ns;
+        Stopped::Done
+    }
 }
 
 /// The plant's node with an arm at rest: the head reads the load that is held.
@@ -166,11 +175,11 @@ pub struct PlantDevice {
     pub sample: u64,
     /// Lockstep: whether the sample measured last is to be answered.
     is_awaited: bool,
-    pub said_state: Option<NodeState>,
     pub counters: [u8; 16],
     /// Makes what the node believes to have heard.
     pub transmitter: Transmitter,
     pub ears: Ears,
+    pub mouth: Mouth,
 }
 
 impl PlantDevice {
@@ -184,10 +193,12 @@ impl PlantDevice {
 
     pub fn in_mode(mode: Mode, network: Network, flaw: Option<Flaw>) -> PlantDevice {
         let mut timing = timing(mode);
-        if flaw == Some(Flaw::NoTimeout) {
-            timing.command_timeout_ns = u64::MAX / 2;
+        match flaw {
+            Some(Flaw::NoTimeout) => timing.command_timeout_ns = u64::MAX / 2,
+            Some(Flaw::CountsWallClock) => timing.look_period_ns = u64::MAX / 2,
+            _ => {}
         }
-        let mut node = PlantNode::new(network, RATE_HZ, timing, Exciter::default())
+        let mut node = PlantNode::new(network, RATE_HZ, timing, exciter(flaw))
             .with_limits(limits(flaw))
             .with_samples_per_frame(SamplesPerFrame::Two);
         node.start(0);
@@ -200,10 +211,10 @@ impl PlantDevice {
             unarmed_load: Load::default(),
             sample: 0,
             is_awaited: false,
-            said_state: None,
             counters: [0; 16],
             transmitter: Transmitter::new(network),
             ears: Ears::default(),
+            mouth: Mouth::default(),
         }
     }
 }
@@ -235,6 +246,14 @@ impl PlantDevice {
     }
 }
 
+/// That of the default limits, unless the flaw is to have none.
+fn exciter(flaw: Option<Flaw>) -> Exciter {
+    match flaw {
+        Some(Flaw::ForgetsLimits) => Exciter::Ideal(ExciterSpec { force_limit_n: 1e9, ..ExciterSpec::default() }),
+        _ => Exciter::default(),
+    }
+}
+
 /// A change of 20 N in a sample period, and the travel under 100 N; none that would hide the flaw.
 fn limits(flaw: Option<Flaw>) -> GateSpec {
     let all = GateSpec {
@@ -245,7 +264,7 @@ fn limits(flaw: Option<Flaw>) -> GateSpec {
     match flaw {
         Some(Flaw::Jumps) => GateSpec { force_rate_limit_n_per_s: None, ..all },
         Some(Flaw::Strays) => GateSpec { travel_limit_m: None, ..all },
-        Some(Flaw::Cuts) => GateSpec::default(),
+        Some(Flaw::Cuts | Flaw::ForgetsLimits) => GateSpec::default(),
         _ => all,
     }
 }
@@ -259,6 +278,7 @@ impl Device for PlantDevice {
 
     fn tick(&mut self, now_ns: u64) {
         self.ears = self.ears.rested();
+        self.mouth.now_ns = now_ns;
         self.node.handle_deadline(now_ns);
         match self.mode {
             Mode::Lockstep if self.waits() => {}
@@ -282,7 +302,7 @@ impl Device for PlantDevice {
 
     fn say(&mut self) -> Option<Frame> {
         loop {
-            let frame = self.node.poll_transmit()?;
+            let Some(frame) = self.node.poll_transmit() else { return self.mouth.due() };
             if let Some(frame) = self.alter_said(frame) {
                 return Some(frame);
             }
@@ -295,9 +315,11 @@ pub struct ExciterDevice {
     pub network: Network,
     pub node: ExciterNode,
     pub flaw: Option<Flaw>,
-    pub said_state: Option<NodeState>,
     pub is_dead: bool,
+    /// Makes what the node believes to have heard.
+    pub transmitter: Transmitter,
     pub ears: Ears,
+    pub mouth: Mouth,
 }
 
 impl ExciterDevice {
@@ -323,20 +345,40 @@ impl ExciterDevice {
         }
         let mut node = node::carry(network, RATE_HZ, timing, controller);
         node.start(0);
-        ExciterDevice { network, node, flaw, said_state: None, is_dead: false, ears: Ears::default() }
+        ExciterDevice {
+            network,
+            node,
+            flaw,
+            is_dead: false,
+            transmitter: Transmitter::new(network),
+            ears: Ears::default(),
+            mouth: Mouth::default(),
+        }
+    }
+
+    /// When its work is over it leaves the bus, as the program does.
+    fn leave(&mut self, now_ns: u64) {
+        if self.node.outcome().is_some() {
+            self.node.leave(now_ns);
+        }
     }
 }
 
 impl Device for ExciterDevice {
     fn hear(&mut self, now_ns: u64, frame: &Frame) {
-        if let Some(frame) = self.alter_heard(frame) {
+        for frame in self.alter_heard(frame) {
             self.node.handle_frame(now_ns, &frame);
         }
+        self.leave(now_ns);
     }
 
     fn tick(&mut self, now_ns: u64) {
         self.ears = self.ears.rested();
-        self.node.handle_deadline(now_ns);
+        self.mouth.now_ns = now_ns;
+        if !self.node.is_quiet() {
+            self.node.handle_deadline(now_ns);
+            self.leave(now_ns);
+        }
     }
 
     fn lose_bus(&mut self, now_ns: u64) {
@@ -345,7 +387,7 @@ impl Device for ExciterDevice {
 
     fn say(&mut self) -> Option<Frame> {
         loop {
-            let frame = self.node.poll_transmit()?;
+            let Some(frame) = self.node.poll_transmit() else { return self.mouth.due() };
             if let Some(frame) = self.alter_said(frame) {
                 return Some(frame);
             }
@@ -380,7 +422,7 @@ impl Device for StartedAgain {
                 self.exciter.hear(now_ns, &frame);
             }
         }
-        if self.exciter.node.is_quiet() {
+        if self.exciter.node.is_quiet() && self.exciter.mouth.is_empty() {
             self.exciter = ExciterDevice::with(self.exciter.network, self.exciter.flaw);
         }
         self.exciter.tick(now_ns);

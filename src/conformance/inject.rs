@@ -1,0 +1,82 @@
+//! What is done to the node under test beside the bus: error frames on its interface, and signals to its process.
+
+use std::fs;
+use std::io;
+
+use rustix::process::{Pid, Signal, kill_process};
+use socketcan::{CanErrorFrame, CanSocket, Socket, SocketOptions};
+
+/// The classes of error frames (`linux/can/error.h`).
+const BUS_OFF: u32 = libc::CAN_ERR_BUSOFF;
+const RESTARTED: u32 = libc::CAN_ERR_RESTARTED;
+
+/// Says on a virtual interface what a controller says that goes bus-off, and that was restarted. Every program on the
+/// interface that asks for error frames hears it.
+#[derive(Debug)]
+pub(super) struct Controller {
+    socket: CanSocket,
+    /// When it is to be restarted, ns, if it is off.
+    pub on_at_ns: Option<u64>,
+}
+
+impl Controller {
+    /// That of a virtual interface: the driver of a real one doesn't hand error frames on, but may send them as others.
+    pub fn of(interface: &str) -> Option<Controller> {
+        let device = fs::canonicalize(format!("/sys/class/net/{interface}")).ok()?;
+        let is_virtual = device.starts_with("/sys/devices/virtual");
+        let socket = is_virtual.then(|| CanSocket::open(interface).ok()).flatten()?;
+        // It hears nothing, so that nothing waits in it.
+        socket.set_filter_drop_all().ok()?;
+        Some(Controller { socket, on_at_ns: None })
+    }
+
+    pub fn go_off(&mut self, until_ns: u64) -> io::Result<()> {
+        self.say(BUS_OFF)?;
+        self.on_at_ns = Some(until_ns);
+        Ok(())
+    }
+
+    pub fn restart(&mut self) -> io::Result<()> {
+        self.on_at_ns = None;
+        self.say(RESTARTED)
+    }
+
+    fn say(&self, class: u32) -> io::Result<()> {
+        let frame = CanErrorFrame::new_error(class, &[]).map_err(io::Error::other)?;
+        self.socket.write_frame(&frame)
+    }
+}
+
+/// A process of this machine, which goes on at the latest when this is dropped.
+#[derive(Debug)]
+pub(super) struct Process {
+    pid: Pid,
+    /// When it is to go on, ns, if it is stopped.
+    pub goes_on_at_ns: Option<u64>,
+}
+
+impl Process {
+    pub fn new(pid: Pid) -> Process {
+        Process { pid, goes_on_at_ns: None }
+    }
+
+    pub fn stop(&mut self, until_ns: u64) -> io::Result<()> {
+        kill_process(self.pid, Signal::STOP)?;
+        self.goes_on_at_ns = Some(until_ns);
+        Ok(())
+    }
+
+    pub fn go_on(&mut self) -> io::Result<()> {
+        self.goes_on_at_ns = None;
+        Ok(kill_process(self.pid, Signal::CONT)?)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if self.goes_on_at_ns.is_some() {
+            // It may have ended meanwhile.
+            drop(self.go_on());
+        }
+    }
+}
