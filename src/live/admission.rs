@@ -8,7 +8,7 @@
 use std::net::IpAddr;
 
 use axum::http::header::{HOST, ORIGIN};
-use axum::http::{HeaderMap, HeaderName};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
 
 use super::LiveError;
 
@@ -22,9 +22,20 @@ pub struct Origins(Vec<String>);
 /// Why a request is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// A header that is missing or no text.
-    #[error("the request has no valid {0}")]
-    Header(&'static str),
+    /// A header that must be there, and is not.
+    #[error("the request has no header `{0}`")]
+    Missing(&'static str),
+    /// A header that may be there once.
+    #[error("the request has the header `{name}` {got} times")]
+    Repeated {
+        /// Its name.
+        name: &'static str,
+        /// How often it is there.
+        got: usize,
+    },
+    /// A header whose value is not ASCII.
+    #[error("the header `{0}` of the request is not text")]
+    NotText(&'static str),
     /// A name that could be anybody's.
     #[error("the host `{0}` is a name: take the address itself, or allow it by --live-origin http://{0}")]
     Host(String),
@@ -52,18 +63,40 @@ impl Origins {
 
     /// Judges a request.
     pub fn admit(&self, headers: &HeaderMap) -> Result<(), Refused> {
-        let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().ok());
-        let host = text(HOST).flatten().ok_or(Refused::Header("Host"))?;
-        let own = format!("http://{host}");
-        if !is_address(host) && !self.0.contains(&own) {
+        let host = only(headers, HOST, "Host")?.ok_or(Refused::Missing("Host"))?;
+        let is_of_host = |origin: &String| origin.split_once("://").is_some_and(|(_scheme, name)| name == host);
+        if !is_address(host) && !self.0.iter().any(is_of_host) {
             return Err(Refused::Host(host.to_owned()));
         }
-        match text(ORIGIN) {
+        match only(headers, ORIGIN, "Origin")? {
             None => Ok(()),
-            Some(None) => Err(Refused::Header("Origin")),
-            Some(Some(origin)) if origin == own || self.0.iter().any(|allowed| allowed == origin) => Ok(()),
-            Some(Some(origin)) => Err(Refused::Origin(origin.to_owned())),
+            Some(origin) if origin == format!("http://{host}") || self.0.iter().any(|allowed| allowed == origin) => {
+                Ok(())
+            }
+            Some(origin) => Err(Refused::Origin(origin.to_owned())),
         }
+    }
+}
+
+impl Refused {
+    /// The status of the answer: 400 of a request that no browser makes, else 403.
+    pub fn status(&self) -> StatusCode {
+        match self {
+            Refused::Missing(_) | Refused::Repeated { .. } | Refused::NotText(_) => StatusCode::BAD_REQUEST,
+            Refused::Host(_) | Refused::Origin(_) => StatusCode::FORBIDDEN,
+        }
+    }
+}
+
+/// The value of a header that may be there once: which of two counts, others may judge otherwise (RFC 9112, section
+/// 3.2, demands 400 for `Host`).
+fn only<'h>(headers: &'h HeaderMap, key: HeaderName, name: &'static str) -> Result<Option<&'h str>, Refused> {
+    let values = headers.get_all(key);
+    let mut each = values.iter();
+    match (each.next(), each.next()) {
+        (None, _) => Ok(None),
+        (Some(value), None) => value.to_str().map(Some).map_err(|_not_ascii| Refused::NotText(name)),
+        (Some(_), Some(_)) => Err(Refused::Repeated { name, got: values.iter().count() }),
     }
 }
 
@@ -137,7 +170,33 @@ mod tests {
         for host in ["rebound.example.com:8080", "bench", "127.0.0.1.example.com", ""] {
             assert_eq!(admitted(host, Some(&format!("http://{host}"))), Err(Refused::Host(host.to_owned())));
         }
-        assert_eq!(Origins::default().admit(&HeaderMap::new()), Err(Refused::Header("Host")));
+    }
+
+    #[test]
+    fn a_header_that_is_missing_twice_or_no_text_makes_a_bad_request() {
+        let judged = |given: &[(HeaderName, &[u8])]| {
+            let value = |bytes: &[u8]| axum::http::HeaderValue::from_bytes(bytes).unwrap();
+            let headers: HeaderMap = given.iter().map(|(name, bytes)| (name.clone(), value(bytes))).collect();
+            Origins::default().admit(&headers).map_err(|refused| (refused.status().as_u16(), refused.to_string()))
+        };
+        let (host, own): (_, (HeaderName, &[u8])) = ((HOST, &b"10.0.0.7"[..]), (ORIGIN, b"http://10.0.0.7"));
+        let bad = |why: &str| Err((400, why.to_owned()));
+        assert_eq!(judged(&[host.clone(), own.clone()]), Ok(()));
+        assert_eq!(judged(&[own.clone()]), bad("the request has no header `Host`"));
+        assert_eq!(judged(&[host.clone(), host.clone()]), bad("the request has the header `Host` 2 times"));
+        assert_eq!(judged(&[host.clone(), own.clone(), own]), bad("the request has the header `Origin` 2 times"));
+        let no_text = bad("the header `Origin` of the request is not text");
+        assert_eq!(judged(&[host, (ORIGIN, b"http://\xe9")]), no_text);
+    }
+
+    /// Behind a server that ends TLS the name of the origin is that of the host, and the scheme is another.
+    #[test]
+    fn the_name_of_an_origin_that_is_allowed_is_a_host_that_is_allowed() {
+        let headers = |host: &str| HeaderMap::from_iter([(HOST, host.parse().unwrap())]);
+        let origins = Origins::new(&[String::from("https://bench.example:8443")]).unwrap();
+        assert_eq!(origins.admit(&headers("bench.example:8443")), Ok(()));
+        let other = String::from("bench.example");
+        assert_eq!(origins.admit(&headers(&other)), Err(Refused::Host(other)));
     }
 
     #[test]

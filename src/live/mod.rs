@@ -13,6 +13,7 @@
 mod about;
 mod admission;
 mod branches;
+mod connections;
 mod error;
 mod extremes;
 mod foxglove;

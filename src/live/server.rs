@@ -13,12 +13,12 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use axum::serve::ListenerExt;
 use tokio::sync::{broadcast, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use super::admission::{Origins, Token};
 use super::branches::{Branches, ComputeBranch, stand_back};
+use super::connections::{self, LIMITS};
 use super::foxglove::{self, Channel, Published, Stream};
 use super::model::Model;
 use super::source::Source;
@@ -37,8 +37,6 @@ const VIEWERS: usize = 256;
 const FAREWELL: Duration = Duration::from_millis(300);
 /// How much less processor time the thread gets than others (nice(2)).
 const NICE: i32 = 10;
-/// What the system holds for a viewer, bytes: about a second of updates.
-const HELD_BYTES: usize = 1 << 16;
 /// The longest message that a viewer may send, bytes.
 const LONGEST: usize = 4096;
 
@@ -175,8 +173,7 @@ async fn run(
         .merge(page::files())
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), admit))
         .with_state(shared);
-    let listener = listener.tap_io(|stream| prepare(stream));
-    let serving = tokio::spawn(async move { axum::serve(listener, router).await });
+    let serving = tokio::spawn(connections::serve(listener, router, LIMITS));
     let mut beat = tokio::time::interval(BEAT);
     beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
@@ -191,19 +188,10 @@ async fn run(
     Ok(())
 }
 
-/// Lets the system hold little of what a viewer does not read, so that it is known to be slow, and send at once what is
-/// new. A connection that can't be set so works all the same.
-fn prepare(stream: &tokio::net::TcpStream) {
-    let held = rustix::net::sockopt::set_socket_send_buffer_size(stream, HELD_BYTES);
-    if let Err(error) = held.map_err(std::io::Error::from).and_then(|()| stream.set_nodelay(true)) {
-        tracing::debug!("a connection of the live view: {error}");
-    }
-}
-
 /// Refuses who may not look, and says what a page of this server may do.
 async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     if let Err(refused) = shared.origins.admit(request.headers()) {
-        return (StatusCode::FORBIDDEN, format!("{refused}\n")).into_response();
+        return (refused.status(), format!("{refused}\n")).into_response();
     }
     let mut response = next.run(request).await;
     for (name, value) in [

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from browser import Browser
 from live_view import SMALL_RANGE, address
-from processes import Programs, wait_until
+from processes import Programs, free_port, wait_until
 
 # What a phone shows, CSS pixels.
 PHONE = {"width": 390, "height": 844, "touch": True}
@@ -45,9 +45,9 @@ def open_page(browser, program, **size):
     return page
 
 
-def free_run(programs, *arguments):
+def free_run(programs, *arguments, live="127.0.0.1"):
     """A bench in simulated time that goes with the clock, without end: nothing plays but what is set."""
-    return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", "--steer", *arguments)
+    return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", live, "--steer", *arguments)
 
 
 def colours_of_png(content):
@@ -208,6 +208,15 @@ def test_without_the_token_one_can_only_look(browser, programs):
     page.value("document.querySelector('[data-request=disarm]').click()")
     page.until("resonarm.data.frames > 30")
     assert run.running() and page.text("#state") == "armed"
+    assert page.errors == []
+
+
+def test_behind_a_server_that_ends_tls_the_page_works_as_well(browser, programs, tmp_path):
+    port = free_port()
+    origin = programs.tls(tmp_path, port)
+    _, token = address(free_run(programs, "--live-origin", origin, live=f"127.0.0.1:{port}"))
+    page = browser.page(f"{origin}/#{token}", any_certificate=True)
+    page.until("window.resonarm?.data?.frames > 3")
     assert page.errors == []
 
 

@@ -102,6 +102,55 @@ def test_foreign_origins_and_hosts_are_refused(programs):
     Viewer(url, origin=url[:-1])
 
 
+def raw(url):
+    """A connection on which nothing is said yet."""
+    host, port = url.removeprefix("http://").rstrip("/").split(":")
+    return socket.create_connection((host, int(port)), PATIENCE_S)
+
+
+def status(url, *headers):
+    """The status of the answer to a request with these headers."""
+    with raw(url) as connection:
+        lines = ["GET / HTTP/1.1", *headers, "Connection: close", "", ""]
+        connection.sendall("\r\n".join(lines).encode())
+        return int(connection.makefile("rb").readline().split()[1])
+
+
+def test_a_request_that_has_its_host_or_origin_twice_or_no_host_is_a_bad_one(programs):
+    url, _ = address(free_run(programs))
+    host, own = "Host: 127.0.0.1:1", "Origin: http://127.0.0.1:1"
+    foreign = "Origin: http://example.com"
+    assert [status(url, host, own), status(url, host, foreign)] == [200, 403]
+    twice = [(host, own, foreign), (host, foreign, own), (host, own, own), (host, "Host: example.com"), (host, host)]
+    assert [status(url, *headers) for headers in twice] == [400] * 5
+    assert status(url, own) == 400
+
+
+def test_who_sends_no_whole_request_is_let_go_and_keeps_nobody_out(programs):
+    """No more connections than the server takes at once are open at any time; the others wait until it has let go of
+    those that say nothing, five seconds after it took them."""
+    run = free_run(programs)
+    url, token = address(run)
+    before = Viewer(url, token)
+    open_files = lambda: len(list(Path(f"/proc/{run.process.pid}/fd").iterdir()))
+    at_first = open_files()
+    halves = ["", "G", "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"]
+    idle = [raw(url) for _ in range(80)]
+    for place, connection in enumerate(idle):
+        connection.sendall(halves[place % 3].encode())
+    with ThreadPoolExecutor(1) as pool:
+        page, most = pool.submit(get, url), 0
+        while not page.done():
+            most = max(most, open_files() - at_first)
+            time.sleep(0.02)
+        assert page.result()[0] == 200
+    assert 60 <= most <= 64
+    for connection in idle:
+        assert connection.recv(1) == b""
+    # A WebSocket may say nothing for as long as it likes.
+    assert before.ask("disarm") == {"kind": "taken"}
+
+
 def test_an_origin_that_is_allowed_may_look(programs):
     url, _ = address(free_run(programs, "--live-origin", "https://app.foxglove.dev"))
     Viewer(url, origin="https://app.foxglove.dev")

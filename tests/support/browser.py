@@ -41,8 +41,8 @@ class Browser:
         self.process.wait(PATIENCE_S)
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def page(self, url, width=1280, height=1500, dark=False, touch=False):
-        """A page of that size, which prefers dark colours or is a phone's."""
+    def page(self, url, width=1280, height=1500, dark=False, touch=False, any_certificate=False):
+        """A page of that size, which prefers dark colours or is a phone's, or takes a server for what it says it is."""
         request = urllib.request.Request(f"{self.url}/json/new?about:blank", method="PUT")
         with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
             page = Page(json.load(answer)["webSocketDebuggerUrl"])
@@ -50,6 +50,8 @@ class Browser:
         page.call("Emulation.setDeviceMetricsOverride", **size)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         page.call("Emulation.setEmulatedMedia", features=[scheme])
+        if any_certificate:
+            page.call("Security.setIgnoreCertificateErrors", ignore=True)
         page.call("Page.navigate", url=url)
         return page
 
@@ -83,7 +85,7 @@ class Page:
             case {"method": "Log.entryAdded", "params": {"entry": {"level": "error" | "warning"} as entry}}:
                 self.errors.append(entry)
             case {"method": "Network.requestWillBeSent", "params": {"request": {"url": url}}}:
-                if not url.startswith(("http://127.0.0.1", "data:", "about:")):
+                if not url.startswith(("http://127.0.0.1", "https://127.0.0.1", "data:", "about:")):
                     self.errors.append(f"asked for {url}")
 
     def value(self, expression):

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import tempfile
 import time
@@ -116,6 +117,23 @@ class Programs:
         self.start("socat", "socat", *(f"pty,raw,echo=0,link={end}" for end in ends))
         wait_until(lambda: all(end.exists() for end in ends), "socat to make the pseudo-terminals")
         return ends
+
+    def tls(self, folder, port):
+        """The address of a server that ends TLS, as one stands before programs that have none: it hands on what comes
+        to a port."""
+        certificate, own = folder / "certificate.pem", free_port()
+        request = ("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", 1, "-subj", "/CN=127.0.0.1")
+        run(*request, "-keyout", folder / "key.pem", "-out", certificate)
+        listen = f"openssl-listen:{own},bind=127.0.0.1,fork,verify=0,cert={certificate},key={folder / 'key.pem'}"
+        self.start("socat", "socat", listen, f"tcp:127.0.0.1:{port}")
+        return f"https://127.0.0.1:{own}"
+
+
+def free_port():
+    """A port of 127.0.0.1 on which nobody listens."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
 
 
 def receivers():

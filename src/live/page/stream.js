@@ -20,7 +20,7 @@ export function decode(buffer, channels) {
 export function connect({ told, updated, linked }) {
   let [socket, over] = [null, false];
   const open = () => {
-    socket = new WebSocket(`ws://${location.host}/live`);
+    socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => linked(true);
     socket.onclose = () => {
