@@ -350,7 +350,7 @@ fn what_can_t_be_a_frame_is_counted_and_left_out() {
     let mut odd = [0_u8; 72];
     odd[..4].copy_from_slice(&0x201_u32.to_ne_bytes());
     odd[4] = 9;
-    let mut send_odd = || assert_eq!(rustix::io::write(&raw, &odd), Ok(odd.len()));
+    let send_odd = || assert_eq!(rustix::io::write(&raw, &odd), Ok(odd.len()));
     send_odd();
     near.send(&frame(0x123, &[7])).unwrap();
     // Found by a wait, and by a call that doesn't wait.

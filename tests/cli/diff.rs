@@ -85,8 +85,15 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>) {
         let zero = [0.0; 2];
         let is_end = is_end && sample == 1;
         let clipped = if sample == 1 { clipped } else { clipped.map(|_| Clipped::NONE) };
-        let state =
-            StateRecord { sample, alpha_rad: zero, alpha_dot_rad_s: zero, torque_nm: zero, force_n: zero, is_end };
+        let state = StateRecord {
+            sample,
+            alpha_rad: zero,
+            alpha_dot_rad_s: zero,
+            torque_nm: zero,
+            force_n: zero,
+            coil_current_a: None,
+            is_end,
+        };
         channel.push_blocking(Record::State(state)).unwrap();
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (zero, zero, zero);
         let readings = SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped };
