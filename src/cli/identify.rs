@@ -12,17 +12,19 @@ use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::frf::{broken_at_wraps, style};
 use super::identify_angles::{self, Domain, Request};
+use super::identify_missing::{self, MissingMode};
 use super::output::{self, OverwriteFlag};
 use super::{flags, inspect};
-use crate::analysis::Response;
+use crate::analysis::{self, Response};
 use crate::excitation::Waveform;
 use crate::identify::{
-    self, Averaging, Band, CHANNELS, Direction, FrequencyResponseEstimate, IdentifiedMode, IdentifyError, Record,
+    self, Averaging, Band, CHANNELS, Direction, FrequencyResponseEstimate, Identification, IdentifiedMode,
+    IdentifyError, Record,
 };
 use crate::number::short;
 use crate::plot::{Axis, Color, Figure, Legend, Panel, Series};
 use crate::recording::Recording;
-use crate::scenario::Scenario;
+use crate::scenario::{READS_IMAGES, Scenario};
 
 /// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and
 /// C over the force in the impedance head.
@@ -30,15 +32,16 @@ use crate::scenario::Scenario;
 /// Modes are fitted with the ends of the record in the model, so that it may be shorter than they ring; each number has
 /// its standard deviation. The arm has to be driven by a force at C. Periods of a multisine or of bursts and segments
 /// of other records (Welch's method: a Hann window, half overlapping) are averaged to H1, H2 and coherence; an impact
-/// is taken whole. These are in the document of --json and in the files of --plot. If there is no mode the exit code is
-/// 1.
+/// is taken whole. The document of --json and the CSV of --plot have all three of each response, the figure H1 and the
+/// coherence. Modes have the numbers of the scenario's arm; one that is not found is named, with the reason. If there is
+/// no mode the exit code is 1.
 ///
 /// With --angles, and of a run with any load, the joints' angles over time instead: the accelerations are integrated
 /// twice, and the arm's lengths and pose in the recording make angles of the displacements. Vibration at f has the gain
 /// 1 − (1 + (f/f0)⁴)⁻³ with the corner f0 of --from-hz. Accelerometers tell no means: they are zero. Each angle has the
 /// standard deviation that the instruments' white noise gives it. At both ends four periods of the corner are left out,
-/// but for a beginning from rest. Clipped readings are refused. Times are those of the readings: half a sample period
-/// before their samples.
+/// but for a beginning from rest. Clipped readings are refused. The droop of the
+/// converters is taken out. Times are those of the readings, before their samples by the converters' delay.
 #[derive(Debug, Args)]
 pub(super) struct Identify {
     /// The recording, an MCAP file.
@@ -113,11 +116,21 @@ struct Document {
     direction: [f64; 2],
     from_hz: f64,
     to_hz: f64,
-    modes: Vec<IdentifiedMode>,
+    modes: Vec<NumberedMode>,
+    /// Modes of the scenario's arm in the band that were not found.
+    missing: Vec<MissingMode>,
     averaging: &'static str,
     averages: usize,
     frequency_hz: Vec<f64>,
     responses: Vec<Curve>,
+}
+
+/// A mode with the number that it has in the scenario's arm; none if it is far from its modes.
+#[derive(Serialize)]
+struct NumberedMode {
+    mode: Option<u8>,
+    #[serde(flatten)]
+    found: IdentifiedMode,
 }
 
 /// A response over all frequencies, complex as [real, imaginary].
@@ -145,12 +158,16 @@ impl Identify {
             return identify_angles::execute(&recording, &scenario, &request);
         }
         let document = self.compute(&recording, &scenario)?;
-        for (k, mode) in document.modes.iter().enumerate().filter(|(_, mode)| !mode.is_linear) {
+        for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
-                "mode {}: the fit leaves {:.1} times the instruments' noise, so the arm did not vibrate linearly: lower the force",
-                k + 1,
-                mode.residual
+                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise, so the arm did not vibrate linearly: lower the force",
+                found.frequency_hz,
+                found.residual
             );
+        }
+        document.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
+        if scenario.reads_images() {
+            tracing::warn!("{READS_IMAGES}");
         }
         let files = match &self.plot {
             Some(stem) => Some(output::plot(stem, &figure(&scenario, &document), &document.csv(), &document)?),
@@ -172,14 +189,18 @@ impl Identify {
         let band = self.band(waveform, rate_hz);
         let averaging = self.averaging(waveform, &record)?;
         let estimate = identify::frequency_response(&record, band, averaging)?;
-        let modes = match identify::modes(&record, band) {
-            Ok(modes) => modes,
+        let found = match identify::modes(&record, band) {
+            Ok(found) => found,
             Err(error @ IdentifyError::NoResonance { .. }) => {
                 tracing::warn!("{error}");
-                Vec::new()
+                Identification { modes: Vec::new(), rejected: Vec::new() }
             }
             Err(error) => return Err(error.into()),
         };
+        let arm = analysis::modes(&scenario.build_arm()?);
+        let numbers = identify_missing::numbers(&found.modes, &arm);
+        let missing = identify_missing::missing(&found, &numbers, &arm, band);
+        let numbered = numbers.into_iter().zip(found.modes);
         Ok(Document {
             configuration: configuration::of_arm(scenario)?,
             recording: self.file.display().to_string(),
@@ -188,7 +209,8 @@ impl Identify {
             direction: record.direction(),
             from_hz: band.from_hz,
             to_hz: band.to_hz,
-            modes,
+            modes: numbered.map(|(mode, found)| NumberedMode { mode, found }).collect(),
+            missing,
             averaging: match averaging {
                 Averaging::Welch(_) => "welch",
                 Averaging::Periods(_) => "periods",
@@ -242,8 +264,7 @@ impl Identify {
     }
 }
 
-/// The readings of a recording. Those of sample 0 are of the sample itself and not of the middle of a hold, and are
-/// left out.
+/// The readings of a recording. Those of sample 0 are of the state at the start alone and are left out.
 fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Direction) -> Result<Record, Failure> {
     let (mut rows, mut clipped) = (Vec::new(), 0);
     for sample in recording.samples()? {
@@ -282,13 +303,13 @@ impl Document {
             short(&self.to_hz),
             self.averages
         );
-        text += "  mode   frequency (Hz)        damping ratio       residual/noise   shape: B x, B y, C x, C y\n";
-        for (k, mode) in self.modes.iter().enumerate() {
+        text += "  mode   undamped frequency (Hz)   damping ratio       residual/noise   shape: B x, B y, C x, C y\n";
+        for NumberedMode { mode: number, found: mode } in &self.modes {
+            let number = number.map_or(String::from("–"), |number| number.to_string());
             let [bx, by, cx, cy] = mode.shape.map(to_three_places);
             let _infallible = writeln!(
                 text,
-                "  {:4}   {:10.6} ± {:.0e}   {:.3e} ± {:.0e}   {:14.2}   {bx:+.3} {by:+.3} {cx:+.3} {cy:+.3}",
-                k + 1,
+                "  {number:>4}   {:14.6} ± {:.0e}   {:.3e} ± {:.0e}   {:14.2}   {bx:+.3} {by:+.3} {cx:+.3} {cy:+.3}",
                 mode.frequency_hz,
                 mode.frequency_deviation_hz,
                 mode.damping_ratio,
@@ -299,20 +320,23 @@ impl Document {
         text
     }
 
-    /// CSV: frequency, then modulus and phase of H1 and the coherence of each response.
+    /// CSV: frequency, then modulus and phase of H1 and of H2 and the coherence of each response.
     fn csv(&self) -> String {
         let mut text = String::from("frequency_hz");
         for Curve { response, coherence, .. } in &self.responses {
             let name = response.name().replace('-', "_");
-            let _infallible = write!(text, ",{name}_modulus_m_s2_per_n,{name}_phase_deg");
+            for estimate in ["h1", "h2"] {
+                let _infallible = write!(text, ",{name}_{estimate}_modulus_m_s2_per_n,{name}_{estimate}_phase_deg");
+            }
             text += &coherence.as_ref().map_or(String::new(), |_| format!(",{name}_coherence"));
         }
         text.push('\n');
         for (k, hz) in self.frequency_hz.iter().enumerate() {
             let _infallible = write!(text, "{hz}");
-            for Curve { h1, coherence, .. } in &self.responses {
-                let [re, im] = h1[k];
-                let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
+            for Curve { h1, h2, coherence, .. } in &self.responses {
+                for [re, im] in [h1[k], h2[k]] {
+                    let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
+                }
                 text += &coherence.as_ref().map_or(String::new(), |coherence| format!(",{}", coherence[k]));
             }
             text.push('\n');

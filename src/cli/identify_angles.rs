@@ -99,9 +99,12 @@ pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
         from_hz: request.from_hz.unwrap_or(CORNER_PART * mode.frequency_hz),
         starts_at_rest: starts_at_rest(scenario, readings.first_sample),
     };
-    let found = joint_angles(&arm, rate_hz, &scenario.rig, &readings.accelerations_m_s2, settings)?;
+    let mut found = joint_angles(&arm, rate_hz, &scenario.rig, &readings.accelerations_m_s2, settings)?;
     warn(scenario, &found);
     let delay = recording.origin().reading_delay_samples;
+    // The first readings tell of the time before the run.
+    let before_run = (libm::ceil(delay) as usize).saturating_sub(readings.first_sample as usize + found.first);
+    found.leave_out(before_run);
     let time_s = |row: usize| (readings.first_sample as f64 + (found.first + row) as f64 - delay) / rate_hz;
     let file = output::write(request.csv.to_path_buf(), &csv(&found, time_s))?;
     let document = Document {
@@ -127,7 +130,7 @@ pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
     Ok(Verdict::Positive)
 }
 
-/// The readings from sample 1 on: those of sample 0 are of the sample itself and not of the middle of a hold.
+/// The readings from sample 1 on: those of sample 0 are of the state at the start alone.
 fn read(recording: &Recording) -> Result<Readings, Failure> {
     let mut readings = Readings { accelerations_m_s2: Vec::new(), first_sample: 0 };
     let (mut clipped, mut unmarked) = (0, 0);

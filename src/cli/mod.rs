@@ -27,6 +27,7 @@ mod flags;
 mod frf;
 mod identify;
 mod identify_angles;
+mod identify_missing;
 mod import;
 mod inspect;
 mod integrators;

@@ -62,6 +62,16 @@ pub struct AngleHistory {
     pub residual: Residual,
 }
 
+impl AngleHistory {
+    /// Leaves out the first `readings` readings that have angles.
+    pub fn leave_out(&mut self, readings: usize) {
+        let readings = readings.min(self.alpha_rad.len());
+        self.alpha_rad.drain(..readings);
+        self.deviation_rad.drain(..readings);
+        self.first += readings;
+    }
+}
+
 /// What rigid links leave of the displacements along them, root mean square over both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {

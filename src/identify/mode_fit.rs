@@ -1,7 +1,8 @@
 //! One mode fitted to the lines of a discrete Fourier transform in a narrow band around it.
 //!
-//! A linear arm whose force is held and whose readings are taken at the same instant of every hold is, in discrete
-//! time, a rational function of z. The transform of M samples then obeys, exactly and without a window,
+//! Force and accelerations go through the same filter before they are sampled, which leaves nothing of what lies beyond
+//! half the sample rate. What is left is then related by the arm's response H as the continuous signals are, and the
+//! transform of M samples obeys, without a window,
 //!
 //! ```text
 //! Y(k) = H(z_k) U(k) + T(z_k),   z_k = e^(2πik/M)
@@ -16,9 +17,14 @@
 //! ```
 //!
 //! with polynomials B, C for all that is far away: the conjugate pole, the other mode, what follows the force at once
-//! (local rational modelling: T. McKelvey, G. Guérin 2012). R, t and the polynomials are linear; for each p they follow
-//! from linear least squares, and what is left is minimised over the two numbers of p (variable projection: G. H.
-//! Golub, V. Pereyra 1973). A pole p in z is s = rate · ln p in continuous time, exactly, since the force is held.
+//! (local rational modelling: T. McKelvey, G. Guérin, "Non-parametric frequency response estimation using a local
+//! rational model", 2012). The pole λ of the continuous arm is p = e^{λ/rate} there: 1/(iω − λ) and (1/rate)/(z/p − 1)
+//! differ by a function without a pole, which B takes. R, t and the polynomials are linear; for each p they follow from
+//! linear least squares, and what is left is minimised over the two numbers of p (variable projection: G. H. Golub, V.
+//! Pereyra 1973). So λ = rate · ln p.
+//!
+//! A response that begins at rest and dies out goes through an exponential window e^(−γn), which makes p e^(−γ) of p
+//! and leaves nothing of its end: then T is zero.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -50,6 +56,8 @@ pub(super) struct Lines {
     pub response: Vec<Complex<f64>>,
     /// The force; `None` where there is none.
     pub force: Option<Vec<Complex<f64>>>,
+    /// γM, if the samples went through an exponential window e^(−γn). Then T is no part of the model.
+    pub taper: Option<f64>,
     /// Standard deviations of a line's noise: of the response, and of the force.
     pub noise: [f64; 2],
 }
@@ -65,16 +73,24 @@ pub(super) struct Pole {
     pub residual: f64,
     /// How many times as large the residual's square is without the pole, with the polynomials alone.
     pub gain: f64,
+    /// Share of the force's power in the pole's term that is the head's noise; 0 where there is no force. By about as
+    /// much least squares take R for too small, and the pole for another.
+    pub force_noise_share: f64,
 }
 
 impl Lines {
     /// Fits the pole, beginning from the peak at the offset `peak` from the centre, lines. `None` if there are fewer
     /// lines than unknowns.
     pub fn fit(&self, peak: f64) -> Option<Pole> {
-        let unknowns = (DEGREE + 2) * if self.force.is_some() { 2 } else { 1 } + 1;
+        let parts = usize::from(self.force.is_some()) + usize::from(self.has_transient());
+        let unknowns = (DEGREE + 2) * parts + 1;
         let freedom = self.response.len().checked_sub(unknowns).filter(|freedom| *freedom > 0)? as f64;
         let mut weights = alloc::vec![1.0 / self.noise[0]; self.response.len()];
-        let starts = [0.3, 3.0, 30.0].into_iter().flat_map(|decay| [-0.3, 0.3].map(|offset| [peak + offset, decay]));
+        let shift = self.taper.unwrap_or(0.0);
+        let starts = [0.3, 3.0, 30.0]
+            .map(|decay| decay + shift)
+            .into_iter()
+            .flat_map(|decay| [-0.3, 0.3].map(|offset| [peak + offset, decay]));
         let mut best = (f64::INFINITY, [peak, 1.0]);
         for x in starts {
             let cost = square(&self.residual(x, &weights).0);
@@ -83,19 +99,54 @@ impl Lines {
             }
         }
         let mut x = best.1;
-        let mut information = Matrix2::zeros();
         for _ in 0..ROUNDS {
-            (x, information) = self.minimise(x, &weights);
+            x = self.minimise(x, &weights);
             weights = self.weights(x, &weights);
         }
-        // Circular noise of variance 1 a line: information 2 Re J*J.
-        let covariance = (information * 2.0).try_inverse()?;
+        let covariance = self.covariance(x, &weights)?;
         let left = square(&self.residual(x, &weights).0);
         let residual = libm::sqrt(left / freedom);
         let polynomials = self.columns(1..DEGREE + 2, x, &weights);
         let gain = square(&solve(polynomials, &self.weighted(&weights)).0) / left;
         let deviation = [covariance.m11, covariance.m22].map(|variance| libm::sqrt(variance) * residual.max(1.0));
-        Some(Pole { x, deviation, residual, gain })
+        let force_noise_share = self.force_noise_share(x, &weights);
+        // The window adds its own decay to the pole's.
+        let x = [x[0], x[1] - shift];
+        Some(Pole { x, deviation, residual, gain, force_noise_share })
+    }
+
+    /// Whether T is part of the model: how the stretch begins and ends. A response that begins at rest and dies out has
+    /// none, and T would describe it by itself, with the poles of what drives the arm.
+    fn has_transient(&self) -> bool {
+        self.taper.is_none()
+    }
+
+    /// Covariance of x by the lines' noise, which has variance 1 a line and is circular: with the normal matrix N = Re
+    /// J*J and the noise's correlation C it is ½ N⁻¹ Re(J*CJ) N⁻¹. Without a window C is the unit matrix.
+    fn covariance(&self, x: [f64; 2], weights: &[f64]) -> Option<Matrix2<f64>> {
+        let j = self.jacobian(x, weights);
+        let inverse = Matrix2::from_fn(|row, column| dot(&j[row], &j[column]).re).try_inverse()?;
+        let middle = Matrix2::from_fn(|row, column| {
+            let spread: Vec<Complex<f64>> = (0..j[column].len()).map(|k| self.correlated(&j[column], k)).collect();
+            dot(&j[row], &spread).re
+        });
+        Some(inverse * middle * inverse * 0.5)
+    }
+
+    /// Element `k` of C v. The transform of noise under e^(−γn) has from line to line, d apart, the correlation
+    /// Σ e^(−2γn + 2πidn/M)/Σ e^(−2γn) = 1/(1 − iπd/(γM)).
+    fn correlated(&self, v: &[Complex<f64>], k: usize) -> Complex<f64> {
+        let Some(taper) = self.taper else { return v[k] };
+        let turn = |l: usize| core::f64::consts::PI * (l as f64 - k as f64) / taper;
+        v.iter().enumerate().map(|(l, value)| value / Complex::new(1.0, -turn(l))).sum()
+    }
+
+    fn force_noise_share(&self, x: [f64; 2], weights: &[f64]) -> f64 {
+        let Some(force) = &self.force else { return 0.0 };
+        let shape = self.shape(0, x);
+        let sizes = || shape.iter().zip(weights).map(|(shape, weight)| shape.norm_sqr() * weight * weight);
+        let noise = self.noise[1] * self.noise[1] * sizes().sum::<f64>();
+        noise / sizes().zip(force).map(|(size, force)| size * force.norm_sqr()).sum::<f64>()
     }
 
     /// What the best R, t, B and C leave at a pole, weighted, and these.
@@ -116,8 +167,8 @@ impl Lines {
                 terms.map(|((shape, force), weight)| shape * force * *weight).collect()
             })
         });
-        let free =
-            shapes.iter().map(|shape| shape.iter().zip(weights).map(|(shape, weight)| shape * *weight).collect());
+        let free = shapes.iter().filter(|_| self.has_transient());
+        let free = free.map(|shape| shape.iter().zip(weights).map(|(shape, weight)| shape * *weight).collect());
         forced.chain(free).collect()
     }
 
@@ -148,8 +199,8 @@ impl Lines {
         (0..self.response.len()).map(weight).collect()
     }
 
-    /// Levenberg–Marquardt steps to the least residual; Re J*J there.
-    fn minimise(&self, start: [f64; 2], weights: &[f64]) -> ([f64; 2], Matrix2<f64>) {
+    /// Levenberg–Marquardt steps to the least residual.
+    fn minimise(&self, start: [f64; 2], weights: &[f64]) -> [f64; 2] {
         let (mut x, mut damping) = (start, 1e-2);
         let mut residual = self.residual(x, weights).0;
         let (mut normal, mut gradient) = self.linearise(x, weights, &residual);
@@ -171,22 +222,26 @@ impl Lines {
                 }
             }
         }
-        (x, normal)
+        x
     }
 
-    /// Re J*J and Re J*r of the residual r, by central differences.
+    /// Re J*J and Re J*r of the residual r.
     fn linearise(&self, x: [f64; 2], weights: &[f64], r: &[Complex<f64>]) -> (Matrix2<f64>, Vector2<f64>) {
-        let derivative = |which: usize| -> Vec<Complex<f64>> {
+        let j = self.jacobian(x, weights);
+        let normal = Matrix2::from_fn(|row, column| dot(&j[row], &j[column]).re);
+        (normal, Vector2::new(dot(&j[0], r).re, dot(&j[1], r).re))
+    }
+
+    /// J, the derivatives of the residual by x, by central differences.
+    fn jacobian(&self, x: [f64; 2], weights: &[f64]) -> [Vec<Complex<f64>>; 2] {
+        [0, 1].map(|which: usize| {
             let [up, down] = [DIFFERENCE, -DIFFERENCE].map(|step| {
                 let mut moved = x;
                 moved[which] += step;
                 self.residual(moved, weights).0
             });
             up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * DIFFERENCE)).collect()
-        };
-        let j = [derivative(0), derivative(1)];
-        let normal = Matrix2::from_fn(|row, column| dot(&j[row], &j[column]).re);
-        (normal, Vector2::new(dot(&j[0], r).re, dot(&j[1], r).re))
+        })
     }
 }
 

@@ -17,11 +17,17 @@ const STANDS_OUT: f64 = 4.0;
 /// It is a mode if without a pole the square of the residual is so many times as large: a peak of a random force needs
 /// none.
 const GAIN: f64 = 10.0;
+/// The largest share of noise in the power of the force at a mode.
+pub const MOST_NOISE_SHARE: f64 = 0.01;
 /// Half the width of the band of a fit: at least so many hertz, and so many lines.
 const HALF_WIDTH_HZ: f64 = 0.5;
 const HALF_WIDTH_LINES: f64 = 20.0;
+/// Poles so many lines apart, or fewer, are of one mode.
+const ONE_MODE_LINES: usize = 2;
 /// The least number of lines of a fit.
 const LEAST_LINES: usize = 16;
+/// γM of the exponential window of a response that dies out: its end counts for a thousandth.
+const TAPER: f64 = 6.9;
 /// Below this residual over noise the arm is called linear.
 const LINEAR: f64 = 3.0;
 
@@ -60,6 +66,40 @@ pub struct IdentifiedMode {
     pub part: Part,
 }
 
+/// A mode, or why there is none.
+type Fitted = Result<IdentifiedMode, Rejection>;
+
+/// The modes in a record, and the peaks that are none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identification {
+    /// The modes, in the order of their frequencies.
+    pub modes: Vec<IdentifiedMode>,
+    /// The peaks, in the order of their frequencies.
+    pub rejected: Vec<RejectedPeak>,
+}
+
+/// A peak of the response over the force, or of the response, to which no mode is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RejectedPeak {
+    /// Where it is, Hz.
+    pub frequency_hz: f64,
+    /// Why it is none.
+    pub reason: Rejection,
+}
+
+/// Why a peak is no mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rejection {
+    /// The lines around it are described as well without a pole.
+    NoPole,
+    /// So large a share of the force's power there is noise of the head, above [`MOST_NOISE_SHARE`], that frequency and
+    /// damping would be biased by more than their deviations.
+    ForceInNoise {
+        /// The share, 0 to 1.
+        share: f64,
+    },
+}
+
 /// A stretch of a record, transformed without a window, in and around a band.
 struct Stretch<'a> {
     record: &'a Record,
@@ -71,19 +111,34 @@ struct Stretch<'a> {
     first: usize,
     channels: [Vec<Complex<f64>>; CHANNELS],
     force: Vec<Complex<f64>>,
+    /// γM of the exponential window e^(−γn), if there is one.
+    taper: Option<f64>,
 }
 
-/// The modes whose peaks stand out in the band, in the order of their frequencies.
+/// The modes whose peaks stand out in the band.
 ///
 /// # Errors
-/// [`IdentifyError`] if the record doesn't have the band, the force no energy in it, or nothing resonates there.
-pub fn modes(record: &Record, band: Band) -> Result<Vec<IdentifiedMode>, IdentifyError> {
+/// [`IdentifyError`] if the record doesn't have the band, the force no energy in it, or no peak stands out there.
+pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyError> {
     record.check(band)?;
     check_energy(record, band)?;
     let stretch = Stretch::new(record, band)?;
-    let mut centres = Vec::new();
-    for centre in stretch.peaks() {
-        if stretch.fit(centre, None)?.is_some() {
+    let (mut centres, mut rejected): (Vec<usize>, Vec<RejectedPeak>) = (Vec::new(), Vec::new());
+    let peaks = stretch.peaks();
+    if peaks.is_empty() {
+        return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
+    }
+    for peak in peaks {
+        let mode = match stretch.fit(peak, None)? {
+            Ok(mode) => mode,
+            Err(reason) => {
+                rejected.push(RejectedPeak { frequency_hz: peak as f64 * stretch.spacing_hz(), reason });
+                continue;
+            }
+        };
+        let centre = libm::round(mode.frequency_hz / stretch.spacing_hz()) as usize;
+        // Peaks of the response and of its ratio to the force may be of one mode.
+        if !centres.iter().any(|other| other.abs_diff(centre) <= ONE_MODE_LINES) {
             centres.push(centre);
         }
     }
@@ -93,10 +148,8 @@ pub fn modes(record: &Record, band: Band) -> Result<Vec<IdentifiedMode>, Identif
         found.extend(stretch.fit(*centre, neighbour)?);
     }
     found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    if found.is_empty() {
-        return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
-    }
-    Ok(found)
+    rejected.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    Ok(Identification { modes: found, rejected })
 }
 
 /// Whether the force was more than noise in the band, over the samples with a force: its mean power there is over four
@@ -123,7 +176,8 @@ impl<'a> Stretch<'a> {
     /// What rang down, if that is most of the record, else all of it.
     fn new(record: &'a Record, band: Band) -> Result<Stretch<'a>, IdentifyError> {
         let [_, end] = record.forced();
-        let rings_down = 2 * end <= record.samples();
+        // A shaker's armature goes on to load the arm, by a force that its head reads.
+        let rings_down = !record.has_shaker() && 2 * end <= record.samples();
         let (part, from) = if rings_down { (Part::RingDown, end) } else { (Part::Forced, 0) };
         let samples = record.samples() - from;
         let spacing_hz = record.rate_hz() / samples as f64;
@@ -139,9 +193,26 @@ impl<'a> Stretch<'a> {
         let behind = low + count;
         let end = (behind + half).max(behind + behind / 2).min(samples / 2).max(behind + 1);
         let transform = dft::Lines::new(samples, samples, first, end - first);
-        let lines = |values: &[f64]| transform.transform(values[from..].iter().map(|value| Complex::new(*value, 0.0)));
+        let taper = (part == Part::Forced && record.dies_out()).then_some(TAPER);
+        let window = |n: usize| taper.map_or(1.0, |taper| libm::exp(-taper * n as f64 / samples as f64));
+        let windowed = |(n, value): (usize, &f64)| Complex::new(value * window(n), 0.0);
+        let lines = |values: &[f64]| transform.transform(values[from..].iter().enumerate().map(windowed));
         let channels = core::array::from_fn(|i| lines(&record.accelerations()[i]));
-        Ok(Stretch { record, part, samples, band: (low, count), first, channels, force: lines(record.force_n()) })
+        Ok(Stretch {
+            record,
+            part,
+            samples,
+            band: (low, count),
+            first,
+            channels,
+            force: lines(record.force_n()),
+            taper,
+        })
+    }
+
+    /// Mean square of the exponential window, 1 without.
+    fn window_power(&self) -> f64 {
+        self.taper.map_or(1.0, |taper| -libm::expm1(-2.0 * taper) / (2.0 * taper))
     }
 
     /// Hertz a line.
@@ -149,17 +220,42 @@ impl<'a> Stretch<'a> {
         self.record.rate_hz() / self.samples as f64
     }
 
-    /// The lines at which the response's power, summed over the channels in units of their noise, stands out.
+    /// The lines at which the response over the force stands out, then those at which the response does.
+    ///
+    /// A mode is where the ratio has its peak. There a shaker's force drops out, and the response shows arm and
+    /// armature together, elsewhere. A free response has no force to be divided by.
     fn peaks(&self) -> Vec<usize> {
+        let mut response = alloc::vec![0.0; self.band.1];
+        for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
+            self.add_power(&mut response, lines, 1.0 / (noise * noise));
+        }
+        if self.part == Part::RingDown {
+            return self.peaks_of(&response);
+        }
+        // Noise bounds what the force drops to: that of a line is M σ², 3/2 as much under the Hann window.
+        let noise_n = self.record.force_noise_n();
+        let least = 1.5 * self.samples as f64 * self.window_power() * (noise_n * noise_n).max(f64::MIN_POSITIVE);
+        let mut force = alloc::vec![least; self.band.1];
+        self.add_power(&mut force, &self.force, 1.0);
+        let ratio: Vec<f64> = response.iter().zip(&force).map(|(response, force)| response / force).collect();
+        let mut peaks = self.peaks_of(&ratio);
+        peaks.extend(self.peaks_of(&response));
+        peaks
+    }
+
+    /// Adds `weight` times the power of the band's lines under a Hann window, as a convolution: what leaks falls with
+    /// the third power.
+    fn add_power(&self, power: &mut [f64], lines: &[Complex<f64>], weight: f64) {
+        let first = self.band.0;
+        for (power, near) in power.iter_mut().zip(lines[first - 1 - self.first..].windows(3)) {
+            *power += weight * (near[1] - (near[0] + near[2]) * 0.5).norm_sqr();
+        }
+    }
+
+    /// The lines of the band at which a power stands out of what surrounds it, the highest first.
+    fn peaks_of(&self, power: &[f64]) -> Vec<usize> {
         let (first, count) = self.band;
         let half = half_width(self.spacing_hz());
-        let mut power = alloc::vec![0.0; count];
-        for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
-            // A Hann window, as a convolution: what leaks falls with the third power.
-            for (power, near) in power.iter_mut().zip(lines[first - 1 - self.first..].windows(3)) {
-                *power += (near[1] - (near[0] + near[2]) * 0.5).norm_sqr() / (noise * noise);
-            }
-        }
         let mut open = alloc::vec![true; count];
         let mut peaks = Vec::new();
         for _ in 0..MOST_PEAKS {
@@ -179,13 +275,13 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Fits the mode at a line; the nearest other peak is so many lines away. `None` if it has none.
-    fn fit(&self, centre: usize, neighbour: Option<usize>) -> Result<Option<IdentifiedMode>, IdentifyError> {
+    /// Fits the mode at a line, unless there is none; the nearest other peak is so many lines away.
+    fn fit(&self, centre: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
         let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
         let mut half = half_width(self.spacing_hz()).min(room);
         let mut fitted = self.fit_within(centre, half)?;
         // A mode that is broad against the band has a wider one.
-        if let Some(mode) = &fitted {
+        if let Ok(mode) = &fitted {
             let bandwidth = mode.damping_ratio * mode.frequency_hz / self.spacing_hz();
             let wide = libm::ceil(6.0 * bandwidth).min(0.5 * centre as f64) as usize;
             if wide > half && half < room {
@@ -196,7 +292,7 @@ impl<'a> Stretch<'a> {
         Ok(fitted)
     }
 
-    fn fit_within(&self, centre: usize, half: usize) -> Result<Option<IdentifiedMode>, IdentifyError> {
+    fn fit_within(&self, centre: usize, half: usize) -> Result<Fitted, IdentifyError> {
         let first = centre.saturating_sub(half).max(self.first).max(1);
         let end = (centre + half + 1).min(self.first + self.force.len());
         let (count, samples) = (end - first, self.samples);
@@ -209,21 +305,24 @@ impl<'a> Stretch<'a> {
         let combination = strongest(&channels, noise);
         let response =
             (0..count).map(|k| (0..CHANNELS).map(|i| channels[i][k] * (combination[i] / noise[i])).sum()).collect();
-        let root = libm::sqrt(samples as f64);
+        let root = libm::sqrt(samples as f64 * self.window_power());
         let force = (self.part == Part::Forced).then(|| self.force[within].to_vec());
         let noises = [root, self.record.force_noise_n() * root];
-        let lines = Lines { samples, centre, first, response, force, noise: noises };
+        let lines = Lines { samples, centre, first, response, force, taper: self.taper, noise: noises };
         // Far from its peak a pole is that of another one, or of none.
         let is_mode = |pole: &Pole| pole.gain > GAIN && libm::fabs(pole.x[0]) < 0.25 * count as f64;
-        let Some(pole) = lines.fit(0.0).filter(is_mode) else { return Ok(None) };
-        // s = rate · ln p = rate/M · (−x₁ + 2πi (centre + x₀)).
+        let Some(pole) = lines.fit(0.0).filter(is_mode) else { return Ok(Err(Rejection::NoPole)) };
+        if pole.force_noise_share > MOST_NOISE_SHARE {
+            return Ok(Err(Rejection::ForceInNoise { share: pole.force_noise_share }));
+        }
+        // λ = rate · ln p = rate/M · (−x₁ + 2πi (centre + x₀)).
         let scale = self.spacing_hz();
         let (decay, turns) = (pole.x[1] * scale, TAU * (centre as f64 + pole.x[0]) * scale);
         let size = libm::hypot(decay, turns);
         let largest = combination.iter().zip(noise).map(|(part, noise)| part * noise);
         let largest =
             largest.fold(0.0, |largest: f64, part| if libm::fabs(part) > libm::fabs(largest) { part } else { largest });
-        Ok(Some(IdentifiedMode {
+        Ok(Ok(IdentifiedMode {
             frequency_hz: size / TAU,
             frequency_deviation_hz: pole.deviation[0] * scale,
             damping_ratio: decay / size,

@@ -10,6 +10,10 @@ pub const CHANNELS: usize = 4;
 
 /// Least samples of a record: with fewer no band has enough lines.
 const LEAST_SAMPLES: usize = 256;
+/// The end of a record is one over this of it.
+const END_PART: usize = 20;
+/// What is at the end less than so much of the whole, root mean square, decays.
+const DECAYED: f64 = 0.1;
 /// Above so many standard deviations a reading of the head is a force and not noise.
 const CLEAR: f64 = 6.0;
 
@@ -36,8 +40,8 @@ pub struct Band {
 
 /// Readings of equal distance in time, and the noise that the instruments are known to have.
 ///
-/// Force and accelerations of a sample are of the same instant, in the middle of a hold ([`crate::plant`]): in discrete
-/// time a linear arm is then exactly a rational function of z = e^(iω/rate).
+/// Force and accelerations of a sample have gone through the same converter ([`crate::rig::Converter`]): their ratio is
+/// the arm's response, but for what the converter folds from beyond half the sample rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     rate_hz: f64,
@@ -49,6 +53,7 @@ pub struct Record {
     acceleration_noise_m_s2: [f64; CHANNELS],
     /// First sample with a force, and the first after the last.
     forced: [usize; 2],
+    has_shaker: bool,
 }
 
 impl Record {
@@ -86,7 +91,16 @@ impl Record {
         for (noise, found) in acceleration_noise_m_s2.iter_mut().zip(acceleration_m_s2.iter().enumerate().map(floor)) {
             *noise = found;
         }
-        Ok(Record { rate_hz, force_n, direction, acceleration_m_s2, force_noise_n, acceleration_noise_m_s2, forced })
+        Ok(Record {
+            rate_hz,
+            force_n,
+            direction,
+            acceleration_m_s2,
+            force_noise_n,
+            acceleration_noise_m_s2,
+            forced,
+            has_shaker: rig.shaker.is_some(),
+        })
     }
 
     /// Samples a second, Hz.
@@ -127,6 +141,25 @@ impl Record {
     /// First sample with a force, and the first after the last.
     pub(super) fn forced(&self) -> [usize; 2] {
         self.forced
+    }
+
+    /// Whether a shaker is bolted to the arm, so that the head reads a force as long as the arm moves.
+    pub(super) fn has_shaker(&self) -> bool {
+        self.has_shaker
+    }
+
+    /// Whether it begins at rest and dies out, as after an impact on an arm that a shaker brakes: up to the first
+    /// force, and at least in the first sample, no reading is beyond six standard deviations of its noise, and the root
+    /// mean square of the last twentieth is less than a tenth of that of the whole, or noise.
+    pub(super) fn dies_out(&self) -> bool {
+        let length = self.samples() / END_PART;
+        let mean_square = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
+        let accelerations = self.acceleration_m_s2.iter().zip(self.acceleration_noise_m_s2);
+        accelerations.chain([(&self.force_n, self.force_noise_n)]).all(|(values, noise)| {
+            let (begin, end) = (&values[..self.forced[0].max(1)], mean_square(&values[values.len() - length..]));
+            let most = (DECAYED * DECAYED * mean_square(values)).max(2.0 * noise * noise);
+            begin.iter().all(|value| libm::fabs(*value) <= CLEAR * noise) && end <= most
+        })
     }
 
     /// Checks that a band is one of this record.

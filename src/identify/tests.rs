@@ -58,7 +58,7 @@ const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
 
 /// Frequencies within 0.01 %, damping ratios within 5 %, and both where their deviations say.
 fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
-    let found = modes(record, BAND).unwrap();
+    let found = modes(record, BAND).unwrap().modes;
     let expected = analysis::modes(&arm(beta2_deg));
     assert_eq!(found.len(), 2, "{found:?}");
     for (found, mode) in found.iter().zip(expected) {
@@ -98,7 +98,7 @@ fn ideal_instruments_tell_almost_exactly() {
     (rig.impedance_head.noise_rms_n, rig.impedance_head.resolution_n) = (None, None);
     for profile in [RANDOM, IMPACT] {
         let record = recorded(&ideal, force(0.0, 0.01), profile).unwrap();
-        let found = modes(&record, BAND).unwrap();
+        let found = modes(&record, BAND).unwrap().modes;
         for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
             assert!((found.frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
             assert!((found.damping_ratio / mode.damping_ratio - 1.0).abs() < 1e-3, "{found:?} {mode:?}");
@@ -110,7 +110,7 @@ fn ideal_instruments_tell_almost_exactly() {
 fn the_shape_is_that_of_the_mode() {
     let record = recorded(&spec(60.0), force(18.0, 24.0), IMPACT).unwrap();
     let linear = FrequencyResponse::new(&arm(60.0));
-    for mode in modes(&record, BAND).unwrap() {
+    for mode in modes(&record, BAND).unwrap().modes {
         let at = |response| linear.at(Quantity::Accelerance, Drive::ForceY, response, mode.frequency_hz).unwrap();
         let shape = [Response::BX, Response::BY, Response::CX, Response::CY].map(at);
         let largest = shape.iter().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap();
@@ -157,7 +157,7 @@ fn averaged_responses_are_those_of_the_equations() {
 #[test]
 fn strong_vibration_is_called_not_linear() {
     let record = recorded(&spec(60.0), force(0.0, 500.0), RANDOM).unwrap();
-    assert!(modes(&record, BAND).unwrap().iter().any(|mode| !mode.is_linear));
+    assert!(modes(&record, BAND).unwrap().modes.iter().any(|mode| !mode.is_linear));
 }
 
 #[test]
