@@ -14,8 +14,8 @@ class Plant(_resonarm.Plant):
     """The arm of a scenario with its exciter, its instruments and an integrator, at a sample.
 
     One sample is `measure()`, then `advance(force_n=…)` with the load held up to the next. The same scenario and the
-    same loads give the same states and readings, bit for bit. The instruments sample half a period before the sample,
-    in the middle of the hold.
+    same loads give the same states and readings, bit for bit. A reading is of a time before its sample, by the delay of
+    the converters: 2.5 samples by default.
 
         plant = resonarm.Plant(resonarm.Scenario())
         for _ in range(1000):

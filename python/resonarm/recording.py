@@ -32,7 +32,7 @@ class Recording(_resonarm.Recording):
 
         - `states`: `sample`, `time_s`, `alpha_rad`, `alpha_dot_rad_s`, and the load held from there to the next sample:
           `torque_nm`, `force_n`; `is_end` says that nothing was advanced from there.
-        - `samples`: `sample`, `time_s` (half a period before the sample, when it was read), the readings
+        - `samples`: `sample`, `time_s` (when it was read: before the sample by the converters' delay), the readings
           `acceleration_b_m_s2`, `acceleration_c_m_s2`, `head_force_n`, and `clipped`: bits 0 and 1 for B, 2 and 3 for
           C, 4 and 5 for the head; 255 where the format does not say.
         - `frames`: `sample`, `time_ns` (since the start), `bus_unix_ns` (0 if unknown), `received` (by the plant),

@@ -22,8 +22,8 @@ Formats and the files that STEM stands for:
   uff58    STEM.uff       states and samples as functions of time, for tools of modal analysis: dataset 58, ASCII
   wav      STEM-PART.wav  states and samples as channels of 32-bit floating-point numbers, in SI units
 Parquet and MF4 are written by the Python package: python3 -m resonarm export RECORDING --to parquet (docs/python.md).
-Times are simulated time; a log of a run in real time has the machine's. Samples are read in the middle of a hold, half a \
-sample period before the sample: their time_s says so.";
+Times are simulated time; a log of a run in real time has the machine's. Readings are of a \
+time before their sample, by the delay of the converters: their time_s says so.";
 
 /// Writes a recording in the formats of other tools, record by record, so that it may be longer than the memory.
 #[derive(Debug, Args)]

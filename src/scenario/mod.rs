@@ -24,7 +24,7 @@ use crate::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Ste
 use crate::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use crate::integrate::Scheme;
 use crate::plant::{self, PlantSpec};
-use crate::rig::{RigSpec, Sampling};
+use crate::rig::{Converter, RigSpec, Sampling};
 use crate::text_file;
 use crate::toml_error::TomlError;
 
@@ -140,6 +140,10 @@ impl Default for RecordingSection {
         RecordingSection { plot_every_samples: 10 }
     }
 }
+
+/// What is wrong with readings of [`Scenario::reads_images`].
+pub const READS_IMAGES: &str = "rig.converter is `instant`: the head reads images of the shaker's held command as well, by \
+    up to 10 % near a resonance; take a converter with a filter (`sinc5`)";
 
 impl Scenario {
     /// Reads a scenario file, and the load file that it names, which is looked for from the scenario's folder.
@@ -290,6 +294,12 @@ impl Scenario {
             }
         };
         self.simulation.duration_s.map(samples).transpose()
+    }
+
+    /// Whether readings have images of the held command in them, at its own frequency: a shaker's force is not held, and
+    /// converters without a filter fold them there.
+    pub fn reads_images(&self) -> bool {
+        self.rig.shaker.is_some() && self.rig.converter == Converter::Instant
     }
 
     /// How the instruments sample.

@@ -15,6 +15,7 @@ mod no_alloc;
 #[cfg(debug_assertions)]
 mod real_time_alloc;
 mod scenarios;
+mod shaker_force;
 mod soak;
 #[cfg(debug_assertions)]
 mod watch_alloc;

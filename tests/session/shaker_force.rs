@@ -1,0 +1,150 @@
+//! The force that a shaker applies to the arm, as its controller reads it, against the continuous force: arm, armature and
+//! coil integrated by equations and a method of this file's own, under the same held commands.
+
+use core::f64::consts::TAU;
+use std::path::Path;
+
+use nalgebra::{Matrix2, Vector2};
+use resonarm::arm::Parameters;
+use resonarm::control::{Answer, ResponsePoint};
+use resonarm::plant::Plant;
+use resonarm::rig::{Converter, ShakerSpec};
+use resonarm::scenario::Scenario;
+
+/// Steps of the integration a sample: the coil's current decays by e in 0.15 of a sample.
+const FINE: u32 = 20;
+/// Length of a reading of the continuous force, s: the last part of a controller's own window.
+const READ_S: f64 = 0.9;
+
+/// Arm, armature and coil.
+struct Rig {
+    p: Parameters,
+    shaker: ShakerSpec,
+    beta_rad: [f64; 2],
+}
+
+/// α1, α2, α̇1, α̇2, and the current, A.
+type State = [f64; 5];
+
+impl Rig {
+    /// Rates of the state, and the force in the head, N, under a voltage, V.
+    ///
+    /// M α̈ + C α̇ + D α̇ + K α = Jᵀe H with H = Bl i − m s̈ − c ṡ − k s (Gierlak, Warmiński 2023, Eq. 3), and
+    /// L di/dt = V − R i − Bl ṡ.
+    fn rates(&self, [x1, x2, v1, v2, current_a]: State, voltage_v: f64) -> (State, f64) {
+        let (p, shaker) = (&self.p, &self.shaker);
+        let a1 = p.inertia1_kg_m2 + p.inertia2_kg_m2 + p.mass2_kg * (p.length1_m.powi(2) + p.centre2_m.powi(2));
+        let (a2, a3) = (p.mass2_kg * p.length1_m * p.centre2_m, p.inertia2_kg_m2 + p.mass2_kg * p.centre2_m.powi(2));
+        let [q1, q12] = [self.beta_rad[0] + x1, self.beta_rad[0] + self.beta_rad[1] + x1 + x2];
+        let (s, c) = (self.beta_rad[1] + x2).sin_cos();
+        let mass = Matrix2::new(a1 + 2.0 * a2 * c, a3 + a2 * c, a3 + a2 * c, a3);
+        let coriolis = Vector2::new(-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1);
+        let springs = Vector2::new(
+            p.damping1_nm_s_rad * v1 + p.stiffness1_nm_rad * x1,
+            p.damping2_nm_s_rad * v2 + p.stiffness2_nm_rad * x2,
+        );
+        // The shaker pushes along x: s is the displacement of the tip.
+        let jacobian = Vector2::new(-p.length1_m * q1.sin() - p.length2_m * q12.sin(), -p.length2_m * q12.sin());
+        let centripetal = -p.length1_m * q1.cos() * v1 * v1 - p.length2_m * q12.cos() * (v1 + v2) * (v1 + v2);
+        let rest_m = p.length1_m * self.beta_rad[0].cos() + p.length2_m * (self.beta_rad[0] + self.beta_rad[1]).cos();
+        let displacement_m = p.length1_m * q1.cos() + p.length2_m * q12.cos() - rest_m;
+        let velocity_m_s = jacobian.dot(&Vector2::new(v1, v2));
+        let pushed_n = shaker.force_factor_n_a * current_a
+            - shaker.damping_n_s_m * velocity_m_s
+            - shaker.stiffness_n_m * displacement_m;
+        let together = mass + jacobian * jacobian.transpose() * shaker.moving_mass_kg;
+        let acting = jacobian * (pushed_n - shaker.moving_mass_kg * centripetal) - coriolis - springs;
+        let acceleration = together.try_inverse().unwrap() * acting;
+        let head_n = pushed_n - shaker.moving_mass_kg * (jacobian.dot(&acceleration) + centripetal);
+        let back_v = shaker.force_factor_n_a * velocity_m_s;
+        let current_rate = (voltage_v - shaker.resistance_ohm * current_a - back_v) / shaker.inductance_h;
+        ([v1, v2, acceleration.x, acceleration.y, current_rate], head_n)
+    }
+
+    /// A step of the classical Runge–Kutta method.
+    fn step(&self, state: State, voltage_v: f64, h: f64) -> State {
+        let moved = |rates: State, h: f64| core::array::from_fn(|i| state[i] + h * rates[i]);
+        let a = self.rates(state, voltage_v).0;
+        let b = self.rates(moved(a, 0.5 * h), voltage_v).0;
+        let c = self.rates(moved(b, 0.5 * h), voltage_v).0;
+        let d = self.rates(moved(c, h), voltage_v).0;
+        core::array::from_fn(|i| state[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]))
+    }
+
+    /// The force in the head over the commands held, N, [`FINE`] instants a sample.
+    fn head_n(&self, commands_n: &[f64], rate_hz: f64) -> Vec<f64> {
+        let (mut state, mut head_n) = ([0.0; 5], Vec::new());
+        for command_n in commands_n {
+            let voltage_v = command_n / self.shaker.force_factor_n_a * self.shaker.resistance_ohm;
+            for _ in 0..FINE {
+                head_n.push(self.rates(state, voltage_v).1);
+                state = self.step(state, voltage_v, 1.0 / (rate_hz * f64::from(FINE)));
+            }
+        }
+        head_n
+    }
+}
+
+/// Amplitude of the fundamental, by a Hann window.
+fn amplitude(values: &[f64], cycles: f64) -> f64 {
+    let (mut re, mut im, mut weights) = (0.0, 0.0, 0.0);
+    for (k, value) in values.iter().enumerate() {
+        let weight = (TAU / 2.0 * k as f64 / values.len() as f64).sin().powi(2);
+        let (sine, cosine) = (TAU * cycles * k as f64).sin_cos();
+        (re, im, weights) = (re + weight * value * cosine, im + weight * value * sine, weights + weight);
+    }
+    2.0 * libm::hypot(re, im) / weights
+}
+
+/// Runs the scenario's controller; what it read at the end of each window, with the sample, and all that it commanded, N.
+fn run(scenario: &Scenario) -> (Vec<(usize, ResponsePoint)>, Vec<f64>) {
+    let mut plant = Plant::new(&scenario.plant_spec().unwrap()).unwrap();
+    let mut controller = scenario.controller().unwrap();
+    let (mut points, mut commands_n) = (Vec::new(), Vec::new());
+    loop {
+        let answer = controller.answer(&plant.measure());
+        points.extend(controller.poll_response().map(|point| (commands_n.len(), point)));
+        match answer {
+            Answer::Hold(load) => {
+                commands_n.push(load.force_n.x);
+                plant.advance(&load).unwrap();
+            }
+            _ => return (points, commands_n),
+        }
+    }
+}
+
+/// Largest deviation of the force read from the continuous one, relative.
+fn largest_error(converter: Converter) -> f64 {
+    let mut scenario = Scenario::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/shaker.toml")).unwrap();
+    scenario.rig.converter = converter;
+    let rate_hz = scenario.simulation.rate_hz;
+    let (points, commands_n) = run(&scenario);
+    assert_eq!(points.len(), 9);
+    let rig = Rig {
+        p: scenario.parameters().unwrap(),
+        shaker: scenario.rig.shaker.unwrap(),
+        beta_rad: [scenario.arm.beta1_deg.to_radians(), scenario.arm.beta2_deg.to_radians()],
+    };
+    let head_n = rig.head_n(&commands_n, rate_hz);
+    let error = |(sample, point): &(usize, ResponsePoint)| {
+        let fine = FINE as usize;
+        let length = (READ_S * rate_hz) as usize * fine;
+        let end = (sample - 5) * fine;
+        let continuous_n = amplitude(&head_n[end - length..end], point.frequency_hz / (rate_hz * fine as f64));
+        println!(
+            "{converter:?} {:5.1} Hz: read {:.5} N, continuous {continuous_n:.5} N",
+            point.frequency_hz, point.load
+        );
+        (point.load / continuous_n - 1.0).abs()
+    };
+    points.iter().map(error).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_force_that_is_read_is_the_force_that_acts() {
+    assert!(largest_error(Converter::default()) < 1e-3);
+    assert!(largest_error(Converter::Sinc3) < 1e-3);
+    // An instant of a force that is not held has its images in it.
+    assert!(largest_error(Converter::Instant) > 0.02);
+}
