@@ -118,7 +118,7 @@ mod tests {
     /// A loop writes while somebody reads: each round one sample is late, and one of the readings shows it.
     #[test]
     fn what_comes_during_a_reading_is_shown_by_the_next() {
-        const ROUNDS: u64 = 20_000;
+        const ROUNDS: u64 = 50_000;
         let (gauges, begin, end) = (Gauges::default(), Barrier::new(2), Barrier::new(2));
         let mut missed = Vec::new();
         std::thread::scope(|scope| {
