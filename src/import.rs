@@ -4,6 +4,7 @@
 //! its controller read can be read again ([`replay::responses`](crate::replay::responses)). It has no states, so that
 //! it can't be simulated again.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use resonarm_protocol::{MessageKind, Network, Node};
@@ -15,6 +16,7 @@ use crate::recording::{
     RecordingError, TimeBase,
 };
 use crate::scenario::{Scenario, ScenarioError};
+use crate::staged::{file_kind, same_file};
 
 /// The key in a recording's configuration of the log that it was imported from.
 pub(crate) const IMPORTED_FROM: &str = "imported_from";
@@ -61,6 +63,14 @@ pub enum ImportError {
     /// The scenario has no network or rate.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// The log is a folder, a pipe or a device.
+    #[error("can't read {}: it is {got}, expected a regular file, since a log is read twice", log.display())]
+    NotAFile {
+        /// The log.
+        log: PathBuf,
+        /// What it is.
+        got: &'static str,
+    },
     /// There is nothing to import.
     #[error(
         "{} has no frames{}", log.display(),
@@ -176,8 +186,13 @@ impl FrameLog {
 /// The log is read twice, so that none is half imported: first to see that it is one.
 ///
 /// # Errors
-/// [`ImportError`] if the log can't be read or has no frames, or the recording can't be written.
+/// [`ImportError`] if the log can't be read, twice, or has no frames, or the recording can't be written: it must not be
+/// the log.
 pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
+    readable_twice(log)?;
+    if same_file(log, path) {
+        return Err(RecordingError::SameFile { path: path.to_path_buf() }.into());
+    }
     let first = check(log, format, options)?;
     let mut written = FrameLog::create(log, format.name(), &first, (path, Naming::Whole), options)?;
     let mut imported =
@@ -195,6 +210,15 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
     imported.others = frames.others();
     imported.frames = written.finish()?;
     Ok(imported)
+}
+
+/// Refuses what gives nothing, or waits, when it is read again.
+fn readable_twice(log: &Path) -> Result<(), ImportError> {
+    let found = fs::metadata(log).map_err(|source| CanLogError::Read { path: log.to_path_buf(), source })?;
+    if found.is_file() {
+        return Ok(());
+    }
+    Err(ImportError::NotAFile { log: log.to_path_buf(), got: file_kind(found.file_type()) })
 }
 
 /// The first frame that is wanted, with the time of the earliest, if the whole log can be imported.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::{
-    Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Record, Recorder, Recording,
+    Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Origin, Record, Recorder, Recording,
     RecordingError, RunTime, Summary, TimeBase,
 };
 use crate::number::short;
@@ -36,28 +36,48 @@ pub fn cut(
 /// Joins recordings of one run that follow each other, as [`cut`] makes them.
 ///
 /// # Errors
-/// As [`cut`]; [`RecordingError::Apart`] if they are not of one run: another sample period, another configuration, or a
-/// sample that is not behind the last of the one before.
+/// As [`cut`]; [`RecordingError::Apart`] if they are not of one run: another sample period, another configuration,
+/// another start, or a sample that is not behind the last of those before.
 pub fn merge(recordings: &[&Recording], path: &Path, existing: Existing) -> Result<Summary, RecordingError> {
+    let mut last = recordings.first().and_then(|first| first.summary().samples);
     for pair in recordings.windows(2) {
         let [before, behind] = pair else { continue };
-        let (ours_s, theirs_s) = (before.origin().dt_s, behind.origin().dt_s);
-        let (expected, got) = match (before.summary().samples, behind.summary().samples) {
-            _ if ours_s.to_bits() != theirs_s.to_bits() => {
-                let period = |dt_s: f64| format!("{} s from sample to sample", short(&dt_s));
-                (period(ours_s), period(theirs_s))
-            }
-            _ if of_the_run(before) != of_the_run(behind) => {
-                (String::from("the same"), String::from("another configuration, which `diff` tells"))
-            }
-            (Some((_, last)), Some((first, _))) if first <= last => {
-                (format!("later ones than {last}"), format!("samples from {first} on"))
-            }
-            _ => continue,
-        };
-        return Err(RecordingError::Apart { path: behind.path().to_path_buf(), got, expected });
+        check_follows(before, behind, last)?;
+        // Behind a part without a record stands what follows the part before it.
+        last = behind.summary().samples.or(last);
     }
     join(recordings, 0..=u64::MAX, path, existing)
+}
+
+/// Refuses a recording that is not of the same run, or has no later samples than `last`.
+fn check_follows(before: &Recording, behind: &Recording, last: Option<(u64, u64)>) -> Result<(), RecordingError> {
+    let (ours, theirs) = (before.origin(), behind.origin());
+    let (expected, got) = match (last, behind.summary().samples) {
+        _ if ours.dt_s.to_bits() != theirs.dt_s.to_bits() => {
+            let period = |dt_s: f64| format!("{} s from sample to sample", short(&dt_s));
+            (period(ours.dt_s), period(theirs.dt_s))
+        }
+        _ if of_the_run(before) != of_the_run(behind) => {
+            (String::from("the same"), String::from("another configuration, which `diff` tells"))
+        }
+        // Without a record a recording does not say when its run began.
+        (Some(_), Some(_)) if before.summary().samples.is_some() && ours.start_unix_ns != theirs.start_unix_ns => {
+            (format!("one that began {}", began(ours)), format!("a run that began {}", began(theirs)))
+        }
+        (Some((_, last)), Some((first, _))) if first <= last => {
+            (format!("later ones than {last}"), format!("samples from {first} on"))
+        }
+        _ => return Ok(()),
+    };
+    Err(RecordingError::Apart { path: behind.path().to_path_buf(), got, expected })
+}
+
+/// When a run began, in words.
+fn began(origin: &Origin) -> String {
+    match origin.start_unix_ns {
+        Some(ns) => format!("{}.{:09} s after the UNIX epoch", ns / 1_000_000_000, ns % 1_000_000_000),
+        None => String::from("at no stated time"),
+    }
 }
 
 /// What two parts of a run have in common.

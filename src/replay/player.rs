@@ -130,23 +130,24 @@ impl<C: Clock> Player<'_, C> {
         played: &mut Played,
     ) -> Result<Option<u64>, ReplayError> {
         let origin = recording.origin();
-        let (mut first_ns, mut recorded_ns) = (None, 0);
+        let (mut first_ns, mut length_ns) = (None, 0);
         for record in recording.frames()? {
             let record: FrameRecord = record?;
             let Some(frame) = playback.frame(&record)? else { continue };
             let time_ns = origin.frame_time_ns(&record);
-            recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
+            let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
             let due_ns = due_ns(start_ns, recorded_ns, playback.speed);
             if !self.wait_until(due_ns)? || !self.send(&frame)? {
                 return Ok(None);
             }
             played.frames += 1;
+            length_ns = recorded_ns.max(length_ns);
             played.recorded_s = played.recorded_s.max(recorded_ns as f64 * 1e-9);
             if playback.speed != 0.0 {
                 played.latest_s = played.latest_s.max(self.clock.now_ns().saturating_sub(due_ns) as f64 * 1e-9);
             }
         }
-        Ok(first_ns.map(|_| recorded_ns.saturating_add((origin.dt_s * 1e9) as u64)))
+        Ok(first_ns.map(|_| length_ns.saturating_add((origin.dt_s * 1e9) as u64)))
     }
 
     /// Sleeps until `due_ns`; `false` if it was asked to stop before.

@@ -155,6 +155,31 @@ fn speed_0_is_as_fast_as_it_goes() {
     assert_eq!((played.frames, played.recorded_s, clock.now_ns()), (2, 3600.0, 1_000_000_000));
 }
 
+/// A pass is as long as its latest frame says, in whatever order they stand: the next begins a sample period later.
+#[test]
+fn a_pass_ends_with_its_latest_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let stated = Scenario::parse(SCENARIO, "test").unwrap().configuration("free").unwrap();
+    let path = folder.path().join("queued.mcap");
+    let recorder = Recorder::create(&path, &stated, Options::virtual_time(1e-3, "none")).unwrap();
+    let mut channel = recorder.channel("plant", 16).unwrap();
+    for time_ns in [0, 90_000_000, 40_000_000] {
+        let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3]).unwrap();
+        let (sample, direction, bus_timestamp_ns) = (0, Direction::Sent, None);
+        channel
+            .push_blocking(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }))
+            .unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+    let mut near = memory::hub(2, 64).pop().unwrap();
+    let signals = Signals::default();
+    let clock = scripted(&signals, u64::MAX);
+    let begun_ns = clock.now_ns();
+    let twice = Playback { times: 2, ..Playback::default() };
+    let played = play(&Recording::open(&path).unwrap(), &mut near, &clock, &twice, &signals).unwrap();
+    assert_eq!((played.frames, clock.now_ns() - begun_ns), (6, 91_000_000 + 90_000_000));
+}
+
 #[test]
 fn says_what_cannot_be_replayed() {
     let folder = tempfile::tempdir().unwrap();

@@ -81,6 +81,9 @@ fn nothing_to_cut_or_to_join_is_no_success() {
     assert_snapshot!(said(&["cut", "head.mcap", "part.mcap", "--from-s", "0.1"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
     assert_snapshot!(said(&["cut", "empty.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `empty.mcap` has no record; no file was written");
     assert_snapshot!(said(&["merge", "head.mcap", "empty.mcap", "--out", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample), recording `empty.mcap` has no record; no file was written");
+    // What follows is looked for beyond a recording that has nothing.
+    let said = complaint(folder.path(), 2, &["merge", "run.mcap", "empty.mcap", "run.mcap", "--out", "part.mcap"]);
+    assert_snapshot!(said, @"resonarm: recording `run.mcap` can't be joined to the one before it: it has samples from 0 on, expected later ones than 350");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), files, "a file is left");
 }
 

@@ -1,7 +1,9 @@
 //! Logs of other tools as recordings.
 
 use std::fs;
+use std::io::Write;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use insta::assert_snapshot;
 use resonarm::recording::{FrameRecord, Recording};
@@ -101,6 +103,26 @@ fn what_cannot_be_imported_is_said() {
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
     assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending tells no format: name it by --from, one of candump, asc, blf");
     assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: 4 bytes are expected, 0 are there");
+    // A log is read twice: a pipe has nothing the second time.
+    assert!(Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
+    let from_pipe = ["import", "pipe", "new.mcap", "--from", "candump"];
+    assert_snapshot!(complaint(folder.path(), 2, &from_pipe), @"resonarm: can't read pipe: it is a named pipe, expected a regular file, since a log is read twice");
+    let mut piped = Command::new(env!("CARGO_BIN_EXE_resonarm"))
+        .args(["import", "/dev/stdin", "new.mcap", "--from", "candump"])
+        .current_dir(folder.path())
+        .stdin(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // A program that refuses the pipe need not take what is in it.
+    let _refused = piped.stdin.take().unwrap().write_all(b"(1.0) can0 123#00\n");
+    let piped = piped.wait_with_output().unwrap();
+    let told = String::from_utf8(piped.stderr).unwrap();
+    assert_eq!((piped.status.code(), folder.path().join("new.mcap").exists()), (Some(2), false), "{told}");
+    // Nor is it written over itself.
+    fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n").unwrap();
+    assert_snapshot!(complaint(folder.path(), 2, &["import", "a.log", "a.log", "--overwrite"]), @"resonarm: recording `a.log` can't be written over itself: name another file for the result");
+    assert_eq!(fs::read_to_string(folder.path().join("a.log")).unwrap(), "(1.0) can0 123#00\n");
     fs::remove_file(folder.path().join("a.log")).unwrap();
     assert_snapshot!(complaint(folder.path(), 2, &["import", "a.log", "new.mcap"]), @"resonarm: can't read a.log: No such file or directory (os error 2)");
 }

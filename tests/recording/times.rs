@@ -7,7 +7,7 @@ use std::time::Duration;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Direction, Event, Existing, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime,
-    SampleRecord, StateRecord, recover,
+    SampleRecord, StateRecord, merge, recover,
 };
 use resonarm::replay::{resimulate, responses};
 
@@ -78,6 +78,26 @@ fn log_times_are_simulated_and_publish_times_the_walls() -> Outcome {
     assert_eq!(stamps(&path, simulated)?, expected(7_000_000, 7_000_000));
     let origin = Recording::open(&path)?.origin().clone();
     assert_eq!((origin.time, origin.start_unix_ns), (RunTime::Simulated, None));
+    Ok(())
+}
+
+/// The same scenario on another day is another run.
+#[test]
+fn parts_of_two_runs_are_not_joined() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = |name: &str| directory.path().join(name);
+    for (name, first, epoch_ns) in [("a", 0, 0), ("b", 10, 0), ("c", 10, 5)] {
+        let options = Options::real_time(1e-3, "vcan0", CLOCK_EPOCH_UNIX_NS + epoch_ns, never);
+        let records = (first..first + 10).map(crate::records_of).collect::<Outcome<Vec<_>>>()?.concat();
+        record(&path(name), options, &records)?;
+    }
+    let [a, b, c] = ["a", "b", "c"].map(|name| Recording::open(path(name)));
+    let (a, b, c) = (a?, b?, c?);
+    assert_eq!(merge(&[&a, &b], &path("whole"), Existing::Refuse)?.samples, 20);
+    assert_eq!(Recording::open(path("whole"))?.origin().start_unix_ns, a.origin().start_unix_ns);
+    let refused = merge(&[&a, &c], &path("other"), Existing::Refuse).err().ok_or("two runs were joined")?;
+    let said = refused.to_string().replace(&format!("{}/", directory.path().display()), "");
+    insta::assert_snapshot!(said, @"recording `c` can't be joined to the one before it: it has a run that began 1700000000.000000005 s after the UNIX epoch, expected one that began 1700000000.000000000 s after the UNIX epoch");
     Ok(())
 }
 
