@@ -181,7 +181,7 @@ const PLANT: [Row; 40] = [
     ),
 ];
 
-const EXCITER: [Row; 32] = [
+const EXCITER: [Row; 33] = [
     ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "exciter-first-hello",
@@ -195,6 +195,12 @@ const EXCITER: [Row; 32] = [
         "no work without a hello that fits",
         &["R-5.4"],
         Run(exciter_cases::begins_for_a_hello),
+    ),
+    (
+        "exciter-plant-in-fault",
+        "a plant that is in fault when it is met",
+        &["R-7.3"],
+        Run(exciter_cases::plant_in_fault),
     ),
     (
         "exciter-answers",

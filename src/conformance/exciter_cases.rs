@@ -10,7 +10,9 @@ use super::tester::{
     GONE_NS, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, not_at_once, skipped,
 };
 use crate::protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
-use crate::protocol::{EmergencyCode, Hello, Message, MessageKind, Mismatch, NodeState, Profile};
+use crate::protocol::{
+    EmergencyCode, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorCommand, OperatorRequest, Profile,
+};
 
 /// A heartbeat that must come at once and is later than this, ns, is late. No bit of the protocol says how long a node
 /// may take to send it: this is less than the 80 ms after which the next one is due in most nodes, and more than what
@@ -46,6 +48,29 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
 fn refuse_begin(t: &Tester, from: usize, why: &str) -> Result<(), Stop> {
     let began = t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Operational));
     if began || !commands(t, from).is_empty() { failed(format!("it begins {why}")) } else { Ok(()) }
+}
+
+/// A plant in fault is asked for the reset first, and then to arm.
+pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    t.send_state(NodeState::Fault)?;
+    t.send_hello()?;
+    let request = |message: &Message| match message {
+        Message::Operator(OperatorCommand { request, target: Node::Plant }) => Some(*request),
+        _ => None,
+    };
+    let first = t.wait_for(t.settings.patience_ns, |message| request(message).is_some())?;
+    match first.and_then(|heard| request(&heard.message)) {
+        Some(OperatorRequest::Reset) => {}
+        Some(_) => return failed("what it asks a plant in fault for first is not the reset"),
+        None => return t.unready("it asks nothing of a plant in fault: is it started again after each case?"),
+    }
+    t.send_state(NodeState::PreOperational)?;
+    match t.wait_for(MARGIN_NS + 100 * MS, is_arm)? {
+        Some(_) => Ok(()),
+        None => late("it doesn't ask the plant to arm after the reset"),
+    }
 }
 
 /// Each whole sample is answered once, with its index.

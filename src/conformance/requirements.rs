@@ -84,11 +84,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
     ),
     tested("R-7.1", "the first hello of a partner that has booted is answered at once"),
     tested("R-7.2", "a boot-up heartbeat makes a node forget the partner's hello"),
-    untested(
-        "R-7.3",
-        "a plant in fault is asked for the reset before it is asked to arm",
-        "an operator's station may ask for both in the exciter's place",
-    ),
+    tested("R-7.3", "a plant in fault is asked for the reset before it is asked to arm"),
     untested(
         "R-7.4",
         "an exciter in fault resets no plant",

@@ -208,6 +208,7 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
     ];
     let answers_head = &answers_last[1..];
     let deaf_to_states = [
+        "exciter-plant-in-fault",
         "exciter-plant-faults",
         "exciter-plant-boots",
         "exciter-plant-disarmed",
