@@ -318,3 +318,19 @@ impl RunTime {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_repeats_what_the_exciter_said_where_that_is_its_reason() {
+        let said = |code, partner| RecordedFault::new(300, code).with_partner(partner).to_string();
+        insta::assert_snapshot!(said(4, Some((299, 2))), @"code 4 at sample 300: the partner has faulted or started again; the exciter said: code 2: no sensor data in time");
+        insta::assert_snapshot!(said(1, Some((300, 2))), @"code 1 at sample 300: no valid command in time; the exciter said: code 2: no sensor data in time");
+        insta::assert_snapshot!(said(4, Some((300, 99))), @"code 4 at sample 300: the partner has faulted or started again; the exciter said: code 99");
+        for other in [said(1, Some((299, 2))), said(9, Some((300, 2))), said(4, None)] {
+            assert!(!other.contains("exciter said"), "{other}");
+        }
+    }
+}
