@@ -4,7 +4,7 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use super::tester::{MARGIN_NS, MS, Stop, Tester, failed, inconclusive, late, ms};
+use super::tester::{MARGIN_NS, MS, Stop, Tester, failed, inconclusive, late, ms, wrong};
 use super::{exciter_role, plant_role};
 use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
 use crate::protocol::{Hello, Message, MessageKind, Node};
@@ -53,10 +53,10 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
     };
     if let Some(mismatch) = t.hello.mismatch(&theirs) {
         let (theirs, own) = (described(&theirs), described(&t.hello));
-        return failed(format!("its hello doesn't fit this program's ({mismatch}): {theirs}, not {own}"));
+        return wrong(format!("its hello doesn't fit this program's ({mismatch}): {theirs}, not {own}"));
     }
     if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
-        return failed(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
+        return wrong(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
     }
     t.note(format!("{} Hz", theirs.rate_hz));
     Ok(())
@@ -69,7 +69,7 @@ fn no_hello(t: &Tester, text: String) -> Result<(), Stop> {
         Node::Exciter => MessageKind::ExciterHello,
     };
     match t.traffic.refused_of(|refused| refused == kind).next() {
-        Some(refused) => failed(format!("its hello is wrong: {refused}")),
+        Some(refused) => wrong(format!("its hello is wrong: {refused}")),
         None => inconclusive(text),
     }
 }

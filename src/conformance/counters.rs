@@ -5,7 +5,7 @@ use alloc::string::String;
 
 use super::exciter_role;
 use super::plant_role::meet;
-use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, failed};
+use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, wrong};
 use crate::protocol::e2e::Protection;
 use crate::protocol::{DecodeError, Frame, Message, MessageKind, Network, NodeState, OperatorRequest};
 
@@ -151,7 +151,7 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
 
 fn judge(t: &mut Tester) -> Result<(), Stop> {
     if let Some(text) = t.counters.fault() {
-        return failed(text);
+        return wrong(text);
     }
     let (kinds, steps) = t.counters.steps.iter().filter(|steps| steps.all > 0).fold((0, 0), |sum, steps| {
         let (kinds, all) = sum;

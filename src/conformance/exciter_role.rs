@@ -9,7 +9,13 @@ use crate::protocol::{Hello, Message, MessageKind, Node, NodeState, OperatorComm
 
 /// Waits for an exciter and its hello; the tester then speaks at its rate.
 pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
-    t.wait_for(t.settings.patience_ns, |message| matches!(message, Message::ExciterHello(_)))?;
+    let give_up_ns = t.now_ns() + t.settings.patience_ns;
+    while t.now_ns() < give_up_ns && !t.refuses(MessageKind::ExciterHello) {
+        let within_ns = (give_up_ns - t.now_ns()).min(1000 * MS);
+        if t.wait_for(within_ns, |message| matches!(message, Message::ExciterHello(_)))?.is_some() {
+            break;
+        }
+    }
     let Some(theirs) = t.last_hello() else {
         let instead = t.traffic.in_place_of(MessageKind::ExciterHello);
         return inconclusive(format!(

@@ -178,6 +178,7 @@ fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<Outcome, BusErr
         Stop::Bus(error) => return Err(error),
         Stop::Skipped(text) => Outcome::Judged(Verdict::Skipped(text)),
         Stop::Inconclusive(text) => Outcome::Judged(Verdict::Inconclusive(text)),
+        Stop::Wrong(text) => Outcome::Judged(Verdict::Failed(text)),
         Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text)
             if held_up_ns > held_up_limit_ns(case.mode, case.tested) =>
         {

@@ -11,7 +11,7 @@ use crate::protocol::{
 /// The tester boots, and hears what the plant says of itself.
 pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
     let give_up_ns = t.now_ns() + t.settings.patience_ns;
-    while t.now_ns() < give_up_ns {
+    while t.now_ns() < give_up_ns && !t.refuses(MessageKind::PlantHello) {
         t.boot()?;
         t.send_hello()?;
         let heard =

@@ -14,8 +14,8 @@ use super::wire::{BusOff, Stopped, Wire};
 use crate::bus::BusError;
 use crate::protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use crate::protocol::{
-    Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, Network, Node, NodeState,
-    OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
+    Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node,
+    NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
 };
 
 /// A millisecond, ns.
@@ -27,14 +27,19 @@ pub const MARGIN_NS: u64 = 150 * MS;
 /// No machine stops a process for so long, ns: a node that says nothing for it is gone.
 pub(super) const GONE_NS: u64 = 1000 * MS;
 
+/// After so many frames of a kind that are refused no valid one is waited for.
+const MOST_REFUSED: u64 = 3;
+
 /// The tester looks at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
 
 /// What ends a case before its end.
 #[derive(Debug)]
 pub(super) enum Stop {
-    /// The node does what it must not, whenever it does it.
+    /// The node does what it must not, whenever it does it. It may be due to a hold-up of the tester.
     Failed(String),
+    /// A frame of the node is wrong, whoever was held up.
+    Wrong(String),
     /// The node doesn't do by the clock what it must: a node that is stopped does so, too.
     Late(String),
     /// The node does what it must, but after its time: it may have been stopped often, too briefly to be seen.
@@ -55,6 +60,10 @@ impl From<BusError> for Stop {
 
 pub(super) fn failed<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Failed(text.into()))
+}
+
+pub(super) fn wrong<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Wrong(text.into()))
 }
 
 pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
@@ -443,9 +452,15 @@ impl<'w> Tester<'w> {
             None => Ok(()),
             Some(first) => {
                 let count: u64 = refused().map(|refused| refused.count).sum();
-                failed(format!("{count} of its frames are refused: {first}"))
+                wrong(format!("{count} of its frames are refused: {first}"))
             }
         }
+    }
+
+    /// Whether frames of this kind have come again and again, and all were refused.
+    pub fn refuses(&self, kind: MessageKind) -> bool {
+        let refused: u64 = self.traffic.refused_of(|refused| refused == kind).map(|refused| refused.count).sum();
+        refused >= MOST_REFUSED && !self.traffic.taken.contains_key(&kind)
     }
 
     /// The state that the node under test said last.

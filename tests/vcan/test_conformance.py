@@ -30,8 +30,10 @@ BEYOND = ["--beyond-n", 650, "--beyond-n-per-s", 20_000, "--beyond-travel-n", 50
 
 LOAD = ["--bit-rate-hz", 250_000, "--soak-s", 2]
 
-# What needs the FD profile, a bus that can be made to fail, or a reading beyond its range.
-SKIPPED = ("-pairs", "-bus-off", "plant-saturation")
+SINE = ["--expect-frequency-hz", 15, "--expect-force-n", 20]
+
+# What needs the FD profile, or a reading beyond its range.
+SKIPPED = ("-pairs", "-own-limits", "plant-saturation")
 
 # A machine that stops a process makes a case inconclusive, never failed, and such a case is run again. With both
 # processes stopped for 150 ms twice a second that is one case in twenty, so after six rounds there is none.
@@ -66,8 +68,8 @@ def passes_every_case(start, run_out=ended):
 def test_our_plant_passes_every_case(tmp_path, programs):
     scenario, junit = tmp_path / "scenario.toml", tmp_path / "report.xml"
     scenario.write_text(SCENARIO)
-    programs.resonarm("run", "--bus", "vcan0", "--scenario", scenario)
-    common = ["--bus", "vcan0", "--role", "plant", *BEYOND, *LOAD, "--json"]
+    plant = programs.resonarm("run", "--bus", "vcan0", "--scenario", scenario)
+    common = ["--bus", "vcan0", "--role", "plant", *BEYOND, *LOAD, "--pid", plant.process.pid, "--json"]
     first = passes_every_case(
         lambda flags: programs.resonarm("conformance", *common, *flags, *([] if flags else ["--junit", junit]))
     )
@@ -101,8 +103,11 @@ def test_our_exciters_pass_every_case(tmp_path, programs, language):
         "rust": lambda: programs.resonarm("exciter", "--bus", "vcan0", "--scenario", scenario),
         "c": lambda: controller(programs, "vcan0", *sine),
     }[language]
-    common = ["--bus", "vcan0", "--role", "exciter", *LOAD, "--json"]
-    passes_every_case(lambda flags: programs.resonarm("conformance", *common, *flags), kept_alive(node))
+    common = ["--bus", "vcan0", "--role", "exciter", *LOAD, *SINE, "--json"]
+    report = passes_every_case(lambda flags: programs.resonarm("conformance", *common, *flags), kept_alive(node))
+    # The sine is not sampled at its peaks.
+    least, most = report["commands"]["force_x_n"]
+    assert -20.0 <= least < -19.0 and 19.0 < most <= 20.0, report["commands"]
 
 
 def test_an_empty_bus_is_no_success(programs):
