@@ -47,9 +47,21 @@ impl SteerFlag {
     }
 }
 
+/// How a recording is shown.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
+pub(super) struct Showing {
+    /// Recorded seconds a second.
+    pub speed: f64,
+    /// How often; 0 is without end.
+    pub times: u32,
+    /// Whether it waits for its first viewer.
+    pub wait: bool,
+}
+
 /// Shows a recording until it is asked to stop.
-pub(super) fn show(flags: &LiveFlags, recording: Recording) -> Result<(), Failure> {
-    let _live = serving::of_recording(flags, recording)?;
+pub(super) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
+    let _live = serving::of_recording(flags, recording, showing)?;
     let signals = Arc::new(Signals::default());
     let watched = Arc::clone(&signals);
     let until_stopped = move || {
@@ -106,7 +118,7 @@ impl LiveFlags {
 
 #[cfg(not(feature = "live"))]
 mod serving {
-    use super::{Failure, LiveFlags, Part, Serving, Session};
+    use super::{Failure, LiveFlags, Part, Serving, Session, Showing};
     use crate::recording::Recording;
 
     /// Says how to get a program that can do it.
@@ -115,7 +127,7 @@ mod serving {
     }
 
     /// Likewise.
-    pub fn of_recording(_: &LiveFlags, _: Recording) -> Result<core::convert::Infallible, Failure> {
+    pub fn of_recording(_: &LiveFlags, _: Recording, _: Showing) -> Result<core::convert::Infallible, Failure> {
         Err(missing())
     }
 
@@ -130,15 +142,16 @@ mod serving {
 mod serving {
     use std::net::{IpAddr, SocketAddr};
 
-    use super::{Failure, LiveFlags, Part, Role, Serving, Session};
+    use super::{Failure, LiveFlags, Part, Role, Serving, Session, Showing};
     use crate::analysis::{BifurcationKind, Branch, Row, segments};
     use crate::arm::Load;
     use crate::cli::output;
     use crate::cli::walk_point::{self, Drawn};
     use crate::live::{
-        About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Shown, Source, Steering,
-        play, serve,
+        About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown,
+        Source, Steering, play, serve,
     };
+    use crate::number::short;
     use crate::realtime::unix_time_ns;
     use crate::recording::Recording;
     use crate::run::watch;
@@ -191,14 +204,19 @@ mod serving {
     }
 
     /// Serves a recording, and says where; the view ends when what is returned is dropped.
-    pub fn of_recording(flags: &LiveFlags, recording: Recording) -> Result<Live, Failure> {
+    pub fn of_recording(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<Live, Failure> {
+        let Showing { speed, times, wait } = showing;
+        if !SPEEDS.contains(&speed) {
+            let (least, most) = (SPEEDS.start(), SPEEDS.end());
+            let why = format!("--speed is {}: with --live it must be from {least} to {most}", short(&speed));
+            return Err(Failure::Usage(why));
+        }
         let scenario = Scenario::from_configuration(recording.configuration())?;
         let arm = scenario.build_arm()?;
         let mut about = About::new("recording", recording.path().display().to_string(), &scenario, &arm);
-        let summary = recording.summary();
         about.rate_hz = 1.0 / recording.origin().dt_s;
         about.actions = vec![Action::Play];
-        about.duration_s = summary.samples.map(|(_, last)| last as f64 * recording.origin().dt_s);
+        about.samples = recording.summary().samples;
         let shown = Shown {
             interface: recording.origin().interface.clone(),
             arm: Some(arm.clone()),
@@ -206,7 +224,7 @@ mod serving {
             compute: load(&scenario).map(|load| compute(scenario.clone(), load)),
             range_hz: range_hz(&scenario),
             start_unix_ns: recording.origin().log_start_ns(),
-            source: play(recording)?,
+            source: play(recording, Play { speed, times: (times > 0).then_some(times), wait })?,
         };
         let address = flags.live.as_deref().unwrap_or("127.0.0.1");
         let options = Options { address: parse(address)?, origins: Origins::new(&flags.live_origin)? };

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 
 use super::failure::{Failure, Verdict};
-use super::live::{self, LiveFlags};
+use super::live::{self, LiveFlags, Showing};
 use super::session::seconds;
 use super::supervise::supervise;
 use super::time_range::TimeRange;
@@ -35,7 +35,7 @@ pub(super) struct Replay {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
     #[arg(long, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
     bus: Option<String>,
-    /// Times the recorded speed, from 0.001 to 1000000; 0 is as fast as it goes.
+    /// Times the recorded speed, from 0.001 to 1000000, with --live to 1000; 0 is as fast as it goes, not with --live.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
     speed: f64,
     #[command(flatten)]
@@ -44,8 +44,11 @@ pub(super) struct Replay {
     against: AgainstFlags,
     #[command(flatten)]
     live: LiveFlags,
+    /// With --live: stay at the first sample until somebody looks.
+    #[arg(long, requires = "live", conflicts_with = "bus")]
+    wait: bool,
     /// Print one JSON document.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "live")]
     json: bool,
 }
 
@@ -53,17 +56,17 @@ pub(super) struct Replay {
 #[derive(Debug, Args)]
 struct SelectionFlags {
     /// Which frames, as the plant saw them.
-    #[arg(long, value_enum, value_name = "DIRECTION", default_value_t = Which::Both)]
+    #[arg(long, value_enum, value_name = "DIRECTION", default_value_t = Which::Both, conflicts_with = "live")]
     direction: Which,
     /// Only frames with these identifiers, by commas: 3 hexadecimal digits, 8 for an extended one, as candump has them.
-    #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = identifier)]
+    #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = identifier, conflicts_with = "live")]
     id: Vec<Id>,
     /// Identifiers that others take the place of, by commas, as 203=213. The checks of protected frames then fail.
-    #[arg(long, value_name = "ID=ID,…", value_delimiter = ',', value_parser = mapping)]
+    #[arg(long, value_name = "ID=ID,…", value_delimiter = ',', value_parser = mapping, conflicts_with = "live")]
     map: Vec<(Id, Id)>,
     #[command(flatten)]
     range: TimeRange,
-    /// How often, one behind the other; 0 is until it is stopped.
+    /// How often, one behind the other; 0 is until it is stopped. With --live it then stays at its end.
     #[arg(long = "loop", value_name = "N", default_value_t = 1)]
     times: u32,
 }
@@ -72,7 +75,7 @@ struct SelectionFlags {
 #[derive(Debug, Args)]
 struct AgainstFlags {
     /// Compare the commands of a live controller on the bus with the recorded ones.
-    #[arg(long, conflicts_with_all = ["direction", "id", "map", "from_s", "to_s", "times"])]
+    #[arg(long, conflicts_with_all = ["direction", "id", "map", "from_s", "to_s", "times", "live"])]
     against: bool,
     /// Largest difference of a commanded force that passes, N; 0 is equal on the wire.
     #[arg(long, value_name = "N", default_value_t = 0.0)]
@@ -115,7 +118,13 @@ impl Replay {
             tracing::warn!("{note}");
         }
         let Some(address) = address else {
-            live::show(&self.live, recording)?;
+            let SelectionFlags { range, times, .. } = &self.selection;
+            if range.from_s.or(range.to_s).is_some() {
+                return Err(Failure::Usage(String::from(
+                    "--from-s and --to-s are for --bus: `resonarm cut` makes a part",
+                )));
+            }
+            live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;
             return Ok(Verdict::Positive);
         };
         if self.against.against {

@@ -51,8 +51,8 @@ pub struct About {
     pub actions: Vec<Action>,
     /// What can be set, if a set-point can.
     pub steering: Option<Steering>,
-    /// Length of the recording, s, if one is shown.
-    pub duration_s: Option<f64>,
+    /// The first and the last sample of the recording, if one is shown.
+    pub samples: Option<(u64, u64)>,
 }
 
 /// Limits of a set-point, and where it begins.
@@ -89,7 +89,7 @@ impl About {
             clipped_bits: CLIPPED_BITS,
             actions: Vec::new(),
             steering: None,
-            duration_s: None,
+            samples: None,
         }
     }
 

@@ -110,6 +110,8 @@ pub struct PlayerStatus {
     pub playing: bool,
     /// Recorded seconds a second.
     pub speed: f64,
+    /// The sample that is shown.
+    pub sample: u64,
 }
 
 /// How the loop keeps time, since the last update.
@@ -128,7 +130,7 @@ pub struct Timing {
 pub struct UpdateHead {
     /// The newest sample.
     pub sample: u64,
-    /// Its time, s.
+    /// Its time, s; of a recording that of the sample that is shown.
     pub time_s: f64,
     /// First samples of the stretches.
     pub stretches: Vec<u64>,
@@ -144,7 +146,7 @@ pub struct UpdateHead {
     pub rows_clipped: Vec<Option<u32>>,
     /// How the loop keeps time; none if it has no schedule.
     pub timing: Option<Timing>,
-    /// Deadlines missed since the run began, or since a recording was set to the time from which it plays.
+    /// Deadlines missed since the run or the recording began.
     pub overruns: u64,
     /// Why, in words, and how many of them: by each cause that there was.
     pub overrun_causes: Vec<(&'static str, u64)>,
@@ -196,6 +198,10 @@ pub enum Wish {
     Seek {
         time_s: f64,
     },
+    /// Halt, and go so many samples on, or back if it is negative; no further than the recording goes.
+    Step {
+        samples: i64,
+    },
     /// Recorded seconds a second.
     Speed {
         times: f64,
@@ -217,11 +223,12 @@ pub enum PlayerOrder {
     Play,
     Pause,
     Seek { time_s: f64 },
+    Step { samples: i64 },
     Speed { times: f64 },
 }
 
 /// The slowest and the fastest that a recording is played, recorded seconds a second.
-const SPEEDS: core::ops::RangeInclusive<f64> = 0.001..=1000.0;
+pub const SPEEDS: core::ops::RangeInclusive<f64> = 0.001..=1000.0;
 
 impl Wish {
     /// The action that it is.
@@ -231,7 +238,7 @@ impl Wish {
             Wish::Disarm => Action::Disarm,
             Wish::Reset => Action::Reset,
             Wish::Set { .. } => Action::Set,
-            Wish::Play | Wish::Pause | Wish::Seek { .. } | Wish::Speed { .. } => Action::Play,
+            Wish::Play | Wish::Pause | Wish::Seek { .. } | Wish::Step { .. } | Wish::Speed { .. } => Action::Play,
         }
     }
 
@@ -262,9 +269,12 @@ impl Wish {
             Wish::Play => Order::Player(PlayerOrder::Play),
             Wish::Pause => Order::Player(PlayerOrder::Pause),
             Wish::Seek { time_s } => {
-                within("the time", time_s, 0.0, about.duration_s.unwrap_or(0.0), "s")?;
+                let (first, last) = about.samples.unwrap_or((0, 0));
+                let at_s = |sample: u64| sample as f64 / about.rate_hz;
+                within("the time", time_s, at_s(first), at_s(last), "s")?;
                 Order::Player(PlayerOrder::Seek { time_s })
             }
+            Wish::Step { samples } => Order::Player(PlayerOrder::Step { samples }),
             Wish::Speed { times } => {
                 within("the speed", times, *SPEEDS.start(), *SPEEDS.end(), "times")?;
                 Order::Player(PlayerOrder::Speed { times })

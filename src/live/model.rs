@@ -20,8 +20,10 @@ use crate::run::{self, CommandRecord};
 
 /// Stretches a second of simulated time.
 const STRETCHES_HZ: f64 = 100.0;
-/// Stretches that are kept: a screen's width of them, 8 s.
-const STRETCHES_KEPT: usize = 800;
+/// How much of the latest samples is kept for the plots over time, s of simulated time: a screen's width of stretches.
+pub const SHOWN_S: f64 = 8.0;
+/// Stretches that are kept.
+const STRETCHES_KEPT: usize = (SHOWN_S * STRETCHES_HZ) as usize;
 /// Rows that an update carries at most; of a run faster than the clock only the latest are told whole.
 const ROWS_TOLD: usize = 256;
 /// Stretches that an update carries at most, the latest.
@@ -41,6 +43,10 @@ pub struct Model {
     recent: VecDeque<Row>,
     untold: usize,
     newest: Option<u64>,
+    /// Whether everything that is kept is to be told with the next update.
+    is_new: bool,
+    /// The sample of a recording that is shown.
+    shown: Option<u64>,
     spectrum: Spectrum,
     status: NodeStatus,
     events: VecDeque<EventLine>,
@@ -76,6 +82,8 @@ impl Model {
             recent: VecDeque::new(),
             untold: 0,
             newest: None,
+            is_new: false,
+            shown: None,
             spectrum: Spectrum::new(about.rate_hz),
             status: NodeStatus { state: "unknown", fault: None },
             events: VecDeque::new(),
@@ -182,7 +190,14 @@ impl Model {
         self.responses.clear();
         (self.ticks, self.missed) = (Ticks::default(), Missed::default());
         self.status = NodeStatus { state: "unknown", fault: None };
+        self.is_new = true;
         self.tell(&Told::Restarted);
+    }
+
+    /// This sample of a recording is shown: nothing more comes of it and of those before it.
+    pub fn shown(&mut self, sample: u64) {
+        self.shown = Some(sample);
+        self.rows.settle(sample);
     }
 
     /// Takes where a recording is.
@@ -228,8 +243,12 @@ impl Model {
         }
         trim(&mut self.kept, STRETCHES_KEPT);
         trim(&mut self.recent, self.spectrum.length().max(ROWS_TOLD));
-        self.new.drain(..self.new.len().saturating_sub(STRETCHES_TOLD));
-        self.untold = self.untold.min(ROWS_TOLD).min(self.recent.len());
+        let (stretches, rows) = match core::mem::take(&mut self.is_new) {
+            true => (STRETCHES_KEPT, self.recent.len()),
+            false => (STRETCHES_TOLD, ROWS_TOLD.min(self.recent.len())),
+        };
+        self.new.drain(..self.new.len().saturating_sub(stretches));
+        self.untold = self.untold.min(rows);
     }
 
     /// Samples are missing: what comes does not follow the latest rows.
@@ -245,26 +264,32 @@ impl Model {
         let stretches = core::mem::take(&mut self.new);
         let rows: Vec<Row> = self.recent.iter().skip(self.recent.len() - self.untold).copied().collect();
         self.untold = 0;
+        let timing = self.ticks.take(self.about.rate_hz);
+        let head = UpdateHead { timing, lost, lost_updates, viewers, ..self.head(&stretches, &rows) };
+        let mut messages = core::mem::take(&mut self.outgoing);
+        messages.extend(binary(&head, &stretches, &rows));
+        messages
+    }
+
+    /// The head of an update with these stretches and rows, the latest that there are.
+    fn head(&self, stretches: &[Stretch], rows: &[Row]) -> UpdateHead {
         let sample = self.newest.unwrap_or(0);
-        let head = UpdateHead {
+        UpdateHead {
             sample,
-            time_s: self.time_s(sample),
+            time_s: self.time_s(self.shown.unwrap_or(sample)),
             stretches: stretches.iter().map(|stretch| stretch.first).collect(),
             width: self.extremes.width(),
             first: (sample + 1).saturating_sub(rows.len() as u64),
             rows: rows.len(),
             stretches_clipped: stretches.iter().map(|stretch| stretch.clipped).collect(),
             rows_clipped: rows.iter().map(|row| row.clipped).collect(),
-            timing: self.ticks.take(self.about.rate_hz),
+            timing: None,
             overruns: self.missed.deadlines(),
             overrun_causes: self.missed.in_words(),
-            lost,
-            lost_updates,
-            viewers,
-        };
-        let mut messages = core::mem::take(&mut self.outgoing);
-        messages.extend(binary(&head, &stretches, &rows));
-        messages
+            lost: 0,
+            lost_updates: 0,
+            viewers: 0,
+        }
     }
 
     /// Spectra of the latest samples, if there are enough.
@@ -294,25 +319,9 @@ impl Model {
         let told = told.chain(self.events.iter().map(Told::Event)).chain(self.responses.iter().map(Told::Response));
         let told = told.chain(self.has_ended.then_some(Told::Ended));
         let mut messages: Vec<Message> = told.filter_map(|told| text(&told)).collect();
-        let kept: Vec<Stretch> = self.kept.iter().copied().collect();
-        let sample = self.newest.unwrap_or(0);
-        let head = UpdateHead {
-            sample,
-            time_s: self.time_s(sample),
-            stretches: kept.iter().map(|stretch| stretch.first).collect(),
-            width: self.extremes.width(),
-            first: sample + 1,
-            rows: 0,
-            stretches_clipped: kept.iter().map(|stretch| stretch.clipped).collect(),
-            rows_clipped: Vec::new(),
-            timing: None,
-            overruns: self.missed.deadlines(),
-            overrun_causes: self.missed.in_words(),
-            lost,
-            lost_updates: 0,
-            viewers: 0,
-        };
-        messages.extend(binary(&head, &kept, &[]));
+        let stretches: Vec<Stretch> = self.kept.iter().copied().collect();
+        let rows: Vec<Row> = self.recent.iter().copied().collect();
+        messages.extend(binary(&UpdateHead { lost, ..self.head(&stretches, &rows) }, &stretches, &rows));
         messages
     }
 }

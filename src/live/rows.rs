@@ -77,6 +77,8 @@ pub struct Rows {
     pending: VecDeque<Pending>,
     /// The sample after the last handed out.
     next: u64,
+    /// Nothing more comes of samples before this one.
+    settled: u64,
     restarted: bool,
 }
 
@@ -106,7 +108,7 @@ impl Rows {
     /// Puts numbers into the row of a sample. A sample before those handed out begins another series.
     fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) -> Option<&mut Row> {
         if sample < self.next {
-            *self = Rows { pending: VecDeque::new(), next: sample, restarted: true };
+            *self = Rows { pending: VecDeque::new(), next: sample, settled: 0, restarted: true };
         }
         let at = self.pending.partition_point(|pending| pending.sample < sample);
         if self.pending.get(at).is_none_or(|pending| pending.sample != sample) {
@@ -121,10 +123,16 @@ impl Rows {
         Some(&mut pending.row)
     }
 
-    /// The next row that is whole, or has waited long enough.
+    /// Nothing more comes of this sample and of those before it.
+    pub fn settle(&mut self, sample: u64) {
+        self.settled = sample + 1;
+    }
+
+    /// The next row that is whole, or of which nothing more comes, or that has waited long enough.
     pub fn pop(&mut self) -> Option<(u64, Row)> {
         let is_due = self.pending.len() > LONGEST_WAIT;
-        let first = *self.pending.front().filter(|first| is_due || first.known == LOAD | READINGS)?;
+        let is_over = |first: &Pending| is_due || first.sample < self.settled || first.known == LOAD | READINGS;
+        let first = *self.pending.front().filter(|first| is_over(first))?;
         self.pending.pop_front();
         self.next = first.sample + 1;
         Some((first.sample, first.row))
@@ -184,6 +192,9 @@ mod tests {
         assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));
         assert_eq!(rows.pop(), None);
         assert!(!rows.take_restarted());
+        rows.settle(2);
+        assert_eq!([1, 2].map(|_| rows.pop().map(|(sample, _)| sample)), [Some(1), Some(2)]);
+        assert_eq!(rows.pop(), None);
         rows.readings(&readings(0));
         rows.command(0, &Load::default());
         assert!(rows.take_restarted() && !rows.take_restarted());

@@ -263,6 +263,7 @@ impl Beats {
         }
         let lost_updates = shared.lost_updates.load(Ordering::Relaxed);
         let viewers = shared.viewers.load(Ordering::Relaxed);
+        source.viewed(viewers);
         let messages = model.take(source.lost(), lost_updates, viewers);
         if shared.updates.receiver_count() > 0 {
             let spectra = self.count.is_multiple_of(SPECTRUM_BEATS).then(|| model.spectra()).flatten();

@@ -3,7 +3,7 @@
 use std::sync::mpsc;
 
 use super::foxglove::Stream;
-use super::message::{Order, PlayerStatus};
+use super::message::{Order, PlayerOrder, PlayerStatus};
 use super::model::Model;
 use crate::control::ResponsePoint;
 use crate::recording::Record;
@@ -23,18 +23,21 @@ pub enum Source {
 /// The end of a player that is looked at.
 pub struct Player {
     pub played: mpsc::Receiver<Played>,
-    pub orders: mpsc::Sender<super::message::PlayerOrder>,
+    pub orders: mpsc::Sender<PlayerOrder>,
+    /// Whether it begins to play when the first viewer comes.
+    pub waits: bool,
 }
 
 /// What a player tells.
 pub enum Played {
-    /// What was told is of the past: the recording goes on elsewhere.
-    Restarted,
-    /// Records, in order.
-    Records(Vec<Record<String>>),
+    /// The recording goes on at another sample, which is shown, and what was told before is of the past. Records of it
+    /// and of the time before it, in order.
+    Moved { sample: u64, records: Vec<Record<String>> },
+    /// Records up to the sample that is shown, in order.
+    Records { sample: u64, records: Vec<Record<String>> },
     /// A response that its controller has read.
     Response(Box<ResponsePoint>),
-    /// Whether it plays, and how fast.
+    /// Whether it plays, how fast, and where it is.
     Status(PlayerStatus),
 }
 
@@ -50,14 +53,21 @@ impl Source {
                     stream.iter_mut().for_each(|stream| stream.told(told));
                 });
             }
-            Source::Recording(player) => player.played.try_iter().for_each(|played| match played {
-                Played::Records(records) => records.iter().for_each(|record| {
-                    model.record(record);
-                    stream.iter_mut().for_each(|stream| stream.record(record));
-                }),
-                Played::Restarted => model.restart(),
-                Played::Response(point) => model.response(&point),
-                Played::Status(status) => model.player(status),
+            Source::Recording(player) => player.played.try_iter().for_each(|played| {
+                if matches!(played, Played::Moved { .. }) {
+                    model.restart();
+                }
+                match played {
+                    Played::Moved { sample, records } | Played::Records { sample, records } => {
+                        records.iter().for_each(|record| {
+                            model.record(record);
+                            stream.iter_mut().for_each(|stream| stream.record(record));
+                        });
+                        model.shown(sample);
+                    }
+                    Played::Response(point) => model.response(&point),
+                    Played::Status(status) => model.player(status),
+                }
             }),
         }
     }
@@ -67,6 +77,17 @@ impl Source {
         match self {
             Source::Run(watcher) => watcher.lost(),
             Source::Recording(_) => 0,
+        }
+    }
+
+    /// Takes how many viewers there are.
+    pub fn viewed(&mut self, viewers: usize) {
+        if let Source::Recording(player) = self
+            && viewers > 0
+            && core::mem::take(&mut player.waits)
+        {
+            // A player that has ended plays nothing more.
+            let _ended = player.orders.send(PlayerOrder::Play);
         }
     }
 
@@ -80,5 +101,20 @@ impl Source {
             (Source::Run(_), Order::Player(_)) => Err(String::from("this is a run, and no recording")),
             (Source::Recording(_), Order::Run(_)) => Err(String::from("this is a recording, and no run")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_viewer_of_a_recording_that_waits_sets_it_going() {
+        let ((_played, receiver), (orders, ordered)) = (mpsc::channel(), mpsc::channel());
+        let mut source = Source::Recording(Player { played: receiver, orders, waits: true });
+        for viewers in [0, 0, 2, 1, 0, 1] {
+            source.viewed(viewers);
+        }
+        assert_eq!(ordered.try_iter().collect::<Vec<_>>(), [PlayerOrder::Play]);
     }
 }

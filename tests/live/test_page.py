@@ -1,4 +1,4 @@
-"""The page of the live view in Chromium, as a user sees it: runs, recordings, steering."""
+"""The page of the live view in Chromium, as a user sees it: runs, plots, steering."""
 
 import json
 import re
@@ -8,26 +8,11 @@ import time
 import zlib
 from pathlib import Path
 
-import pytest
-from browser import Browser
-from live_view import SMALL_RANGE, address
-from processes import Programs, free_port, wait_until
+from live_view import SMALL_RANGE, address, free_run, open_page
+from processes import free_port, wait_until
 
 # What a phone shows, CSS pixels.
 PHONE = {"width": 390, "height": 844, "touch": True}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as started:
-        yield started
-
-
-@pytest.fixture
-def programs():
-    with Programs() as started:
-        yield started
-
 
 # Whether what stands in a section stands one below the other.
 IN_ORDER = """[...document.querySelectorAll('section')].every((section) => {
@@ -36,18 +21,6 @@ IN_ORDER = """[...document.querySelectorAll('section')].every((section) => {
     const shown = parts.map((part) => part.getBoundingClientRect()).filter((part) => part.height > 0);
     return shown.every((part, k) => k === 0 || part.top >= shown[k - 1].bottom - 1);
 })"""
-
-
-def open_page(browser, program, **size):
-    url, token = address(program)
-    page = browser.page(f"{url}#{token}", **size)
-    page.until("window.resonarm?.data?.frames > 3")
-    return page
-
-
-def free_run(programs, *arguments, live="127.0.0.1"):
-    """A bench in simulated time that goes with the clock, without end: nothing plays but what is set."""
-    return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", live, "--steer", *arguments)
 
 
 def colours_of_png(content):
@@ -284,36 +257,3 @@ def test_clipped_readings_are_marked_wherever_they_are_shown(browser, programs, 
     assert page.value(f"{BAD_PIXELS}('#acceleration-b canvas')") == 0
     page.picture(tmp_path / "clipped.png")
     assert page.errors == []
-
-
-def test_a_recording_that_says_nothing_of_clipped_readings_is_shown_so(browser, programs):
-    page = open_page(browser, programs.resonarm("replay", "tests/recording/format-1.mcap", "--live"))
-    shown = lambda: {page.text(f"#{panel}-clipped") for panel in ("force", "b", "c", "lissajous")}
-    # It is over in 0.15 s, and who misses an update is told its samples no more: so again and again.
-    again = lambda: page.value("resonarm.ask('play')") or shown() == {"clipped or not is not recorded"}
-    wait_until(again, "the notes beside the titles")
-    assert page.text("#arm-clipped") == ""
-    assert page.errors == []
-
-
-def test_a_recording_is_shown_with_a_time_bar(browser, programs):
-    replay = programs.resonarm("replay", "recordings/lockstep-dwell.mcap", "--live")
-    page = open_page(browser, replay)
-    duration_s = page.value("resonarm.data.about.duration_s")
-    assert page.value("!document.getElementById('player').hidden && document.getElementById('set-point').hidden")
-    page.until("resonarm.data.head.time_s > 0.3")
-    page.value("resonarm.ask('pause')")
-    page.until("document.getElementById('play').textContent === 'Play'")
-    held_s = page.value("resonarm.data.head.time_s")
-    seek = "const bar = document.getElementById('seek'); bar.value = {}; bar.dispatchEvent(new Event('change'))"
-    page.value(f"(() => {{ {seek.format(duration_s)} }})()")
-    page.value("resonarm.ask('play')")
-    page.until(f"resonarm.data.head.time_s > {duration_s} - 0.05")
-    page.until("document.getElementById('play').textContent === 'Play'")
-    page.value("(() => { " + seek.format(0) + " })()")
-    page.value("resonarm.ask({ speed: { times: 4 } })")
-    page.value("resonarm.ask('play')")
-    page.until(f"resonarm.data.head.time_s > {held_s} && resonarm.data.times[0] < 0.05")
-    assert page.value("document.getElementById('speed').value") == "4"
-    assert page.errors == []
-    assert replay.stop() == 0

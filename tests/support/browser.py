@@ -104,12 +104,12 @@ class Page:
 
     def press(self, *keys):
         """Presses keys, one after the other, as a keyboard does."""
-        codes = {"Tab": 9, "Enter": 13, " ": 32, "ArrowRight": 39}
+        codes = {"Tab": 9, "Enter": 13, " ": 32, "PageUp": 33, "End": 35, "Home": 36, "ArrowLeft": 37, "ArrowRight": 39}
         for key in keys:
             text = {"Enter": "\r"}.get(key, key if len(key) == 1 else "")
             for kind in ("keyDown", "keyUp"):
                 typed = {"text": text} if text and kind == "keyDown" else {}
-                self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=codes[key], **typed)
+                self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=codes.get(key, 0), **typed)
 
     def picture(self, path):
         """Saves what is seen as PNG, and returns its bytes."""

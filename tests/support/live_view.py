@@ -3,6 +3,7 @@
 import json
 import re
 import struct
+import time
 
 import numpy as np
 from processes import PATIENCE_S, wait_until
@@ -30,6 +31,19 @@ def address(program):
     return found[1], found[2]
 
 
+def free_run(programs, *arguments, live="127.0.0.1"):
+    """A bench in simulated time that goes with the clock, without end: nothing plays but what is set."""
+    return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", live, "--steer", *arguments)
+
+
+def open_page(browser, program, **size):
+    """The page of a program, once it has drawn something."""
+    url, token = address(program)
+    page = browser.page(f"{url}#{token}", **size)
+    page.until("window.resonarm?.data?.frames > 3")
+    return page
+
+
 def update(content):
     """An update taken apart."""
     (length,) = struct.unpack_from("<I", content)
@@ -51,7 +65,9 @@ class Viewer:
 
     def next(self, kind, holds=lambda told: True):
         """The next message of that kind of which something holds."""
+        end = time.monotonic() + PATIENCE_S
         while True:
+            assert time.monotonic() < end, f"waited {PATIENCE_S} s for {kind}"
             told = self.socket.recv(PATIENCE_S)
             told = update(told) if isinstance(told, bytes) else json.loads(told)
             if told["kind"] == kind and holds(told):

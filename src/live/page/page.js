@@ -20,7 +20,7 @@ let waiting = false;
 function empty(about) {
   const columns = () => about.channels.map(() => []);
   return {
-    about, times: [], least: columns(), largest: columns(), clipped: [], rows: [], rowsClipped: [], newest: 0, head: null, spectrum: null, branch: null,
+    about, times: [], least: columns(), largest: columns(), clipped: [], rows: [], rowsClipped: [], newest: 0, head: null, spectrum: null, branch: null, player: null,
     points: [], timing: noTimings(), frames: 0,
     // Time that drawing has taken, ms.
     drawing_ms: 0,
@@ -84,11 +84,14 @@ const told = {
   spectrum(spectrum) { data.spectrum = spectrum; },
   restarted() {
     Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), clipped: [] });
-    Object.assign(data, { rows: [], rowsClipped: [], points: [], timing: noTimings() });
+    Object.assign(data, { rows: [], rowsClipped: [], points: [], spectrum: null, timing: noTimings() });
     element("events").replaceChildren();
     told.state({ state: "unknown", fault: null });
   },
-  player(player) { controls.player(player); },
+  player(player) {
+    data.player = player;
+    controls.player(player);
+  },
   taken() { controls.answer(""); },
   refused({ why }) { controls.answer(why); },
   ended() { element("link").textContent = "the run is over"; },
@@ -144,7 +147,9 @@ function draw() {
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
   controls.time(head.time_s);
   const joint = Number(document.querySelector("[name=joint]:checked").value);
-  const choices = { toScale: element("to-scale").checked, stroboscope: element("stroboscope").checked };
+  // Of a recording that is halted the sample at which it is.
+  const moves = data.player?.playing ?? true;
+  const choices = { toScale: element("to-scale").checked, stroboscope: moves && element("stroboscope").checked };
   if (seen.has("arm")) views.arm.draw(rows, rowsClipped, data.newest, about, peakHz, choices);
   for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(data);
   if (seen.has("lissajous")) views.lissajous.draw(rows, rowsClipped, about.rate_hz, peakHz);
@@ -159,12 +164,12 @@ const drawn = { spectrum: null };
 
 function drawSpectrum(spectrum) {
   drawn.spectrum = spectrum;
-  element("spectrum-clipped").textContent = views.spectrumClipping.words([spectrum.clipped]);
-  const lines = [...spectrum.force, ...spectrum.acceleration_c];
+  const lines = spectrum ? [...spectrum.force, ...spectrum.acceleration_c] : [[], [], [], []];
   const x = lines[0].map((_, k) => k * spectrum.line_hz);
   // A logarithm has no zero.
   views.spectrum.draw(x, lines.map((values) => values.map((value) => (value > 1e-6 ? value : null))));
-  element("peak").textContent = spectrum.peak_hz ? `largest at ${spectrum.peak_hz.toFixed(2)} Hz` : "";
+  element("spectrum-clipped").textContent = spectrum ? views.spectrumClipping.words([spectrum.clipped]) : "";
+  element("peak").textContent = spectrum?.peak_hz ? `largest at ${spectrum.peak_hz.toFixed(2)} Hz` : "";
 }
 
 const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
