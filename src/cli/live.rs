@@ -176,11 +176,7 @@ mod serving {
         };
         if let Some(steered) = &part.steered {
             about.actions.push(Action::Set);
-            about.steering = Some(Steering {
-                load_limit: steered.limit(),
-                frequency_limit_hz: 0.5 * scenario.simulation.rate_hz,
-                frequency_hz: steered.set_point().frequency_hz,
-            });
+            about.steering = Some(Steering::new(steered.limit(), scenario.simulation.rate_hz));
         }
         let (watch, watcher) = watch();
         let responds = part.role != Role::Plant;
@@ -235,12 +231,28 @@ mod serving {
 
     /// Says where the page is.
     fn announce(live: &Live, json: bool) {
-        let url = live.url_with_token();
-        output::note(&if json {
-            serde_json::json!({ "event": "live", "url": url }).to_string()
-        } else {
-            format!("live view    {url} (to look only: leave out what follows #)")
+        announcement(&live.url_with_token(), live.address(), json).iter().for_each(|line| output::note(line));
+    }
+
+    /// The lines that say where the page is, and whether others reach it.
+    fn announcement(url: &str, address: SocketAddr, json: bool) -> Vec<String> {
+        let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
+            let port = address.port();
+            format!(
+                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: whoever reaches it may look, and whoever \
+                 reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: \
+                 `ssh -L {port}:127.0.0.1:{port} HOST`"
+            )
         });
+        if json {
+            let event = match warning {
+                Some(warning) => serde_json::json!({ "event": "live", "url": url, "warning": warning }),
+                None => serde_json::json!({ "event": "live", "url": url }),
+            };
+            return vec![event.to_string()];
+        }
+        let page = format!("live view    {url} (to look only: leave out what follows #)");
+        [Some(page), warning.map(|warning| format!("live view    {warning}"))].into_iter().flatten().collect()
     }
 
     /// An address with or without a port.
@@ -292,5 +304,31 @@ mod serving {
         let folds = rows.iter().filter(|row| row.bifurcation == Some(BifurcationKind::Fold));
         lines.folds = folds.map(at).collect();
         lines
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn whoever_listens_beyond_loopback_is_warned() {
+            let said = |address: &str| announcement("http://x/#t", address.parse().unwrap(), false);
+            insta::assert_snapshot!(said("0.0.0.0:8080").join("\n"), @"
+            live view    http://x/#t (to look only: leave out what follows #)
+            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: whoever reaches it may look, and whoever reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
+            ");
+            for near in ["127.0.0.1:1", "127.8.0.1:1", "[::1]:1", "[::ffff:127.0.0.1]:1"] {
+                assert_eq!(said(near), ["live view    http://x/#t (to look only: leave out what follows #)"], "{near}");
+            }
+            for far in ["10.0.0.7:1", "[::]:1", "[2001:db8::1]:1"] {
+                assert_eq!(said(far).len(), 2, "{far}");
+            }
+            let event = |address: &str| {
+                let [line] = &announcement("u", address.parse().unwrap(), true)[..] else { panic!("one line") };
+                serde_json::from_str::<serde_json::Value>(line).unwrap()
+            };
+            assert_eq!(event("127.0.0.1:1"), serde_json::json!({ "event": "live", "url": "u" }));
+            assert!(event("0.0.0.0:1")["warning"].as_str().unwrap().starts_with("LISTENS BEYOND THIS MACHINE"));
+        }
     }
 }

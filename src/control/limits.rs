@@ -179,6 +179,10 @@ impl Controller for Limited {
         self.inner.steer(set_point)
     }
 
+    fn set_point(&self) -> Option<SetPoint> {
+        self.inner.set_point()
+    }
+
     fn length(&self) -> Length {
         self.inner.length()
     }

@@ -96,6 +96,11 @@ pub trait Controller: Debug + Send {
         false
     }
 
+    /// The set-point that it goes to or holds; `None` if it takes none.
+    fn set_point(&self) -> Option<SetPoint> {
+        None
+    }
+
     /// How long it works, as far as that is known beforehand.
     fn length(&self) -> Length;
 }

@@ -163,6 +163,10 @@ impl Controller for Steered {
         is_possible
     }
 
+    fn set_point(&self) -> Option<SetPoint> {
+        Some(self.set)
+    }
+
     fn length(&self) -> Length {
         Length::Unknown
     }

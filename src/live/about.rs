@@ -55,15 +55,24 @@ pub struct About {
     pub samples: Option<(u64, u64)>,
 }
 
-/// Limits of a set-point, and where it begins.
+/// The least and the largest that may be set. The page and the server refuse what is beyond, and the controller takes what
+/// is within.
 #[derive(Clone, Debug, Serialize)]
 pub struct Steering {
-    /// The largest load.
-    pub load_limit: f64,
-    /// Frequencies are below this, Hz: half the sample rate.
-    pub frequency_limit_hz: f64,
-    /// The frequency before any is set, Hz.
-    pub frequency_hz: f64,
+    /// Load, N or N·m.
+    pub load: [f64; 2],
+    /// Frequency, Hz.
+    pub frequency_hz: [f64; 2],
+    /// Phase, degrees.
+    pub phase_deg: [f64; 2],
+}
+
+impl Steering {
+    /// Of an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the sample
+    /// rate or a little below would have no more than two samples a period.
+    pub fn new(load_limit: f64, rate_hz: f64) -> Steering {
+        Steering { load: [0.0, load_limit], frequency_hz: [0.01, 0.4995 * rate_hz], phase_deg: [-360.0, 360.0] }
+    }
 }
 
 impl About {
@@ -103,4 +112,43 @@ impl About {
 fn unit(scenario: &Scenario) -> &'static str {
     let control = scenario.control.as_ref().map(|control| control.amplitude().unit());
     control.or_else(|| scenario.excitation.as_ref().map(|excitation| excitation.amplitude.unit())).unwrap_or("N")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::Load;
+    use crate::control::{Controller, SetPoint, Steered};
+    use crate::live::message::{Order, Wish};
+    use crate::run::Request;
+
+    /// The page has its limits from here, and so has the server; and the controller takes what they let through.
+    #[test]
+    fn what_is_within_the_limits_is_taken_and_what_is_beyond_is_refused() {
+        let (limit, rate_hz) = (61.7, 333.3);
+        let scenario = Scenario::default();
+        let mut about = About::new("exciter", String::new(), &scenario, &scenario.build_arm().unwrap());
+        about.actions = vec![Action::Set];
+        about.steering = Some(Steering::new(limit, rate_hz));
+        let Steering { load, frequency_hz, phase_deg } = Steering::new(limit, rate_hz);
+        let wish =
+            |[load, frequency_hz, phase_deg]: [f64; 3]| Wish::Set { load, frequency_hz, phase_deg }.order(&about);
+        let mut steered = Steered::new(Load::force_n(1.0, 0.0), limit, rate_hz, 10.0);
+        let inside = [1.0, 10.0, 0.0];
+        for (place, [least, most]) in [load, frequency_hz, phase_deg].into_iter().enumerate() {
+            for (end, beyond) in [(least, least.next_down()), (most, most.next_up())] {
+                let with = |value| {
+                    let mut numbers = inside;
+                    numbers[place] = value;
+                    numbers
+                };
+                let [load, frequency_hz, phase_deg] = with(end);
+                let set_point = SetPoint { load, frequency_hz, phase_deg };
+                assert_eq!(wish(with(end)), Ok(Order::Run(Request::Set(set_point))));
+                assert!(steered.steer(&set_point), "{set_point:?}");
+                assert_eq!(steered.set_point(), set_point);
+                assert!(wish(with(beyond)).is_err_and(|why| why.contains("it must be from")), "{beyond}");
+            }
+        }
+    }
 }

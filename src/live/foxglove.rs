@@ -138,7 +138,7 @@ impl Stream {
                     self.publish(MessageType::Command, *sample, &command);
                 }
             }
-            run::Told::Response(_) => {}
+            run::Told::Response(_) | run::Told::SetPoint(_) => {}
         }
     }
 

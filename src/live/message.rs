@@ -32,6 +32,8 @@ pub enum Told<'a> {
     Restarted,
     /// Where a recording is.
     Player(&'a PlayerStatus),
+    /// The set-point that the exciter goes to or holds, if one can be set: at first, and when it changes.
+    SetPoint(&'a SetPointLine),
     /// A request was handed on.
     Taken,
     /// A request was not.
@@ -102,6 +104,20 @@ pub struct Spectra {
     pub clipped: Option<u32>,
     /// Where the largest line of the acceleration stands, Hz.
     pub peak_hz: Option<f64>,
+}
+
+/// A set-point, as a request has it: N or N·m, Hz, degrees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SetPointLine {
+    pub load: f64,
+    pub frequency_hz: f64,
+    pub phase_deg: f64,
+}
+
+impl From<SetPoint> for SetPointLine {
+    fn from(SetPoint { load, frequency_hz, phase_deg }: SetPoint) -> SetPointLine {
+        SetPointLine { load, frequency_hz, phase_deg }
+    }
 }
 
 /// Where a recording is.
@@ -247,7 +263,7 @@ impl Wish {
         if !about.allows(self.action()) {
             return Err(format!("{:?} can't be asked of a {}", self.action(), about.role).to_lowercase());
         }
-        let within = |name: &str, value: f64, least: f64, most: f64, unit: &str| {
+        let within = |name: &str, value: f64, [least, most]: [f64; 2], unit: &str| {
             let holds = value.is_finite() && (least..=most).contains(&value);
             if holds {
                 Ok(())
@@ -261,9 +277,11 @@ impl Wish {
             Wish::Reset => Order::Run(Request::Reset),
             Wish::Set { load, frequency_hz, phase_deg } => {
                 let Some(limits) = &about.steering else { return Err(String::from("nothing is steered here")) };
-                within("the load", load, 0.0, limits.load_limit, about.unit)?;
-                within("the frequency", frequency_hz, 0.01, 0.999 * limits.frequency_limit_hz, "Hz")?;
-                within("the phase", phase_deg, -360.0, 360.0, "\u{b0}")?;
+                let [load_range, frequency_hz_range, phase_deg_range] =
+                    [limits.load, limits.frequency_hz, limits.phase_deg];
+                within("the load", load, load_range, about.unit)?;
+                within("the frequency", frequency_hz, frequency_hz_range, "Hz")?;
+                within("the phase", phase_deg, phase_deg_range, "\u{b0}")?;
                 Order::Run(Request::Set(SetPoint { load, frequency_hz, phase_deg }))
             }
             Wish::Play => Order::Player(PlayerOrder::Play),
@@ -271,12 +289,12 @@ impl Wish {
             Wish::Seek { time_s } => {
                 let (first, last) = about.samples.unwrap_or((0, 0));
                 let at_s = |sample: u64| sample as f64 / about.rate_hz;
-                within("the time", time_s, at_s(first), at_s(last), "s")?;
+                within("the time", time_s, [at_s(first), at_s(last)], "s")?;
                 Order::Player(PlayerOrder::Seek { time_s })
             }
             Wish::Step { samples } => Order::Player(PlayerOrder::Step { samples }),
             Wish::Speed { times } => {
-                within("the speed", times, *SPEEDS.start(), *SPEEDS.end(), "times")?;
+                within("the speed", times, [*SPEEDS.start(), *SPEEDS.end()], "times")?;
                 Order::Player(PlayerOrder::Speed { times })
             }
         })

@@ -8,13 +8,14 @@ use axum::extract::ws::{Message, Utf8Bytes};
 use super::about::About;
 use super::extremes::{Extremes, Stretch};
 use super::message::{
-    BranchLines, EventLine, NodeStatus, PlayerStatus, ReadPoint, Spectra, Timing, Told, UpdateHead, update,
+    BranchLines, EventLine, NodeStatus, PlayerStatus, ReadPoint, SetPointLine, Spectra, Timing, Told, UpdateHead,
+    update,
 };
 use super::missed::Missed;
 use super::rows::{Row, Rows, clipped_bit, clipped_in_either};
 use super::spectrum::Spectrum;
 use crate::arm::Arm;
-use crate::control::{JointAngles, ResponsePoint};
+use crate::control::{JointAngles, ResponsePoint, SetPoint};
 use crate::recording::{Event, Record, RecordedFault, TickRecord};
 use crate::run::{self, CommandRecord};
 
@@ -53,6 +54,8 @@ pub struct Model {
     responses: VecDeque<ReadPoint>,
     branch: Option<BranchLines>,
     player: Option<PlayerStatus>,
+    /// The set-point that the exciter has.
+    set_point: Option<SetPoint>,
     ticks: Ticks,
     missed: Missed,
     has_ended: bool,
@@ -90,6 +93,7 @@ impl Model {
             responses: VecDeque::new(),
             branch: None,
             player: None,
+            set_point: None,
             ticks: Ticks::default(),
             missed: Missed::default(),
             has_ended: false,
@@ -110,6 +114,10 @@ impl Model {
             run::Told::Record(record) => self.record(record),
             run::Told::Command(CommandRecord { sample, load }) => self.rows.command(*sample, load),
             run::Told::Response(point) => self.response(point),
+            run::Told::SetPoint(set_point) => {
+                self.tell(&Told::SetPoint(&SetPointLine::from(*set_point)));
+                self.set_point = Some(*set_point);
+            }
         }
     }
 
@@ -316,6 +324,8 @@ impl Model {
     pub fn introduction(&self, lost: u64) -> Vec<Message> {
         let told = [Told::About(&self.about), Told::State(&self.status)].into_iter();
         let told = told.chain(self.branch.as_ref().map(Told::Branch)).chain(self.player.as_ref().map(Told::Player));
+        let set_point = self.set_point.map(SetPointLine::from);
+        let told = told.chain(set_point.as_ref().map(Told::SetPoint));
         let told = told.chain(self.events.iter().map(Told::Event)).chain(self.responses.iter().map(Told::Response));
         let told = told.chain(self.has_ended.then_some(Told::Ended));
         let mut messages: Vec<Message> = told.filter_map(|told| text(&told)).collect();

@@ -130,6 +130,11 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
 }
 
 impl Live {
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
     /// Where the page is.
     pub fn url(&self) -> String {
         let mut shown = self.address;

@@ -48,6 +48,11 @@ impl Carried {
     pub fn steer(&mut self, set_point: &SetPoint) -> bool {
         self.controller.steer(set_point)
     }
+
+    /// The set-point that the controller goes to or holds; `None` if it takes none.
+    pub fn set_point(&self) -> Option<SetPoint> {
+        self.controller.set_point()
+    }
 }
 
 impl Answering for Carried {

@@ -333,7 +333,7 @@ fn tell_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'stati
     watched.tell(Told::Record(Record::Event(event)));
 }
 
-/// Leads the controller to the set-points that are asked for; whether it is asked to disarm.
+/// Hands the controller the set-points that are asked for, and tells which it has; whether it is asked to disarm.
 pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
     let mut disarm = false;
     while let Some(request) = watched.request() {
@@ -348,5 +348,6 @@ pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
             tell_event(node, watched, ("request.refused", 0));
         }
     }
+    watched.tell_set_point(node.controller().set_point());
     disarm
 }

@@ -44,6 +44,8 @@ pub enum Told {
     Command(CommandRecord),
     /// A response that the controller has read.
     Response(ResponsePoint),
+    /// The set-point that an exciter goes to or holds: at first, and when it changes.
+    SetPoint(SetPoint),
 }
 
 /// What a loop tells in every sample: [`Told`] without the responses.
@@ -51,6 +53,7 @@ pub enum Told {
 enum Often {
     Record(Record),
     Command(CommandRecord),
+    SetPoint(SetPoint),
 }
 
 impl From<Often> for Told {
@@ -58,6 +61,7 @@ impl From<Often> for Told {
         match often {
             Often::Record(record) => Told::Record(record),
             Often::Command(command) => Told::Command(command),
+            Often::SetPoint(set_point) => Told::SetPoint(set_point),
         }
     }
 }
@@ -147,6 +151,8 @@ pub struct Watched {
     responses: Producer<ResponsePoint>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
+    /// The set-point that was told last.
+    set_point: Option<SetPoint>,
     shared: Arc<Shared>,
 }
 
@@ -186,7 +192,7 @@ impl Watch {
             Opened { end, often: often_reader, responses: response_reader, frames: frame_reader, requests: writer };
         // If nobody watches any more, what is told is lost, and counted.
         let _nobody = self.opened.send(opened);
-        Watched { end, often, responses, frames, requests, shared: Arc::clone(&self.shared) }
+        Watched { end, often, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
     }
 }
 
@@ -203,9 +209,18 @@ impl Watched {
             Told::Record(record) => self.often.push(Often::Record(record)).is_ok(),
             Told::Command(command) => self.often.push(Often::Command(command)).is_ok(),
             Told::Response(response) => self.responses.push(response).is_ok(),
+            Told::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
         };
         if !is_told {
             self.lose();
+        }
+    }
+
+    /// Tells the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
+    pub fn tell_set_point(&mut self, set_point: Option<SetPoint>) {
+        if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
+            self.set_point = set_point;
+            self.tell(Told::SetPoint(changed));
         }
     }
 

@@ -145,4 +145,5 @@ def test_what_is_for_a_bus_is_refused(programs, arguments, why):
 
 def test_waiting_is_for_the_live_view(programs):
     program = programs.resonarm("replay", DWELL, "--bus", "vcan0", "--wait")
-    assert program.wait() == 2 and "--live" in program.stderr
+    assert program.wait() == 2
+    assert "the argument '--bus <BUS>' cannot be used with '--wait'" in program.stderr

@@ -74,7 +74,10 @@ export function line(context, points) {
   context.stroke();
 }
 
-// The range of numbers with a margin; a default where there is none.
+// How far the range of one number reaches to both sides, as a part of it.
+const AROUND_ONE = 0.05;
+
+// The range of numbers with a margin, around a single one as well; a default where there is none.
 export function range(values, margin, fallback) {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {
@@ -83,6 +86,6 @@ export function range(values, margin, fallback) {
     if (value > high) high = value;
   }
   if (!(high >= low)) return fallback;
-  const wide = Math.max((high - low) * margin, Math.abs(high) * 1e-6, 1e-12);
+  const wide = high > low ? (high - low) * margin : AROUND_ONE * Math.abs(high) || 1;
   return [low - wide, high + wide];
 }

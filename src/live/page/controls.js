@@ -4,22 +4,37 @@
 const HELD_MS = 1000;
 // Keys of the player, and how many samples each goes on.
 const STEPS = { ",": -1, ".": 1 };
+// The numbers of a set-point, and the fields of its form.
+const FIELDS = { load: "set-load", frequency_hz: "set-frequency", phase_deg: "set-phase" };
 
 const element = (id) => document.getElementById(id);
+const form = element("set-point");
 
 export class Controls {
-  // The token stands behind # in the address that the terminal shows.
   constructor(send) {
-    this.token = location.hash.slice(1);
-    this.ask = (request) => send({ token: this.token, request });
+    Object.assign(this, { about: null, isLinked: false, isOver: false, asked: null, isEdited: false, wanted: null });
+    this.ask = (request) => {
+      this.answer("");
+      send({ token: this.token, request });
+    };
     document.querySelectorAll("[data-request]").forEach((button) => {
       button.addEventListener("click", () => this.ask(button.dataset.request));
     });
-    element("set-point").addEventListener("submit", (event) => {
+    form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const [load, frequency_hz, phase_deg] = ["load", "frequency", "phase"].map((name) => element(`set-${name}`).valueAsNumber);
-      this.ask({ set: { load, frequency_hz, phase_deg } });
+      this.set();
     });
+    // A set-point that was refused can be asked for no more once it is corrected.
+    form.addEventListener("input", () => {
+      this.isEdited = true;
+      if (form.checkValidity()) this.answer("");
+    });
+    this.preparePlayer();
+    this.takeToken();
+    addEventListener("hashchange", () => this.takeToken());
+  }
+
+  preparePlayer() {
     element("player").addEventListener("submit", (event) => event.preventDefault());
     element("play").addEventListener("click", () => this.ask(this.playing ? "pause" : "play"));
     // By mouse and by keys; the bar counts samples.
@@ -28,30 +43,100 @@ export class Controls {
       button.addEventListener("click", () => this.step(Number(button.dataset.step)));
     });
     element("player").addEventListener("keydown", (event) => {
-      if (event.key in STEPS) this.step(STEPS[event.key]);
+      if (event.key in STEPS && !element("play").matches(":disabled")) this.step(STEPS[event.key]);
     });
     element("speed").addEventListener("change", () => this.ask({ speed: { times: Number(element("speed").value) } }));
   }
 
+  // The token stands behind # in the address that the terminal shows; whoever has only looked can add it.
+  takeToken() {
+    this.token = location.hash.slice(1);
+    this.answer("");
+    this.enable();
+  }
+
   // Shows what may be asked for here.
-  about(about) {
+  show(about) {
+    Object.assign(this, { about, isOver: false, asked: null, wanted: null });
     const may = (action) => about.actions.includes(action);
     element("controls").hidden = about.actions.length === 0;
     document.querySelectorAll("[data-request]").forEach((button) => { button.hidden = !may(button.dataset.request); });
-    element("set-point").hidden = !may("set");
+    form.hidden = !may("set");
     element("player").hidden = !may("play");
-    if (about.steering) {
-      element("load-label").textContent = `Load, ${about.unit}`;
-      element("set-load").max = about.steering.load_limit;
-      element("set-frequency").max = about.steering.frequency_limit_hz;
-      element("set-frequency").value ||= about.steering.frequency_hz.toFixed(3);
+    element("load-label").textContent = `Load, ${about.unit}`;
+    for (const [name, [least, most]] of Object.entries(about.steering ?? {})) {
+      [element(FIELDS[name]).min, element(FIELDS[name]).max] = [least, most];
     }
-    this.rateHz = about.rate_hz;
-    this.wanted = null;
     if (about.samples) [element("seek").min, element("seek").max] = about.samples;
-    const fields = document.querySelectorAll("#controls fieldset");
-    fields.forEach((field) => { field.disabled = this.token === ""; });
-    if (this.token === "") this.answer("To steer, open the whole address that the terminal shows, with what follows #.");
+    this.answer("");
+    this.enable();
+  }
+
+  linked(isLinked) {
+    this.isLinked = isLinked;
+    this.enable();
+  }
+
+  // Nothing more can be asked for.
+  end() {
+    this.isOver = true;
+    this.answer("");
+    this.enable();
+  }
+
+  enable() {
+    const can = this.token !== "" && this.isLinked && !this.isOver;
+    document.querySelectorAll("#controls fieldset").forEach((field) => { field.disabled = !can; });
+    if (this.token === "" && !this.isOver) {
+      this.answer("To steer, open the whole address that the terminal shows, with what follows #.");
+    }
+  }
+
+  set() {
+    const numbers = Object.entries(FIELDS).map(([name, id]) => [name, element(id).valueAsNumber]);
+    const wanted = Object.fromEntries(numbers);
+    this.ask({ set: wanted });
+    this.asked = wanted;
+    this.answer(`asked for ${this.words(wanted)}`);
+  }
+
+  // The set-point that the exciter has: everybody sees it. A form in which nobody has written shows it as well.
+  setPoint(now) {
+    element("set-point-now").textContent = `set: ${this.words(now)}`;
+    if (this.asked !== null && Object.keys(FIELDS).every((name) => this.asked[name] === now[name])) {
+      Object.assign(this, { asked: null, isEdited: false });
+      this.answer("");
+    }
+    if (this.isEdited || form.contains(document.activeElement)) return;
+    for (const [name, id] of Object.entries(FIELDS)) {
+      const [rounded, [least, most]] = [Number(now[name].toPrecision(6)), this.about.steering[name]];
+      element(id).value = rounded >= least && rounded <= most ? rounded : now[name];
+    }
+  }
+
+  words({ load, frequency_hz, phase_deg }) {
+    const short = (number) => String(Number(number.toPrecision(6)));
+    return `${short(load)} ${this.about.unit} at ${short(frequency_hz)} Hz, ${short(phase_deg)}°`;
+  }
+
+  // The exciter has not taken the set-point that was asked for.
+  notTaken() {
+    if (this.asked !== null) this.refused(`the exciter did not take ${this.words(this.asked)}`);
+  }
+
+  refused(why) {
+    this.asked = null;
+    this.answer(why, "refused");
+  }
+
+  // What kept a request from being carried out may be over in another state.
+  stateChanged() {
+    if (element("answer").className === "refused") this.answer("");
+  }
+
+  answer(text, kind = "") {
+    element("answer").textContent = text;
+    element("answer").className = kind;
   }
 
   player({ playing, speed, sample }) {
@@ -65,7 +150,7 @@ export class Controls {
   seek(sample) {
     this.wanted = { sample, asked_ms: performance.now() };
     this.showSample(sample);
-    this.ask({ seek: { time_s: sample / this.rateHz } });
+    this.ask({ seek: { time_s: sample / this.about.rate_hz } });
   }
 
   step(samples) {
@@ -78,15 +163,13 @@ export class Controls {
   time(time_s) {
     if (this.wanted !== null && performance.now() - this.wanted.asked_ms < HELD_MS) return;
     this.wanted = null;
-    this.showSample(Math.round(time_s * this.rateHz));
+    this.showSample(Math.round(time_s * this.about.rate_hz));
   }
 
   showSample(sample) {
-    const time = `${(sample / this.rateHz).toFixed(3)} s`;
+    const time = `${(sample / this.about.rate_hz).toFixed(3)} s`;
     element("seek").value = sample;
     element("seek").setAttribute("aria-valuetext", time);
     element("seek-time").textContent = time;
   }
-
-  answer(text) { element("answer").textContent = text; }
 }

@@ -34,12 +34,19 @@ function noTimings() {
 
 function makeViews(about) {
   const torque = about.unit === "N·m";
-  const loads = torque ? [[0, "torque 1"], [1, "torque 2"]] : [[2, "load x"], [3, "load y"], [4, "head x"], [5, "head y"]];
+  const loads = torque ? [[0, "torque 1"], [1, "torque 2"]] : [[2, "load x"], [3, "load y"]];
+  const forces = [[4, "head x"], [5, "head y"]];
+  element("force-name").textContent = torque ? "Load" : "Load and force in the head";
+  element("force").hidden = torque;
+  const upper = { height: 145, isUpper: true };
+  // Two plots: what is commanded and what is read lie one over the other where the exciter is a good one.
+  const force = torque ? {} : { "force": new BandPlot(about, element("force"), element("force-clipped"), "head (N)", forces, { height: 170 }) };
   return {
     arm: new ArmView(about, element("arm"), element("arm-scale"), element("arm-clipped")),
     response: new ResponsePlot(element("response")),
     bands: {
-      "force": new BandPlot(about, element("force"), element("force-clipped"), torque ? "N·m" : "N", loads),
+      "load": new BandPlot(about, element("load"), null, `load (${about.unit})`, loads, torque ? {} : upper),
+      ...force,
       "acceleration-b":
         new BandPlot(about, element("acceleration-b"), element("b-clipped"), "m/s²", [[6, "x"], [7, "y"]]),
       "acceleration-c":
@@ -63,7 +70,7 @@ const told = {
     element("what").textContent = `${about.role} on ${about.place}: ${about.arm}, ${about.rate_hz} samples a second`;
     document.title = `Resonarm: ${about.role}`;
     if (first) views = makeViews(about);
-    controls.about(about);
+    controls.show(about);
     const [first_hz, second_hz] = about.modes_hz.map((hz) => hz.toFixed(2));
     element("response-title").title = `modes at ${first_hz} and ${second_hz} Hz`;
   },
@@ -71,6 +78,7 @@ const told = {
     element("state").textContent = { operational: "armed", "pre-operational": "ready", fault: "fault" }[state] ?? state;
     element("state").className = state;
     element("fault").textContent = fault ?? "";
+    controls.stateChanged();
   },
   event({ time_s, name, value, text }) {
     const entry = document.createElement("li");
@@ -78,6 +86,7 @@ const told = {
     entry.className = name === "emergency" || name === "state.fault" ? "bad" : "";
     element("events").prepend(entry);
     while (element("events").children.length > EVENTS_SHOWN) element("events").lastChild.remove();
+    if (name === "request.refused") controls.notTaken();
   },
   response(point) { data.points.push(point); },
   branch(branch) { data.branch = branch; },
@@ -92,9 +101,13 @@ const told = {
     data.player = player;
     controls.player(player);
   },
-  taken() { controls.answer(""); },
-  refused({ why }) { controls.answer(why); },
-  ended() { element("link").textContent = "the run is over"; },
+  "set-point"(setPoint) { controls.setPoint(setPoint); },
+  taken() {},
+  refused({ why }) { controls.refused(why); },
+  ended() {
+    element("link").textContent = data.about.samples ? "the program has ended" : "the run is over";
+    controls.end();
+  },
 };
 
 function updated(buffer) {
@@ -187,10 +200,11 @@ function drawTiming({ timing, overruns, overrun_causes, lost, lost_updates, view
 
 function linked(isLinked) {
   element("link").textContent = isLinked ? "connected" : "not connected";
-  element("link").className = isLinked ? "linked" : "";
+  element("link").className = isLinked ? "numbers" : "numbers lost";
+  controls.linked(isLinked);
 }
 
+const controls = new Controls((message) => stream.send(message));
 const stream = connect({ told: ({ kind, ...message }) => told[kind]?.(message), updated, linked });
-const controls = new Controls(stream.send);
 // For those who look at the page by a program.
 window.resonarm = { ask: controls.ask, get data() { return data; }, get views() { return views; } };

@@ -7,6 +7,8 @@ const HUES = ["first", "second", "third", "fourth"];
 
 // Height of a plot without its legend, CSS pixels.
 const HEIGHT = 200;
+// How much of what lies under a line is seen through it.
+const LINE = "65%", BAND = "35%";
 // Height of the bar over a stretch in which a reading was clipped, CSS pixels.
 const BAR = 4;
 
@@ -15,6 +17,8 @@ const axis = (label) => ({
   grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false },
 });
 const below = (label) => ({ ...axis(label), size: 30 });
+// Below a plot over another one that has the same times.
+const above = { ...axis(), label: undefined, size: 24 };
 
 // Of a logarithmic axis lines at powers of ten alone.
 const isPower = (value) => Number.isInteger(Math.round(Math.log10(value) * 1e6) / 1e6);
@@ -24,41 +28,63 @@ const logarithmic = (label) => ({
   values: (_, values) => values.map((value) => (value === null ? "" : value.toExponential(0))),
 });
 
-// A plot that fills its place in the page.
-function plot(place, options, data) {
-  const size = () => ({ width: Math.max(80, place.clientWidth), height: HEIGHT });
+// Large numbers fit beside a second axis: 1.5M.
+const compact = new Intl.NumberFormat("en", { notation: "compact" });
+
+// A plot that fills its place in the page, with a legend.
+function plot(place, height, options, data, entries) {
+  const size = () => ({ width: Math.max(80, place.clientWidth), height });
   const made = new uPlot({
-    ...size(), legend: { live: false, isolate: true }, cursor: { drag: { x: false, y: false }, points: { show: false } }, ...options,
+    ...size(), legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } }, ...options,
   }, data, place);
   new ResizeObserver(() => made.setSize(size())).observe(place);
+  place.append(legend(made, entries));
   return made;
+}
+
+// A button for each entry, [label, series…], that shows or hides its series.
+function legend(made, entries) {
+  const list = document.createElement("p");
+  list.className = "legend";
+  entries.forEach(([label, ...series], k) => {
+    const [button, mark] = [document.createElement("button"), document.createElement("i")];
+    mark.style.color = `var(--${HUES[k]})`;
+    button.type = "button";
+    button.append(mark, label);
+    button.setAttribute("aria-pressed", "true");
+    button.addEventListener("click", () => {
+      const show = button.getAttribute("aria-pressed") !== "true";
+      button.setAttribute("aria-pressed", show);
+      made.batch(() => series.forEach((one) => made.setSeries(one, { show })));
+    });
+    list.append(button);
+  });
+  return list;
 }
 
 // Bands from the least to the largest of some channels, over time. A bar along the top marks the stretches in which a
 // reading was clipped, and the note says which.
 export class BandPlot {
-  constructor(about, place, note, unit, named) {
+  constructor(about, place, note, unit, named, { height = HEIGHT, isUpper = false } = {}) {
     Object.assign(this, { note, clipping: new Clipping(about, named), marked: [] });
     this.channels = named.map(([channel]) => channel);
     const series = [{}];
     const bands = [];
     named.forEach(([, label], k) => {
-      const stroke = () => color(HUES[k]);
-      series.push({ label, stroke, width: 1 }, { stroke, width: 1, label: "" });
-      bands.push({ series: [2 * k + 1, 2 * k + 2], fill: () => `color-mix(in srgb, ${color(HUES[k])} 35%, transparent)` });
+      const thin = (part) => () => `color-mix(in srgb, ${color(HUES[k])} ${part}, transparent)`;
+      series.push({ label, stroke: thin(LINE), width: 1 }, { label, stroke: thin(LINE), width: 1 });
+      bands.push({ series: [2 * k + 1, 2 * k + 2], fill: thin(BAND) });
     });
-    this.plot = plot(place, {
+    this.plot = plot(place, height, {
       series, bands, scales: { x: { time: false }, y: { range: (_, low, high) => range([low, high], 0.06, [-1, 1]) } },
-      axes: [below("time (s)"), axis(unit)], hooks: { draw: [(drawn) => this.mark(drawn)] },
-    }, [[], ...this.channels.flatMap(() => [[], []])]);
-    // The largest and the least of a band are one entry of the legend.
-    place.querySelectorAll(".u-legend .u-series").forEach((entry, k) => { entry.hidden = k % 2 === 1; });
+      axes: [isUpper ? above : below("time (s)"), axis(unit)], hooks: { draw: [(drawn) => this.mark(drawn)] },
+    }, [[], ...this.channels.flatMap(() => [[], []])], named.map(([, label], k) => [label, 2 * k + 1, 2 * k + 2]));
   }
 
   draw({ about, times, least, largest, clipped, head }) {
     const width_s = head.width / about.rate_hz;
     this.marked = times.filter((_, k) => this.clipping.has(clipped[k])).map((time_s) => [time_s, time_s + width_s]);
-    this.note.textContent = this.clipping.words(clipped);
+    if (this.note) this.note.textContent = this.clipping.words(clipped);
     this.plot.setData([times, ...this.channels.flatMap((channel) => [largest[channel], least[channel]])]);
   }
 
@@ -80,9 +106,11 @@ export class LinePlot {
     }));
     const scales = { x: { time: false }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(0.1, high * 1.1)] } };
     if (secondUnit) scales.z = { range: (_, __, high) => [0, Math.max(1, high * 1.1)] };
-    const second = secondUnit ? [{ ...axis(secondUnit), size: 62, scale: "z", side: 1, grid: { show: false } }] : [];
-    this.plot = plot(place, { series: [{}, ...series], scales, axes: [below(xLabel), (log ? logarithmic : axis)(unit), ...second] },
-      [[], ...labels.map(() => [])]);
+    const values = (_, shown) => shown.map((value) => compact.format(value));
+    const second = secondUnit ? [{ ...axis(secondUnit), scale: "z", side: 1, grid: { show: false }, values }] : [];
+    const first = log ? logarithmic(unit) : { ...axis(unit), values };
+    this.plot = plot(place, HEIGHT, { series: [{}, ...series], scales, axes: [below(xLabel), first, ...second] },
+      [[], ...labels.map(() => [])], labels.map((label, k) => [label, k + 1]));
   }
 
   draw(x, lines) {
@@ -166,7 +194,8 @@ export class ResponsePlot {
     context.strokeStyle = color("third");
     if (points.length > 0) circle(context, at(read[read.length - 1]), 8, false);
     if (currentHz > spread[0] && currentHz < spread[1]) {
-      context.strokeStyle = color("edge");
+      context.strokeStyle = color("faint");
+      context.lineWidth = 1;
       line(context, [[x(currentHz), y(0)], [x(currentHz), y(high)]]);
     }
   }

@@ -130,13 +130,15 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let expected = [("request.load_thousandths", thousandths), ("request.frequency_mhz", 15_000)];
     assert!(expected.iter().all(|(name, value)| told.contains(&((*name).to_owned(), *value))), "{told:?}");
     // What the controller did not take is told by the exciter, beside which the plant records what was asked.
-    let mut names = Vec::new();
-    watcher.take(usize::MAX, |end, one| {
-        if let (End::ExciterBesidePlant, Told::Record(Record::Event(event))) = (end, one) {
-            names.push(event.name);
-        }
+    let (mut names, mut set_points) = (Vec::new(), Vec::new());
+    watcher.take(usize::MAX, |end, one| match (end, one) {
+        (End::ExciterBesidePlant, Told::Record(Record::Event(event))) => names.push(event.name),
+        (End::ExciterBesidePlant, Told::SetPoint(set_point)) => set_points.push(*set_point),
+        (End::Plant | End::CoreWatch, Told::SetPoint(_)) => panic!("only an exciter has a set-point"),
+        _ => {}
     });
     assert_eq!(names, ["request.refused"]);
+    assert_eq!(set_points, [set]);
 }
 
 /// What an exciter alone sends and receives, as it sees it; that of one beside a plant the plant tells.
