@@ -2,7 +2,7 @@
 
 SI units throughout, angles of the pose in degrees; a name that is not a typed quantity carries its unit. Vibration
 angles α are deflections of the joints about the pose β. What makes no sense is a `ValueError`, what the system
-refuses an `OSError`, what could not be done a `ResonarmError`.
+refuses an `OSError`, what could not be done a `ResonarmError`; of the wrong type it is a `TypeError`.
 """
 
 from ._resonarm import Measurement, Mode, ResonarmError, StableMotion, __version__, presets
@@ -11,7 +11,7 @@ from .basins import Basins
 from .continuation import Branch, BranchEndedEarly, Curve
 from .plant import Plant
 from .protocol import Decoded, Decoder, Encoder, Frame, Network
-from .recording import Recording
+from .recording import Recording, RecordingWarning
 from .scenario import Scenario
 from .session import Node, Report, run
 
@@ -31,6 +31,7 @@ __all__ = [
     "Node",
     "Plant",
     "Recording",
+    "RecordingWarning",
     "Report",
     "ResonarmError",
     "Scenario",

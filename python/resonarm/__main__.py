@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import warnings
 from pathlib import Path
 
 from . import export
@@ -21,13 +22,20 @@ def main(words: list[str] | None = None) -> int:
     given = parser.parse_args(words)
     try:
         stem = given.out or given.recording.with_suffix("")
-        for path in export.export(given.recording, given.to, stem, overwrite=given.overwrite):
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn  # type: ignore[assignment]
+            written = export.export(given.recording, given.to, stem, overwrite=given.overwrite)
+        for path in written:
             print(path)
     except ModuleNotFoundError as error:
         return _refuse(error, 3)
     except (ValueError, OSError, ResonarmError) as error:
         return _refuse(error, 2)
     return 0
+
+
+def _warn(message: Warning | str, *_: object) -> None:
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _refuse(error: Exception, code: int) -> int:

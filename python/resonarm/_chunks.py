@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._resonarm import __version__
+from . import _resonarm
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -32,26 +33,37 @@ def computed(chunks: Sequence[Chunk], folder: str | PathLike[str] | None, client
     kept = None if folder is None else Path(folder).absolute()
     if kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
-    jobs = [(chunk, None if kept is None else _file(kept, chunk)) for chunk in chunks]
     if client is not None:
-        yield from client.gather([client.submit(_done, *job, pure=False) for job in jobs])
+        yield from client.gather([client.submit(_done, chunk, kept, pure=False) for chunk in chunks])
         return
     threads = ThreadPoolExecutor(os.cpu_count())
     try:
-        yield from threads.map(lambda job: _done(*job), jobs)
+        yield from threads.map(lambda chunk: _done(chunk, kept), chunks)
     finally:
         # Who is interrupted waits for what is being computed, and not for the rest.
         threads.shutdown(cancel_futures=True)
 
 
+@lru_cache(maxsize=1)
+def _code() -> str:
+    """What computes in this process: the extension and the modules of the package, byte by byte."""
+    package, extension = Path(__file__).parent, Path(_resonarm.__file__)
+    digest = hashlib.sha256()
+    for file in [*sorted(package.glob("*.py")), extension]:
+        digest.update(f"{file.name} {file.stat().st_size}\n".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
 def _file(folder: Path, chunk: Chunk) -> Path:
-    """The file of a chunk: its name holds everything that it depends on."""
-    whole = json.dumps([__version__, chunk.work.__name__, chunk.key])
+    """The file of a chunk: its name holds everything that it depends on, the code of this process above all."""
+    whole = json.dumps([_code(), chunk.work.__name__, chunk.key])
     return folder / f"chunk-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.npz"
 
 
-def _done(chunk: Chunk, kept: Path | None) -> Arrays:
-    """A chunk: from its file, or computed and written there."""
+def _done(chunk: Chunk, folder: Path | None) -> Arrays:
+    """A chunk: from its file, or computed and written there. A worker of a cluster names the file by its own code."""
+    kept = None if folder is None else _file(folder, chunk)
     if kept is not None and kept.exists():
         try:
             with np.load(kept) as file:

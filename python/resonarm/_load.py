@@ -46,6 +46,9 @@ class Load:
         return self
 
     def sine(self, frequency_hz: float) -> Sine:
-        """The excitation of a frequency."""
+        """The excitation of a frequency. Raises ValueError for an amplitude that is not finite."""
+        for name, amplitude in vars(self).items():
+            if amplitude is not None and not math.isfinite(amplitude):
+                raise ValueError(f"{name} is {amplitude:g}: it must be a finite number")
         u1, u2, fx, fy = self.components
         return (u1, u2), (fx, fy), frequency_hz

@@ -1,19 +1,24 @@
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Literal, final
 
 from typing_extensions import Self
+
+from .words import MessageName, NodeRole, Part, Preset, Profile, Verdict
 
 __version__: str
 
 class ResonarmError(Exception):
     """What was asked for makes sense, and could not be done."""
 
+def printable(text: str) -> str: ...
+
 @final
 class Mode:
-    """A natural mode of the linearised arm."""
+    """A natural mode of the linearised arm. Modes are equal if all their numbers are."""
 
+    def __new__(cls, frequency_hz: float, damping_ratio: float, shape: tuple[float, float]) -> Self: ...
     @property
     def frequency_hz(self) -> float:
         """Natural frequency, Hz."""
@@ -27,14 +32,14 @@ class Mode:
 class Arm:
     def __new__(
         cls,
-        preset: str = "irb1600-fitted",
+        preset: Preset = "irb1600-fitted",
         *,
         beta1_deg: float = 0.0,
         beta2_deg: float = 60.0,
         parameters: dict[str, Any] | None = None,
     ) -> Self: ...
     @property
-    def preset(self) -> str: ...
+    def preset(self) -> Preset: ...
     @property
     def beta1_deg(self) -> float: ...
     @property
@@ -59,8 +64,15 @@ def ensemble(arm: Arm, sine: _Sine, initial: bytes, length: tuple[int, int]) -> 
 
 @final
 class StableMotion:
-    """A stable periodic motion of the arm under a sine."""
+    """A stable periodic motion of the arm under a sine. Motions are equal if all their numbers are."""
 
+    def __new__(
+        cls,
+        period: int,
+        largest_multiplier: float,
+        amplitude_rad: tuple[float, float],
+        section: list[tuple[float, float, float, float]],
+    ) -> Self: ...
     @property
     def period(self) -> int:
         """Periods of the excitation after which it repeats."""
@@ -92,7 +104,7 @@ class Traced:
     @property
     def ended_early(self) -> str | None: ...
 
-def presets() -> list[str]:
+def presets() -> list[Preset]:
     """The names of the parameter sets that come with the package."""
 
 def step_rate_hz(name: str | None = None) -> float: ...
@@ -127,8 +139,17 @@ class Scenario:
 
 @final
 class Measurement:
-    """What the instruments say at a sample, along x and y of the base frame."""
+    """What the instruments say at a sample, along x and y of the base frame. A test of a controller may make one by
+    itself; they are equal if all their numbers are. Raises ValueError for bits of `clipped` that are no reading's."""
 
+    def __new__(
+        cls,
+        sample: int,
+        head_force_n: _Load = (0.0, 0.0),
+        acceleration_b_m_s2: _Load = (0.0, 0.0),
+        acceleration_c_m_s2: _Load = (0.0, 0.0),
+        clipped: int = 0,
+    ) -> Self: ...
     @property
     def sample(self) -> int:
         """Index of the sample."""
@@ -164,7 +185,8 @@ class Plant:
         """What the instruments say at the sample. Every call draws new noise: call it once a sample."""
     def advance(self, force_n: _Load = (0.0, 0.0), torque_nm: _Load = (0.0, 0.0)) -> None:
         """Advances to the next sample with a force at the tip, N, and torques at the joints, N·m, held. Raises
-        ResonarmError if the integrator can't go on or the shaker trips: the plant then stays where it was."""
+        ValueError for a load that is not finite, ResonarmError if the integrator can't go on or the shaker trips: the
+        plant then stays where it was."""
     def play_rows(self, force_n: bytes, torque_nm: bytes) -> bytearray: ...
 
 class Recording:
@@ -178,6 +200,11 @@ class Recording:
     @property
     def dt_s(self) -> float:
         """Time from one sample to the next, s."""
+    @property
+    def damage(self) -> str | None:
+        """What keeps it from being whole, in words; None of a whole one."""
+    def count(self, part: Part) -> int:
+        """How many records of a part there are."""
     def scenario_toml(self) -> str: ...
     def resim(self) -> dict[str, Any]:
         """Simulates the run again from its recorded loads: the document of `resonarm resim --json`, `identical` and
@@ -197,7 +224,7 @@ class LogWriter:
 
 class Network:
     def __new__(
-        cls, *, base: int = 0x200, plant_id: int = 1, exciter_id: int = 2, profile: str = "classic"
+        cls, *, base: int = 0x200, plant_id: int = 1, exciter_id: int = 2, profile: Profile = "classic"
     ) -> Self: ...
     @property
     def base(self) -> int: ...
@@ -206,11 +233,11 @@ class Network:
     @property
     def exciter_id(self) -> int: ...
     @property
-    def profile(self) -> str: ...
+    def profile(self) -> Profile: ...
     def dbc(self) -> str:
         """The DBC of the network."""
     @staticmethod
-    def messages() -> list[str]:
+    def messages() -> list[MessageName]:
         """The names of the messages."""
 
 class Encoder:
@@ -221,7 +248,9 @@ class Decoder:
     def __new__(cls, network: Network) -> Self: ...
     @property
     def lost(self) -> int: ...
-    def decode_parts(self, frame: _FrameParts) -> tuple[str, str, str, dict[str, float], str]: ...
+    def decode_parts(
+        self, frame: _FrameParts
+    ) -> tuple[Verdict, MessageName | Literal[""], NodeRole | Literal[""], dict[str, float], str]: ...
 
 @final
 class Hub:

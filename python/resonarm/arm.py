@@ -1,16 +1,18 @@
 """The arm: modes, frequency responses, its motions under a sine, branches of periodic ones, basins of attraction."""
 
+import json
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _resonarm
-from ._dtypes import COMPLEX, MOTION, NUMBER, Array, view
+from . import _checks, _resonarm
+from ._dtypes import COMPLEX, MOTION, Array, view
 from ._load import Load
-from .basins import Basins, basins
-from .continuation import Branch, trace
+from .basins import basins
+from .continuation import continuation
+from .words import Drive, Quantity, Response, Scheme
 
 MOST_STEPS = 10_000_000_000
 MOST_PERIODS = 2**32 - 1
@@ -21,10 +23,23 @@ class Arm(_resonarm.Arm):
 
     `preset` is one of `resonarm.presets()`; `beta1_deg` is the angle of link 1 against the x axis, `beta2_deg` that
     of link 2 against link 1, degrees, −360 to 360; `parameters` has those that differ from the preset's, by the names
-    that the attribute `parameters` has, in SI units.
+    that the attribute `parameters` has, in SI units. Arms are equal if these and the angles are, by whatever preset.
 
     Raises ValueError for what no arm can have.
     """
+
+    continuation = continuation
+    basins = basins
+
+    def _value(self) -> tuple[Any, ...]:
+        """What makes an arm equal to another."""
+        return (self.beta1_deg, self.beta2_deg, json.dumps(self.parameters, sort_keys=True))
+
+    def __eq__(self, other: object) -> bool:
+        return self._value() == other._value() if isinstance(other, Arm) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._value())
 
     def __repr__(self) -> str:
         own = f", parameters={self.own_parameters}" if self.own_parameters else ""
@@ -34,9 +49,9 @@ class Arm(_resonarm.Arm):
         self,
         frequency_hz: ArrayLike,
         *,
-        drive: str = "torque1",
-        response: str = "c-x",
-        quantity: str = "receptance",
+        drive: Drive = "torque1",
+        response: Response = "c-x",
+        quantity: Quantity = "receptance",
     ) -> NDArray[np.complex128]:
         """Frequency response of the linearised arm: response over drive, complex, as an array of the frequencies'
         shape.
@@ -45,9 +60,10 @@ class Arm(_resonarm.Arm):
         b-y, c-x or c-y (m); `quantity` receptance, mobility or accelerance: the displacement, its first or second
         derivative in time, over the drive (ISO 7626-1).
 
-        Raises ValueError for an unknown term or a negative frequency, ResonarmError where the response is infinite.
+        Raises ValueError for an unknown term or a negative frequency, TypeError for one that is no real number,
+        ResonarmError where the response is infinite.
         """
-        hz = np.asarray(frequency_hz, dtype=NUMBER)
+        hz = _checks.real("frequency_hz", frequency_hz)
         return view(self.frf_at(hz.tobytes(), (drive, response, quantity)), COMPLEX).reshape(hz.shape)
 
     def simulate(
@@ -61,7 +77,7 @@ class Arm(_resonarm.Arm):
         excitation_hz: float = 0.0,
         initial: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         rate_hz: float | None = None,
-        scheme: str | None = None,
+        scheme: Scheme | None = None,
         every: int = 1,
     ) -> Array:
         """The motion under A·sin(2πft), exact inside the step: rows with `t_s`, `alpha_rad` and `alpha_dot_rad_s`.
@@ -107,7 +123,7 @@ class Arm(_resonarm.Arm):
 
         Raises ValueError for a frequency that is not positive, an arm without damping, or states that are not finite.
         """
-        states = np.asarray(initial, dtype=NUMBER)
+        states = _checks.real("initial", initial)
         if states.ndim != 2 or states.shape[1] != 4 or not len(states):
             raise ValueError(f"initial has the shape {states.shape}: it must be (motions, 4): α1, α2, α̇1, α̇2")
         step = periods if every is None else every
@@ -117,41 +133,6 @@ class Arm(_resonarm.Arm):
         sine = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).sine(frequency_hz)
         rows = view(_resonarm.ensemble(self, sine, states.tobytes(), (periods, step)), MOTION)
         return rows.reshape(-1, len(states))
-
-    def basins(self, frequency_hz: float, **options: Any) -> Basins:
-        """Which initial states reach which stable motion under A·sin(2πft), over a grid of two coordinates of the
-        state at phase 0, on all cores: what `resonarm basins` computes. The options, all by keyword:
-
-        - `torque1_nm`, `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A.
-        - `coordinates`: two of alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s, by default α1 and α̇1.
-        - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable
-          motion reaches, to both sides.
-        - `points`: how many values of each, from 2 to 1000, by default (41, 41).
-        - `initial`: the state whose other coordinates all have, by default at rest.
-        - `time_constants`: the longest wait, in those of the arm's slowest mode, by default 40.
-
-        Raises ValueError for what makes no sense, ResonarmError where no stable motion is known. Ctrl-C ends it.
-        """
-        return basins(self, frequency_hz, **options)
-
-    def continuation(self, parameter: str, start: float, stop: float, **options: Any) -> Branch:
-        """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
-
-        `parameter` is frequency (Hz), amplitude (of the load, N or N·m), beta1_deg, beta2_deg or a parameter of the
-        arm by its name, in its SI unit. The options, all by keyword:
-
-        - `torque1_nm` and `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A of torques at the joints or of
-          a force at the tip. Where the amplitude is what varies, a force gives the direction; without one it is that of
-          the torque at joint 1.
-        - `frequency_hz`: of the excitation, where it is not what varies.
-        - `doubled`: follow the motions of twice the period that leave at period doublings, too.
-        - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
-        - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
-
-        Raises ValueError for what makes no sense, BranchEndedEarly if the walk ends before `stop`: it has the branch
-        as far as it was followed.
-        """
-        return trace(self, parameter, start, stop, **options)
 
 
 def _steps(duration_s: float, rate_hz: float) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from . import _extras, _resonarm
 from ._dtypes import NUMBER, OUTCOME, Array, view
 from ._load import Load
+from .words import Coordinate
 
 COORDINATES = ("alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s")
 """The coordinates of a state, in its order."""
@@ -129,20 +130,33 @@ def found(attractors: _resonarm.Attractors, states: NDArray[np.float64], wait: f
 
 def basins(
     arm: _resonarm.Arm,
+    /,
     frequency_hz: float,
     *,
     torque1_nm: float | None = None,
     torque2_nm: float | None = None,
     force_x_n: float | None = None,
     force_y_n: float | None = None,
-    coordinates: Sequence[str] = ("alpha1_rad", "alpha_dot1_rad_s"),
+    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha_dot1_rad_s"),
     start: Sequence[float] | None = None,
     stop: Sequence[float] | None = None,
     points: Sequence[int] = (41, 41),
     initial: Sequence[float] = AT_REST,
     time_constants: float = TIME_CONSTANTS,
 ) -> Basins:
-    """`Arm.basins`, with its options in full."""
+    """Which initial states reach which stable motion under A·sin(2πft), over a grid of two coordinates of the state at
+    phase 0, on all cores: what `resonarm basins` computes.
+
+    - `torque1_nm`, `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A.
+    - `coordinates`: two of alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s, by default α1 and α̇1.
+    - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable motion
+      reaches, to both sides.
+    - `points`: how many values of each, from 2 to 1000, by default (41, 41).
+    - `initial`: the state whose other coordinates all have, by default at rest.
+    - `time_constants`: the longest wait, in those of the arm's slowest mode, by default 40.
+
+    Raises ValueError for what makes no sense, ResonarmError where no stable motion is known. Ctrl-C ends it.
+    """
     load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).checked()
     attractors = _resonarm.Attractors(arm, load.sine(frequency_hz))
     motions = tuple(attractors.motions)

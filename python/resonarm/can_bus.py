@@ -14,6 +14,7 @@ from . import _resonarm
 from .protocol import Frame
 from .scenario import Scenario
 from .session import Node, Report
+from .words import BusMode
 
 ENDS = 8
 _benches: dict[str, "_Bench"] = {}
@@ -47,7 +48,7 @@ class ResonarmBus(can.BusABC):
         channel: str = "resonarm",
         *,
         scenario: "Scenario | str | PathLike[str] | None" = None,
-        mode: str = "lockstep",
+        mode: BusMode = "lockstep",
         speed: float | None = None,
         record: str | PathLike[str] | None = None,
         overwrite: bool = False,
@@ -147,7 +148,7 @@ def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) ->
 
 def _start(
     scenario: "Scenario | str | PathLike[str] | None",
-    mode: str,
+    mode: BusMode,
     speed: float | None,
     record: str | PathLike[str] | None,
     overwrite: bool,

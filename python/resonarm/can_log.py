@@ -14,6 +14,27 @@ from .recording import Recording
 CHUNK = 4096
 
 
+def messages(recording: Recording) -> Iterator[can.Message]:
+    """The frames of a recording as messages, as `McapReader` has them."""
+    origin = recording.summary["origin"]
+    start_ns = origin["start_unix_ns"] or 0
+    for chunk in recording.chunks("frames", CHUNK):
+        for row in chunk:
+            yield can.Message(
+                timestamp=int(row["bus_unix_ns"] or start_ns + int(row["time_ns"])) * 1e-9,
+                arbitration_id=int(row["identifier"]),
+                is_extended_id=bool(row["extended"]),
+                is_remote_frame=bool(row["remote"]),
+                is_rx=bool(row["received"]),
+                is_fd=bool(row["fd"]),
+                bitrate_switch=bool(row["bitrate_switch"]),
+                error_state_indicator=bool(row["error_state_indicator"]),
+                dlc=int(row["length"]),
+                data=recording.frame_data(row),
+                channel=origin["interface"],
+            )
+
+
 class McapReader(MessageReader):
     """The frames of a recording as messages, in the order of the file. A message that the plant received has `is_rx`.
 
@@ -25,23 +46,7 @@ class McapReader(MessageReader):
         self._recording = Recording(str(file))
 
     def __iter__(self) -> Iterator[can.Message]:
-        origin = self._recording.summary["origin"]
-        start_ns = origin["start_unix_ns"] or 0
-        for chunk in self._recording.chunks("frames", CHUNK):
-            for row in chunk:
-                yield can.Message(
-                    timestamp=int(row["bus_unix_ns"] or start_ns + int(row["time_ns"])) * 1e-9,
-                    arbitration_id=int(row["identifier"]),
-                    is_extended_id=bool(row["extended"]),
-                    is_remote_frame=bool(row["remote"]),
-                    is_rx=bool(row["received"]),
-                    is_fd=bool(row["fd"]),
-                    bitrate_switch=bool(row["bitrate_switch"]),
-                    error_state_indicator=bool(row["error_state_indicator"]),
-                    dlc=int(row["length"]),
-                    data=self._recording.frame_data(row),
-                    channel=origin["interface"],
-                )
+        return messages(self._recording)
 
     def stop(self) -> None:
         """Nothing is held open."""

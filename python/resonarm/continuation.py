@@ -10,6 +10,7 @@ import numpy as np
 from . import _extras, _resonarm
 from ._dtypes import ORBIT, SINGULAR, Array, named, view
 from ._load import Load
+from .words import Parameter
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -91,15 +92,19 @@ class BranchEndedEarly(_resonarm.ResonarmError):
         super().__init__(reason)
         self.branch = branch
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.branch)
+
 
 def _label(parameter: str) -> tuple[str, str]:
     name, unit = _resonarm.parameter_label(parameter)
     return name, unit or "N or N·m"
 
 
-def trace(
+def continuation(
     arm: _resonarm.Arm,
-    parameter: str,
+    /,
+    parameter: Parameter,
     start: float,
     stop: float,
     *,
@@ -109,13 +114,29 @@ def trace(
     force_y_n: float | None = None,
     frequency_hz: float | None = None,
     doubled: bool = False,
-    curves_in: str | None = None,
+    curves_in: Parameter | None = None,
     curves_to: float | None = None,
     most_harmonics: int = 64,
     most_points: int = 20_000,
     largest_step: float = 0.25,
 ) -> Branch:
-    """`Arm.continuation`, with its options in full."""
+    """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
+
+    `parameter` is frequency (Hz), amplitude (of the load, N or N·m), beta1_deg, beta2_deg or a parameter of the arm by
+    its name, in its SI unit.
+
+    - `torque1_nm` and `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A of torques at the joints or of a
+      force at the tip. Where the amplitude is what varies, a force gives the direction; without one it is that of the
+      torque at joint 1.
+    - `frequency_hz`: of the excitation, where it is not what varies.
+    - `doubled`: follow the motions of twice the period that leave at period doublings, too.
+    - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
+    - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
+
+    Raises ValueError for what makes no sense, BranchEndedEarly if the walk ends before `stop`: it has the branch as
+    far as it was followed.
+    """
+    _resonarm.parameter_label(parameter)  # which says what there is, if it is none
     load = _direction(parameter, Load(torque1_nm, torque2_nm, force_x_n, force_y_n))
     amplitude = math.hypot(*load)
     if parameter == "frequency":

@@ -4,21 +4,22 @@ longer than the memory."""
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from . import _extras
 from ._dtypes import Array, pair, unit
 from .recording import Recording
+from .words import Format, Part
 
-FORMATS = ("parquet", "mf4", "blf")
-PARTS = ("states", "samples", "frames", "ticks", "events")
+FORMATS: tuple[Format, ...] = get_args(Format)
+PARTS: tuple[Part, ...] = get_args(Part)
 ROWS = 1 << 16
 
 
 def export(
-    recording: str | PathLike[str], to: str, stem: str | PathLike[str], *, overwrite: bool = False
+    recording: str | PathLike[str], to: Format, stem: str | PathLike[str], *, overwrite: bool = False
 ) -> list[Path]:
     """Writes a recording: to `parquet` a table a part, `STEM-PART.parquet`; to `mf4` (MDF 4.10) states and samples as
     channel groups of one file, `STEM.mf4`; to `blf` the frames, `STEM.blf`. Returns the files.
@@ -58,13 +59,9 @@ def columns(rows: Array) -> dict[str, Array]:
     return found
 
 
-def _parts(recording: Recording, parts: tuple[str, ...]) -> Iterator[str]:
+def _parts(recording: Recording, parts: tuple[Part, ...]) -> Iterator[Part]:
     """Those of the parts that have records."""
-    topics = {"states": "/plant/steps", "samples": "/plant/samples", "frames": "/can/frames"}
-    topics |= {"ticks": "/realtime/ticks", "events": "/events"}
-    for part in parts:
-        if recording.summary["topics"].get(topics[part], {}).get("records"):
-            yield part
+    return (part for part in parts if recording.count(part))
 
 
 def _parquet(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
@@ -103,9 +100,10 @@ def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
 
 def _blf(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     can = _extras.require("can", "export")
+    messages = _extras.require("resonarm.can_log", "export").messages
     path = _named(stem, ".blf", overwrite)
-    with can.BLFWriter(str(path)) as log, can.LogReader(str(recording.path)) as frames:
-        for message in frames:
+    with can.BLFWriter(str(path)) as log:
+        for message in messages(recording):
             message.channel = 0
             log(message)
     return [path]

@@ -20,6 +20,7 @@ from .basins import AT_REST, TIME_CONSTANTS, Grid, found, four, pair
 from .continuation import Branch, BranchEndedEarly
 from .scenario import Scenario
 from .session import run
+from .words import Coordinate, Preset
 
 VARIABLES = {
     "stable": ("1", "number of stable motions"),
@@ -112,7 +113,7 @@ def basin_map(
     force_x_n: Amplitudes = None,
     force_y_n: Amplitudes = None,
     beta2_deg: Sequence[float] | None = None,
-    coordinates: Sequence[str] = ("alpha1_rad", "alpha_dot1_rad_s"),
+    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha_dot1_rad_s"),
     points: Sequence[int] = (41, 41),
     initial: Sequence[float] = AT_REST,
     time_constants: float = TIME_CONSTANTS,
@@ -246,9 +247,11 @@ def _key(arm: Arm) -> list[Any]:
 
 def branch_chunk(arm: Arm, load: str, amplitude: float, hz: NDArray[np.float64]) -> Arrays:
     """The variables of one branch at its frequencies."""
-    early, options = False, {load: amplitude, "largest_step": LARGEST_STEP}
+    early, excitation = False, Load(**{load: amplitude})
     try:
-        branch = arm.continuation("frequency", float(hz[0]), float(hz[-1]), **options)
+        branch = arm.continuation(
+            "frequency", float(hz[0]), float(hz[-1]), largest_step=LARGEST_STEP, **vars(excitation)
+        )
     except BranchEndedEarly as ended:
         branch, early = ended.branch, True
     return {**_at(branch, hz), "ended_early": np.array(early)}
@@ -259,7 +262,7 @@ _attractors_lock = threading.Lock()
 
 @lru_cache(maxsize=64)
 def _attractors_of(
-    preset: str, pose: tuple[float, float], parameters: str, load: str, a: float, hz: float
+    preset: Preset, pose: tuple[float, float], parameters: str, load: str, a: float, hz: float
 ) -> _resonarm.Attractors:
     arm = Arm(preset, beta1_deg=pose[0], beta2_deg=pose[1], parameters=json.loads(parameters))
     return _resonarm.Attractors(arm, Load(**{load: a}).checked().sine(hz))

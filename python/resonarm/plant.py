@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _resonarm
-from ._dtypes import NUMBER, PLAYED, Array, view
+from . import _checks, _resonarm
+from ._dtypes import PLAYED, Array, view
 from .scenario import Scenario
+
+_OF_THE_STATE = ("sample", "time_s", "alpha_rad", "alpha_dot_rad_s")
+_MOVES = ("seek", "reset", "rewind")
 
 
 class Plant(_resonarm.Plant):
@@ -25,17 +28,35 @@ class Plant(_resonarm.Plant):
 
     def __new__(cls, scenario: Scenario | None = None) -> "Plant":
         """At sample 0 of the scenario. Raises ValueError if it makes no plant."""
-        return super().__new__(cls, Scenario() if scenario is None else scenario)
+        scenario = Scenario() if scenario is None else scenario
+        _checks.scenario(scenario)
+        return super().__new__(cls, scenario)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _OF_THE_STATE:
+            raise AttributeError(f"{name} can't be set: {self._way()}")
+        super().__setattr__(name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        way = f": {self._way()}" if name in _MOVES else ""
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{way}", name=name, obj=self)
+
+    def _way(self) -> str:
+        return (
+            f"a plant stands at sample {self.sample} and goes on from there by advance() or play(); "
+            "a new Plant(scenario) begins at sample 0"
+        )
 
     def play(self, force_n: ArrayLike | None = None, torque_nm: ArrayLike | None = None) -> Array:
         """Measures and advances once for each row of loads: forces (Fx, Fy) at the tip, N, and torques (u1, u2) at the
         joints, N·m. A row has, before its load acts, `sample`, `alpha_rad`, `alpha_dot_rad_s`, the readings
         `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, and `clipped` (as `Measurement.clipped`).
 
-        Raises ValueError if the loads don't have two columns and the same number of rows; ResonarmError if the
-        integrator can't go on or the shaker trips: the plant then stands at the sample before.
+        Raises ValueError if the loads don't have two columns and the same number of rows, or one is not finite: then
+        nothing is played; TypeError for what are no real numbers; ResonarmError if the integrator can't go on or the
+        shaker trips: the plant then stands at the sample before.
         """
-        force, torque = _pairs("force_n", force_n), _pairs("torque_nm", torque_nm)
+        force, torque = _pairs("force_n", force_n, self.sample), _pairs("torque_nm", torque_nm, self.sample)
         if force is None and torque is None:
             raise ValueError("give the loads: force_n, torque_nm, or both, a row a sample")
         force = np.zeros_like(torque) if force is None else force
@@ -49,10 +70,15 @@ class Plant(_resonarm.Plant):
         return f"<Plant at sample {self.sample} ({t:g} s): α = ({a1:+.3e}, {a2:+.3e}) rad>"
 
 
-def _pairs(name: str, loads: ArrayLike | None) -> NDArray[np.float64] | None:
+def _pairs(name: str, loads: ArrayLike | None, first: int) -> NDArray[np.float64] | None:
+    """Loads from the sample `first` on, all finite."""
     if loads is None:
         return None
-    array: NDArray[Any] = np.asarray(loads, dtype=NUMBER)
+    array = _checks.real(name, loads)
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"{name} has the shape {array.shape}: it must be (samples, 2)")
+    if len(bad := np.argwhere(~np.isfinite(array))):
+        row, column = bad[0]
+        got = "NaN" if np.isnan(array[row, column]) else f"{array[row, column]:g}"
+        raise ValueError(f"{name} is {got} at sample {first + row}, in column {column}: it must be a finite number")
     return array

@@ -1,9 +1,10 @@
 """The protocol's codec, with E2E protection: what `firmware-protocol/SPEC.md` says of frames."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from . import _extras, _resonarm
+from .words import MessageName, NodeRole, Verdict
 
 
 class Frame(NamedTuple):
@@ -17,10 +18,15 @@ class Frame(NamedTuple):
 
     @classmethod
     def of(cls, message: Any) -> "Frame":
-        """The frame of a `can.Message` with data."""
-        return cls(
-            message.arbitration_id, message.is_extended_id, bytes(message.data), message.is_fd, message.bitrate_switch
-        )
+        """The frame of a `can.Message` with data. Raises TypeError for what is no message."""
+        try:
+            identifier, extended = message.arbitration_id, message.is_extended_id
+            return cls(identifier, extended, bytes(message.data), message.is_fd, message.bitrate_switch)
+        except AttributeError:
+            what = type(message).__name__
+            raise TypeError(
+                f"a frame is a resonarm.Frame or a can.Message, which say identifier and data: this is {what}"
+            ) from None
 
     def message(self, **more: Any) -> Any:
         """The same as a `can.Message`; `more` are other arguments of it, as `timestamp`."""
@@ -38,11 +44,11 @@ class Frame(NamedTuple):
 class Decoded:
     """What a frame says, and what a receiver does with it."""
 
-    verdict: str
+    verdict: Verdict
     """`taken`; `refused`, for the `reason`; or `foreign`: of another network or protocol."""
-    message: str = ""
+    message: MessageName | Literal[""] = ""
     """The message, by its name in the DBC."""
-    sender: str = ""
+    sender: NodeRole | Literal[""] = ""
     """`plant` or `exciter`."""
     signals: dict[str, float] = field(default_factory=dict)
     """Values by the signals' names in the DBC, in their units; of what is taken alone."""
@@ -52,10 +58,19 @@ class Decoded:
 
 class Network(_resonarm.Network):
     """A plant and an exciter on a bus: `base` identifier (a multiple of 0x10 from 0x180 to 0x570), node ids (1 to
-    127), and the `profile` of commands and samples, classic or fd.
+    127), and the `profile` of commands and samples, classic or fd. Networks are equal if all of these are.
 
     Raises ValueError for what no network can have.
     """
+
+    def _value(self) -> tuple[int, int, int, str]:
+        return (self.base, self.plant_id, self.exciter_id, self.profile)
+
+    def __eq__(self, other: object) -> bool:
+        return self._value() == other._value() if isinstance(other, Network) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._value())
 
     def __repr__(self) -> str:
         ids = f"plant_id={self.plant_id}, exciter_id={self.exciter_id}"
@@ -68,7 +83,7 @@ class Encoder(_resonarm.Encoder):
     def __new__(cls, network: Network | None = None) -> "Encoder":
         return super().__new__(cls, Network() if network is None else network)
 
-    def encode(self, message: str, **signals: float) -> Frame:
+    def encode(self, message: MessageName, **signals: float) -> Frame:
         """The next frame of a message by its name in the DBC, protected; marks of saturation that are left out are 0.
 
         Raises ValueError for an unknown message or signal, one that is missing, or a value that the wire can't carry.
@@ -84,6 +99,9 @@ class Decoder(_resonarm.Decoder):
         return super().__new__(cls, Network() if network is None else network)
 
     def decode(self, frame: Any) -> Decoded:
-        """What a `Frame`, or a `can.Message` with data, says. Raises ValueError for what is no frame."""
+        """What a `Frame`, or a `can.Message` with data, says.
+
+        Raises TypeError for anything else, ValueError for a frame that no bus carries.
+        """
         parts = frame if isinstance(frame, Frame) else Frame.of(frame)
         return Decoded(*self.decode_parts(parts))

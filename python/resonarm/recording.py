@@ -1,33 +1,59 @@
 """Recordings: MCAP files of runs, as NumPy arrays or Arrow tables."""
 
+import warnings
 from collections.abc import Iterator
 from functools import cached_property
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from . import _arrow, _extras, _resonarm
+from . import _arrow, _checks, _extras, _resonarm
+from ._checks import LAST
 from ._dtypes import PARTS, Array, named, view
 from .scenario import Scenario
+from .words import Part
 
-_END = 2**64 - 1
+
+class RecordingWarning(UserWarning):
+    """A recording is not whole: what is missing of it is not read."""
 
 
 class Recording(_resonarm.Recording):
     """A recording whose every checksum has been checked. Records are read from the file when they are asked for.
 
-    A truncated or damaged file opens as well: `summary["integrity"]` says so, and what comes before the first bad
-    byte can be had.
+    A truncated or damaged file opens as well, with a RecordingWarning: `damage` and `summary["integrity"]` say what is
+    missing, and what comes before the first bad byte can be had. With `strict` it is a ResonarmError.
 
-    Raises OSError if the file can't be read, ValueError if it is no recording.
+    Pickled, it is its path, which is opened again. Raises OSError if the file can't be read, ValueError if it is no
+    recording.
     """
+
+    _strict: bool
+
+    def __new__(cls, path: str | PathLike[str], *, strict: bool = False) -> "Recording":
+        """The recording of a file."""
+        self = super().__new__(cls, path)
+        self._strict = strict
+        if self.damage is not None:
+            message = (
+                f"recording `{_resonarm.printable(str(self.path))}` is {self.damage}; `resonarm recover` makes a whole "
+                "file of what is left"
+            )
+            if strict:
+                raise _resonarm.ResonarmError(message)
+            warnings.warn(message, RecordingWarning, stacklevel=2)
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _opened, (str(self.path.absolute()), self._strict)
 
     @cached_property
     def scenario(self) -> Scenario:
         """The scenario of the run. Raises ValueError if the recording has none."""
         return Scenario(self.scenario_toml())
 
-    def read(self, part: str, from_sample: int = 0, to_sample: int = _END) -> Array:
+    def read(self, part: Part, from_sample: int = 0, to_sample: int = LAST) -> Array:
         """All rows of a part, of the samples from one to another, both among them.
 
         - `states`: `sample`, `time_s`, `alpha_rad`, `alpha_dot_rad_s`, and the load held from there to the next sample:
@@ -41,13 +67,15 @@ class Recording(_resonarm.Recording):
           long), in real time alone.
         - `events`: `name`, `sample`, `time_ns`, `value`.
 
-        Raises ResonarmError if there is no such part or samples are missing.
+        Raises ValueError if there is no such part, or for a range that is negative or goes back; ResonarmError if
+        samples are missing.
         """
-        return next(self.chunks(part, _END, from_sample, to_sample))
+        return next(self.chunks(part, LAST, from_sample, to_sample))
 
-    def chunks(self, part: str, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = _END) -> Iterator[Array]:
+    def chunks(self, part: Part, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST) -> Iterator[Array]:
         """The same in arrays of so many rows, so that a recording may be longer than the memory; one at least."""
-        reader = self.reader(part, from_sample, to_sample)
+        rows = _checks.rows(rows)
+        reader = self.reader(part, *_checks.samples(from_sample, to_sample))
         first = True
         while True:
             words, names = reader.read(rows)
@@ -59,21 +87,23 @@ class Recording(_resonarm.Recording):
                 return
             first = False
 
-    def arrow(self, part: str, from_sample: int = 0, to_sample: int = _END) -> Any:
+    def arrow(self, part: Part, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """The same as a `pyarrow.Table`, by the extra `arrow`, with the columns of the CSV of `resonarm export`: pairs
         apart, payloads as bytes. Columns of 8-byte numbers are not copied. Each field's metadata have its `unit`, those
         of the schema the recording's `path`, `part`, `dt_s` (s) and, if it has one, `scenario` (TOML).
         """
         pyarrow = _extras.require("pyarrow", "arrow")
-        return pyarrow.Table.from_batches([next(self.batches(part, _END, from_sample, to_sample))])
+        return pyarrow.Table.from_batches([next(self.batches(part, LAST, from_sample, to_sample))])
 
-    def batches(self, part: str, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = _END) -> Iterator[Any]:
+    def batches(self, part: Part, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST) -> Iterator[Any]:
         """The same in `pyarrow.RecordBatch`es of so many rows, so that a recording may be longer than the memory; one
         at least."""
-        reader = self.reader(part, from_sample, to_sample)
+        rows = _checks.rows(rows)
+        reader = self.reader(part, *_checks.samples(from_sample, to_sample))
         metadata = _arrow.schema_metadata(path=str(self.path), part=part, dt_s=self.dt_s)
-        if self.summary["configuration"] is not None:
-            metadata["scenario"] = self.scenario_toml()
+        # As it is in the file: a scenario of another version is no reason to withhold the numbers.
+        if scenario := self.summary["configuration"].get("scenario"):
+            metadata["scenario"] = scenario
         first = True
         while True:
             words, names, count = reader.read_columns(rows)
@@ -103,7 +133,7 @@ class Recording(_resonarm.Recording):
         """All events, as `read` has them."""
         return self.read("events")
 
-    def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = _END) -> Any:
+    def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """Draws α1 and α2 over time on matplotlib's axes, by default the current ones; they are returned."""
         ax = _extras.axes(ax)
         states = self.read("states", from_sample, to_sample)
@@ -123,3 +153,8 @@ class Recording(_resonarm.Recording):
         summary = self.summary
         state = summary["integrity"]["state"]
         return f"<Recording {str(self.path)!r}: {summary['duration_s']:g} s, {state}>"
+
+
+def _opened(path: str, strict: bool) -> Recording:
+    """What a pickled recording is."""
+    return Recording(path, strict=strict)

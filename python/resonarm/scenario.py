@@ -9,6 +9,7 @@ from .arm import Arm
 
 class Scenario(_resonarm.Scenario):
     """Everything about a run, as `scenarios/README.md` describes it; what the TOML `text` leaves out has its default.
+    Scenarios are equal if all their values are.
 
     Raises ValueError for what is no scenario, with the message of the command line.
     """
@@ -37,6 +38,12 @@ class Scenario(_resonarm.Scenario):
     def sample_rate_hz(self) -> float:
         """Samples a second, Hz."""
         return float(self.values()["simulation"]["rate_hz"])
+
+    def __eq__(self, other: object) -> bool:
+        return self.to_toml() == other.to_toml() if isinstance(other, Scenario) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
 
     def __repr__(self) -> str:
         values = self.values()

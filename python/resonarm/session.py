@@ -3,22 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from . import _extras, _resonarm
+from . import _checks, _extras, _resonarm
 from ._dtypes import RESPONSE, Array, unit, view
 from .recording import Recording
 from .scenario import Scenario
+from .words import BusMode, LoadKind, Mode, NodeRole, Overrun, Reading, RealTime, Spin
 
 READINGS = ("head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2")
 Controller = Callable[[_resonarm.Measurement], tuple[float, float] | None]
 """What answers a sample: called with a `Measurement`, it returns the load to hold up to the next sample, two
 components, or None when its work is done. If it has a method `restart`, that is called where the exciter begins anew
 after a fault."""
-Spin = Literal["auto", "off"]
-"""How long a loop looks at the clock before a deadline: as long as its sleeps are late, or not at all."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,7 +44,7 @@ class Report:
         path = self.plant.get("recording")
         return None if path is None else Recording(path)
 
-    def plot(self, ax: Any = None, *, quantity: str = "acceleration_c_m_s2") -> Any:
+    def plot(self, ax: Any = None, *, quantity: Reading = "acceleration_c_m_s2") -> Any:
         """Draws the amplitudes of the responses along x and y over the frequency: of `head_force_n`,
         `acceleration_b_m_s2` or `acceleration_c_m_s2`; those that had not settled are crosses. `ax` are matplotlib's
         axes, by default the current ones; they are returned."""
@@ -75,17 +74,17 @@ class Report:
 
 def run(
     scenario: Scenario,
-    mode: str = "free",
+    mode: Mode = "free",
     *,
     controller: Controller | None = None,
-    load: str = "force",
+    load: LoadKind = "force",
     record: str | PathLike[str] | None = None,
     overwrite: bool = False,
     speed: float | None = None,
     patience_s: float | None = None,
     rearm: int = 0,
-    overrun: str | None = None,
-    rt: str | None = None,
+    overrun: Overrun | None = None,
+    rt: RealTime | None = None,
     priority: int | None = None,
     core: int | None = None,
     cores_awake: bool = False,
@@ -109,9 +108,10 @@ def run(
     period at most, and looks at the clock from there on; auto measures how late sleeps are, off, the default, sleeps
     until the deadline. What was chosen is `spin` in the plant's report.
 
-    Raises ValueError and OSError if the run can't begin; what the controller raises. What ends a run early is in the
-    report.
+    Raises ValueError and OSError if the run can't begin; what the controller raises, and ValueError or TypeError, with
+    the sample, for a load that is not two finite numbers. What ends a run early is in the report.
     """
+    _checks.scenario(scenario)
     real_time = (overrun, rt, priority, core, cores_awake, spin_s)
     how = (mode, record, overwrite, speed, patience_s, rearm, True, real_time)
     own = None if controller is None else (controller, load)
@@ -129,26 +129,27 @@ class Node(_resonarm.NodeRun):
 
     def __new__(
         cls,
-        role: str,
+        role: NodeRole,
         scenario: Scenario,
         bus: "str | _resonarm.BusEnd",
-        mode: str = "real-time",
+        mode: BusMode = "real-time",
         *,
         controller: Controller | None = None,
-        load: str = "force",
+        load: LoadKind = "force",
         record: str | PathLike[str] | None = None,
         overwrite: bool = False,
         speed: float | None = None,
         patience_s: float | None = None,
         rearm: int = 0,
         end_on_disarm: bool = False,
-        overrun: str | None = None,
-        rt: str | None = None,
+        overrun: Overrun | None = None,
+        rt: RealTime | None = None,
         priority: int | None = None,
         core: int | None = None,
         cores_awake: bool = False,
         spin_s: float | Spin | None = None,
     ) -> "Node":
+        _checks.scenario(scenario)
         real_time = (overrun, rt, priority, core, cores_awake, spin_s)
         how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time)
         own = None if controller is None else (controller, load)

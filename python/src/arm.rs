@@ -21,8 +21,8 @@ pub struct Arm {
 }
 
 /// A natural mode of the linearised arm.
-#[pyclass(frozen, get_all, module = "resonarm._resonarm")]
-#[derive(Debug)]
+#[pyclass(frozen, eq, get_all, module = "resonarm._resonarm")]
+#[derive(Debug, PartialEq)]
 pub struct Mode {
     /// Natural frequency, Hz.
     frequency_hz: f64,
@@ -34,6 +34,19 @@ pub struct Mode {
 
 #[pymethods]
 impl Mode {
+    #[new]
+    fn new(frequency_hz: f64, damping_ratio: f64, shape: (f64, f64)) -> Mode {
+        Mode { frequency_hz, damping_ratio, shape }
+    }
+
+    fn __getnewargs__(&self) -> (f64, f64, (f64, f64)) {
+        (self.frequency_hz, self.damping_ratio, self.shape)
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        self.__getnewargs__().into_pyobject(py)?.hash()
+    }
+
     fn __repr__(&self) -> String {
         let Mode { frequency_hz, damping_ratio, shape: (x, y) } = self;
         format!("Mode(frequency_hz={frequency_hz:.4}, damping_ratio={damping_ratio:.3e}, shape=({x:.4}, {y:.4}))")

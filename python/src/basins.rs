@@ -83,8 +83,8 @@ fn followed(
 }
 
 /// A stable periodic motion of the arm under a sine.
-#[pyclass(frozen, get_all, module = "resonarm._resonarm")]
-#[derive(Debug)]
+#[pyclass(frozen, eq, get_all, module = "resonarm._resonarm")]
+#[derive(Debug, PartialEq)]
 pub struct StableMotion {
     /// Periods of the excitation after which it repeats.
     period: u32,
@@ -93,11 +93,27 @@ pub struct StableMotion {
     /// The largest |α1| and |α2|, rad.
     amplitude_rad: (f64, f64),
     /// The states at phase 0 of the excitation: α1, α2, rad, α̇1, α̇2, rad/s.
-    section: Vec<(f64, f64, f64, f64)>,
+    section: Vec<Section>,
 }
+
+/// A state at phase 0: α1, α2, rad, α̇1, α̇2, rad/s.
+type Section = (f64, f64, f64, f64);
 
 #[pymethods]
 impl StableMotion {
+    #[new]
+    fn new(period: u32, largest_multiplier: f64, amplitude_rad: (f64, f64), section: Vec<Section>) -> StableMotion {
+        StableMotion { period, largest_multiplier, amplitude_rad, section }
+    }
+
+    fn __getnewargs__(&self) -> (u32, f64, (f64, f64), Vec<Section>) {
+        (self.period, self.largest_multiplier, self.amplitude_rad, self.section.clone())
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        (self.period, self.largest_multiplier, self.amplitude_rad).into_pyobject(py)?.hash()
+    }
+
     fn __repr__(&self) -> String {
         let StableMotion { period, largest_multiplier, amplitude_rad: (a1, a2), .. } = self;
         format!(

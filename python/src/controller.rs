@@ -3,6 +3,7 @@
 use core::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
@@ -36,6 +37,30 @@ pub fn load_kind(name: &str) -> PyResult<LoadKind> {
     }
 }
 
+/// The two components that a controller has returned for a sample.
+fn load(answer: &Bound<'_, PyAny>, sample: u64) -> PyResult<[f64; 2]> {
+    // What nearly every controller returns needs no list.
+    if let Ok((first, second)) = answer.extract::<(f64, f64)>()
+        && first.is_finite()
+        && second.is_finite()
+    {
+        return Ok([first, second]);
+    }
+    let refused = |kind: fn(String) -> PyErr| {
+        let returned = answer.repr().map_or_else(|_| String::from("what has no repr()"), |text| text.to_string());
+        kind(format!(
+            "the controller returned {returned} for sample {sample}: a load is two finite numbers, and None ends the work"
+        ))
+    };
+    let wrong_type = |_error: PyErr| refused(PyTypeError::new_err);
+    let items = answer.try_iter().map_err(wrong_type)?.collect::<PyResult<Vec<_>>>()?;
+    let numbers = items.iter().map(|item| item.extract().map_err(wrong_type)).collect::<PyResult<Vec<f64>>>()?;
+    match numbers[..] {
+        [first, second] if first.is_finite() && second.is_finite() => Ok([first, second]),
+        _ => Err(refused(errors::value)),
+    }
+}
+
 impl PyController {
     /// A controller that keeps what `call` raises in `raised`.
     pub fn new(call: &Py<PyAny>, kind: LoadKind, raised: &Raised) -> PyController {
@@ -65,12 +90,12 @@ impl Controller for PyController {
     fn answer(&mut self, sample: &rig::Measurement) -> Answer {
         let answered = Python::attach(|py| {
             let answer = self.call.bind(py).call1((Measurement::from(*sample),))?;
-            if answer.is_none() { Ok(None) } else { answer.extract::<(f64, f64)>().map(Some) }
+            if answer.is_none() { Ok(None) } else { load(&answer, sample.sample).map(Some) }
         });
         match (self.keep(answered).flatten(), self.kind) {
             (None, _) => Answer::Finished,
-            (Some((x, y)), LoadKind::Force) => Answer::Hold(Load::force_n(x, y)),
-            (Some((first, second)), LoadKind::Torque) => Answer::Hold(Load::torque_nm(first, second)),
+            (Some([x, y]), LoadKind::Force) => Answer::Hold(Load::force_n(x, y)),
+            (Some([first, second]), LoadKind::Torque) => Answer::Hold(Load::torque_nm(first, second)),
         }
     }
 

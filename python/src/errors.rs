@@ -20,19 +20,39 @@ use resonarm::scenario::ScenarioError;
 
 create_exception!(resonarm, ResonarmError, PyException, "What was asked for makes sense, and could not be done.");
 
+/// A text as it may be printed on a terminal: control characters, which a file or its name may bring, are escaped.
+pub fn printable(text: impl Display) -> String {
+    let mut found = String::new();
+    for character in text.to_string().chars() {
+        match character {
+            '\n' => found.push('\n'),
+            _ if character.is_control() => found.extend(character.escape_unicode()),
+            _ => found.push(character),
+        }
+    }
+    found
+}
+
+/// The same for Python.
+#[pyfunction]
+#[pyo3(name = "printable")]
+pub fn printable_text(text: &str) -> String {
+    printable(text)
+}
+
 /// A value that makes no sense: `ValueError`.
 pub fn value(error: impl Display) -> PyErr {
-    PyValueError::new_err(error.to_string())
+    PyValueError::new_err(printable(error))
 }
 
 /// What could not be done: `ResonarmError`.
 pub fn failed(error: impl Display) -> PyErr {
-    ResonarmError::new_err(error.to_string())
+    ResonarmError::new_err(printable(error))
 }
 
 /// The system refused: the `OSError` of its kind.
 fn refused(kind: io::ErrorKind, error: &impl Display) -> PyErr {
-    let message = error.to_string();
+    let message = printable(error);
     match kind {
         io::ErrorKind::NotFound => PyFileNotFoundError::new_err(message),
         io::ErrorKind::AlreadyExists => PyFileExistsError::new_err(message),
@@ -110,7 +130,7 @@ pub fn run(error: RunError) -> PyErr {
 pub fn bus(error: BusError) -> PyErr {
     match error {
         BusError::Address { .. } => value(error),
-        _ => PyOSError::new_err(error.to_string()),
+        _ => PyOSError::new_err(printable(error)),
     }
 }
 

@@ -28,6 +28,7 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     logging::begin();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("ResonarmError", module.py().get_type::<errors::ResonarmError>())?;
+    module.add_function(wrap_pyfunction!(errors::printable_text, module)?)?;
     module.add_class::<arm::Arm>()?;
     module.add_class::<arm::Mode>()?;
     module.add_function(wrap_pyfunction!(arm::presets, module)?)?;

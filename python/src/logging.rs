@@ -11,6 +11,8 @@ use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber};
 
+use crate::errors;
+
 /// Messages that are kept until they are handed over; later ones are dropped.
 const KEPT: usize = 256;
 
@@ -77,7 +79,10 @@ pub fn hand_over(py: Python<'_>) -> PyResult<()> {
     }
     let logger = py.import("logging")?.call_method1("getLogger", ("resonarm",))?;
     for (level, message) in messages {
-        logger.call_method1(if level == Level::ERROR { "error" } else { "warning" }, ("%s", message))?;
+        logger.call_method1(
+            if level == Level::ERROR { "error" } else { "warning" },
+            ("%s", errors::printable(message)),
+        )?;
     }
     Ok(())
 }

@@ -4,15 +4,15 @@ use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::arm::{Load, State};
 use resonarm::plant;
-use resonarm::rig;
+use resonarm::rig::{self, Reading};
 
 use crate::errors;
 use crate::rows::{Rows, numbers};
 use crate::scenario::Scenario;
 
 /// What the instruments say at a sample.
-#[pyclass(frozen, module = "resonarm._resonarm")]
-#[derive(Debug)]
+#[pyclass(frozen, eq, module = "resonarm._resonarm")]
+#[derive(Debug, PartialEq)]
 pub struct Measurement {
     inner: rig::Measurement,
 }
@@ -23,8 +23,48 @@ impl From<rig::Measurement> for Measurement {
     }
 }
 
+/// The readings of a sample: its index; the head's, B's and C's; which were clipped.
+type MeasurementParts = (u64, (f64, f64), (f64, f64), (f64, f64), u8);
+/// One bit for each reading.
+const ALL_CLIPPED: u8 = 0b11_1111;
+
 #[pymethods]
 impl Measurement {
+    #[new]
+    #[pyo3(signature = (
+        sample, head_force_n = (0.0, 0.0), acceleration_b_m_s2 = (0.0, 0.0), acceleration_c_m_s2 = (0.0, 0.0), clipped = 0
+    ))]
+    fn new(
+        sample: u64,
+        head_force_n: (f64, f64),
+        acceleration_b_m_s2: (f64, f64),
+        acceleration_c_m_s2: (f64, f64),
+        clipped: u8,
+    ) -> PyResult<Measurement> {
+        if clipped > ALL_CLIPPED {
+            return Err(errors::value(format!("clipped is {clipped}: it has six bits, at most {ALL_CLIPPED}")));
+        }
+        let reading = |value, bit: u8| Reading { value, clipped: clipped >> bit & 1 == 1 };
+        let pair = |(x, y), bit| [reading(x, bit), reading(y, bit + 1)];
+        Ok(Measurement {
+            inner: rig::Measurement {
+                sample,
+                head_force_n: pair(head_force_n, 4),
+                acceleration_b_m_s2: pair(acceleration_b_m_s2, 0),
+                acceleration_c_m_s2: pair(acceleration_c_m_s2, 2),
+            },
+        })
+    }
+
+    fn __getnewargs__(&self) -> MeasurementParts {
+        let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
+        (self.sample(), head, b, c, self.clipped())
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        self.__getnewargs__().into_pyobject(py)?.hash()
+    }
+
     /// Index of the sample.
     #[getter]
     fn sample(&self) -> u64 {
@@ -57,9 +97,10 @@ impl Measurement {
 
     fn __repr__(&self) -> String {
         let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
-        let sample = self.inner.sample;
+        let (sample, clipped) = (self.inner.sample, self.clipped());
         format!(
-            "Measurement(sample={sample}, head_force_n={head:?}, acceleration_b_m_s2={b:?}, acceleration_c_m_s2={c:?})"
+            "Measurement(sample={sample}, head_force_n={head:?}, acceleration_b_m_s2={b:?}, acceleration_c_m_s2={c:?}, \
+             clipped={clipped})"
         )
     }
 }
@@ -123,6 +164,14 @@ impl Plant {
     /// Advances to the next sample with a load held.
     #[pyo3(signature = (force_n = (0.0, 0.0), torque_nm = (0.0, 0.0)))]
     fn advance(&mut self, force_n: (f64, f64), torque_nm: (f64, f64)) -> PyResult<()> {
+        for (name, (first, second)) in [("force_n", force_n), ("torque_nm", torque_nm)] {
+            if !(first.is_finite() && second.is_finite()) {
+                let sample = self.inner.sample();
+                return Err(errors::value(format!(
+                    "{name} is ({first:?}, {second:?}) at sample {sample}: it must be two finite numbers"
+                )));
+            }
+        }
         let load = Load { torque_nm: <[f64; 2]>::from(torque_nm).into(), force_n: <[f64; 2]>::from(force_n).into() };
         self.inner.advance(&load).map_err(errors::failed)
     }

@@ -82,6 +82,16 @@ impl Network {
         self.inner.profile().name()
     }
 
+    /// What makes the same network again.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("base", self.base())?;
+        keywords.set_item("plant_id", self.plant_id())?;
+        keywords.set_item("exciter_id", self.exciter_id())?;
+        keywords.set_item("profile", self.profile())?;
+        Ok(((), keywords))
+    }
+
     /// The DBC of the network.
     fn dbc(&self) -> String {
         dbc::Dbc(self.inner).to_string()

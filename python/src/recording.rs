@@ -8,7 +8,7 @@ use pyo3::types::PyByteArray;
 use resonarm::export::Part;
 use resonarm::protocol::{FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
-use resonarm::recording::{self, Direction, Origin, Record, RecordingError, Records};
+use resonarm::recording::{self, Direction, Integrity, Origin, Record, RecordingError, Records};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
@@ -56,6 +56,30 @@ impl Recording {
     #[getter]
     fn dt_s(&self) -> f64 {
         self.inner.origin().dt_s
+    }
+
+    /// How many records of a part there are.
+    fn count(&self, part: &str) -> PyResult<u64> {
+        let part: Part = part.parse().map_err(errors::value)?;
+        Ok(self.inner.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records))
+    }
+
+    /// What keeps it from being whole, in words; `None` of a whole one.
+    #[getter]
+    fn damage(&self) -> Option<String> {
+        let (state, more) = match self.inner.integrity() {
+            Integrity::Complete => return None,
+            Integrity::Unfinished => return Some(String::from("recovered from a truncated or damaged one")),
+            Integrity::Truncated { readable_bytes, file_bytes, last_sample } => {
+                (String::from("truncated"), (readable_bytes, file_bytes, last_sample))
+            }
+            Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => {
+                (format!("damaged ({cause})"), (readable_bytes, file_bytes, last_sample))
+            }
+        };
+        let (readable_bytes, file_bytes, last_sample) = more;
+        let last = last_sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
+        Some(errors::printable(format!("{state}: {readable_bytes} of {file_bytes} bytes can be read, {last}")))
     }
 
     /// The scenario of the run as TOML.

@@ -50,6 +50,18 @@ def test_parquet_has_the_numbers_of_the_csv(command, tmp_path, small_groups):
     assert set(map(len, frames["data"].to_pylist())) <= {1, 8}
 
 
+def test_the_ticks_of_a_run_in_real_time_are_exported(bench_scenario, tmp_path):
+    run = resonarm.run(
+        bench_scenario.replace(simulation={"duration_s": 0.1}), "real-time", record=tmp_path / "run.mcap"
+    )
+    written = export.export(run.recording.path, "parquet", tmp_path / "run")
+    assert "run-ticks.parquet" in [path.name for path in written]
+    table, ticks = parquet.read_table(tmp_path / "run-ticks.parquet"), run.recording.read("ticks")
+    assert len(ticks) >= 100
+    for name in ticks.dtype.names:
+        np.testing.assert_array_equal(table[name].to_numpy(), ticks[name], name)
+
+
 def test_mf4_has_states_and_samples(recording, tmp_path, small_groups):
     (path,) = export.export(SWEEP, "mf4", tmp_path / "sweep")
     with MDF(path) as measured:

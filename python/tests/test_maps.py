@@ -1,10 +1,12 @@
 """Maps: known answers, the same bits by threads and by Dask, and resumed after a kill."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -162,3 +164,32 @@ def test_what_makes_no_sense_is_a_value_error():
     for hz in ([22.0], [22.0, 21.0], [-1.0, 1.0]):
         with pytest.raises(ValueError, match="two or more positive frequencies that rise"):
             response_map(resonarm.Arm(), frequency_hz=hz, torque1_nm=[1.0])
+
+
+ONCE = """
+import sys
+import numpy as np, resonarm
+from resonarm.maps import response_map
+assert resonarm.__file__.startswith(sys.argv[1]), resonarm.__file__
+response_map(resonarm.Arm(), frequency_hz=[10.0, 11.0], torque1_nm=[1.0], folder=sys.argv[2])
+"""
+
+
+@pytest.mark.parametrize("changed", ["_resonarm.abi3.so", "maps.py", "continuation.py"])
+def test_chunks_of_other_code_are_not_taken(tmp_path, changed):
+    """A byte behind the end of the extension, or a line more of the package, changes nothing but which code it is."""
+    package, folder = tmp_path / "package", tmp_path / "chunks"
+    shutil.copytree(Path(resonarm.__file__).parent, package / "resonarm")
+
+    def chunks():
+        words = [sys.executable, "-c", ONCE, str(package), str(folder)]
+        environment = os.environ | {"PYTHONPATH": str(package), "PYTHONDONTWRITEBYTECODE": "1"}
+        subprocess.run(words, check=True, env=environment, timeout=120, cwd=tmp_path)
+        return {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+
+    first = chunks()
+    assert len(first) == 1 and chunks() == first, "the same code goes on from its chunks"
+    with (package / "resonarm" / changed).open("ab") as file:
+        file.write(b"\n")
+    second = chunks()
+    assert len(second) == 2 and first.items() < second.items()

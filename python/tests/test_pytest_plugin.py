@@ -157,7 +157,7 @@ def test_it(bench):
 @pytest.mark.parametrize(
     ("fault", "assertion", "message"),
     [
-        ("bench.wrong_crc(count=1, ids=[0x201], direction='receive')", "no_refused_command()", "1 frames were invalid"),
+        ("bench.wrong_crc(count=1, ids=[0x201], direction='receive')", "no_refused_command()", "1 frame was invalid"),
         ("bench.link_down(from_s=0.0)", "state_reached('operational', within_s=0.5)", "was never"),
         ("bench.loss(ids=[0x201])", "completed()", "the plant ended faulted"),
         ("bench.delay(0.001)", "force_below(1.0)", "the force along x reaches"),

@@ -12,6 +12,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 STATE = ("alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s")
@@ -119,3 +120,26 @@ def unpacked(batch):
 def bits(values):
     """Floating-point numbers as the whole numbers that their bits are."""
     return np.ascontiguousarray(values).view(np.uint64)
+
+
+def with_column(source, target, topic, column, sample, value):
+    """A recording written anew by the package `mcap`, with another value in a column at a sample; returns its path."""
+    with Path(source).open("rb") as read, Path(target).open("wb") as written:
+        reader, writer = make_reader(read, decoder_factories=[DecoderFactory()]), Writer(written)
+        writer.start()
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        ids = {}
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            if channel.topic not in ids:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.topic] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schema_id, channel.metadata
+                )
+            data = message.data
+            if channel.topic == topic and 0 <= sample - decoded.first_step < len(getattr(decoded, column)):
+                getattr(decoded, column)[sample - decoded.first_step] = value
+                data = decoded.SerializeToString()
+            writer.add_message(ids[channel.topic], message.log_time, data, message.publish_time)
+        writer.finish()
+    return target

@@ -1,0 +1,59 @@
+"""What a call was given, checked before it goes over to the extension."""
+
+import operator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _resonarm
+from ._dtypes import NUMBER
+
+LAST = 2**64 - 1
+"""A sample that comes after every other."""
+
+
+def real(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """Real numbers as an array. Raises TypeError for what has none, and for complex ones."""
+    try:
+        given = np.asarray(values)
+    except ValueError as error:
+        raise TypeError(f"{name} is no array of numbers: {error}") from error
+    if np.iscomplexobj(given):
+        raise TypeError(f"{name} has complex numbers: give real ones, such as values.real or abs(values)")
+    if given.dtype.kind not in "biuf" and given.dtype != object:
+        raise TypeError(f"{name} has no numbers, but {given.dtype.str}: give real ones")
+    try:
+        return given.astype(NUMBER)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} is no array of numbers: {error}") from error
+
+
+def samples(from_sample: int, to_sample: int) -> tuple[int, int]:
+    """The first and the last sample of a range. Raises ValueError for a negative one, and if the last is earlier."""
+    first, last = operator.index(from_sample), operator.index(to_sample)
+    for name, sample in (("from_sample", first), ("to_sample", last)):
+        if sample < 0:
+            raise ValueError(f"{name} is {sample}: it must be 0 or more")
+    if first > last:
+        raise ValueError(f"from_sample is {first} and to_sample {last}: give the earlier one first")
+    return min(first, LAST), min(last, LAST)
+
+
+def rows(count: int) -> int:
+    """The rows of a chunk."""
+    if operator.index(count) < 1:
+        raise ValueError(f"rows is {count}: it must be 1 or more")
+    return min(operator.index(count), LAST)
+
+
+def scenario(given: Any) -> None:
+    """Raises TypeError for what is no scenario, with the way to one."""
+    if not isinstance(given, _resonarm.Scenario):
+        what = "None" if given is None else type(given).__name__
+        hint = (
+            f"; Scenario.load({str(given)!r}) reads one"
+            if hasattr(given, "__fspath__") or isinstance(given, str)
+            else ""
+        )
+        raise TypeError(f"a scenario is a resonarm.Scenario: this is {what}{hint}")

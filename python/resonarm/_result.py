@@ -1,0 +1,265 @@
+"""What a run of a bench came to, and what must hold of it."""
+
+import math
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._dtypes import Array
+from .recording import Recording
+from .session import Report
+from .words import Fault, NodeState, Signal
+
+SIGNALS: tuple[Signal, ...] = get_args(Signal)
+LOADS = ("force_n", "torque_nm")
+ROWS = 8
+"""Rows that a failure shows before and behind what failed."""
+
+
+class Result:
+    """What a run came to, and what must hold of it. An assertion that fails shows the signal about the failure and
+    names the recording.
+
+    No assertion passes on a run that a fault or an error ended, whatever it is about; where a fault is what a test
+    wants, `assert_faulted` comes first.
+    """
+
+    def __init__(self, plant: Report, exciter: Report | None, output: str, path: Path) -> None:
+        self.plant = plant.plant
+        """The plant's report: the document of `resonarm run --json`."""
+        self.exciter = exciter.exciter if exciter else {}
+        """The exciter's report; empty if the controller was a program."""
+        self.responses = exciter.responses if exciter else plant.responses
+        """What an emulated exciter has read, as `Report.responses`."""
+        self.output = output
+        """What a program wrote."""
+        self.recording = Recording(path)
+        """The recording of the plant."""
+        self._is_fault_expected = False
+
+    def __repr__(self) -> str:
+        exciter = f", exciter {self.exciter['outcome']}" if self.exciter else ""
+        path = str(self.recording.path)
+        return f"<Result: plant {self.plant['outcome']}{exciter}, {self.plant['samples']} samples, {path!r}>"
+
+    def signal(self, name: Signal) -> tuple[Array, Array]:
+        """Times, s, and values of a reading by its name, such as `acceleration_c_m_s2_x`, or of the held load
+        `force_n_x`."""
+        _samples, times, values = self._rows(name)
+        return times, values
+
+    def _rows(self, name: Signal) -> tuple[Array, Array, Array]:
+        """The samples of a signal, their times and its values."""
+        if name not in SIGNALS:
+            raise ValueError(f"there is no signal {name!r}, only {', '.join(SIGNALS)}")
+        column, _, axis = name.rpartition("_")
+        rows = self.recording.states if column in LOADS else self.recording.samples
+        if column in LOADS and len(rows) and rows["is_end"][-1]:
+            rows = rows[:-1]  # The state in which a run ended has no load.
+        return rows["sample"], rows["time_s"], rows[column][:, "xy".index(axis)]
+
+    def _finite(self, name: Signal) -> tuple[Array, Array, Array]:
+        """The same, if every value is a number."""
+        __tracebackhide__ = True
+        samples, times, values = self._rows(name)
+        if len(bad := np.flatnonzero(~np.isfinite(values))):
+            at = bad[0]
+            what = "NaN" if np.isnan(values[at]) else f"{values[at]:g}"
+            self.fail(f"{name} is {what} at sample {samples[at]} ({times[at]:g} s)", name, int(samples[at]))
+        return samples, times, values
+
+    def fail(self, message: str, name: Signal, at: int) -> None:
+        """Raises AssertionError with a signal from some samples before the sample `at` to some after."""
+        __tracebackhide__ = True
+        samples, times, values = self._rows(name)
+        shown = np.flatnonzero((samples + ROWS >= at) & (samples <= at + ROWS))
+        lines = [
+            f"{'>' if samples[k] == at else ' '} sample {samples[k]:6}  {times[k]:10.4f} s  {values[k]:+12.5g}"
+            for k in shown
+        ]
+        raise AssertionError("\n".join([message, f"  {name}:", *lines, f"recording: {self.recording.path}"]))
+
+    def _bad_end(self) -> str | None:
+        """Which fault or error ended the run, if one did."""
+        fault, error = self.plant["fault"], self.plant["error"]
+        if self.plant["outcome"] in ("faulted", "failed") or error:
+            why = error or _in_words(fault)
+            return f"the plant ended {self.plant['outcome']}: {why}"
+        if self.exciter and self.exciter["outcome"] in ("faulted", "failed", "aborted"):
+            return f"the exciter ended {self.exciter['outcome']}: {self.exciter['reason']}"
+        return None
+
+    def _never_armed(self) -> str | None:
+        """Whether nobody ever armed the plant, in words."""
+        if self.plant["outcome"] == "not-armed" or not (self.recording.events["name"] == "state.operational").any():
+            return "the plant was never armed: no command acted on the arm"
+        return None
+
+    def _fail_at_the_end(self, why: str) -> None:
+        __tracebackhide__ = True
+        self.fail(why, "force_n_x", self.plant["samples"] - 1)
+
+    def _check_end(self) -> None:
+        """Nothing holds of a run that ended badly, or in which nothing was driven."""
+        __tracebackhide__ = True
+        if not self._is_fault_expected and (why := self._bad_end() or self._never_armed()):
+            self._fail_at_the_end(why)
+
+    def assert_completed(self) -> None:
+        """The plant was armed, and neither it nor an emulated exciter ended by a fault or an error."""
+        __tracebackhide__ = True
+        if why := self._bad_end() or self._never_armed():
+            self._fail_at_the_end(why)
+        if self.exciter and self.exciter["outcome"] not in ("finished", "plant-left"):
+            self._fail_at_the_end(f"the exciter ended {self.exciter['outcome']}: {self.exciter['reason']}")
+
+    def assert_faulted(self, fault: Fault | None = None) -> None:
+        """The plant ended by a fault, by its name in the protocol's specification if one is given, such as command
+        timeout. The other assertions, but for `assert_completed`, hold of what came before it from then on."""
+        __tracebackhide__ = True
+        found = self.plant["fault"]
+        if self.plant["outcome"] != "faulted" or found is None:
+            exciter = f", the exciter {self.exciter['outcome']}" if self.exciter else ""
+            what = f"by the fault {fault!r}" if fault else "by a fault"
+            self._fail_at_the_end(
+                f"the run was to end {what}: the plant ended {self.plant['outcome']}{exciter}",
+            )
+        elif fault is not None and found["name"] != fault:
+            self._fail_at_the_end(f"the plant ended faulted: {_in_words(found)}; the fault was to be {fault!r}")
+        self._is_fault_expected = True
+
+    def assert_no_overrun(self) -> None:
+        """No deadline was missed, in real time; in simulated time there are none."""
+        __tracebackhide__ = True
+        self._check_end()
+        if self.plant["overruns"]:
+            late = self.recording.read("ticks")
+            at = int(late["sample"][np.flatnonzero(late["overruns"])[0]])
+            self.fail(f"{self.plant['overruns']} deadlines were missed", "force_n_x", at)
+
+    def assert_no_refused_command(self) -> None:
+        """Every command that came in whole acted on the arm, and every frame was valid. The answer to the last sample
+        of a run whose duration has passed comes when the plant has left, and doesn't count."""
+        __tracebackhide__ = True
+        self._check_end()
+        refused = {reason: count for reason, count in self.plant["refused"].items() if count}
+        if self.plant["outcome"] == "completed":
+            refused.pop("not_armed", None)
+        invalid = self.plant["bus"]["e2e_errors"]
+        if not (refused or invalid):
+            return
+        names = [f"plant.command.{reason}" for reason in refused] + ["frame.refused"] * bool(invalid)
+        events = self.recording.events
+        named = events["sample"][np.isin(events["name"], names)]
+        parts = [f"{count} {reason}" for reason, count in refused.items()]
+        what = [f"commands were refused: {', '.join(parts)}"] if parts else []
+        if invalid:
+            what.append("1 frame was invalid" if invalid == 1 else f"{invalid} frames were invalid")
+        self.fail("; ".join(what), "force_n_x", int(named[0]) if len(named) else 0)
+
+    def assert_force_below(self, limit_n: float) -> None:
+        """The force that acted on the tip stayed below a limit, N, in each axis."""
+        __tracebackhide__ = True
+        _number("limit_n", limit_n)
+        self._check_end()
+        signals: tuple[Signal, ...] = ("force_n_x", "force_n_y")
+        for name in signals:
+            samples, _times, values = self._finite(name)
+            above = np.flatnonzero(np.abs(values) >= limit_n)
+            if len(above):
+                most, axis = np.abs(values).max(), name[-1]
+                message = f"the force along {axis} reaches {most:g} N: limit {limit_n:g} N"
+                self.fail(message, name, int(samples[above[0]]))
+
+    def assert_state_reached(self, state: NodeState, within_s: float) -> None:
+        """The plant reached a state, such as operational or fault, within a time of its samples, s."""
+        __tracebackhide__ = True
+        if state not in get_args(NodeState):
+            raise ValueError(f"there is no state {state!r}, only {', '.join(get_args(NodeState))}")
+        within = round(_number("within_s", within_s) / self.recording.dt_s)
+        events = self.recording.events
+        reached = events["sample"][events["name"] == f"state.{state}"]
+        bad_end = None if state == "fault" or self._is_fault_expected else self._bad_end()
+        if not len(reached) or reached[0] > within:
+            when = f"at {reached[0] * self.recording.dt_s:g} s" if len(reached) else "never"
+            more = f"; {bad_end}" if bad_end else ""
+            message = f"the state {state} was to be reached within {within_s:g} s, and was {when}{more}"
+            self.fail(message, "force_n_x", min(within, self.plant["samples"] - 1))
+        if bad_end:
+            self._fail_at_the_end(bad_end)
+
+    def amplitude(self, name: Signal, frequency_hz: float, from_s: float = 0.0, to_s: float = math.inf) -> float:
+        """Amplitude of the sine of a frequency in a signal, by least squares beside an offset, from one time to
+        another, of a period at least. Raises ValueError for times and frequencies of which the run says nothing."""
+        __tracebackhide__ = True
+        _samples, times, values = self._finite(name)
+        chosen = self._span(times, frequency_hz, from_s, to_s)
+        phase = 2 * np.pi * frequency_hz * times[chosen]
+        columns = np.stack([np.cos(phase), np.sin(phase), np.ones_like(phase)], axis=1)
+        fit = np.linalg.lstsq(columns, values[chosen], rcond=None)[0]
+        return float(np.hypot(fit[0], fit[1]))
+
+    def _span(self, times: Array, frequency_hz: float, from_s: float, to_s: float) -> NDArray[np.bool_]:
+        """The rows from one time to another, if they tell of a frequency."""
+        dt_s = self.recording.dt_s
+        if not (math.isfinite(frequency_hz) and frequency_hz > 0):
+            raise ValueError(f"frequency_hz is {frequency_hz:g}: it must be a positive number")
+        if frequency_hz >= 0.5 / dt_s:
+            raise ValueError(
+                f"frequency_hz is {frequency_hz:g}: at {1 / dt_s:g} samples a second it must be below {0.5 / dt_s:g}"
+            )
+        if _number("from_s", from_s) > to_s or math.isnan(to_s):
+            raise ValueError(f"from_s is {from_s:g} and to_s {to_s:g}: give the earlier one first")
+        end_s = times[-1] if len(times) else 0.0
+        if math.isfinite(to_s) and to_s > end_s + dt_s:
+            raise ValueError(f"to_s is {to_s:g}: the run ends at {end_s:g} s")
+        chosen = (times >= from_s) & (times <= to_s)
+        if np.count_nonzero(chosen) * dt_s < 1 / frequency_hz:
+            raise ValueError(
+                f"from {from_s:g} s to {min(to_s, end_s):g} s are {np.count_nonzero(chosen)} samples: a period of "
+                f"{frequency_hz:g} Hz has {1 / frequency_hz / dt_s:g}"
+            )
+        return chosen
+
+    def assert_settled(
+        self,
+        name: Signal,
+        frequency_hz: float,
+        *,
+        from_s: float,
+        to_s: float,
+        amplitude: float | None = None,
+        within: float = 0.02,
+    ) -> None:
+        """A signal vibrates evenly at a frequency, Hz: its amplitude in the second half of a time is that of the
+        first, and an expected one if it is given, `within` a part of it."""
+        __tracebackhide__ = True
+        self._check_end()
+        _number("within", within)
+        middle = (_number("from_s", from_s) + _number("to_s", to_s)) / 2
+        halves = [self.amplitude(name, frequency_hz, *ends) for ends in ((from_s, middle), (middle, to_s))]
+        samples, times, _values = self._rows(name)
+        at = int(samples[np.searchsorted(times, middle)])
+        if halves[1] == 0:
+            self.fail(f"{name} does not vibrate at {frequency_hz:g} Hz", name, at)
+        if abs(halves[1] - halves[0]) > within * halves[1]:
+            self.fail(f"{name} has not settled: its amplitude goes from {halves[0]:g} to {halves[1]:g}", name, at)
+        if amplitude is not None and abs(halves[1] - _number("amplitude", amplitude)) > within * amplitude:
+            self.fail(f"{name} has an amplitude of {halves[1]:g}: expected {amplitude:g} within {within:.1%}", name, at)
+
+
+def _number(name: str, given: float) -> float:
+    """Raises ValueError for what is no number."""
+    if not math.isfinite(given):
+        raise ValueError(f"{name} is {given:g}: it must be a number")
+    return given
+
+
+def _in_words(fault: dict[str, Any] | None) -> str:
+    """A fault of a report."""
+    if fault is None:
+        return "a fault that was not latched"
+    detail = f", detail {fault['detail']}" if fault["detail"] else ""
+    return f"{fault['name']} (code {fault['code']}{detail}) at sample {fault['sample']}"

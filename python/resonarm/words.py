@@ -1,0 +1,114 @@
+"""The words that calls take, as types, so that a type checker finds a wrong one."""
+
+from typing import Literal
+
+Preset = Literal["irb1600-table1", "irb1600-fitted"]
+"""A parameter set that comes with the package."""
+Drive = Literal["torque1", "torque2", "force-x", "force-y"]
+"""Where the arm is driven: at a joint, or at the tip C."""
+Response = Literal["alpha1", "alpha2", "b-x", "b-y", "c-x", "c-y"]
+"""Where a response is taken: at a joint, at the elbow B or at the tip C."""
+Quantity = Literal["receptance", "mobility", "accelerance"]
+"""What a frequency response is of (ISO 7626-1)."""
+Scheme = Literal["rk4", "dop853", "gl4", "gl6", "exponential", "exponential8"]
+"""An integration scheme."""
+Parameter = Literal[
+    "frequency",
+    "amplitude",
+    "beta1_deg",
+    "beta2_deg",
+    "inertia1_kg_m2",
+    "inertia2_kg_m2",
+    "mass2_kg",
+    "length1_m",
+    "length2_m",
+    "centre2_m",
+    "stiffness1_nm_rad",
+    "stiffness2_nm_rad",
+    "damping1_nm_s_rad",
+    "damping2_nm_s_rad",
+]
+"""What a branch is followed in."""
+Coordinate = Literal["alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s"]
+"""A coordinate of the state."""
+Mode = Literal["free", "lockstep", "real-time"]
+"""What drives the time of a run: nothing but the simulation, the answers of a partner, or the clock."""
+BusMode = Literal["lockstep", "real-time"]
+"""The same of a node on a bus."""
+LoadKind = Literal["force", "torque"]
+"""What a controller commands: a force at the tip, N, or torques at the joints, N·m."""
+Overrun = Literal["slip", "continue", "fault", "stop"]
+"""What a missed deadline leads to, in real time."""
+RealTime = Literal["auto", "require", "off"]
+"""How much a thread wants to be a real-time thread."""
+Spin = Literal["auto", "off"]
+"""How long a loop looks at the clock before a deadline: as long as its sleeps are late, or not at all."""
+NodeRole = Literal["plant", "exciter"]
+"""A node of a network."""
+Profile = Literal["classic", "fd"]
+"""The CAN frames of commands and samples."""
+NodeState = Literal["boot_up", "pre_operational", "operational", "fault"]
+"""A state of a node."""
+MessageName = Literal[
+    "OperatorCommand",
+    "ForceCommand",
+    "TorqueCommand",
+    "ImpedanceHead",
+    "AccelerometerB",
+    "AccelerometerC",
+    "PlantHello",
+    "ExciterHello",
+    "PlantHeartbeat",
+    "ExciterHeartbeat",
+    "PlantEmergency",
+    "ExciterEmergency",
+    "Sensors",
+    "SensorPair",
+    "PlantCapabilities",
+    "ExciterCapabilities",
+]
+"""A message, by its name in the DBC."""
+Verdict = Literal["taken", "refused", "foreign"]
+"""What a receiver does with a frame."""
+Fault = Literal[
+    "command timeout",
+    "sensor timeout",
+    "heartbeat lost",
+    "partner fault",
+    "incompatible",
+    "command out of range",
+    "simulation failed",
+    "overrun",
+    "bus loss",
+    "sample sequence",
+    "second sender",
+    "exciter tripped",
+]
+"""A fault, by its name in the protocol's specification."""
+NetworkFault = Literal[
+    "loss", "delay", "jitter", "reordering", "duplication", "bit_error", "babble", "bus_off", "link_down"
+]
+"""A fault of the network, as `[[network.faults]]` of a scenario has it."""
+Instrument = Literal["accelerometer_b", "accelerometer_c", "impedance_head"]
+"""An instrument."""
+SensorFault = Literal["stuck", "dropout", "drift", "noise", "spike"]
+"""A fault of an instrument, as `[[rig.faults]]` of a scenario has it."""
+Part = Literal["states", "samples", "frames", "ticks", "events"]
+"""The records of a recording that belong together."""
+Reading = Literal["head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2"]
+"""A reading of the instruments, by its name."""
+Signal = Literal[
+    "acceleration_b_m_s2_x",
+    "acceleration_b_m_s2_y",
+    "acceleration_c_m_s2_x",
+    "acceleration_c_m_s2_y",
+    "head_force_n_x",
+    "head_force_n_y",
+    "force_n_x",
+    "force_n_y",
+    "torque_nm_x",
+    "torque_nm_y",
+]
+"""A reading, or the held load, along an axis or of a joint."""
+Format = Literal["parquet", "mf4", "blf"]
+"""A format of export."""

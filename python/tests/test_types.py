@@ -1,0 +1,103 @@
+"""Words that a call takes are types: a checker finds a wrong one before it runs."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import resonarm
+from resonarm import words
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def listed(message):
+    """The words that a message offers."""
+    return set(re.split(r", | or ", re.search(r"(?:one of|are|unknown .*?:|only) ([a-z0-9A-Z_, -]+)", message)[1]))
+
+
+SCENARIO = resonarm.Scenario()
+KNOWN = [
+    (words.Preset, lambda: resonarm.Arm("x")),
+    (words.Drive, lambda: resonarm.Arm().frf(1, drive="x")),
+    (words.Response, lambda: resonarm.Arm().frf(1, response="x")),
+    (words.Quantity, lambda: resonarm.Arm().frf(1, quantity="x")),
+    (words.Scheme, lambda: resonarm.Arm().simulate(1, scheme="x")),
+    (words.Parameter, lambda: resonarm.Arm().continuation("x", 1, 2)),
+    (words.Coordinate, lambda: resonarm.Arm().basins(22, torque1_nm=1, coordinates=("x", "y"))),
+    (words.Part, lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("x")),
+    (words.Mode, lambda: resonarm.run(SCENARIO, "x")),
+    (words.Overrun, lambda: resonarm.run(SCENARIO, "real-time", overrun="x")),
+    (words.RealTime, lambda: resonarm.run(SCENARIO, "real-time", rt="x")),
+    (words.MessageName, lambda: resonarm.Encoder().encode("x")),
+]
+
+
+@pytest.mark.parametrize(("type_", "call"), KNOWN, ids=[call.__code__.co_names[-1] for _, call in KNOWN])
+def test_the_words_of_a_type_are_those_that_the_extension_takes(type_, call):
+    with pytest.raises(ValueError) as raised:
+        call()
+    assert all(word in str(raised.value) for word in get_args(type_)), str(raised.value)
+    offered = listed(str(raised.value))
+    assert set(get_args(type_)) == offered, str(raised.value)
+
+
+WRONG = """\
+import resonarm
+from resonarm.testing import Bench
+
+arm, scenario = resonarm.Arm("irb1600-table1"), resonarm.Scenario()
+resonarm.Arm("irb")  # wrong
+arm.frf(1.0, drive="force-x", response="c-y", quantity="mobility")
+arm.frf(1.0, drive="force")  # wrong
+arm.frf(1.0, response="c")  # wrong
+arm.frf(1.0, quantity="inertance")  # wrong
+arm.simulate(1.0, scheme="gl6")
+arm.simulate(1.0, scheme="euler")  # wrong
+arm.continuation("frequency", 21, 23, torque1_nm=1.0, curves_in="amplitude", curves_to=2.0)
+arm.continuation("freq", 21, 23, torque1_nm=1.0)  # wrong
+arm.continuation("frequency", 21, 23, torque_nm=1.0)  # wrong
+arm.basins(22.0, torque1_nm=1.0, coordinates=("alpha1_rad", "alpha2_rad"))
+arm.basins(22.0, torque1_nm=1.0, coordinates=("alpha1", "alpha2_rad"))  # wrong
+resonarm.run(scenario, "real-time", overrun="slip", rt="auto", spin_s="auto")
+resonarm.run(scenario, "realtime")  # wrong
+resonarm.run(scenario, load="weight")  # wrong
+resonarm.run(scenario, "real-time", overrun="skip")  # wrong
+resonarm.run(scenario, "real-time", rt="on")  # wrong
+resonarm.Node("plant", scenario, "vcan0", "lockstep")
+resonarm.Node("planet", scenario, "vcan0")  # wrong
+resonarm.Node("plant", scenario, "vcan0", "free")  # wrong
+resonarm.Network(profile="fd")
+resonarm.Network(profile="can-fd")  # wrong
+resonarm.Encoder().encode("ForceCommand", force_x_n=1.0)
+resonarm.Encoder().encode("Force", force_x_n=1.0)  # wrong
+recording = resonarm.Recording("run.mcap")
+recording.read("states")
+recording.read("state")  # wrong
+verdict: str = resonarm.Decoder().decode(resonarm.Frame(1, False, b"", False, False)).verdict
+bench = Bench("bench.toml")
+with bench.fault("loss", node="exciter"), bench.sensor_fault("impedance_head", "stuck"):
+    result = bench.run()
+with bench.fault("lost"):  # wrong
+    pass
+with bench.sensor_fault("head", "stuck"):  # wrong
+    pass
+result.signal("force_n_x")
+result.signal("force_n")  # wrong
+result.assert_state_reached("fault", 1.0)
+result.assert_state_reached("faulted", 1.0)  # wrong
+result.assert_faulted("command timeout")
+result.assert_faulted("timeout")  # wrong
+"""
+
+
+def test_a_checker_finds_wrong_words(tmp_path):
+    file = tmp_path / "wrong.py"
+    file.write_text(WRONG)
+    words = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--cache-dir", tmp_path / "cache", file]
+    said = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, cwd=tmp_path).stdout
+    found = sorted({int(line) for line in re.findall(r"^\S*wrong\.py:(\d+): error", said, re.M)})
+    assert found == [k for k, line in enumerate(WRONG.splitlines(), 1) if line.endswith("# wrong")], said
