@@ -1,6 +1,7 @@
 """What a call was given, checked before it goes over to the extension."""
 
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ LAST = 2**64 - 1
 
 def real(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Real numbers as an array. Raises TypeError for what has none, and for complex ones."""
+    if values is None:
+        raise TypeError(f"{name} is no array of numbers: it is None")
     try:
         given = np.asarray(values)
     except ValueError as error:
@@ -45,6 +48,36 @@ def rows(count: int) -> int:
     if operator.index(count) < 1:
         raise ValueError(f"rows is {count}: it must be 1 or more")
     return min(operator.index(count), LAST)
+
+
+def four(name: str, given: Sequence[float]) -> tuple[float, float, float, float]:
+    """A state, whole."""
+    if len(given) != 4:
+        raise ValueError(f"{name} has {len(given)} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s")
+    first, second, third, fourth = given
+    return (first, second, third, fourth)
+
+
+def number(name: str, given: float) -> float:
+    """A real number of whatever type. Raises TypeError for what is none."""
+    if isinstance(given, str) or not hasattr(given, "__float__"):
+        raise TypeError(f"{name} is {given!r}: it must be a number")
+    return float(given)
+
+
+def network(given: Any) -> None:
+    """Raises TypeError for what is no network."""
+    if not isinstance(given, _resonarm.Network):
+        raise TypeError(f"a network is a resonarm.Network: this is {type(given).__name__}")
+
+
+def controller(given: Any) -> None:
+    """Raises TypeError for what can't be called with a measurement."""
+    if not callable(given):
+        raise TypeError(
+            "a controller is a function of a Measurement, or a list of the words of a command where a bench runs it: "
+            f"this is {given!r}"
+        )
 
 
 def scenario(given: Any) -> None:

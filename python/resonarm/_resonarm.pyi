@@ -1,8 +1,9 @@
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, final
 
+from numpy.typing import NDArray
 from typing_extensions import Self
 
 from .words import MessageName, NodeRole, Part, Preset, Profile, Verdict
@@ -119,6 +120,7 @@ def trace_branch(
 ) -> Traced: ...
 
 _Load = tuple[float, float]
+_Pair = Sequence[float] | NDArray[Any]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
 _Sine = tuple[_Load, _Load, float]
@@ -183,7 +185,7 @@ class Plant:
         """Their rates, rad/s."""
     def measure(self) -> Measurement:
         """What the instruments say at the sample. Every call draws new noise: call it once a sample."""
-    def advance(self, force_n: _Load = (0.0, 0.0), torque_nm: _Load = (0.0, 0.0)) -> None:
+    def advance(self, force_n: _Pair | None = None, torque_nm: _Pair | None = None) -> None:
         """Advances to the next sample with a force at the tip, N, and torques at the joints, N·m, held. Raises
         ValueError for a load that is not finite, ResonarmError if the integrator can't go on or the shaker trips: the
         plant then stays where it was."""

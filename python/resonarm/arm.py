@@ -95,11 +95,12 @@ class Arm(_resonarm.Arm):
             raise ValueError(
                 f"excitation_hz is {excitation_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
             )
+        state = _checks.four("initial", initial)
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
-        length = (_steps(duration_s, rate), every)
-        return view(self.motion(initial, load.sine(excitation_hz), (scheme, rate), length), MOTION)
+        length = (_steps(_checks.number("duration_s", duration_s), rate), every)
+        return view(self.motion(state, load.sine(excitation_hz), (scheme, rate), length), MOTION)
 
     def ensemble(
         self,

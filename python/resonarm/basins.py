@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _extras, _resonarm
+from . import _checks, _extras, _resonarm
 from ._dtypes import NUMBER, OUTCOME, Array, view
 from ._load import Load
 from .words import Coordinate
@@ -115,14 +115,6 @@ def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
     return (values[0], values[1])
 
 
-def four(initial: Sequence[float]) -> State:
-    """A state, whole."""
-    if len(initial) != 4:
-        raise ValueError(f"initial has {len(initial)} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s")
-    first, second, third, fourth = initial
-    return (first, second, third, fourth)
-
-
 def found(attractors: _resonarm.Attractors, states: NDArray[np.float64], wait: float, on_cores: bool) -> Array:
     """Rows with the motion that each state reaches, and after how many periods."""
     return view(attractors.outcomes(states.astype(NUMBER).tobytes(), wait, on_cores), OUTCOME)
@@ -167,7 +159,7 @@ def basins(
     names = pair("coordinates", coordinates)
     last = _reach(motions, names, frequency_hz) if stop is None else pair("stop", stop)
     first = (-last[0], -last[1]) if start is None else pair("start", start)
-    grid = Grid(names, first, last, pair("points", points), four(initial))
+    grid = Grid(names, first, last, pair("points", points), _checks.four("initial", initial))
     rows = found(attractors, grid.states(), time_constants, True).reshape(grid.points[1], grid.points[0])
     motion, periods = np.ascontiguousarray(rows["motion"]), np.ascontiguousarray(rows["periods"])
     return Basins(names, grid.axis(0), grid.axis(1), motions, motion, periods, attractors.ended_early)

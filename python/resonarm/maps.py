@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _chunks, _extras, _resonarm
+from . import _checks, _chunks, _extras, _resonarm
 from ._chunks import Arrays, Chunk
 from ._load import Load
 from .arm import Arm
-from .basins import AT_REST, TIME_CONSTANTS, Grid, found, four, pair
+from .basins import AT_REST, TIME_CONSTANTS, Grid, found, pair
 from .continuation import Branch, BranchEndedEarly
 from .scenario import Scenario
 from .session import run
@@ -134,7 +134,7 @@ def basin_map(
     """
     name, amplitudes = _load(torque1_nm, torque2_nm, force_x_n, force_y_n)
     first, last = pair("start", start), pair("stop", stop)
-    grid = Grid(pair("coordinates", coordinates), first, last, pair("points", points), four(initial))
+    grid = Grid(pair("coordinates", coordinates), first, last, pair("points", points), _checks.four("initial", initial))
     states = grid.states()
     blocks = [states[k : k + BLOCK] for k in range(0, len(states), BLOCK)]
     places: dict[str, list[float]] = {"beta2_deg": _poses(arm, beta2_deg), name: amplitudes}

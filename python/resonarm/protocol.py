@@ -3,8 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-from . import _extras, _resonarm
+from . import _checks, _extras, _resonarm
 from .words import MessageName, NodeRole, Verdict
+
+LARGEST_IDENTIFIER = 0x1FFF_FFFF
 
 
 class Frame(NamedTuple):
@@ -81,7 +83,9 @@ class Encoder(_resonarm.Encoder):
     """Makes frames of a network, each message with its own counter, from 0 on."""
 
     def __new__(cls, network: Network | None = None) -> "Encoder":
-        return super().__new__(cls, Network() if network is None else network)
+        network = Network() if network is None else network
+        _checks.network(network)
+        return super().__new__(cls, network)
 
     def encode(self, message: MessageName, **signals: float) -> Frame:
         """The next frame of a message by its name in the DBC, protected; marks of saturation that are left out are 0.
@@ -96,7 +100,9 @@ class Decoder(_resonarm.Decoder):
     supervises the counters. `lost` counts the frames that the counters say were lost."""
 
     def __new__(cls, network: Network | None = None) -> "Decoder":
-        return super().__new__(cls, Network() if network is None else network)
+        network = Network() if network is None else network
+        _checks.network(network)
+        return super().__new__(cls, network)
 
     def decode(self, frame: Any) -> Decoded:
         """What a `Frame`, or a `can.Message` with data, says.
@@ -104,4 +110,8 @@ class Decoder(_resonarm.Decoder):
         Raises TypeError for anything else, ValueError for a frame that no bus carries.
         """
         parts = frame if isinstance(frame, Frame) else Frame.of(frame)
+        if not isinstance(parts.data, bytes | bytearray):
+            raise TypeError(f"the data of a frame are bytes: these are {type(parts.data).__name__}")
+        if not 0 <= parts.identifier <= LARGEST_IDENTIFIER:
+            raise ValueError(f"identifier is {parts.identifier}: it must be from 0 to 0x{LARGEST_IDENTIFIER:X}")
         return Decoded(*self.decode_parts(parts))

@@ -1,10 +1,13 @@
 """Scenarios: everything about a run, in one TOML text."""
 
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import _resonarm
 from .arm import Arm
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class Scenario(_resonarm.Scenario):
@@ -13,6 +16,20 @@ class Scenario(_resonarm.Scenario):
 
     Raises ValueError for what is no scenario, with the message of the command line.
     """
+
+    def __new__(
+        cls,
+        text: str = "",
+        *,
+        path: str | PathLike[str] | None = None,
+        folder: str | PathLike[str] | None = None,
+    ) -> "Self":
+        """Of a TOML text, whose load file counts from the `folder`; of the file of a `path`."""
+        is_path = isinstance(text, PathLike) or (isinstance(text, str) and text.endswith(".toml") and "\n" not in text)
+        if is_path or not isinstance(text, str):
+            what = f": Scenario.load({str(text)!r}) reads a file" if is_path else f", a str: this is {text!r}"
+            raise (ValueError if isinstance(text, str) else TypeError)(f"Scenario() takes the TOML itself{what}")
+        return super().__new__(cls, text, path=path, folder=folder)
 
     @classmethod
     def load(cls, path: str | PathLike[str], **sections: dict[str, Any] | None) -> "Scenario":

@@ -111,12 +111,26 @@ def run(
     Raises ValueError and OSError if the run can't begin; what the controller raises, and ValueError or TypeError, with
     the sample, for a load that is not two finite numbers. What ends a run early is in the report.
     """
-    _checks.scenario(scenario)
+    own = _controller(scenario, controller, load, rearm)
     real_time = (overrun, rt, priority, core, cores_awake, spin_s)
     how = (mode, record, overwrite, speed, patience_s, rearm, True, real_time)
-    own = None if controller is None else (controller, load)
     plant, exciter, responses = _resonarm.run_both(scenario, how, own)
     return Report(plant, exciter, view(responses, RESPONSE))
+
+
+def _controller(
+    scenario: Scenario, controller: Controller | None, load: LoadKind, rearm: int
+) -> tuple[Controller, str] | None:
+    """The controller of one's own with the kind of its load, after a look at what was given."""
+    _checks.scenario(scenario)
+    if rearm < 0:
+        raise ValueError(f"rearm is {rearm}: it must be 0 or more")
+    if controller is None:
+        if load != "force":
+            raise ValueError("load is for a controller in Python, and there is none: leave it out")
+        return None
+    _checks.controller(controller)
+    return (controller, load)
 
 
 class Node(_resonarm.NodeRun):
@@ -149,10 +163,11 @@ class Node(_resonarm.NodeRun):
         cores_awake: bool = False,
         spin_s: float | Spin | None = None,
     ) -> "Node":
-        _checks.scenario(scenario)
+        own = _controller(scenario, controller, load, rearm)
+        if not isinstance(bus, str | _resonarm.BusEnd):
+            raise TypeError(f"a bus is the address of one, such as 'vcan0': this is {type(bus).__name__}")
         real_time = (overrun, rt, priority, core, cores_awake, spin_s)
         how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time)
-        own = None if controller is None else (controller, load)
         return super().__new__(cls, role, scenario, how, bus, own)
 
     def wait(self) -> Report:

@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from . import _extras, _resonarm
+from . import _checks, _extras, _resonarm
 from ._result import Result
 from .scenario import Scenario
 from .session import Controller, Node, run
@@ -116,15 +116,19 @@ class Bench:
         runs = "1 run" if count == 1 else f"{count} runs"
         return f"<Bench of {self.scenario!r} on {self.bus}: {runs} in {str(self.folder)!r}>"
 
-    def run(self, controller: Controller | Sequence[str] | None = None, *, patience_s: float = 60.0) -> Result:
+    def run(
+        self, controller: Controller | list[str] | tuple[str, ...] | None = None, *, patience_s: float = 60.0
+    ) -> Result:
         """Runs until the controller has disarmed the plant, the scenario's duration has passed, or an error ends it.
 
         `controller` is the emulated one of the scenario (None), one written in Python, or the words of a command, in
         which `{bus}` stands for the interface: then NeedsInterface is raised on a bus in memory. `patience_s` is how
         long a plant waits to be armed, by the clock; in the mode free it waits for 5 s of simulated time.
         """
-        if controller is not None and not callable(controller):
+        if isinstance(controller, list | tuple):
             return self._with_program(controller, patience_s)
+        if controller is not None:
+            _checks.controller(controller)
         path, mode = self._next(), self.mode or "free"
         if mode == "free":
             report = run(self.scenario, mode, controller=controller, record=path, patience_s=patience_s)

@@ -67,7 +67,7 @@ impl Arm {
     #[new]
     #[pyo3(signature = (preset = "irb1600-fitted", *, beta1_deg = 0.0, beta2_deg = 60.0, parameters = None))]
     fn new(preset: &str, beta1_deg: f64, beta2_deg: f64, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Arm> {
-        let parameters = parameters.map(values::table).transpose()?.unwrap_or_default();
+        let parameters = parameters.map(|given| values::table("parameters", given)).transpose()?.unwrap_or_default();
         let section =
             ArmSection { preset: preset.to_owned(), beta1_deg, beta2_deg, parameters, ..ArmSection::default() };
         let scenario = Scenario { arm: section, ..Scenario::default() };

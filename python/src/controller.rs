@@ -3,7 +3,6 @@
 use core::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
@@ -11,6 +10,7 @@ use resonarm::rig;
 
 use crate::errors;
 use crate::plant::Measurement;
+use crate::values;
 
 /// The exception that ended a controller's work, if one did.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
@@ -39,26 +39,11 @@ pub fn load_kind(name: &str) -> PyResult<LoadKind> {
 
 /// The two components that a controller has returned for a sample.
 fn load(answer: &Bound<'_, PyAny>, sample: u64) -> PyResult<[f64; 2]> {
-    // What nearly every controller returns needs no list.
-    if let Ok((first, second)) = answer.extract::<(f64, f64)>()
-        && first.is_finite()
-        && second.is_finite()
-    {
-        return Ok([first, second]);
-    }
-    let refused = |kind: fn(String) -> PyErr| {
-        let returned = answer.repr().map_or_else(|_| String::from("what has no repr()"), |text| text.to_string());
-        kind(format!(
+    values::two_numbers(answer, |returned| {
+        format!(
             "the controller returned {returned} for sample {sample}: a load is two finite numbers, and None ends the work"
-        ))
-    };
-    let wrong_type = |_error: PyErr| refused(PyTypeError::new_err);
-    let items = answer.try_iter().map_err(wrong_type)?.collect::<PyResult<Vec<_>>>()?;
-    let numbers = items.iter().map(|item| item.extract().map_err(wrong_type)).collect::<PyResult<Vec<f64>>>()?;
-    match numbers[..] {
-        [first, second] if first.is_finite() && second.is_finite() => Ok([first, second]),
-        _ => Err(refused(errors::value)),
-    }
+        )
+    })
 }
 
 impl PyController {

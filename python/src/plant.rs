@@ -9,6 +9,7 @@ use resonarm::rig::{self, Reading};
 use crate::errors;
 use crate::rows::{Rows, numbers};
 use crate::scenario::Scenario;
+use crate::values;
 
 /// What the instruments say at a sample.
 #[pyclass(frozen, eq, module = "resonarm._resonarm")]
@@ -162,17 +163,14 @@ impl Plant {
     }
 
     /// Advances to the next sample with a load held.
-    #[pyo3(signature = (force_n = (0.0, 0.0), torque_nm = (0.0, 0.0)))]
-    fn advance(&mut self, force_n: (f64, f64), torque_nm: (f64, f64)) -> PyResult<()> {
-        for (name, (first, second)) in [("force_n", force_n), ("torque_nm", torque_nm)] {
-            if !(first.is_finite() && second.is_finite()) {
-                let sample = self.inner.sample();
-                return Err(errors::value(format!(
-                    "{name} is ({first:?}, {second:?}) at sample {sample}: it must be two finite numbers"
-                )));
-            }
-        }
-        let load = Load { torque_nm: <[f64; 2]>::from(torque_nm).into(), force_n: <[f64; 2]>::from(force_n).into() };
+    #[pyo3(signature = (force_n = None, torque_nm = None))]
+    fn advance(&mut self, force_n: Option<&Bound<'_, PyAny>>, torque_nm: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let sample = self.inner.sample();
+        let pair = |name: &str, given: Option<&Bound<'_, PyAny>>| {
+            let message = |text: &str| format!("{name} is {text} at sample {sample}: it must be two finite numbers");
+            given.map_or(Ok([0.0; 2]), |given| values::two_numbers(given, message))
+        };
+        let load = Load { torque_nm: pair("torque_nm", torque_nm)?.into(), force_n: pair("force_n", force_n)?.into() };
         self.inner.advance(&load).map_err(errors::failed)
     }
 

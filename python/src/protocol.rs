@@ -52,8 +52,15 @@ pub struct Network {
 impl Network {
     #[new]
     #[pyo3(signature = (*, base = 0x200, plant_id = 1, exciter_id = 2, profile = "classic"))]
-    fn new(base: u16, plant_id: u8, exciter_id: u8, profile: &str) -> PyResult<Network> {
-        let profile: Profile = profile.parse().map_err(errors::value)?;
+    fn new(base: i64, plant_id: i64, exciter_id: i64, profile: &str) -> PyResult<Network> {
+        let unknown = |error| errors::value(format!("profile is `{profile}`: {error}"));
+        let profile: Profile = profile.parse().map_err(unknown)?;
+        let base = u16::try_from(base)
+            .map_err(|_| errors::value(format!("base is {base}: it must be from 0x180 to 0x570")))?;
+        let node_id = |name: &str, id: i64| {
+            u8::try_from(id).map_err(|_| errors::value(format!("{name} is {id}: it must be from 1 to 127")))
+        };
+        let (plant_id, exciter_id) = (node_id("plant_id", plant_id)?, node_id("exciter_id", exciter_id)?);
         let network = protocol::Network::new(base).and_then(|network| network.with_node_ids(plant_id, exciter_id));
         Ok(Network { inner: network.map_err(errors::value)?.with_profile(profile) })
     }

@@ -60,7 +60,7 @@ impl Recording {
 
     /// How many records of a part there are.
     fn count(&self, part: &str) -> PyResult<u64> {
-        let part: Part = part.parse().map_err(errors::value)?;
+        let part = self::part(part)?;
         Ok(self.inner.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records))
     }
 
@@ -96,7 +96,7 @@ impl Recording {
 
     /// Reads a part: states, samples, frames, ticks or events, between two samples, both among them.
     fn reader(&self, part: &str, from_sample: u64, to_sample: u64) -> PyResult<Reader> {
-        let part: Part = part.parse().map_err(errors::value)?;
+        let part = self::part(part)?;
         let records = match part {
             Part::States => boxed(self.inner.states(), Record::State),
             Part::Samples => boxed(self.inner.samples(), Record::Sample),
@@ -107,6 +107,11 @@ impl Recording {
         let records = records.map_err(errors::recording)?;
         Ok(Reader { records: Mutex::new(records), from_sample, to_sample, origin: self.inner.origin().clone() })
     }
+}
+
+/// The part of a name.
+fn part(name: &str) -> PyResult<Part> {
+    name.parse().map_err(|unknown| errors::value(format!("part is `{name}`: {unknown}")))
 }
 
 type AnyRecords = Box<dyn Iterator<Item = Result<Record<String>, RecordingError>> + Send>;

@@ -49,16 +49,20 @@ impl Scenario {
                 whole.remove(&name);
                 continue;
             }
-            let section = whole.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            let (Some(section), Ok(values)) = (section.as_table_mut(), values.cast::<PyDict>()) else {
-                return Err(errors::value("a section of a scenario is a dictionary of its keys, or None"));
+            let Ok(values) = values.cast::<PyDict>() else {
+                let message =
+                    format!("`{name}` is {values:?}: a section of a scenario is a dictionary of its keys, or None");
+                return Err(errors::value(message));
             };
+            let given = values::table(&name, values)?;
+            let section = whole.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            let Some(section) = section.as_table_mut() else { continue };
             for (key, value) in values {
                 if value.is_none() {
                     section.remove(&key.extract::<String>()?);
                 }
             }
-            section.extend(values::table(values)?);
+            section.extend(given);
         }
         let keywords = PyDict::new(slf.py());
         keywords.set_item("folder", &this.folder)?;

@@ -239,6 +239,9 @@ impl NodeRun {
         bus: &Bound<'_, PyAny>,
         controller: Option<(Py<PyAny>, String)>,
     ) -> PyResult<NodeRun> {
+        if !matches!(role, "plant" | "exciter") {
+            return Err(errors::value(format!("role is `{role}`: a node is a plant or an exciter")));
+        }
         if how.0 == Mode::Free.name() {
             return Err(errors::run(RunError::FreeHasNoBus));
         }
@@ -262,11 +265,10 @@ impl NodeRun {
                 let report = session.plant(bus.as_mut(), &watched, |event| _ = told.try_send(event))?;
                 Ok(Report::Plant(Box::new(report)))
             }),
-            "exciter" => Box::new(move || {
+            _ => Box::new(move || {
                 session.controller()?;
                 Ok(Report::Exciter(Box::new(session.exciter(bus.as_mut(), &watched)?)))
             }),
-            _ => return Err(errors::value(format!("role is `{role}`: a node is a plant or an exciter"))),
         };
         let thread = Mutex::new(Some(thread::spawn(work)));
         Ok(NodeRun { signals, thread, events: Mutex::new(events), raised })

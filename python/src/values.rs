@@ -7,32 +7,62 @@ use serde::Serialize;
 
 use crate::errors;
 
-/// A table of TOML. A key whose value is `None` is left out.
-pub fn table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
+/// A table of TOML, with the name that it has in messages. A key whose value is `None` is left out.
+pub fn table(name: &str, dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     let mut table = toml::Table::new();
     for (key, value) in dict {
         if !value.is_none() {
-            table.insert(key.extract()?, toml_value(&value)?);
+            let key: String = key.extract()?;
+            let value = toml_value(&format!("{name}.{key}"), &value)?;
+            table.insert(key, value);
         }
     }
     Ok(table)
 }
 
-fn toml_value(value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
+fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     if value.is_instance_of::<PyBool>() {
         Ok(toml::Value::Boolean(value.extract()?))
     } else if value.is_instance_of::<PyInt>() {
         Ok(toml::Value::Integer(value.extract()?))
     } else if value.is_instance_of::<PyString>() {
         Ok(toml::Value::String(value.extract()?))
+    } else if value.hasattr("tolist")? && !value.is_instance_of::<PyFloat>() {
+        toml_value(name, &value.call_method0("tolist")?) // of NumPy
     } else if let Ok(dict) = value.cast::<PyDict>() {
-        Ok(toml::Value::Table(table(dict)?))
+        Ok(toml::Value::Table(table(name, dict)?))
     } else if value.is_instance_of::<PyFloat>() || value.hasattr("__float__")? {
-        Ok(toml::Value::Float(value.extract()?))
+        match value.extract::<f64>()? {
+            number if number.is_nan() => Err(errors::value(format!("{name} is NaN: it must be a number"))),
+            number => Ok(toml::Value::Float(number)),
+        }
     } else if let Ok(items) = value.try_iter() {
-        Ok(toml::Value::Array(items.map(|item| toml_value(&item?)).collect::<PyResult<_>>()?))
+        Ok(toml::Value::Array(items.map(|item| toml_value(name, &item?)).collect::<PyResult<_>>()?))
     } else {
         Err(PyTypeError::new_err(format!("{value:?} has no form in TOML: give numbers, texts, lists or dictionaries")))
+    }
+}
+
+/// Two finite numbers. `message` says what is wrong, of what was given as Python writes it: a `ValueError`, or a
+/// `TypeError` where there are no numbers.
+pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
+    // What nearly everybody gives needs no list.
+    if let Ok((first, second)) = given.extract::<(f64, f64)>()
+        && first.is_finite()
+        && second.is_finite()
+    {
+        return Ok([first, second]);
+    }
+    let refused = |kind: fn(String) -> PyErr| {
+        let text = given.repr().map_or_else(|_| String::from("what has no repr()"), |text| text.to_string());
+        kind(message(&text))
+    };
+    let wrong_type = |_error: PyErr| refused(PyTypeError::new_err);
+    let items = given.try_iter().map_err(wrong_type)?.collect::<PyResult<Vec<_>>>()?;
+    let numbers = items.iter().map(|item| item.extract().map_err(wrong_type)).collect::<PyResult<Vec<f64>>>()?;
+    match numbers[..] {
+        [first, second] if first.is_finite() && second.is_finite() => Ok([first, second]),
+        _ => Err(refused(errors::value)),
     }
 }
 

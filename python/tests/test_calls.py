@@ -1,10 +1,14 @@
 """Calls that can't be: each is refused in words that say what was given, where, and what would do."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import resonarm
+from resonarm.testing import Bench
 
+ROOT = Path(__file__).resolve().parents[2]
 NAN = float("nan")
 
 
@@ -64,7 +68,7 @@ def frequencies(of):
         (
             lambda: resonarm.Plant().advance(force_n=(0.0, NAN)),
             ValueError,
-            "force_n is (0.0, NaN) at sample 0: it must be two finite numbers",
+            "force_n is (0.0, nan) at sample 0: it must be two finite numbers",
         ),
         (
             lambda: resonarm.Plant().advance(torque_nm=(-float("inf"), 0.0)),
@@ -84,6 +88,91 @@ def frequencies(of):
         (lambda: resonarm.run("scenarios/bench.toml"), TypeError, "Scenario.load('scenarios/bench.toml') reads one"),
         (lambda: resonarm.Plant("bench.toml"), TypeError, "a scenario is a resonarm.Scenario: this is str"),
         (lambda: resonarm.Node("plant", None, "vcan0"), TypeError, "a scenario is a resonarm.Scenario: this is None"),
+        (
+            lambda: resonarm.Scenario("scenarios/bench.toml"),
+            ValueError,
+            "Scenario() takes the TOML itself: Scenario.load('scenarios/bench.toml') reads a file",
+        ),
+        (
+            lambda: resonarm.Scenario(Path("bench.toml")),
+            TypeError,
+            "Scenario() takes the TOML itself: Scenario.load('bench.toml') reads a file",
+        ),
+        (
+            lambda: resonarm.Scenario().replace(simulation={"duration_s": NAN}),
+            ValueError,
+            "simulation.duration_s is NaN: it must be a number",
+        ),
+        (
+            lambda: resonarm.Scenario().replace(rig={"faults": [{"from_s": 0.0, "to_s": NAN}]}),
+            ValueError,
+            "rig.faults.to_s is NaN: it must be a number",
+        ),
+        (
+            lambda: resonarm.Arm(parameters={"mass2_kg": NAN}),
+            ValueError,
+            "parameters.mass2_kg is NaN: it must be a number",
+        ),
+        (
+            lambda: resonarm.Scenario().replace(simulation=3),
+            ValueError,
+            "`simulation` is 3: a section of a scenario is",
+        ),
+        (
+            lambda: resonarm.Arm().simulate(1, initial=(0, 0)),
+            ValueError,
+            "initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s",
+        ),
+        (lambda: resonarm.Arm().simulate("1"), TypeError, "duration_s is '1': it must be a number"),
+        (lambda: frequencies(None), TypeError, "frequency_hz is no array of numbers"),
+        (
+            lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("wheels"),
+            ValueError,
+            "part is `wheels`: it is one of states, samples, frames, ticks, events",
+        ),
+        (lambda: resonarm.Network(profile="can"), ValueError, "profile is `can`: the profiles are classic and fd"),
+        (lambda: resonarm.Network(base=70000), ValueError, "base is 70000: it must be from 0x180 to 0x570"),
+        (lambda: resonarm.Network(plant_id=300), ValueError, "plant_id is 300: it must be from 1 to 127"),
+        (lambda: resonarm.Network(exciter_id=-1), ValueError, "exciter_id is -1: it must be from 1 to 127"),
+        (lambda: resonarm.Encoder("fd"), TypeError, "a network is a resonarm.Network: this is str"),
+        (lambda: resonarm.Decoder(3), TypeError, "a network is a resonarm.Network: this is int"),
+        (
+            lambda: resonarm.Decoder().decode(resonarm.Frame(0x201, False, "xx", False, False)),
+            TypeError,
+            "the data of a frame are bytes: these are str",
+        ),
+        (
+            lambda: resonarm.Decoder().decode(resonarm.Frame(-1, False, b"", False, False)),
+            ValueError,
+            "identifier is -1: it must be from 0 to 0x1FFFFFFF",
+        ),
+        (lambda: resonarm.run(resonarm.Scenario(), rearm=-1), ValueError, "rearm is -1: it must be 0 or more"),
+        (
+            lambda: resonarm.run(resonarm.Scenario(), load="torque"),
+            ValueError,
+            "load is for a controller in Python, and there is none: leave it out",
+        ),
+        (lambda: resonarm.run(resonarm.Scenario(), controller=5), TypeError, "a controller is a function of a Measure"),
+        (
+            lambda: resonarm.Node("planet", resonarm.Scenario(), "vcan0"),
+            ValueError,
+            "role is `planet`: a node is a plant or an exciter",
+        ),
+        (
+            lambda: resonarm.Node("plant", resonarm.Scenario(), 5),
+            TypeError,
+            "a bus is the address of one, such as 'vcan0': this is int",
+        ),
+        (
+            lambda: Bench().run("controller {bus}"),
+            TypeError,
+            "a controller is a function of a Measurement, or a list of",
+        ),
+        (
+            lambda: Bench().run(object()),
+            TypeError,
+            "a controller is a function of a Measurement, or a list of the words",
+        ),
     ],
 )
 def test_a_call_that_cant_be(call, kind, message):
@@ -135,3 +224,26 @@ def test_a_controller_returns_what_has_two_numbers(bench_scenario):
     for answer in ([1.0, 2.0], np.array([1.0, 2.0]), (np.float32(1), 2)):
         report = resonarm.run(bench_scenario, controller=lambda m, of=answer: of if m.sample < 20 else None)
         assert report.exciter["outcome"] == "finished"
+
+
+def test_numbers_of_numpy_are_numbers():
+    scenario = resonarm.Scenario().replace(
+        simulation={"seed": np.int64(3), "duration_s": np.float32(0.5)},
+        rig={"faults": [{"instrument": "impedance_head", "kind": "stuck", "from_s": np.array(0.25)}]},
+        network={"faults": [{"node": "plant", "kind": "loss", "from_s": 0.0, "ids": np.array([0x201, 0x202])}]},
+    )
+    values = scenario.values()
+    assert (values["simulation"]["seed"], values["simulation"]["duration_s"]) == (3, 0.5)
+    assert values["rig"]["faults"][0]["from_s"] == 0.25 and values["network"]["faults"][0]["ids"] == [0x201, 0x202]
+
+
+@pytest.mark.parametrize("force", [(1.0, 2.0), [1.0, 2.0], np.array([1.0, 2.0]), (np.float32(1), 2)])
+def test_a_plant_takes_two_numbers(force):
+    plant, other = resonarm.Plant(), resonarm.Plant()
+    plant.advance(force)
+    other.play(force_n=[(1.0, 2.0)])
+    assert plant.alpha_rad == other.alpha_rad
+    with pytest.raises(TypeError, match="'xy'"):
+        plant.advance("xy")
+    with pytest.raises(ValueError, match=r"force_n is \[1\.0\] at sample 1: it must be two finite numbers"):
+        plant.advance([1.0])
