@@ -133,7 +133,12 @@ mod tests {
         let Steering { load, frequency_hz, phase_deg } = Steering::new(limit, rate_hz);
         let wish =
             |[load, frequency_hz, phase_deg]: [f64; 3]| Wish::Set { load, frequency_hz, phase_deg }.order(&about);
-        let mut steered = Steered::new(Load::force_n(1.0, 0.0), limit, rate_hz, 10.0);
+        let mut steered = Steered::new(
+            Load::force_n(1.0, 0.0),
+            limit,
+            crate::rig::Sampling { rate_hz, converter: Default::default() },
+            10.0,
+        );
         let inside = [1.0, 10.0, 0.0];
         for (place, [least, most]) in [load, frequency_hz, phase_deg].into_iter().enumerate() {
             for (end, beyond) in [(least, least.next_down()), (most, most.next_up())] {
