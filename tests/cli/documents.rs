@@ -310,3 +310,32 @@ fn curves_of_folds_stand_beside_the_branch() {
     let cusp_nm = (0..points.len()).map(|k| at(k, "torque1_nm")).fold(f64::INFINITY, f64::min);
     assert!(cusp_nm > 5.0 && cusp_nm < 20.0, "{cusp_nm}");
 }
+
+/// With gravity α counts from the arm at rest under its weight, and β is the pose before it sags.
+#[test]
+fn modes_state_the_sag_under_gravity() {
+    let folder = tempfile::tempdir().unwrap();
+    let gravity = "[arm.parameters.gravity]\ngravity_m_s2 = 9.80665\nmass1_kg = 30.0\ncentre1_m = 0.3\n";
+    std::fs::write(folder.path().join("heavy.toml"), gravity).unwrap();
+    let found = document(folder.path(), 0, &["modes", "--scenario", "heavy.toml", "--json"]);
+    let arm = &found["configuration"];
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let parameter = |name: &str| number(&arm["parameters"][name]);
+    let sag_rad = [0, 1].map(|joint| number(&arm["static_deflection_rad"][joint]));
+    // K α + G(β + α) = 0 at the links' angles q.
+    let q1 = number(&arm["beta1_deg"]).to_radians() + sag_rad[0];
+    let q12 = q1 + number(&arm["beta2_deg"]).to_radians() + sag_rad[1];
+    let g = 9.80665;
+    let second = g * parameter("mass2_kg") * parameter("centre2_m") * q12.cos();
+    let first = g * (30.0 * 0.3 + parameter("mass2_kg") * parameter("length1_m")) * q1.cos() + second;
+    for (joint, moment_nm) in [first, second].into_iter().enumerate() {
+        let spring_nm = parameter(["stiffness1_nm_rad", "stiffness2_nm_rad"][joint]) * sag_rad[joint];
+        assert!((spring_nm + moment_nm).abs() < 1e-9 * moment_nm.abs() && sag_rad[joint] != 0.0, "{sag_rad:?}");
+    }
+    let said = resonarm(folder.path(), &["modes", "--scenario", "heavy.toml"]).stdout;
+    let line =
+        format!("under its weight it sags by {:+.5} rad in joint 1 and {:+.5} rad in joint 2", sag_rad[0], sag_rad[1]);
+    assert!(said.contains(&line), "{said}");
+    let light = document(folder.path(), 0, &["modes", "--json"]);
+    assert!(light["configuration"]["static_deflection_rad"].is_null());
+}

@@ -56,12 +56,43 @@ fn a_recording_tells_the_modes_of_its_arm() {
     assert_eq!(said.code, 0, "{}", said.stderr);
     assert!(said.stdout.ends_with("written to found.svg, found.png, found.csv, found.json\n"), "{}", said.stdout);
     let table = fs::read_to_string(folder.join("found.csv")).unwrap();
-    assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_modulus_m_s2_per_n,b_x_phase_deg,b_x_coherence,b_y_modulus_m_s2_per_n,b_y_phase_deg,b_y_coherence,c_x_modulus_m_s2_per_n,c_x_phase_deg,c_x_coherence,c_y_modulus_m_s2_per_n,c_y_phase_deg,c_y_coherence");
+    assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_h1_modulus_m_s2_per_n,b_x_h1_phase_deg,b_x_h2_modulus_m_s2_per_n,b_x_h2_phase_deg,b_x_coherence,b_y_h1_modulus_m_s2_per_n,b_y_h1_phase_deg,b_y_h2_modulus_m_s2_per_n,b_y_h2_phase_deg,b_y_coherence,c_x_h1_modulus_m_s2_per_n,c_x_h1_phase_deg,c_x_h2_modulus_m_s2_per_n,c_x_h2_phase_deg,c_x_coherence,c_y_h1_modulus_m_s2_per_n,c_y_h1_phase_deg,c_y_h2_modulus_m_s2_per_n,c_y_h2_phase_deg,c_y_coherence");
     assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: name another place, or allow overwriting it (--overwrite)");
     // Between the modes there is none.
     let none = resonarm(folder, &["identify", "random.mcap", "--from-hz", "30", "--to-hz", "36"]);
     assert_eq!(none.code, 1, "{}", none.stdout);
     assert!(none.stderr.contains("there is no resonance from 30 to 36 Hz"), "{}", none.stderr);
+}
+
+/// Modes have the arm's numbers, and one that is missing is named with the reason.
+#[test]
+fn a_mode_that_is_missing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let shaker = "[rig.shaker]\namplifier = 'voltage'\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\n\
+        damping_n_s_m = 10.0\nforce_factor_n_a = 20.0\nresistance_ohm = 2.0\ninductance_h = 2.1e-3\nstroke_m = 0.0127\n\
+        current_limit_a = 15.0\nvoltage_limit_v = 60.0\n[excitation]\namplitude = { force_x_n = 40 }\n\
+        profile = { waveform = 'impulse', pulse_s = 0.008, duration_s = 20 }\n";
+    fs::write(folder.join("braked.toml"), shaker).unwrap();
+    fs::write(folder.join("instant.toml"), format!("rig.converter = 'instant'\n{shaker}")).unwrap();
+    for name in ["braked", "instant"] {
+        let (scenario, recording) = (format!("{name}.toml"), format!("{name}.mcap"));
+        let run = ["run", "--mode", "free", "--scenario", &scenario, "--record", &recording];
+        assert_eq!(resonarm(folder, &run).code, 0);
+    }
+    let found = document(folder, 1, &["identify", "braked.mcap", "--json"]);
+    let missing = found["missing"].as_array().unwrap();
+    assert_eq!(missing.iter().map(|mode| &mode["mode"]).collect::<Vec<_>>(), [1, 2]);
+    let said = resonarm(folder, &["identify", "braked.mcap"]);
+    assert!(said.stderr.contains("mode 1, at 22.16 Hz by the scenario's arm, is missing: "), "{}", said.stderr);
+    assert!(!said.stderr.contains("images"), "{}", said.stderr);
+    let said = resonarm(folder, &["identify", "instant.mcap"]);
+    assert!(said.stderr.contains("rig.converter is `instant`: the head reads images"), "{}", said.stderr);
+    // Alone in the band the second mode is the second.
+    let random = "waveform = 'random', from_hz = 40, to_hz = 60, duration_s = 20, seed = 2";
+    record(folder, "second", "force_y_n = 6", random);
+    let found = document(folder, 0, &["identify", "second.mcap", "--json"]);
+    assert_eq!((&found["modes"][0]["mode"], found["missing"].as_array().unwrap().len()), (&2.into(), 0));
 }
 
 #[test]

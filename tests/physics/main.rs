@@ -4,6 +4,7 @@
 mod continuation;
 #[cfg(debug_assertions)]
 mod continuation_alloc;
+mod identified_modes;
 mod integrators;
 #[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]

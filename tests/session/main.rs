@@ -3,6 +3,7 @@
 
 mod c_exciter;
 mod closed_loop;
+mod cuts;
 mod examples;
 mod experiment;
 mod faults;

@@ -1,0 +1,167 @@
+//! What `identify` finds in readings of an arm that an ideal exciter or a shaker drives, against the arm's own modes: the
+//! stated deviations hold over seeds, exciters and poses.
+
+use resonarm::analysis::{self, Mode};
+use resonarm::arm::{Arm, Pose, Preset, State};
+use resonarm::excitation::{Amplitude, ExcitationSpec, Profile, SweepLaw, Waveform};
+use resonarm::identify::{Band, Direction, Identification, Record, modes};
+use resonarm::integrate::Scheme;
+use resonarm::plant::{Plant, PlantSpec};
+use resonarm::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
+
+const RATE_HZ: f64 = 1000.0;
+const BAND: Band = Band { from_hz: 10.0, to_hz: 80.0 };
+const POSES: [Pose; 3] = [
+    Pose { beta1_deg: 30.0, beta2_deg: 60.0 },
+    Pose { beta1_deg: 17.3, beta2_deg: 101.7 },
+    Pose { beta1_deg: 30.0, beta2_deg: 120.0 },
+];
+
+/// A modal exciter for some hundred newtons, as that of `scenarios/shaker.toml`, with the inductance of a larger coil.
+const LARGE: ShakerSpec = ShakerSpec {
+    direction_deg: 0.0,
+    amplifier: Amplifier::Voltage,
+    moving_mass_kg: 0.5,
+    stiffness_n_m: 2000.0,
+    damping_n_s_m: 10.0,
+    force_factor_n_a: 20.0,
+    resistance_ohm: 2.0,
+    inductance_h: 2.1e-3,
+    stroke_m: 0.0127,
+    current_limit_a: 15.0,
+    voltage_limit_v: 60.0,
+};
+
+/// No shaker, one in current mode, in voltage mode, and that of `scenarios/bk4809.toml`.
+fn exciters() -> [Option<ShakerSpec>; 4] {
+    let bk4809 = ShakerSpec {
+        moving_mass_kg: 0.057,
+        stiffness_n_m: 9932.0,
+        damping_n_s_m: 21.51,
+        force_factor_n_a: 6.78,
+        inductance_h: 0.0,
+        stroke_m: 0.004,
+        current_limit_a: 6.56,
+        voltage_limit_v: 13.1,
+        ..LARGE
+    };
+    [None, Some(ShakerSpec { amplifier: Amplifier::Current, ..LARGE }), Some(LARGE), Some(bk4809)]
+}
+
+fn identified(shaker: Option<ShakerSpec>, pose: Pose, profile: Waveform, force_x_n: f64, seed: u64) -> Identification {
+    identified_by(Converter::default(), shaker, pose, profile, force_x_n, seed)
+}
+
+fn identified_by(
+    converter: Converter,
+    shaker: Option<ShakerSpec>,
+    pose: Pose,
+    profile: Waveform,
+    force_x_n: f64,
+    seed: u64,
+) -> Identification {
+    let amplitude = Amplitude { force_x_n, ..Amplitude::default() };
+    let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
+    let rig = RigSpec { shaker, converter, ..RigSpec::default() };
+    let spec = PlantSpec {
+        parameters: Preset::default().parameters().unwrap(),
+        pose,
+        initial: State::default(),
+        scheme: Scheme::default(),
+        sample_rate_hz: RATE_HZ,
+        steps_per_sample: 2,
+        rig: rig.clone(),
+        seed,
+    };
+    let mut plant = Plant::new(&spec).unwrap();
+    let readings: Vec<_> = (0..profile.samples())
+        .map(|n| {
+            let [hx, hy, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.within_range().unwrap());
+            plant.advance(&profile.load(n)).unwrap();
+            ([hx, hy], [bx, by, cx, cy])
+        })
+        .collect();
+    modes(&Record::new(RATE_HZ, &rig, readings, Direction::Principal).unwrap(), BAND).unwrap()
+}
+
+fn arm_modes(pose: Pose) -> [Mode; 2] {
+    analysis::modes(&Arm::new(Preset::default().parameters().unwrap(), pose).unwrap())
+}
+
+fn random(seed: u64) -> Waveform {
+    Waveform::Random { from_hz: 10.0, to_hz: 80.0, duration_s: 20.0, spectrum: None, seed }
+}
+
+/// Errors of frequency and damping over their deviations, of each mode that was found; all are the arm's.
+fn errors(found: &Identification, pose: Pose) -> Vec<f64> {
+    let of = |mode: &resonarm::identify::IdentifiedMode| {
+        let near = |of: &Mode| (mode.frequency_hz / of.frequency_hz - 1.0).abs() < 0.01;
+        let truth = arm_modes(pose).into_iter().find(near).unwrap_or_else(|| panic!("{pose:?}: {mode:?}"));
+        assert!(mode.is_linear, "{mode:?}");
+        [
+            (mode.frequency_hz - truth.frequency_hz) / mode.frequency_deviation_hz,
+            (mode.damping_ratio - truth.damping_ratio) / mode.damping_ratio_deviation,
+        ]
+    };
+    found.modes.iter().flat_map(of).collect()
+}
+
+/// Of normal errors 95 % are within two deviations.
+fn assert_honest(errors: &[f64]) {
+    let within = errors.iter().filter(|error| error.abs() < 2.0).count();
+    assert!(10 * within >= 9 * errors.len(), "{within} of {} within two deviations", errors.len());
+    assert!(errors.iter().all(|error| error.abs() < 5.0), "{errors:?}");
+}
+
+#[test]
+fn deviations_hold_over_seeds_exciters_and_poses() {
+    let mut all = Vec::new();
+    for shaker in exciters() {
+        for pose in POSES {
+            for seed in 1..=4 {
+                let found = identified(shaker, pose, random(seed), 6.0, seed);
+                assert_eq!(found.modes.len(), 2, "{shaker:?} {pose:?} seed {seed}: {found:?}");
+                all.extend(errors(&found, pose));
+            }
+        }
+    }
+    assert_honest(&all);
+    // What the converter's filter is for: instants of a shaker's force have images of the command in them.
+    let folded = identified_by(Converter::Instant, Some(LARGE), POSES[1], random(1), 6.0, 1);
+    let worst = errors(&folded, POSES[1]).iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
+    assert!(folded.modes.len() < 2 || worst > 8.0, "{worst} {folded:?}");
+}
+
+#[test]
+fn a_swept_sine_finds_both_modes_with_every_exciter() {
+    let mut all = Vec::new();
+    for shaker in exciters() {
+        for pose in POSES {
+            let swept = Waveform::SweptSine { from_hz: 10.0, to_hz: 80.0, duration_s: 20.0, law: SweepLaw::Linear };
+            let found = identified(shaker, pose, swept, 6.0, 5);
+            assert_eq!(found.modes.len(), 2, "{shaker:?} {pose:?}: {found:?}");
+            all.extend(errors(&found, pose));
+        }
+    }
+    assert_honest(&all);
+}
+
+/// A shaker brakes the arm: after an impact there is little to find its own damping by. What is found is right.
+#[test]
+fn an_impact_finds_what_it_can() {
+    let (mut all, mut missing) = (Vec::new(), 0);
+    for shaker in exciters() {
+        for pose in POSES {
+            let found = identified(shaker, pose, Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 }, 40.0, 3);
+            all.extend(errors(&found, pose));
+            for mode in arm_modes(pose) {
+                let near = |hz: f64| (hz / mode.frequency_hz - 1.0).abs() < 0.05;
+                let is_found = found.modes.iter().any(|found| near(found.frequency_hz));
+                assert!(is_found || shaker.is_some(), "{pose:?}: {found:?}");
+                missing += usize::from(!is_found);
+            }
+        }
+    }
+    assert_honest(&all);
+    assert!(missing > 0);
+}
