@@ -26,8 +26,9 @@ impl Fft {
 
     /// The transform in place. `values` has N elements; of others nothing is changed.
     ///
-    /// J. W. Cooley, J. W. Tukey (1965): values in bit-reversed order, then log₂ N passes in which two transforms of
-    /// half the length, E of the even and O of the odd values, make one: E(k) ± e^(−2πi k/m) O(k).
+    /// J. W. Cooley, J. W. Tukey, "An Algorithm for the Machine Calculation of Complex Fourier Series", Math. Comp. 19
+    /// (1965): values in bit-reversed order, then log₂ N passes in which two transforms of half the length, E of the
+    /// even and O of the odd values, make one: E(k) ± e^(−2πi k/m) O(k).
     pub fn forward(&self, values: &mut [Complex<f64>]) {
         let length = self.length();
         if values.len() != length || length < 2 {
@@ -65,8 +66,9 @@ impl Fft {
 /// Some lines of a discrete Fourier transform of any length N: Σ x(n) e^(−2πi kn/N) for k = `first` … `first` + `lines`
 /// − 1.
 ///
-/// L. I. Bluestein (1970): with k = first + m and 2mn = m² + n² − (m − n)², the sum is
-/// w(m²) Σ [x(n) e^(−2πi n first/N) w(n²)] w̄((m − n)²), w(j) = e^(−πi j/N): a convolution, which [`Fft`] carries out.
+/// L. I. Bluestein, "A Linear Filtering Approach to the Computation of Discrete Fourier Transform", IEEE Trans. Audio
+/// Electroacoust. 18 (1970): with k = first + m and 2mn = m² + n² − (m − n)², the sum is w(m²) Σ [x(n) e^(−2πi n
+/// first/N) w(n²)] w̄((m − n)²), w(j) = e^(−πi j/N): a convolution, which [`Fft`] carries out.
 #[derive(Clone, Debug)]
 pub(crate) struct Lines {
     period: u64,

@@ -41,7 +41,8 @@ impl Noise {
 
     /// The next standard normal number.
     ///
-    /// G. E. P. Box, M. E. Muller (1958): with u, v uniform, u in (0, 1], √(−2 ln u) cos 2πv is standard normal.
+    /// G. E. P. Box, M. E. Muller, "A Note on the Generation of Random Normal Deviates", Ann. Math. Statist. 29 (1958):
+    /// with u, v uniform, u in (0, 1], √(−2 ln u) cos 2πv is standard normal.
     pub fn next(&mut self) -> f64 {
         let u = ((self.bits() >> 11) + 1) as f64 * STEP;
         let v = self.uniform();

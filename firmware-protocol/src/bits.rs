@@ -112,8 +112,9 @@ const fn fd_check(len: usize) -> u64 {
 ///
 /// Among s stuffed bits at most one is put in after the first five, and then one after every four: ⌊(s − 1)/4⌋. In an
 /// FD frame FDF, res and BRS differ, so that no five equal bits end among them, and none is put in behind the last bit.
-/// Of the frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis et al. (2007),
-/// doi:10.1007/s11241-007-9012-7.
+/// Of the frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien,
+/// "Controller Area Network (CAN) schedulability analysis: Refuted, revisited and revised", Real-Time Systems 35
+/// (2007), doi:10.1007/s11241-007-9012-7.
 pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stuffing) -> Bits {
     let bits = 8 * len as u64;
     let most = match stuffing {

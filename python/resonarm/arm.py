@@ -19,7 +19,8 @@ MOST_PERIODS = 2**32 - 1
 
 
 class Arm(_resonarm.Arm):
-    """The arm in a pose: two rigid links with compliant joints (P. Gierlak, J. Warmiński, Appl. Sci. 2023, 13, 11941).
+    """The arm in a pose: two rigid links with compliant joints (P. Gierlak, J. Warmiński, "Analysis of Bifurcation
+    Vibrations of an Industrial Robot Arm System with Joints Compliance", Appl. Sci. 2023, 13, 11941).
 
     `preset` is one of `resonarm.presets()`; `beta1_deg` is the angle of link 1 against the x axis, `beta2_deg` that
     of link 2 against link 1, degrees, −360 to 360; `parameters` has those that differ from the preset's, by the names

@@ -1,5 +1,6 @@
-//! Backbone curves by phase quadrature, and nonlinear normal modes (Krack & Gross 2019, Ch. 4; Peeters, Kerschen &
-//! Golinval 2011 for the quadrature).
+//! Backbone curves by phase quadrature, and nonlinear normal modes (M. Krack, J. Gross, "Harmonic Balance for Nonlinear
+//! Vibration Problems", 2019, Ch. 4; for the quadrature M. Peeters, G. Kerschen, J. C. Golinval, "Dynamic testing of
+//! nonlinear vibrating structures using nonlinear normal modes", J. Sound Vib. 330 (2011)).
 //!
 //! At resonance the work of the excitation's first harmonic meets that of the dampers: the mode lags the force by 90°.
 //! With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the coordinate of

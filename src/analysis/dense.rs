@@ -7,7 +7,8 @@ use super::AnalysisError;
 /// Inverse iterations for null vectors.
 const INVERSE_ITERATIONS: usize = 3;
 
-/// A square matrix, column by column, and its LU factors with partial pivoting (Golub & Van Loan 2013, Alg. 3.4.1).
+/// A square matrix, column by column, and its LU factors with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix
+/// Computations", 4th edition 2013, Alg. 3.4.1).
 ///
 /// Row exchanges are not applied to the columns of L already done, so solving exchanges as it goes along.
 #[derive(Clone, Debug, Default)]
@@ -85,8 +86,8 @@ impl Lu {
         }
     }
 
-    /// Unit vectors near the null vectors of A and Aᵀ, where A is nearly singular, by inverse iteration (Golub & Van
-    /// Loan 2013, Sec. 8.2.2) from one that has a part in every direction.
+    /// Unit vectors near the null vectors of A and Aᵀ, where A is nearly singular, by inverse iteration ("Matrix
+    /// Computations", as above, Sec. 8.2.2) from one that has a part in every direction.
     pub fn null_vectors(&self) -> [Vec<f64>; 2] {
         let iterate = |solve: &dyn Fn(&mut [f64])| {
             let mut vector: Vec<f64> = (0..self.n).map(|i| 1.0 / (1 + i) as f64).collect();

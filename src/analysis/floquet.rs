@@ -1,4 +1,5 @@
-//! Stability of a periodic motion by its Floquet multipliers (Nayfeh & Balachandran 1995, Ch. 3).
+//! Stability of a periodic motion by its Floquet multipliers (A. H. Nayfeh, B. Balachandran, "Applied Nonlinear
+//! Dynamics", 1995, Ch. 3).
 //!
 //! A variation y of the motion obeys M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
 //! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of
@@ -46,7 +47,7 @@ struct Tableau {
 
 impl Tableau {
     /// The nodes are the zeros of the Legendre polynomial P₄ on (0, 1), and aᵢⱼ = ∫₀^cᵢ ℓⱼ with the Lagrange
-    /// polynomials ℓⱼ (J. C. Butcher 1964).
+    /// polynomials ℓⱼ (J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18 (1964)).
     fn new() -> Tableau {
         let inner = libm::sqrt(3.0 / 7.0 - 2.0 / 7.0 * libm::sqrt(1.2));
         let outer = libm::sqrt(3.0 / 7.0 + 2.0 / 7.0 * libm::sqrt(1.2));

@@ -183,8 +183,9 @@ pub(super) fn zeros(harmonics: usize) -> Vec<f64> {
 /// The largest |x(τ)| of each of the two functions of a series with integer frequencies.
 ///
 /// A grid of 4H points or more has a point next to the largest value that is at least 0.69 of it: |x″| ≤ H² max |x|
-/// (S. N. Bernstein 1912), so that over half a spacing at most (π/4)²/2 of it is lost. Every crest of the grid as high
-/// as that is polished by Newton's method on x′ = 0.
+/// (S. Bernstein, "Sur l'ordre de la meilleure approximation des fonctions continues par des polynômes de degré donné",
+/// 1912), so that over half a spacing at most (π/4)²/2 of it is lost. Every crest of the grid as high as that is
+/// polished by Newton's method on x′ = 0.
 pub(super) fn largest(basis: &Basis, coefficients: &[f64], motion: &mut Motion) -> [f64; 2] {
     basis.synthesise(coefficients, 1.0, motion);
     let count = basis.samples();

@@ -1,5 +1,7 @@
 //! Multipliers under an excitation that is slow against the modes, by Hill's infinite determinant about each mode (G.
-//! W. Hill 1886; for several degrees of freedom V. V. Bolotin, "The Dynamic Stability of Elastic Systems", 1964).
+//! W. Hill, "On the part of the motion of the lunar perigee which is a function of the mean motions of the sun and
+//! moon", Acta Math. 8 (1886); for several degrees of freedom V. V. Bolotin, "The Dynamic Stability of Elastic
+//! Systems", 1964).
 //!
 //! A variation is e^λτ times a function of the period, y = Σ vₖ e^(λ + ik)τ, and y″ = P y + Q y′ becomes N(λ) v = 0,
 //!
@@ -9,8 +11,8 @@
 //!
 //! with the Fourier coefficients of P and Q. λ and λ + ik have the same multiplier e^2πλ, so one λ of each mode is
 //! enough, and the conjugates. The mode's frequency is modulated slowly and little, so few k about it matter, where
-//! integration has to take every cycle of the mode. Newton's method for v and λ together (H. Unger 1950), from the
-//! exponents of the mean:
+//! integration has to take every cycle of the mode. Newton's method for v and λ together (H. Unger, "Nichtlineare
+//! Behandlung von Eigenwertaufgaben", Z. Angew. Math. Mech. 30 (1950)), from the exponents of the mean:
 //!
 //! ```text
 //! N(λ) u = N′(λ) v        λ ← λ − v*v / v*u        v ← u / |u|

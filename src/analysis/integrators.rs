@@ -44,9 +44,9 @@ const MODE_AMPLITUDE_RAD: f64 = 1e-13;
 ///
 /// The arm starts on a mode φ with an amplitude at which it is linear. Its modal coordinate η = φᵀM0 α follows η̈ =
 /// −ω²η, so that Z = ωη − iη̇ turns as Z₀ e^{iωt}. A Runge–Kutta method makes Zₙ₊₁ = R(iωh) Zₙ of it, R its function of
-/// stability (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", section IV.3), and the exponential
-/// scheme e^{iωh} Zₙ. Written as the motion of an oscillator with the damping ratio ζ and the frequency (1 + e) ω, to
-/// first order in ζ,
+/// stability (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", 1996, section IV.3), and the
+/// exponential scheme e^{iωh} Zₙ. Written as the motion of an oscillator with the damping ratio ζ and the frequency
+/// (1 + e) ω, to first order in ζ,
 ///
 /// ```text
 /// ln(Zₙ/Z₀) = (i (1 + e) − ζ) n ωh        ζ = −Re ln(Zₙ/Z₀) / (n ωh)        e = Im ln(Zₙ/Z₀) / (n ωh) − 1
@@ -96,10 +96,10 @@ fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeErr
 ///
 /// Free vibration without dampers is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long
 /// as the motion is quasi-periodic, invariants that differ from the true ones by O(hᵖ) (E. Hairer, C. Lubich, G.
-/// Wanner, "Geometric Numerical Integration", chapter XI): the energy swings without going anywhere. `spread` shows the
-/// swing, `change` what is left of it. No scheme here is symplectic: in (α, α̇) the momenta Mα̇ are not among the
-/// variables; so for chaotic motion nothing is promised. The mean over a tenth is weighted by s³(1−s)³, s from 0 to 1
-/// over the tenth: the mean of a quasi-periodic swing over n of its periods then falls as n⁻⁴, not as n⁻¹ (S. Das, Y.
+/// Wanner, "Geometric Numerical Integration", 2006, chapter XI): the energy swings without going anywhere. `spread`
+/// shows the swing, `change` what is left of it. No scheme here is symplectic: in (α, α̇) the momenta Mα̇ are not among
+/// the variables; so for chaotic motion nothing is promised. The mean over a tenth is weighted by s³(1−s)³, s from 0 to
+/// 1 over the tenth: the mean of a quasi-periodic swing over n of its periods then falls as n⁻⁴, not as n⁻¹ (S. Das, Y.
 /// Saiki, E. Sander, J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
 ///
 /// # Errors

@@ -18,10 +18,10 @@ const NARROW: f64 = 1e-5;
 /// The most steps of the search along the branch.
 const SEARCH_LIMIT: usize = 60;
 
-/// The point between `ends` where `test` is zero, by regula falsi with the Illinois modification (Dowell & Jarratt
-/// 1971): the bracket always holds the zero, and the value at an end that stays is halved. Each test is at a point of
-/// the branch, found from the chord of the bracket, so that the search comes as near to a crossing of branches as it
-/// likes.
+/// The point between `ends` where `test` is zero, by regula falsi with the Illinois modification (M. Dowell, P.
+/// Jarratt, "A modified regula falsi method for computing the root of an equation", BIT 11 (1971)): the bracket always
+/// holds the zero, and the value at an end that stays is halved. Each test is at a point of the branch, found from the
+/// chord of the bracket, so that the search comes as near to a crossing of branches as it likes.
 ///
 /// Stops when the bracket or the last step, as a fraction of the segment's arclength, is below `tolerance`, or the test
 /// vanishes.

@@ -24,8 +24,9 @@ pub struct Mode {
 /// With the Cholesky factor K = L Lᵀ and y = Lᵀφ the eigenproblem K φ = ω² M0 φ becomes S y = λ y with S = L⁻¹ M0 L⁻ᵀ
 /// and λ = 1/ω². S is symmetric and one Jacobi rotation by the angle of tangent t makes it diagonal: with s12 t² + (s22
 /// − s11) t − s12 = 0 and |t| ≤ 1, λ = s11 − t s12 has y = (1, −t)/√(1+t²), λ = s22 + t s12 has y = (t, 1)/√(1+t²) (C.
-/// G. J. Jacobi 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", section 8.5). From yᵀy = 1 follows φᵀM0φ = λ
-/// ω² = 1 for φ = ω L⁻ᵀy. K is the stiffness at rest, diagonal without gravity.
+/// G. J. Jacobi, "Über ein leichtes Verfahren, die in der Theorie der Säcularstörungen vorkommenden Gleichungen
+/// numerisch aufzulösen", 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition 2013, section 8.5).
+/// From yᵀy = 1 follows φᵀM0φ = λ ω² = 1 for φ = ω L⁻ᵀy. K is the stiffness at rest, diagonal without gravity.
 ///
 /// [`Arm::angular_frequencies_rad_s`] has the same frequencies in closed form, Eq. (30); both agree to 1e-12.
 pub fn modes(arm: &Arm) -> [Mode; 2] {

@@ -7,9 +7,10 @@
 //! S = α + (z α) p(z)    V = z q(z)    p = −1/3! + z/5! − …    q = −1/2! + z/4! − …
 //! ```
 //!
-//! Both series are cut after z⁵ and then economised (C. Lanczos 1938): z⁵ is replaced by the polynomial of degree 4
-//! that equals it up to the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and T₅* = 512 y⁵ − 1280 y⁴ + 1120
-//! y³ − 400 y² + 50 y − 1, which stays within ±1 on 0 ≤ y ≤ 1.
+//! Both series are cut after z⁵ and then economised (C. Lanczos, "Trigonometric Interpolation of Empirical and
+//! Analytical Functions", J. Math. Phys. 17 (1938)): z⁵ is replaced by the polynomial of degree 4 that equals it up to
+//! the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and T₅* = 512 y⁵ − 1280 y⁴ + 1120 y³ − 400 y² + 50 y −
+//! 1, which stays within ±1 on 0 ≤ y ≤ 1.
 //!
 //! Length included, with h = sin β and t = cos β times the length, the code sums
 //!
@@ -156,7 +157,8 @@ fn far(alpha_rad: f64) -> (f64, f64) {
     (libm::sin(alpha_rad), -2.0 * half * half)
 }
 
-/// Σ cₖ zᵏ, in pairs (G. Estrin 1960): the processor works on the pairs at the same time.
+/// Σ cₖ zᵏ, in pairs (G. Estrin, "Organization of Computer Systems: The Fixed Plus Variable Structure Computer", 1960):
+/// the processor works on the pairs at the same time.
 #[inline(always)]
 fn polynomial<T: Real>(c: &[f64; 5], z: T, z2: T) -> T {
     let pair = |k: usize| T::splat(c[k]) + T::splat(c[k + 1]) * z;

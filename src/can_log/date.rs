@@ -28,7 +28,7 @@ impl Date {
     /// The date `unix_ms` milliseconds after the UNIX epoch.
     ///
     /// Years are counted from 1 March, so that the day that may be missing is the last, in eras of 400 years
-    /// (H. Hinnant, "chrono-compatible low-level date algorithms", 2013, `civil_from_days`).
+    /// (H. Hinnant, "chrono-Compatible low-level date algorithms", 2013, `civil_from_days`).
     pub fn from_unix_ms(unix_ms: u64) -> Date {
         let (seconds, millisecond) = (unix_ms / 1000, unix_ms % 1000);
         let (days, second) = (seconds / DAY_S, seconds % DAY_S);

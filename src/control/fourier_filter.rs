@@ -10,9 +10,11 @@ const HARMONICS: usize = 4;
 /// Follows y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one tone more, Re(d e^{iψ}), that is not the drive's: the arm's
 /// other mode, which would otherwise leak into the fundamental.
 ///
-/// Least mean squares (B. Widrow, M. E. Hoff 1960): with the error e = y − Σ of a sample, c_h += 2µ e e^{−ihθ}, and d
-/// likewise; c_0 is real. A coefficient follows with the rate µ a sample. For a closed loop it tells more, sooner, than
-/// a lock-in of equal bandwidth, since the harmonics are modelled and not averaged away (arXiv:2403.06639).
+/// Least mean squares (B. Widrow, M. E. Hoff, "Adaptive Switching Circuits", IRE WESCON Conv. Rec. 4 (1960)): with the
+/// error e = y − Σ of a sample, c_h += 2µ e e^{−ihθ}, and d likewise; c_0 is real. A coefficient follows with the rate
+/// µ a sample. For a closed loop it tells more, sooner, than a lock-in of equal bandwidth, since the harmonics are
+/// modelled and not averaged away (P. Hippold, M. Scheel, L. Renson, M. Krack, "Robust and fast backbone tracking via
+/// phase-locked loops", 2024, arXiv:2403.06639).
 #[derive(Clone, Copy, Debug)]
 pub struct FourierFilter {
     adaptation: f64,

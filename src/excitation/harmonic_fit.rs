@@ -8,7 +8,8 @@ use nalgebra::{Complex, SMatrix, SVector};
 /// drive.
 pub type Phasor = Complex<f64>;
 
-/// A fit of the fundamental alone: the three-parameter sine fit of IEEE Std 1057.
+/// A fit of the fundamental alone: the three-parameter sine fit of IEEE Std 1057, "IEEE Standard for Digitizing
+/// Waveform Recorders", 2007.
 pub type SineFit<const N: usize> = HarmonicFit<N, 3>;
 
 /// Sine fit over a window, of N channels at once, as the samples come in; of the harmonics 1 … (P − 1)/2, so P is odd.

@@ -149,7 +149,8 @@ pub enum Phases {
     #[default]
     Random,
     /// −π j (j − 1)/J of the j-th of J sines, as a sweep in each period, with a crest factor of about 1.7 (M. R.
-    /// Schroeder 1970, IEEE Trans. Inf. Theory 16, 85).
+    /// Schroeder, "Synthesis of Low-Peak-Factor Signals and Binary Sequences With Low Autocorrelation", IEEE Trans.
+    /// Inf. Theory 16 (1970)).
     Schroeder,
 }
 

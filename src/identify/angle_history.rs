@@ -2,7 +2,8 @@
 //!
 //! So the angles of the arm's measured motion were found: "the acceleration signals were integrated twice to obtain the
 //! point displacements, and then the angular displacements of the links were calculated using the kinematics equations"
-//! (P. Gierlak, J. Warmiński, *Appl. Sci.* 2023, 13, 11941).
+//! (P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
+//! Compliance", *Appl. Sci.* 2023, 13, 11941).
 //!
 //! A link of length l that turns by θ moves its end, against its start, by l sin θ across its rest position and by −l
 //! (1 − cos θ) along it. With g the high-pass of the [double integration](super::Integration) and d the displacement

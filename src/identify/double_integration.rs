@@ -10,7 +10,8 @@
 //!
 //! In the frequency domain the transform of the record, with silence before and after it, is multiplied by −g/ω², which
 //! is zero at ω = 0. In the time domain the filter runs by the bilinear transform, of which tan(πf/rate) takes the
-//! place of f in H, and the accelerations are integrated by the formula of B. Numerov (1924),
+//! place of f in H, and the accelerations are integrated by the formula of Numerov (B. V. Noumerov, "A method of
+//! extrapolation of perturbations", Mon. Not. R. Astron. Soc. 84 (1924)),
 //!
 //! ```text
 //! x(n+1) − 2 x(n) + x(n−1) = (a(n+1) + 10 a(n) + a(n−1))/(12 rate²)

@@ -11,8 +11,9 @@ use crate::dft::Lines;
 /// How a record is averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Averaging {
-    /// Segments of so many samples, a Hann window each, half overlapping (P. D. Welch 1967): for noise and sweeps. A
-    /// resonance narrower than two lines comes out lower and wider than it is.
+    /// Segments of so many samples, a Hann window each, half overlapping (P. D. Welch, "The Use of Fast Fourier
+    /// Transform for the Estimation of Power Spectra", IEEE Trans. Audio Electroacoust. 15 (1967)): for noise and
+    /// sweeps. A resonance narrower than two lines comes out lower and wider than it is.
     Welch(usize),
     /// Periods of so many samples without a window, from the first force on; without the first period, which has the
     /// transient of the beginning, if more than two are there.

@@ -11,8 +11,9 @@ const DEPENDENT: f64 = 1e-9;
 
 /// What is left of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
 ///
-/// Modified Gram–Schmidt, each column twice (Å. Björck 1967): column_j = Σ_i q_i r_ij with orthonormal q_i; the
-/// coefficients follow from r backwards. A column that depends on those before it gets the coefficient 0.
+/// Modified Gram–Schmidt, each column twice (Å. Björck, "Solving linear least squares problems by Gram-Schmidt
+/// orthogonalization", BIT 7 (1967)): column_j = Σ_i q_i r_ij with orthonormal q_i; the coefficients follow from r
+/// backwards. A column that depends on those before it gets the coefficient 0.
 pub(super) fn solve(mut columns: Vec<Column>, target: &[Complex<f64>]) -> (Column, Vec<Complex<f64>>) {
     let count = columns.len();
     let zero = Complex::new(0.0, 0.0);

@@ -21,7 +21,8 @@
 //! rational model", 2012). The pole λ of the continuous arm is p = e^{λ/rate} there: 1/(iω − λ) and (1/rate)/(z/p − 1)
 //! differ by a function without a pole, which B takes. R, t and the polynomials are linear; for each p they follow from
 //! linear least squares, and what is left is minimised over the two numbers of p (variable projection: G. H. Golub, V.
-//! Pereyra 1973). So λ = rate · ln p.
+//! Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear Least Squares Problems Whose Variables Separate",
+//! SIAM J. Numer. Anal. 10 (1973)). So λ = rate · ln p.
 //!
 //! A response that begins at rest and dies out goes through an exponential window e^(−γn), which makes p e^(−γ) of p
 //! and leaves nothing of its end: then T is zero.

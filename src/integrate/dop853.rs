@@ -1,5 +1,5 @@
-//! Coefficients of the method of order 8 by J. R. Dormand and P. J. Prince (1980), as E. Hairer, S. P. Nørsett and G.
-//! Wanner give them in their code DOP853 ("Solving Ordinary Differential Equations I", 2nd edition 1993, section II.5).
+//! Coefficients of the method of order 8 of Dormand and Prince, as E. Hairer, S. P. Nørsett and G. Wanner give them in
+//! their code DOP853 ("Solving Ordinary Differential Equations I", 2nd edition 1993, section II.5).
 
 use super::explicit::Tableau;
 

@@ -30,14 +30,15 @@ impl DoubleDouble {
     }
 }
 
-/// a + b as its rounded value and the rounding error (D. E. Knuth).
+/// a + b as its rounded value and the rounding error (D. E. Knuth, "The Art of Computer Programming", volume 2, 1969,
+/// section 4.2.2).
 fn two_sum(a: f64, b: f64) -> DoubleDouble {
     let high = a + b;
     let part = high - a;
     DoubleDouble { high, low: (a - (high - part)) + (b - part) }
 }
 
-/// A number as its first 26 bits and the rest (G. W. Veltkamp).
+/// A number as its first 26 bits and the rest (Veltkamp, in the paper above).
 fn halves(x: f64) -> (f64, f64) {
     let scaled = x * 134_217_729.0;
     let high = scaled - (scaled - x);

@@ -13,7 +13,8 @@ pub(crate) struct Tableau<const S: usize> {
     pub c: [f64; S],
 }
 
-/// The classical method (W. Kutta 1901), for what [`rk4`] has no formula for.
+/// The classical method (W. Kutta, "Beitrag zur näherungsweisen Integration totaler Differentialgleichungen", Z. Math.
+/// Phys. 46 (1901)), for what [`rk4`] has no formula for.
 pub(super) const RK4: Tableau<4> = Tableau {
     a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
     b: [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
@@ -48,7 +49,7 @@ impl<T: Real> Rk4Step<T> {
     }
 }
 
-/// One step of the classical method (W. Kutta 1901): nodes 0, ½, ½, 1, each stage from the slope before it alone,
+/// One step of the classical method (as of [`RK4`]): nodes 0, ½, ½, 1, each stage from the slope before it alone,
 /// weights 1/6, 1/3, 1/3, 1/6. For x' = v, v' = a the velocities in it can be written out, which leaves
 ///
 /// ```text

@@ -31,7 +31,7 @@ pub(super) struct Nodes<const S: usize> {
 }
 
 /// The four nodes ½ ± ½ √(3/7 ± 2/7 √(6/5)) with the weights ¼ ∓ √30/72 (M.
-/// Abramowitz, I. A. Stegun, "Handbook of Mathematical Functions", table 25.4).
+/// Abramowitz, I. A. Stegun, "Handbook of Mathematical Functions", 1964, table 25.4).
 pub(super) fn four_nodes() -> Nodes<4> {
     let [half, quarter, three, seven] = [0.5, 0.25, 3.0, 7.0].map(DoubleDouble::new);
     let inner_root = DoubleDouble::new(2.0) * (DoubleDouble::new(6.0) / DoubleDouble::new(5.0)).sqrt();

@@ -2,7 +2,7 @@
 
 /// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n =
 /// `right.len()` rows of n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F.
-/// Van Loan, "Matrix Computations", section 3.4). `None` if the matrix is singular or not finite.
+/// Van Loan, "Matrix Computations", 4th edition 2013, section 3.4). `None` if the matrix is singular or not finite.
 #[inline(always)]
 pub(crate) fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option<()> {
     let n = right.len();

@@ -11,21 +11,23 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scheme {
-    /// `rk4`: the classical Runge–Kutta method of order 4 (W. Kutta 1901). Explicit; stable to ωh = 2√2, with a damping
-    /// ratio of its own of (ωh)⁵/144 and a relative frequency error of −(ωh)⁴/120.
+    /// `rk4`: the classical Runge–Kutta method of order 4 (W. Kutta, "Beitrag zur näherungsweisen Integration totaler
+    /// Differentialgleichungen", 1901). Explicit; stable to ωh = 2√2, with a damping ratio of its own of (ωh)⁵/144 and
+    /// a relative frequency error of −(ωh)⁴/120.
     Rk4,
-    /// `dop853`: the method of order 8 by J. R. Dormand and P. J. Prince (1980) in the form of E. Hairer, S. P. Nørsett
-    /// and G. Wanner (1993), with a fixed step. Explicit, twelve stages; stable to ωh = 5.96, with a damping ratio of
-    /// its own of 2.26e-8 (ωh)⁹ and a relative frequency error of −6.4e-8 (ωh)⁸.
+    /// `dop853`: the method of order 8 of Dormand and Prince in the form of E. Hairer, S. P. Nørsett, G. Wanner,
+    /// "Solving Ordinary Differential Equations I", 1993, with a fixed step. Explicit, twelve stages; stable to ωh =
+    /// 5.96, with a damping ratio of its own of 2.26e-8 (ωh)⁹ and a relative frequency error of −6.4e-8 (ωh)⁸.
     Dop853,
-    /// `gl4`: Gauss–Legendre with two stages, order 4 (J. C. Butcher 1964). Implicit and symmetric: no damping of its
-    /// own, relative frequency error −(ωh)⁴/720.
+    /// `gl4`: Gauss–Legendre with two stages, order 4 (J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18
+    /// (1964)). Implicit and symmetric: no damping of its own, relative frequency error −(ωh)⁴/720.
     Gl4,
-    /// `gl6`: Gauss–Legendre with three stages, order 6 (J. C. Butcher 1964). As `gl4`, with −(ωh)⁶/100800.
+    /// `gl6`: Gauss–Legendre with three stages, order 6 (Butcher, too). As `gl4`, with −(ωh)⁶/100800.
     Gl6,
-    /// `exponential`: exponential collocation at the three Gauss nodes, order 6 (M. Hochbruck, A. Ostermann 2005).
-    /// Implicit and symmetric; the linear arm at rest, with loads up to quadratic in time over a step, is exact at
-    /// every step length: no damping and no frequency error of its own.
+    /// `exponential`: exponential collocation at the three Gauss nodes, order 6 (M. Hochbruck, A. Ostermann,
+    /// "Exponential Runge–Kutta methods for parabolic problems", Appl. Numer. Math. 53 (2005)). Implicit and symmetric;
+    /// the linear arm at rest, with loads up to quadratic in time over a step, is exact at every step length: no
+    /// damping and no frequency error of its own.
     Exponential,
     /// `exponential8`: the same at the four Gauss nodes, order 8, with loads up to cubic in time.
     #[default]

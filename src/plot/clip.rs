@@ -54,7 +54,8 @@ fn finish(runs: &mut Vec<Vec<Point>>, current: &mut Vec<Point>, dot: Option<Poin
     }
 }
 
-/// The part of the segment from `a` to `b` that lies in `area` (Liang and Barsky 1984).
+/// The part of the segment from `a` to `b` that lies in `area` (Y.-D. Liang, B. A. Barsky, "A New Concept and Method
+/// for Line Clipping", ACM Trans. Graph. 3 (1984)).
 ///
 /// On a + t (b − a) each side of the rectangle reads p t ≤ q. It bounds t from below where p < 0, from above where p >
 /// 0.
@@ -82,7 +83,9 @@ pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)>
 }
 
 /// What of `points` can be seen. Of those that follow each other within a vertical strip the first, the lowest, the
-/// highest and the last cover the same ink (Jugel et al. 2014); of points nearer than [`NEAR`] one does.
+/// highest and the last cover the same ink (U. Jugel, Z. Jerzak, G. Hackenbroich, V. Markl, "M4: A
+/// Visualization-Oriented Time Series Data Aggregation", Proc. VLDB Endow. 7 (2014)); of points nearer than [`NEAR`]
+/// one does.
 fn thinned(points: &[Point]) -> Vec<Point> {
     let mut kept: Vec<Point> = Vec::new();
     let strip = |point: &Point| libm::floor(point[0] / STRIP);

@@ -68,7 +68,8 @@ fn sides(cell: &Cell<'_>) -> (f64, f64) {
 ///
 /// Centres c must obey c(i+1) − c(i) ≥ s(i+1) − s(i), with s the centres of the names packed side by side. So u = c − s
 /// must ascend, and Σ (c − wanted)² is least for the isotonic regression of wanted − s: neighbours that descend are
-/// pooled to their mean (Ayer et al. 1955). Bounds cut that off.
+/// pooled to their mean (M. Ayer, H. D. Brunk, G. M. Ewing, W. T. Reid, E. Silverman, "An Empirical Distribution
+/// Function for Sampling with Incomplete Information", Ann. Math. Statist. 26 (1955)). Bounds cut that off.
 fn spread(wanted: &[f64], widths: &[f64], (left, right): (f64, f64)) -> Vec<f64> {
     let mut packed = Vec::with_capacity(widths.len());
     let mut end = 0.0;

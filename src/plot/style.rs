@@ -1,7 +1,7 @@
 //! Colours, lines and markers.
 
-/// Colours that people with any colour vision tell apart: the eight of Okabe and Ito (2008), grey, and two of Tol's
-/// vibrant scheme (2021) for stable and unstable branches.
+/// Colours that people with any colour vision tell apart: the eight of M. Okabe, K. Ito, "Color Universal Design",
+/// 2008, grey, and, for stable and unstable branches, two of the vibrant scheme of P. Tol, "Colour Schemes", 2021.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Color {
     /// Stable branches: blue.

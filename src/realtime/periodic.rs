@@ -24,8 +24,8 @@
 //!
 //! So [`Tick::missed`] counts each missed deadline once, in the first tick given out after it, and the sum over all
 //! ticks is the number of overruns of the run. A lateness is recorded for every tick, including those that caught up: a
-//! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; Tene
-//! 2013).
+//! stall shows in the percentiles with its whole length, not as a single slow tick (no coordinated omission; G. Tene,
+//! "How NOT to Measure Latency", talk, 2013).
 //!
 //! Each miss has an [`OverrunCause`]: the loop was asleep when the deadline passed, or at work, and then on the bus or
 //! on something else for most of the time.

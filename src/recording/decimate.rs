@@ -1,6 +1,7 @@
 //! Every n-th row of a series, filtered so that nothing is left of what the lower rate can't tell.
 //!
-//! A linear-phase FIR filter: the ideal low-pass under a Kaiser window (J. F. Kaiser, 1974). With n the decimation, f_s
+//! A linear-phase FIR filter: the ideal low-pass under a Kaiser window (J. F. Kaiser, "Nonrecursive digital filter
+//! design using the I0-sinh window function", Proc. IEEE Int. Symp. Circuits Syst. 1974). With n the decimation, f_s
 //! the rate of the series and f_N = f_s/(2n) half the lower rate, it passes up to 0.8 f_N and stops from f_N on. For an
 //! attenuation of A = 80 dB and a transition Δω = 2π·0.2 f_N/f_s = 0.2π/n,
 //!

@@ -27,8 +27,9 @@ impl Section {
         Section { b: [b, -b, 0.0], a: [(k - 1.0) * b, 0.0], s: [0.0; 2] }
     }
 
-    /// Second-order Butterworth low-pass ω0²/(s² + √2 ω0 s + ω0²) (S. Butterworth, 1930). With k = ω0/(2 rate):
-    /// k² (1 + z⁻¹)² / ((1 + √2 k + k²) + 2 (k² − 1) z⁻¹ + (1 − √2 k + k²) z⁻²).
+    /// Second-order Butterworth low-pass ω0²/(s² + √2 ω0 s + ω0²) (S. Butterworth, "On the Theory of Filter
+    /// Amplifiers", Experimental Wireless 7 (1930)). With k = ω0/(2 rate): k² (1 + z⁻¹)² / ((1 + √2 k + k²) + 2 (k² −
+    /// 1) z⁻¹ + (1 − √2 k + k²) z⁻²).
     pub fn lowpass(corner_hz: f64, rate_hz: f64) -> Section {
         let k = PI * corner_hz / rate_hz;
         let square = k * k;

@@ -165,7 +165,7 @@ impl Both {
     }
 }
 
-/// Numbers that look random (G. Marsaglia 2003, J. Stat. Softw. 8, 14).
+/// Numbers that look random (G. Marsaglia, "Xorshift RNGs", J. Stat. Softw. 8, 14 (2003)).
 struct Xorshift(u64);
 
 impl Xorshift {

@@ -8,7 +8,8 @@
 /** Not 0. */
 static uint64_t random_state;
 
-/** xorshift64* (S. Vigna 2016, ACM Trans. Math. Softw. 42, 30). */
+/** xorshift64* (S. Vigna, "An Experimental Exploration of Marsaglia's xorshift Generators, Scrambled",
+ * ACM Trans. Math. Softw. 42, 30 (2016)). */
 static uint32_t random_word(void)
 {
     random_state ^= random_state >> 12;

@@ -9,7 +9,7 @@ use resonarm_protocol::{
 use super::harness::bits;
 use super::{Harness, common};
 
-/// A sequence of numbers that look random (G. Marsaglia 2003, J. Stat. Softw. 8, 14).
+/// A sequence of numbers that look random (G. Marsaglia, "Xorshift RNGs", J. Stat. Softw. 8, 14 (2003)).
 struct Xorshift(u64);
 
 impl Xorshift {

@@ -1,4 +1,5 @@
-//! Pseudo-arclength continuation (Keller 1977; Seydel, "Practical Bifurcation and Stability Analysis", Ch. 4).
+//! Pseudo-arclength continuation (H. B. Keller, "Numerical Solution of Bifurcation and Nonlinear Eigenvalue Problems",
+//! 1977; R. Seydel, "Practical Bifurcation and Stability Analysis", 2010, Ch. 4).
 //!
 //! It sees n equations R(x, λ) = 0 and nothing of what they mean. With z = (x, λ) and the unit tangent t, a step
 //! predicts z⁰ = z + s t + ½ s² κ, κ being the change of the tangent per arclength in the step before, and solves

@@ -1,11 +1,12 @@
 //! Neimark–Sacker and branch points by their own extended systems, for Newton's method. With z = (λ, X) and R_z = (R_λ,
 //! R_x):
 //!
-//! - Neimark–Sacker point (Kuznetsov, "Elements of Applied Bifurcation Theory", Sec. 10.2): R(z) = 0 and ψ(z) = 0,
-//!   where ψ = det(Φ ⊙ Φ − I) = Π (μᵢμⱼ − 1), i < j, is that of the bialternate product of the monodromy matrix Φ.
-//! - Branch point (Griewank & Reddien, "Characterization and Computation of Generalized Turning Points", SIAM J. Numer.
-//!   Anal. 21 (1984)): R_z has lost a rank. With one more unknown β, which is zero at the solution, R(z) + β b = 0 and
-//!   g₁(z) = g₂(z) = 0 of the bordered system
+//! - Neimark–Sacker point (Yu. A. Kuznetsov, "Elements of Applied Bifurcation Theory", 2004, Sec. 10.2): R(z) = 0 and
+//!   ψ(z) = 0, where ψ = det(Φ ⊙ Φ − I) = Π (μᵢμⱼ − 1), i < j, is that of the bialternate product of the monodromy
+//!   matrix Φ.
+//! - Branch point (A. Griewank, G. W. Reddien, "Characterization and Computation of Generalized Turning Points", SIAM
+//!   J. Numer. Anal. 21 (1984)): R_z has lost a rank. With one more unknown β, which is zero at the solution, R(z) + β
+//!   b = 0 and g₁(z) = g₂(z) = 0 of the bordered system
 //!
 //! ```text
 //! ⎡ R_z  b ⎤ ⎡V ⎤   ⎡0⎤

@@ -1,5 +1,7 @@
-//! Harmonic balance: periodic motions as Fourier series (Krack & Gross, "Harmonic Balance for Nonlinear Vibration
-//! Problems", Springer 2019, Ch. 2), by alternating between frequency and time (Cameron & Griffin 1989).
+//! Harmonic balance: periodic motions as Fourier series (M. Krack, J. Gross, "Harmonic Balance for Nonlinear Vibration
+//! Problems", 2019, Ch. 2), by alternating between frequency and time (T. M. Cameron, J. H. Griffin, "An Alternating
+//! Frequency/Time Domain Method for Calculating the Steady-State Response of Nonlinear Dynamic Systems", J. Appl. Mech.
+//! 56 (1989)).
 //!
 //! With the base frequency ω = Ω/ν (ν = 1, or 2 on a branch of doubled period) and τ = ωt, the unknowns are the
 //! coefficients X of α(τ), and the equations ask that the unbalanced torque r(α, α̇, α̈, Ωt) has no component along 1,

@@ -156,9 +156,10 @@ fn duffing_backbone_is_the_elliptic_integral() {
     }
 }
 
-/// Characteristic values at q = 1 (Abramowitz & Stegun, Ch. 20): a₀ = −0.455138604107, b₁ = −0.110248816992,
-/// a₁ = 1.859108072514. At a₁ and b₁ the motion of period 2π appears, twice that of the excitation: multiplier −1; at
-/// a₀ one of period π: multiplier 1, and since rest stays a solution, a branch point.
+/// Characteristic values at q = 1 (M. Abramowitz, I. A. Stegun, "Handbook of Mathematical Functions", 1964, Ch. 20): a₀
+/// = −0.455138604107, b₁ = −0.110248816992, a₁ = 1.859108072514. At a₁ and b₁ the motion of period 2π appears, twice
+/// that of the excitation: multiplier −1; at a₀ one of period π: multiplier 1, and since rest stays a solution, a
+/// branch point.
 #[test]
 fn mathieu_doubles_its_period_at_the_characteristic_values() {
     let mathieu = Textbook { equation: Equation::Mathieu { cubic: 1.0 }, parameter: 0.0, strength: 1.0 };
@@ -187,8 +188,8 @@ fn mathieu_doubles_its_period_at_the_characteristic_values() {
     assert_eq!(doubled.orbits.last().unwrap().value, 0.5);
 }
 
-/// Asynchronous quenching (Minorsky 1962): far from resonance the response A = F/(1 − Ω²) takes the self-excitation's
-/// damping to −ε(1 − A²/2), zero at A = √2 up to terms of the order of ε².
+/// Asynchronous quenching (N. Minorsky, "Nonlinear Oscillations", 1962): far from resonance the response A = F/(1 − Ω²)
+/// takes the self-excitation's damping to −ε(1 − A²/2), zero at A = √2 up to terms of the order of ε².
 #[test]
 fn forced_van_der_pol_loses_its_torus_by_quenching() {
     for strength in [0.02, 0.1] {
@@ -208,8 +209,8 @@ fn forced_van_der_pol_loses_its_torus_by_quenching() {
     }
 }
 
-/// Duffing's free oscillator has ω = 1 + ⅜γa² + O(a⁴) (A. H. Nayfeh and D. T. Mook 1979, Sec. 2.3), a being the
-/// amplitude of the first harmonic: df/d(a²) = 3γ/(16π), stiff for γ > 0, soft for γ < 0.
+/// Duffing's free oscillator has ω = 1 + ⅜γa² + O(a⁴) (A. H. Nayfeh, D. T. Mook, "Nonlinear Oscillations", 1979, Sec.
+/// 2.3), a being the amplitude of the first harmonic: df/d(a²) = 3γ/(16π), stiff for γ > 0, soft for γ < 0.
 #[test]
 fn curvature_of_the_backbone_is_that_of_duffing() {
     for (gamma, bending) in [(0.5, Bending::Hardening), (-0.2, Bending::Softening)] {

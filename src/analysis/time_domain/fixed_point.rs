@@ -66,9 +66,10 @@ impl FixedPoint {
 
     /// The fixed point, if it is stable.
     ///
-    /// Squaring M k times and scaling each time gives ‖M^(2ᵏ)‖, and its 2ᵏth root tends to max |μ| (I. Gelfand 1941). Q
-    /// solves MᵀQM − Q + I = 0 (A. M. Lyapunov); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith
-    /// 1968).
+    /// Squaring M k times and scaling each time gives ‖M^(2ᵏ)‖, and its 2ᵏth root tends to max |μ| (I. Gelfand,
+    /// "Normierte Ringe", 1941). Q solves MᵀQM − Q + I = 0 (A. M. Lyapunov, "The General Problem of the Stability of
+    /// Motion", 1892); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith, "Matrix Equation XA + BX =
+    /// C", SIAM J. Appl. Math. 16 (1968)).
     fn stable(point: Vector4<f64>, period: u32, derivative: Matrix4<f64>) -> Option<FixedPoint> {
         let mut power = derivative;
         let mut log_norm = 0.0;

@@ -11,7 +11,9 @@ use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::Amplitude;
 
 /// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
-/// followed angle, stable or not (T. Karaağaçlı, H. N. Özgüven 2020, Vibration 3, doi:10.3390/vibration3030019).
+/// followed angle, stable or not (T. Karaağaçlı, H. N. Özgüven, "Experimental Identification of Backbone Curves of
+/// Strongly Nonlinear Systems by Using Response-Controlled Stepped-Sine Testing (RCT)", Vibration 3 (2020),
+/// doi:10.3390/vibration3030019).
 ///
 /// The followed angle is α1, or α1 + α2 where in the mode's shape link 1 turns less than a fifth as far as link 2
 /// ([`Link`](crate::control::Link)).

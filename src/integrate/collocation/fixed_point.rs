@@ -1,8 +1,9 @@
 //! Fixed-point iteration for the stages of a step: Nᵢ ← N(tᵢ, y + Sᵢ y + Σⱼ Aᵢⱼ Nⱼ).
 //!
 //! A correction is ρ times the one before, ρ about h ‖∂N/∂y‖ (E. Hairer, G. Wanner, "Solving Ordinary Differential
-//! Equations II", section IV.8): for the arm, whose springs are linear, N is quadratic in the state, and ρ a thousandth
-//! at 4000 steps a second. An iteration takes an acceleration a stage, and no derivatives as Newton's method does.
+//! Equations II", 1996, section IV.8): for the arm, whose springs are linear, N is quadratic in the state, and ρ a
+//! thousandth at 4000 steps a second. An iteration takes an acceleration a stage, and no derivatives as Newton's method
+//! does.
 //!
 //! Rounded matrices would do the same error in every step, so the last iteration uses those of 79 bits: it leaves ρ
 //! times what the ones before it left.
