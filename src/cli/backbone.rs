@@ -65,7 +65,7 @@ pub(super) struct Backbone {
     walk: WalkFlags,
     #[command(flatten)]
     readings: ReadingsFlag,
-    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; CSV and JSON
+    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV and JSON
     /// beside them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
@@ -109,9 +109,14 @@ struct Document {
 }
 
 impl Backbone {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json", "-response.csv"])?;
-        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        self.overwrite.check_stem(self.plot.as_deref(), &[output::PLOTTED, &["-response.csv"]].concat())?;
+        let scenario = self.scenario()?;
         let arm = scenario.build_arm()?;
         let drive = self.drive()?;
         let linear_hz = modes(&arm)[usize::from(self.mode - 1)].frequency_hz;
@@ -308,10 +313,10 @@ impl Backbone {
             files.push(output::write(beside(stem, "-response.csv"), &table)?);
         }
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
-        let response_to = |amplitude: f64| format!(", response to a {} of {amplitude} {}", drive.what(), drive.unit);
+        let response_to = |amplitude: f64| format!("response to a {} of {amplitude} {}", drive.what(), drive.unit);
         let with = drive.amplitude.map_or(String::new(), response_to);
         let mut figure =
-            Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(captions::pose(&scenario.arm) + &with);
+            Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(captions::pose(&scenario.arm).and(with));
         for joint in 0..2 {
             let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
             let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();

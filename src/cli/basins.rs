@@ -49,7 +49,7 @@ of which that never holds within --time-constants are undecided, and marked as s
 #[command(after_long_help = EXAMPLES)]
 pub(super) struct Basins {
     #[command(flatten)]
-    motion: MotionFlags,
+    pub(super) motion: MotionFlags,
     /// Excitation frequency, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: f64,
@@ -202,8 +202,9 @@ impl Basins {
             output::write(out.join("basins.csv"), &document.csv())?,
             output::write_json(out.join("basins.json"), document)?,
         ];
-        let (pose, load) = (captions::pose(&scenario.arm), captions::load(&self.motion.drive.load()?));
-        let figure = document.figure(grid).subtitle(format!("{pose}, {load}, {} Hz", self.frequency_hz));
+        let load = captions::load(&self.motion.drive.load()?);
+        let conditions = captions::pose(&scenario.arm).and(load).and(format!("{} Hz", self.frequency_hz));
+        let figure = document.figure(grid).subtitle(conditions);
         files.extend(figure.write(&out.join("basins"))?);
         Ok(files)
     }

@@ -1,12 +1,12 @@
 //! Branches as figures: stable blue, unstable red and dashed, those of doubled period in thin lines.
 
 use crate::analysis::{self, BifurcationKind, Branch, Row};
-use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
+use crate::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style, Subtitle};
 
 use super::captions;
 
 /// Two panels, |α1| and |α2| over what varies.
-pub(super) fn figure(conditions: String, axis_label: &str, branches: &[&Branch]) -> Figure {
+pub(super) fn figure(conditions: Subtitle, axis_label: &str, branches: &[&Branch]) -> Figure {
     let mut figure = Figure::new("Periodic motions of the forced arm").subtitle(conditions);
     for joint in 0..2 {
         let panel = Panel::new(Axis::linear(axis_label), Axis::linear(captions::largest(joint)));

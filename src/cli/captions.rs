@@ -2,6 +2,7 @@
 
 use crate::analysis::Drive;
 use crate::arm::Load;
+use crate::plot::Subtitle;
 use crate::scenario::ArmSection;
 
 /// α of each joint.
@@ -12,16 +13,20 @@ pub(super) fn degrees(value: f64) -> String {
     format!("{value}°").replace('-', "−")
 }
 
-/// An arm and its pose.
-pub(super) fn pose(arm: &ArmSection) -> String {
+/// An arm and its pose; the parameters that are not the preset's stand in the caption.
+pub(super) fn pose(arm: &ArmSection) -> Subtitle {
     pose_without(arm, &[])
 }
 
 /// The same without the angles and parameters that vary, as `beta2_deg`.
-pub(super) fn pose_without(arm: &ArmSection, varied: &[&str]) -> String {
+pub(super) fn pose_without(arm: &ArmSection, varied: &[&str]) -> Subtitle {
     let angles = [("beta1_deg", "β₁", arm.beta1_deg), ("beta2_deg", "β₂", arm.beta2_deg)];
     let fixed = angles.iter().filter(|(name, ..)| !varied.contains(name));
-    fixed.fold(arm.label_without(varied), |text, (_, symbol, value)| format!("{text}, {symbol} = {}", degrees(*value)))
+    let (line, description) = (arm.short_label_without(varied), arm.description_without(varied));
+    let more = if line == description { Vec::new() } else { vec![format!("arm: {description}")] };
+    fixed.fold(Subtitle { line, more }, |subtitle, (_, symbol, value)| {
+        subtitle.and(format!("{symbol} = {}", degrees(*value)))
+    })
 }
 
 /// The excitation in words.

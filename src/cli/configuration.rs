@@ -19,6 +19,9 @@ pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
     if arm.parameters().gravity.is_some() {
         configuration["static_deflection_rad"] = json!(<[f64; 2]>::from(arm.static_deflection_rad()));
     }
+    if let Some(name) = &scenario.arm.name {
+        configuration["name"] = json!(name);
+    }
     Ok(configuration)
 }
 

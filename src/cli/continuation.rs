@@ -23,7 +23,7 @@ use super::walk_flags::WalkFlags;
 use crate::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
 use crate::arm::{Arm, Load};
 use crate::number::short;
-use crate::plot::beside;
+use crate::plot::{Subtitle, beside};
 use crate::realtime::{Clock, SystemClock};
 use crate::scenario::Scenario;
 
@@ -63,7 +63,8 @@ pub(super) struct Continue {
     curves: CurveFlags,
     #[command(flatten)]
     readings: ReadingsFlag,
-    /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; CSV and JSON beside them.
+    /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; captions,
+    /// CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -152,8 +153,8 @@ impl Found {
         &self,
         stem: &Path,
         varied: &Varied,
-        conditions: String,
-        on_curves: String,
+        conditions: Subtitle,
+        on_curves: Subtitle,
     ) -> Result<Vec<PathBuf>, Failure> {
         let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
         let mut files = branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?.to_vec();
@@ -255,12 +256,17 @@ impl RangeFlags {
 }
 
 impl Continue {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(
             self.plot.as_deref(),
-            &[".svg", ".png", ".csv", ".json", "-curves.svg", "-curves.png", "-curves.csv"],
+            &[output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat(),
         )?;
-        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        let scenario = self.scenario()?;
         let arm = scenario.build_arm()?;
         let varied = self.varied()?;
         let second = self.curves.second(&varied.quantity, &self.drive)?;
@@ -295,14 +301,14 @@ impl Continue {
     }
 
     /// What stands under a figure's title: the arm, its pose and the excitation, but for what varies.
-    fn conditions(&self, scenario: &Scenario, load: &Load, varied: &[&Quantity]) -> String {
+    fn conditions(&self, scenario: &Scenario, load: &Load, varied: &[&Quantity]) -> Subtitle {
         let names: Vec<&str> = varied.iter().map(|quantity| quantity.name).collect();
         let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
         let has = |coordinate| varied.iter().any(|quantity| quantity.coordinate == coordinate);
         let load = if has(amplitude) { captions::direction(load) } else { captions::load(load) };
         let hz = self.frequency_hz.filter(|_| !has(Coordinate::FrequencyHz));
-        let hz = hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
-        format!("{}, {load}{hz}", captions::pose_without(&scenario.arm, &names))
+        let hz = hz.map_or(String::new(), |hz| format!("{hz} Hz"));
+        captions::pose_without(&scenario.arm, &names).and(load).and(hz)
     }
 
     fn follow(

@@ -37,10 +37,10 @@ pub(super) struct Demo {
     /// Which run loop drives the plant; in real-time a machine that stalls disturbs the result.
     #[arg(long, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
     mode: Mode,
-    /// Simulated seconds a second in lockstep; 0 is as fast as it goes [default: 1].
+    /// Simulated seconds a second in lockstep; 0 is as fast as it goes.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     speed: Option<f64>,
-    /// Folder for demo.mcap, response.svg and response.png; those of an earlier demo are overwritten.
+    /// Folder for demo.mcap, response.svg, response.png and its caption, response.txt; those of an earlier demo are overwritten.
     #[arg(long, value_name = "DIR", default_value = "resonarm-demo")]
     out: PathBuf,
     #[command(flatten)]
@@ -65,8 +65,19 @@ pub(super) fn scenario() -> Result<Scenario, Failure> {
 }
 
 impl Demo {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(scenario)
+    }
+
+    /// Simulated seconds a second.
+    pub(super) fn speed(&self) -> Result<Speed, Failure> {
+        let default = if self.mode == Mode::RealTime { Speed::UNPACED } else { Speed::ACTUAL };
+        Ok(self.speed.map_or(Ok(default), Speed::new).map_err(RunError::from)?)
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let mut scenario = self.arm.scenario(scenario)?;
+        let mut scenario = self.scenario()?;
         // A scenario that closes no loop is driven as the demo's own.
         let control = match scenario.control.take().or(self::scenario()?.control) {
             Some(control) => control,
@@ -75,11 +86,10 @@ impl Demo {
         (scenario.control, scenario.excitation) = (Some(control.clone()), None);
         // The run ends with the walk.
         scenario.simulation.duration_s = None;
-        let default_speed = if self.mode == Mode::RealTime { Speed::UNPACED } else { Speed::ACTUAL };
         let record = RecordTo { path: self.out.join("demo.mcap"), existing: Existing::Overwrite };
         let options = Options {
             record: Some(record),
-            speed: self.speed.map_or(Ok(default_speed), Speed::new).map_err(RunError::from)?,
+            speed: self.speed()?,
             thread: (self.mode == Mode::RealTime).then(ThreadSetup::default),
             patience: Some(PATIENCE),
             ..Options::default()

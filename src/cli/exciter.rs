@@ -71,9 +71,15 @@ pub(super) fn scenario() -> Result<Scenario, Failure> {
 }
 
 impl Exciter {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.session.scenario(scenario)
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.session.refuse_duration("the exciter ends with what it plays")?;
         let address: BusAddress = self.bus.parse()?;
-        let scenario = self.session.scenario(scenario)?;
+        let scenario = self.scenario()?;
         let options = Options {
             thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
             on_shortfall: self.thread.on_shortfall(),

@@ -25,7 +25,8 @@ Parquet and MF4 are written by the Python package: python3 -m resonarm export RE
 Times are simulated time; a log of a run in real time has the machine's. Readings are of a \
 time before their sample, by the delay of the converters: their time_s says so.";
 
-/// Writes a recording in the formats of other tools, record by record, so that it may be longer than the memory.
+/// Writes a recording in the formats of other tools, record by record, so that it may be longer than the memory. Names
+/// the files on standard error before it writes them.
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub(super) struct Export {
@@ -34,7 +35,8 @@ pub(super) struct Export {
     /// The format: csv, candump, asc, blf, foxglove, uff58, wav.
     #[arg(long, value_name = "FORMAT", value_parser = str::parse::<ExportFormat>)]
     to: ExportFormat,
-    /// Begin of the names of the files that are written [default: the recording's name without its ending].
+    /// Where the files go: STEM is the beginning of their names, or a folder in which they have the recording's name
+    /// [default: that name, in the current folder].
     #[arg(long, value_name = "STEM")]
     out: Option<PathBuf>,
     /// Which records, by commas: states, samples, frames, ticks, events [default: all that the format holds].
@@ -58,12 +60,16 @@ impl Export {
         if let Some(note) = inspect::integrity_note(recording.integrity()) {
             tracing::warn!("{note}");
         }
-        let stem = self.out.clone().unwrap_or_else(|| self.file.with_extension(""));
+        let stem = self.stem();
         let TimeRange { from_s, to_s } = self.range;
         let chosen = Selection::of(&recording, self.to, &self.parts, from_s, to_s)?;
         let selection = Selection { magnification: self.moving_arm, ..chosen };
-        self.overwrite.check(self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path))?;
+        self.to.check(&selection)?;
+        let targets: Vec<PathBuf> = self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path).collect();
+        self.overwrite.check(targets.iter().cloned())?;
         output::check_folder(&stem)?;
+        let names: Vec<_> = targets.iter().map(|path| path.display().to_string()).collect();
+        output::note(&format!("writing {}", names.join(", ")));
         let files = export(&recording, self.to, &selection, &stem)?;
         if self.json {
             output::print_json(&serde_json::json!({ "format": self.to.name(), "files": files }))?;
@@ -71,6 +77,16 @@ impl Export {
             output::print(&text(&files))?;
         }
         Ok(Verdict::Positive)
+    }
+
+    /// The beginning of the names of the files.
+    fn stem(&self) -> PathBuf {
+        let name = self.file.file_stem().unwrap_or(self.file.as_os_str());
+        match &self.out {
+            None => PathBuf::from(name),
+            Some(folder) if folder.is_dir() => folder.join(name),
+            Some(stem) => stem.clone(),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser
 
 use super::failure::Failure;
 use crate::integrate::Scheme;
+use crate::number::short;
 use crate::realtime::{FifoPriority, Spin, ThreadSetup};
 use crate::run::OnShortfall;
 use crate::scenario::Scenario;
@@ -32,19 +33,19 @@ where
     })
 }
 
-/// The arm and its pose.
+/// The arm and its pose. [`defaults`](super::defaults) adds to the help what each command has without them.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ArmFlags {
-    /// Parameter set: irb1600-fitted (default) or irb1600-table1.
+    /// Parameter set: irb1600-fitted or irb1600-table1.
     #[arg(long, value_name = "NAME")]
     pub preset: Option<String>,
-    /// Angle β1 of link 1 against the x axis, degrees [default: 0].
+    /// Angle β1 of link 1 against the x axis, degrees.
     #[arg(long, value_name = "DEG")]
     pub beta1_deg: Option<f64>,
-    /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm [default: 60].
+    /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm.
     #[arg(long, value_name = "DEG")]
     pub beta2_deg: Option<f64>,
-    /// TOML file with the whole scenario; flags win over it.
+    /// TOML file with the whole scenario, in place of the defaults; flags win over it.
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
 }
@@ -54,16 +55,16 @@ pub(super) struct ArmFlags {
 pub(super) struct SessionFlags {
     #[command(flatten)]
     pub arm: ArmFlags,
-    /// Samples a second, whole Hz [default: 1000].
+    /// Samples a second, whole Hz.
     #[arg(long, value_name = "HZ")]
     pub rate_hz: Option<f64>,
-    /// Seed of the sensor noise, decimal or as 0x1F [default: 0].
+    /// Seed of the sensor noise, decimal or as 0x1F.
     #[arg(long, value_name = "N", value_parser = seed::parse)]
     pub seed: Option<u64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8 [default: exponential8].
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8.
     #[arg(long, value_name = "NAME")]
     pub scheme: Option<String>,
-    /// Length of the run, s [default: until it is stopped].
+    /// Length of the run, s.
     #[arg(long, value_name = "S")]
     pub duration_s: Option<f64>,
 }
@@ -169,6 +170,17 @@ impl ArmFlags {
 }
 
 impl SessionFlags {
+    /// Refuses a length where the work ends without one, and says why.
+    pub fn refuse_duration(&self, why: &str) -> Result<(), Failure> {
+        match self.duration_s {
+            Some(duration_s) => {
+                let duration_s = short(&duration_s);
+                Err(Failure::Usage(format!("--duration-s is {duration_s}: {why}, leave it out")))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// The scenario of the file, or `default`, with the flags in it.
     pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = self.arm.scenario(default)?;

@@ -59,7 +59,7 @@ pub(super) struct Identify {
     /// Average segments of this length, s [default: whole periods, or an eighth of the record].
     #[arg(long, value_name = "S")]
     segment_s: Option<f64>,
-    /// Plot the responses to STEM.svg and STEM.png; CSV and JSON beside them.
+    /// Plot the responses to STEM.svg and STEM.png; caption, CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     /// Write the angles α1 and α2 over time, rad, and their standard deviations to a CSV file.
@@ -144,8 +144,13 @@ struct Curve {
 }
 
 impl Identify {
+    /// Where accelerations are integrated.
+    pub(super) fn domain(&self) -> Domain {
+        self.integration.unwrap_or(Domain::Frequency)
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         self.overwrite.check(self.angles.clone())?;
         let recording = Recording::open(&self.file)?;
         if let Some(note) = inspect::integrity_note(recording.integrity()) {
@@ -153,7 +158,7 @@ impl Identify {
         }
         let scenario = Scenario::from_configuration(recording.configuration())?;
         if let Some(csv) = &self.angles {
-            let domain = self.integration.unwrap_or(Domain::Frequency);
+            let domain = self.domain();
             let request = Request { csv, domain, from_hz: self.from_hz, json: self.json };
             return identify_angles::execute(&recording, &scenario, &request);
         }

@@ -11,7 +11,7 @@ use super::configuration;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
 use super::output;
-use super::paper::Progress;
+use super::progress::Progress;
 use crate::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors, modes};
 use crate::arm::{Arm, Load, State};
 use crate::integrate::{IntegrateError, Integrator, Scheme};
@@ -26,7 +26,7 @@ use crate::scenario::{ArmSection, Scenario};
 pub(super) struct Integrators {
     #[command(flatten)]
     arm: ArmFlags,
-    /// Integration steps a second [default: that of the scenario, 4000].
+    /// Integration steps a second, else as many as the scenario has.
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     rate_hz: Option<f64>,
     /// Steps of free vibration over which the energy is watched, at least 10.
@@ -68,12 +68,21 @@ struct Row {
 }
 
 impl Integrators {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
+    /// Integration steps a second.
+    pub(super) fn rate_hz(&self, scenario: &Scenario) -> f64 {
+        self.rate_hz.unwrap_or(scenario.simulation.step_rate_hz())
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        let scenario = self.scenario()?;
         let arm = scenario.build_arm()?;
-        let simulation = &scenario.simulation;
-        let rate_hz = self.rate_hz.unwrap_or(simulation.step_rate_hz());
-        let progress = Progress::new("schemes", Scheme::ALL.len());
+        let rate_hz = self.rate_hz(&scenario);
+        let progress = Progress::new("integrators", Scheme::ALL.len(), "schemes");
         let row = |scheme| {
             let row = self.row(&arm, scheme, rate_hz);
             progress.step();

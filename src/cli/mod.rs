@@ -13,6 +13,7 @@ mod configuration;
 mod conformance;
 mod continuation;
 mod cut;
+mod defaults;
 mod demo;
 mod demo_report;
 mod diff;
@@ -42,6 +43,7 @@ mod numbers;
 mod output;
 mod paper;
 mod poincare;
+mod progress;
 mod protocol;
 mod quantity;
 mod readings;
@@ -68,13 +70,15 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use failure::{Failure, Verdict};
+use progress::Progress;
 
 /// Real-time vibration simulator of a compliant-joint robot arm, with an exciter bridge over CAN.
 #[derive(Debug, Parser)]
 #[command(name = "resonarm", version, max_term_width = 120)]
 #[command(
     after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
-                        RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`."
+                        RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`. Where standard error is no terminal, a line \
+                        of progress stands there every 10 s; `error` and `off` leave it out, too."
 )]
 struct Cli {
     /// Log more: -v for what happens, -vv for every detail.
@@ -133,31 +137,31 @@ pub fn main() -> ExitCode {
         Command::Run(command) => command.execute(),
         Command::Exciter(command) => command.execute(),
         Command::Experiment(command) => command.execute(),
-        Command::Simulate(command) => command.execute(),
+        Command::Simulate(command) => uncounted("simulate", || command.execute()),
         Command::Modes(command) => command.execute(),
         Command::Frf(command) => command.execute(),
         Command::Integrators(command) => command.execute(),
-        Command::Continue(command) => command.execute(),
+        Command::Continue(command) => uncounted("continue", || command.execute()),
         Command::Paper(command) => command.execute(),
-        Command::Backbone(command) => command.execute(),
+        Command::Backbone(command) => uncounted("backbone", || command.execute()),
         Command::Sweep(command) => command.execute(),
         Command::Poincare(command) => command.execute(),
         Command::Basins(command) => command.execute(),
-        Command::Compare(command) => command.execute(),
+        Command::Compare(command) => uncounted("compare", || command.execute()),
         Command::Replay(command) => command.execute(),
-        Command::Resim(command) => command.execute(),
-        Command::Identify(command) => command.execute(),
-        Command::Inspect(command) => command.execute(),
-        Command::Cut(command) => command.execute(),
-        Command::Merge(command) => command.execute(),
-        Command::Diff(command) => command.execute(),
-        Command::Export(command) => command.execute(),
-        Command::Import(command) => command.execute(),
-        Command::Recover(command) => command.execute(),
+        Command::Resim(command) => uncounted("resim", || command.execute()),
+        Command::Identify(command) => uncounted("identify", || command.execute()),
+        Command::Inspect(command) => uncounted("inspect", || command.execute()),
+        Command::Cut(command) => uncounted("cut", || command.execute()),
+        Command::Merge(command) => uncounted("merge", || command.execute()),
+        Command::Diff(command) => uncounted("diff", || command.execute()),
+        Command::Export(command) => uncounted("export", || command.execute()),
+        Command::Import(command) => uncounted("import", || command.execute()),
+        Command::Recover(command) => uncounted("recover", || command.execute()),
         Command::Protocol(command) => command.execute(),
-        Command::Conformance(command) => command.execute(),
+        Command::Conformance(command) => uncounted("conformance", || command.execute()),
         Command::Doctor(command) => command.execute(),
-        Command::Latency(command) => command.execute(),
+        Command::Latency(command) => uncounted("latency", || command.execute()),
     };
     match result {
         Ok(Verdict::Positive) => ExitCode::SUCCESS,
@@ -171,6 +175,12 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Runs a command that does not count its work, with a line now and then that it is still at it.
+fn uncounted(name: &'static str, execute: impl FnOnce() -> Result<Verdict, Failure>) -> Result<Verdict, Failure> {
+    let _progress = Progress::uncounted(name);
+    execute()
+}
+
 /// Checks that `arguments`, the program's name left out, are a command line of this program, without doing anything.
 ///
 /// # Errors
@@ -180,9 +190,13 @@ pub fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Resu
     parse(command_line).map(|_cli| ()).map_err(|error| error.to_string())
 }
 
-/// The command line, with strict numbers.
+/// The command line, with strict numbers, and the defaults in its help.
+fn whole() -> clap::Command {
+    defaults::stated(numbers::strict(Cli::command()))
+}
+
 fn parse(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Cli, clap::Error> {
-    let mut command = numbers::strict(Cli::command());
+    let mut command = whole();
     let matches = command.try_get_matches_from_mut(arguments)?;
     Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
 }

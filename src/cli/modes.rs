@@ -37,7 +37,7 @@ pub(super) struct Modes {
     /// Number of poses in the range, evenly spaced, at most a million.
     #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg", value_parser = flags::points())]
     points: u32,
-    /// Plot the natural frequencies over the range to STEM.svg and STEM.png; CSV and JSON beside them.
+    /// Plot the natural frequencies over the range to STEM.svg and STEM.png; caption, CSV and JSON beside them.
     #[arg(long, value_name = "STEM", requires = "from_beta2_deg")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -68,9 +68,14 @@ struct InPose {
 }
 
 impl Modes {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
-        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let scenario = self.scenario()?;
         match (self.from_beta2_deg, self.to_beta2_deg) {
             (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg)?,
             _ => self.in_pose(&scenario)?,

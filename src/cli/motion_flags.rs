@@ -9,7 +9,7 @@ use super::configuration;
 use super::continuation::DriveFlags;
 use super::failure::Failure;
 use super::flags::ArmFlags;
-use super::output::OverwriteFlag;
+use super::output::{self, OverwriteFlag};
 use crate::analysis::time_domain::{Direction, SettleOptions};
 use crate::arm::{Load, State};
 use crate::plant::PlantSpecError;
@@ -28,7 +28,7 @@ pub(super) struct MotionFlags {
     /// Longest wait for a motion to settle, in time constants of the arm's slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants, allow_hyphen_values = true)]
     pub time_constants: f64,
-    /// Folder for the results: CSV, JSON, and figures as SVG and PNG. A stopped run goes on from what it holds.
+    /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run goes on from what it holds.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
@@ -100,7 +100,7 @@ impl MotionFlags {
     /// The folder for the results, made if it isn't there, and the journal in it; `name` is that of all files.
     pub fn make_out(&self, name: &str) -> Result<Option<PathBuf>, Failure> {
         let Some(out) = &self.out else { return Ok(None) };
-        self.overwrite.check_stem(Some(&out.join(name)), &[".csv", ".json", ".svg", ".png"])?;
+        self.overwrite.check_stem(Some(&out.join(name)), output::PLOTTED)?;
         std::fs::create_dir_all(out).map_err(|source| Failure::Write { path: out.clone(), source })?;
         Ok(Some(out.join(name).with_extension("partial.jsonl")))
     }

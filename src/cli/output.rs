@@ -69,7 +69,10 @@ pub(super) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBu
     write(path, &(serde_json::to_string(value)? + "\n"))
 }
 
-/// Writes a figure and its data beside `stem`, as SVG, PNG, CSV and JSON, and returns the paths.
+/// What a figure and its data are written to: the figure, its caption, the data.
+pub(super) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
+
+/// Writes a figure, its caption and its data to `stem` with [`PLOTTED`] appended, and returns the paths.
 pub(super) fn plot(
     stem: &Path,
     figure: &Figure,

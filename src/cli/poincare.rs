@@ -36,7 +36,7 @@ Examples:
 #[command(after_long_help = EXAMPLES)]
 pub(super) struct Poincare {
     #[command(flatten)]
-    motion: MotionFlags,
+    pub(super) motion: MotionFlags,
     /// Excitation frequency, Hz; not with --parameter frequency.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: Option<f64>,
@@ -277,17 +277,12 @@ impl Poincare {
             output::write_json(out.join("poincare.json"), document)?,
         ];
         let pose = captions::pose(&scenario.arm);
-        let hz = self.frequency_hz.map_or(String::new(), |hz| format!(", {hz} Hz"));
+        let hz = self.frequency_hz.map_or(String::new(), |hz| format!("{hz} Hz"));
+        let (load, direction) = (captions::load(&stepped.load), captions::direction(&stepped.load));
         let figure = match self.parameter {
-            None => self
-                .section_figure(scenario, stepped, document)?
-                .subtitle(format!("{pose}, {}{hz}", captions::load(&stepped.load))),
-            Some(ParameterFlag::Frequency) => {
-                diagram(document, stepped).subtitle(format!("{pose}, {}", captions::load(&stepped.load)))
-            }
-            Some(ParameterFlag::Amplitude) => {
-                diagram(document, stepped).subtitle(format!("{pose}, {}{hz}", captions::direction(&stepped.load)))
-            }
+            None => self.section_figure(scenario, stepped, document)?.subtitle(pose.and(load).and(hz)),
+            Some(ParameterFlag::Frequency) => diagram(document, stepped).subtitle(pose.and(load)),
+            Some(ParameterFlag::Amplitude) => diagram(document, stepped).subtitle(pose.and(direction).and(hz)),
         };
         files.extend(figure.write(&out.join("poincare"))?);
         Ok(files)

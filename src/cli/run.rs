@@ -90,7 +90,17 @@ struct Document<'a> {
     responses: Option<Vec<ResponseDocument>>,
 }
 
+/// What is run without a scenario: a free run has an exciter, which plays something.
+pub(super) fn default_scenario(mode: Mode) -> Result<Scenario> {
+    if mode == Mode::Free { super::exciter::scenario() } else { Ok(Scenario::default()) }
+}
+
 impl Run {
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario> {
+        self.session.scenario(|| default_scenario(self.mode))
+    }
+
     pub fn execute(&self) -> Result<Verdict> {
         let options = Options {
             record: self.record.target(),
@@ -104,8 +114,7 @@ impl Run {
             ..Options::default()
         };
         self.histogram.check(self.record.overwrite)?;
-        let default = || if self.mode == Mode::Free { super::exciter::scenario() } else { Ok(Scenario::default()) };
-        let session = Session::new(self.session.scenario(default)?, self.mode, options)?;
+        let session = Session::new(self.scenario()?, self.mode, options)?;
         if let (Mode::Free, Some(path)) = (self.mode, &self.histogram.histogram) {
             return Err(Failure::Usage(format!(
                 "--histogram {}: a run in the mode free has no schedule to be late for; take real-time or lockstep",

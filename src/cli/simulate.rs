@@ -9,7 +9,7 @@ use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags, parse_scheme};
 use super::output;
 use crate::arm::{Load, State};
-use crate::integrate::{Integrator, Sine};
+use crate::integrate::{Integrator, Scheme, Sine};
 use crate::number::short;
 use crate::plant::PlantSpecError;
 use crate::realtime::{Clock, SystemClock};
@@ -20,7 +20,7 @@ use crate::scenario::{Scenario, SimulationSection};
 pub(super) struct Simulate {
     #[command(flatten)]
     arm: ArmFlags,
-    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s [default: at rest].
+    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s [default: that of the scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Torque at joint 1, N·m.
@@ -35,10 +35,10 @@ pub(super) struct Simulate {
     /// Frequency f of the excitation, Hz.
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     excitation_hz: f64,
-    /// Integration steps a second [default: that of the scenario].
+    /// Integration steps a second, else as many as the scenario has with this scheme.
     #[arg(long, value_name = "R")]
     rate_hz: Option<f64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8 [default: exponential8].
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8.
     #[arg(long, value_name = "NAME")]
     scheme: Option<String>,
     /// Length, s, a whole number of steps.
@@ -64,12 +64,22 @@ struct Document {
 const MOST_STEPS: u64 = 10_000_000_000;
 
 impl Simulate {
-    pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
-        let arm = scenario.build_arm()?;
+    /// The scenario of the flags.
+    pub(super) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
+    /// The scheme, and the integration steps a second.
+    pub(super) fn scheme_and_rate(&self, scenario: &Scenario) -> Result<(Scheme, f64), Failure> {
         let scheme = self.scheme.as_deref().map_or(Ok(scenario.simulation.scheme), parse_scheme)?;
         let simulation = SimulationSection { scheme, ..scenario.simulation.clone() };
-        let rate_hz = self.rate_hz.unwrap_or(simulation.step_rate_hz());
+        Ok((scheme, self.rate_hz.unwrap_or(simulation.step_rate_hz())))
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.scenario()?;
+        let arm = scenario.build_arm()?;
+        let (scheme, rate_hz) = self.scheme_and_rate(&scenario)?;
         let integrator = Integrator::new(scheme, rate_hz, &arm).map_err(|error| match self.rate_hz {
             Some(_) => flags::refused("--rate-hz", &error),
             None => error.into(),

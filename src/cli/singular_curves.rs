@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::quantity::Quantity;
 use super::walk_flags::WalkFlags;
 use crate::analysis::{BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves};
-use crate::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
+use crate::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
 #[derive(Clone, Debug, Args)]
@@ -134,7 +134,7 @@ impl Curves {
     }
 
     /// The plane of both quantities with the curves in it.
-    pub fn figure(&self, conditions: String) -> Figure {
+    pub fn figure(&self, conditions: Subtitle) -> Figure {
         let mut panel = Panel::new(Axis::linear(&self.first.label), Axis::linear(&self.second.label));
         for (kind, label, color, dash) in [
             (BifurcationKind::Fold, "fold", Color::Black, Dash::Solid),

@@ -84,7 +84,13 @@ impl Status {
 
     /// Writes the line if it is time for it.
     pub fn write(&mut self, signals: &Signals, line: &mut Line) {
-        let Style::People { every } = self.style else { return };
+        let every = match self.style {
+            Style::People { every } => every,
+            Style::Off => return line.without_progress(),
+        };
+        if every.is_some() {
+            line.without_progress();
+        }
         let (every_ns, window_ns) = match every {
             _ if line.is_on_terminal() => (ANEW_NS, WINDOW_NS),
             Some(every) => (u64::try_from(every.as_nanos()).unwrap_or(u64::MAX), 0),

@@ -7,13 +7,15 @@ use std::thread;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
 use super::failure::Failure;
 use super::output;
+use super::progress::{self, Done, Pace};
 use crate::control::Length;
+use crate::realtime::{Clock, SystemClock};
 use crate::run::Signals;
 
 /// How often the progress bar moves.
@@ -28,12 +30,21 @@ pub(super) struct Line {
     length: Length,
     is_on_terminal: bool,
     shows_text: bool,
+    /// When lines of progress are due where there is no terminal.
+    pace: Option<Pace>,
 }
 
 impl Line {
-    fn new(length: Length) -> Line {
+    fn new(name: &'static str, length: Length) -> Line {
         let is_on_terminal = std::io::stderr().is_terminal();
-        Line { bar: bar(length, is_on_terminal), length, is_on_terminal, shows_text: false }
+        let has_lines = !is_on_terminal && length != Length::Unknown && progress::are_lines_wanted();
+        let pace = has_lines.then(|| Pace::new(name, SystemClock.now_ns()));
+        Line { bar: bar(length, is_on_terminal), length, is_on_terminal, shows_text: false, pace }
+    }
+
+    /// Leaves out the lines of progress: others say how far the work is, or standard error holds no text for people.
+    pub fn without_progress(&mut self) {
+        self.pace = None;
     }
 
     /// Whether there is such a line.
@@ -68,11 +79,17 @@ impl Line {
         self.bar.suspend(|| output::note(text));
     }
 
-    fn set_progress(&self, signals: &Signals) {
-        match self.length {
-            Length::Responses(_) => self.bar.set_position(signals.responses()),
-            Length::Samples(_) => self.bar.set_position(signals.done()),
-            Length::Unknown => {}
+    fn set_progress(&mut self, signals: &Signals) {
+        let done = match self.length {
+            Length::Responses(total) => Done::Of(signals.responses(), total, "points"),
+            Length::Samples(total) => Done::Share(signals.done(), total),
+            Length::Unknown => return,
+        };
+        if let Done::Of(done, ..) | Done::Share(done, _) = done {
+            self.bar.set_position(done);
+        }
+        if let Some(line) = self.pace.as_mut().and_then(|pace| pace.line(SystemClock.now_ns(), done)) {
+            output::note(&line);
         }
     }
 }
@@ -89,6 +106,11 @@ pub(super) fn supervise<T: Send + 'static>(
 ) -> Result<T, Failure> {
     let start = |source| Failure::Start { what: name, source };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
+    // Before the work begins: a signal at its very start asks it to stop, too.
+    let listening = {
+        let _entered = runtime.enter();
+        Listening::new().map_err(start)?
+    };
     let (done, finished) = oneshot::channel();
     let worker = thread::Builder::new()
         .name(name.to_string())
@@ -98,8 +120,8 @@ pub(super) fn supervise<T: Send + 'static>(
             result
         })
         .map_err(start)?;
-    let mut line = Line::new(length);
-    runtime.block_on(watch(signals, &mut line, &mut tell, finished)).map_err(start)?;
+    let mut line = Line::new(name, length);
+    runtime.block_on(watch(signals, listening, &mut line, &mut tell, finished));
     tell(&mut line);
     line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
@@ -108,13 +130,11 @@ pub(super) fn supervise<T: Send + 'static>(
 /// Waits for the end of the work, passing on what the user asks.
 async fn watch(
     signals: &Signals,
+    Listening { mut interrupt, mut terminate, mut hangup }: Listening,
     line: &mut Line,
     tell: &mut impl FnMut(&mut Line),
     finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
-) -> std::io::Result<()> {
-    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
-    // `nohup` has it ignored, and it stays so.
-    let mut hangup = if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) };
+) {
     let mut beat = tokio::time::interval(PROGRESS);
     let mut asked = None;
     tokio::pin!(finished);
@@ -131,7 +151,25 @@ async fn watch(
             }
         }
     }
-    Ok(())
+}
+
+/// The signals that ask for the end.
+struct Listening {
+    interrupt: Signal,
+    terminate: Signal,
+    /// None if it is ignored: `nohup` has it so, and it stays so.
+    hangup: Option<Signal>,
+}
+
+impl Listening {
+    /// Listens from now on, within a runtime.
+    fn new() -> std::io::Result<Listening> {
+        Ok(Listening {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hangup: if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) },
+        })
+    }
 }
 
 /// Whether this process was started with SIGHUP ignored: the first bit of `SigIgn` in its status (proc(5)).

@@ -20,7 +20,7 @@ use crate::arm::{Arm, Load, Pose};
 use crate::integrate::Sine;
 use crate::number::short;
 use crate::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
-use crate::scenario::Scenario;
+use crate::scenario::{ArmSection, Scenario};
 use crate::study::{Chain, Chains, Point, StudyError, Walk};
 
 const EXAMPLES: &str = "\
@@ -38,7 +38,7 @@ const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Sweep {
     #[command(flatten)]
-    motion: MotionFlags,
+    pub(super) motion: MotionFlags,
     /// One end of the frequencies, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     from_hz: f64,
@@ -335,14 +335,12 @@ impl Document {
 
     /// |α1| above |α2|; for several poses a row each, |α1| on the left and |α2| on the right.
     fn figure(&self, scenario: &Scenario, load: &Load) -> Figure {
-        let arm = &scenario.arm;
         let (one, load) = (self.by_pose().count() == 1, captions::load(load));
         let pose = match self.sweeps.first() {
-            Some(sweep) if one => format!("β₁ = {}, β₂ = {}", degrees(arm.beta1_deg), degrees(sweep.beta2_deg)),
-            _ => format!("β₁ = {}", degrees(arm.beta1_deg)),
+            Some(sweep) if one => captions::pose(&ArmSection { beta2_deg: sweep.beta2_deg, ..scenario.arm.clone() }),
+            _ => captions::pose_without(&scenario.arm, &["beta2_deg"]),
         };
-        let mut figure = Figure::new("Stepped-sine response, settled at each frequency")
-            .subtitle(format!("{}, {pose}, {load}", arm.label()));
+        let mut figure = Figure::new("Stepped-sine response, settled at each frequency").subtitle(pose.and(load));
         figure.columns = if one { 1 } else { 2 };
         for same in self.by_pose() {
             for joint in 0..2 {

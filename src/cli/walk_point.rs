@@ -153,7 +153,7 @@ pub(super) fn branch(
 
 /// Points over a branch.
 pub(super) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Branch, points: &[Drawn]) -> Figure {
-    let conditions = format!("{}, {}", captions::pose(&scenario.arm), captions::load(load));
+    let conditions = captions::pose(&scenario.arm).and(captions::load(load));
     let mut figure = Figure::new(title).subtitle(conditions);
     for joint in 0..2 {
         let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));

@@ -19,9 +19,10 @@ pub(super) struct View<'a> {
 }
 
 /// Above: the amplitudes of both links over all frequencies. Below: each zone where its response bends.
-pub(super) fn figure(scenario: &Scenario, views: &[View]) -> Figure {
+pub(super) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> Figure {
     let forces: Vec<_> = views.iter().map(|view| format!("{} N", view.force_n)).collect();
-    let conditions = format!("{}, along x at C: {}", captions::pose(&scenario.arm), forces.join(" and "));
+    let conditions = captions::pose(&scenario.arm).and(format!("along x at C: {}", forces.join(" and ")));
+    let conditions = conditions.and(if interrupted { "interrupted" } else { "" });
     let mut figure = Figure::new("Resonance zones, measured on the bench and computed").subtitle(conditions);
     figure.columns = 2;
     for joint in 0..2 {

@@ -36,7 +36,8 @@ impl Controller for OpenLoop {
         let n = sample.sample;
         // The phase of what acted when it was read: a sine that is held lags by half a sample.
         let read_at = n as f64 - self.sampling.converter.delay_samples() - 0.5;
-        self.response = self.reader.add(sample, self.profile.phase_cycles(read_at));
+        let response = self.reader.add(sample, self.profile.phase_cycles(read_at));
+        self.response = response.map(|point| ResponsePoint { load_kind: self.load_kind(), ..point });
         if n >= self.profile.samples() { Answer::Finished } else { Answer::Hold(self.profile.load(n)) }
     }
 

@@ -1,5 +1,6 @@
 //! The exciter's reading of the response, window by window.
 
+use super::LoadKind;
 use crate::excitation::{HarmonicFit, Phasor, Profile, SineFit, Window};
 use crate::rig::{Measurement, Sampling};
 
@@ -14,6 +15,8 @@ pub struct ResponsePoint {
     pub frequency_hz: f64,
     /// Amplitude of the load's fundamental, as it acts on the arm, N or N·m.
     pub load: f64,
+    /// Whether `load` is a force at C or a torque.
+    pub load_kind: LoadKind,
     /// Standard deviation of `load` by the noise of the readings, at the frequency and amplitude that are stated, N or
     /// N·m; `None` where it is not computed.
     pub load_deviation: Option<f64>,
@@ -42,12 +45,13 @@ pub struct ResponsePoint {
 }
 
 impl ResponsePoint {
-    /// A settled response of these harmonics, 1 to 3 of head x, y; B x, y; C x, y.
+    /// A settled response to a force, of these harmonics, 1 to 3 of head x, y; B x, y; C x, y.
     pub fn of_harmonics(frequency_hz: f64, load: f64, harmonics: &[[Phasor; 3]; CHANNELS]) -> ResponsePoint {
         let pair = |channel: usize| [harmonics[channel][0], harmonics[channel + 1][0]];
         ResponsePoint {
             frequency_hz,
             load,
+            load_kind: LoadKind::Force,
             load_deviation: None,
             head_force_n: pair(0),
             acceleration_b_m_s2: pair(2),
@@ -62,17 +66,17 @@ impl ResponsePoint {
     }
 
     /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or no force
-    /// is.
+    /// is: a torque does not go through the head, which then reads noise.
     pub fn force_harmonics(&self) -> Option<[f64; 2]> {
         let overtones = self.overtones.as_ref()?;
         let size = |pair: [Phasor; 2]| libm::sqrt(pair.iter().map(Phasor::norm_sqr).sum());
         let fundamental = size(self.head_force_n);
         let over = |index: usize| size([overtones[0][index], overtones[1][index]]) / fundamental;
-        (fundamental > 0.0).then(|| [over(0), over(1)])
+        (self.load_kind == LoadKind::Force && fundamental > 0.0).then(|| [over(0), over(1)])
     }
 
     /// Harmonic distortion of the head's force: what its harmonics 2 and 3 are together over its fundamental; `None`
-    /// where they are not read, or no force is.
+    /// as of [`ResponsePoint::force_harmonics`].
     pub fn distortion(&self) -> Option<f64> {
         self.force_harmonics().map(|[second, third]| libm::hypot(second, third))
     }
@@ -169,7 +173,7 @@ impl Reading {
         }
     }
 
-    /// What was read; `None` if the samples do not determine it.
+    /// What was read, of a force; `None` if the samples do not determine it.
     pub fn finish(&self) -> Option<ResponsePoint> {
         let whole = self.whole.finish()?;
         let [first, second] = [self.halves[0].finish()?, self.halves[1].finish()?];
@@ -191,6 +195,7 @@ impl Reading {
             acceleration_b_m_s2: [bx, by],
             acceleration_c_m_s2: [cx, cy],
             load: self.load,
+            load_kind: LoadKind::Force,
             load_deviation: None,
             overtones,
             lag_rad: None,

@@ -115,7 +115,8 @@ impl Steered {
             None => {}
             Some(reading) if n < reading.end() => reading.add(sample, phase_cycles),
             Some(reading) => {
-                self.response = reading.finish();
+                let response = reading.finish();
+                self.response = response.map(|point| ResponsePoint { load_kind: self.kind, ..point });
                 self.is_read = self.response.is_some_and(|response| response.settled);
                 self.reading = None;
             }

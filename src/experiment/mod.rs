@@ -34,11 +34,12 @@ pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> 
     let session = session(scenario, control)?;
     let rate_hz = scenario.simulation.rate_hz;
     let report = session.both(signals, |_| {})?;
+    let outcome = report.exciter_outcome(signals);
     match report.plant.error.or(report.exciter.error) {
         Some(error) => Err(error),
         None => Ok(Measured {
             points: report.exciter.responses,
-            outcome: report.exciter.outcome,
+            outcome,
             simulated_s: report.plant.samples as f64 / rate_hz,
         }),
     }

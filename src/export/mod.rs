@@ -74,6 +74,21 @@ impl ExportFormat {
         }
     }
 
+    /// Checks that the format can hold what is selected.
+    ///
+    /// # Errors
+    /// [`ExportError::Part`], [`ExportError::MovingArm`] and [`ExportError::Magnification`].
+    pub fn check(self, selection: &Selection) -> Result<(), ExportError> {
+        if let Some(part) = selection.parts.iter().find(|part| !self.parts().contains(part)) {
+            return Err(ExportError::Part { format: self, part: *part });
+        }
+        match selection.magnification {
+            Some(_) if self != ExportFormat::Foxglove => Err(ExportError::MovingArm { format: self }),
+            Some(got) if !(got.is_finite() && got > 0.0) => Err(ExportError::Magnification { got }),
+            Some(_) | None => Ok(()),
+        }
+    }
+
     /// The files that STEM stands for, with what is in each.
     pub fn files(self, stem: &Path, parts: &[Part]) -> Vec<(PathBuf, Vec<Part>)> {
         let named = |ending: String| {
@@ -131,12 +146,7 @@ pub fn export(
     selection: &Selection,
     stem: &Path,
 ) -> Result<Vec<ExportedFile>, ExportError> {
-    if let Some(part) = selection.parts.iter().find(|part| !format.parts().contains(part)) {
-        return Err(ExportError::Part { format, part: *part });
-    }
-    if selection.magnification.is_some() && format != ExportFormat::Foxglove {
-        return Err(ExportError::MovingArm { format });
-    }
+    format.check(selection)?;
     let files = format.files(stem, &selection.parts);
     match format {
         ExportFormat::Csv => csv::write(recording, selection, files),

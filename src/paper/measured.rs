@@ -135,6 +135,8 @@ struct Document {
 
 #[derive(Deserialize)]
 struct Configuration {
+    #[serde(default)]
+    name: Option<String>,
     preset: String,
     parameters: Parameters,
     beta1_deg: f64,
@@ -181,11 +183,11 @@ impl MeasuredZones {
         let name = || origin.to_string();
         let document: Document =
             serde_json::from_str(text).map_err(|source| MeasuredError::Parse { origin: name(), source })?;
-        let Configuration { preset, parameters, beta1_deg, beta2_deg } = document.configuration;
+        let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg } = document.configuration;
         let no_arm = |source| MeasuredError::Arm { origin: name(), source };
         // Parameters are a table of numbers, which TOML can hold.
         let table = toml::Table::try_from(parameters).unwrap_or_default();
-        let section = ArmSection { preset, parameters: table, ..ArmSection::default() };
+        let section = ArmSection { name: arm_name, preset, parameters: table, ..ArmSection::default() };
         let zones = document.zones.iter().enumerate().map(|(index, zone)| zone.measured(origin, index + 1));
         let measured = MeasuredZones {
             preset: section.preset.parse().map_err(no_arm)?,

@@ -112,14 +112,18 @@ fn plot_height(figure: &Figure) -> f64 {
     }
 }
 
-/// Title and subtitle, and where the rest begins.
+/// Title, in as many lines as it needs, and subtitle, in one, and where the rest begins.
 fn heading(figure: &Figure, fonts: &Fonts, width: f64) -> (Vec<Shape>, f64) {
-    let title = (figure.title.as_str(), TITLE_SIZE, Weight::Bold, BLACK);
-    let subtitle = (figure.subtitle.as_deref().unwrap_or(""), SUBTITLE_SIZE, Weight::Regular, SUBTITLE_COLOR);
+    let room = width - 2.0 * EDGE;
+    let title = fonts.wrap(&figure.title, TITLE_SIZE, Weight::Bold, room);
+    let subtitle = Some(figure.subtitle.fitting(fonts, SUBTITLE_SIZE, room)).filter(|line| !line.is_empty());
     let mut shapes = Vec::new();
     let mut y = EDGE;
-    for (text, size, weight, color) in [title, subtitle] {
-        for line in fonts.wrap(text, size, weight, width - 2.0 * EDGE) {
+    for (lines, size, weight, color) in [
+        (title, TITLE_SIZE, Weight::Bold, BLACK),
+        (subtitle.into_iter().collect(), SUBTITLE_SIZE, Weight::Regular, SUBTITLE_COLOR),
+    ] {
+        for line in lines {
             y += size;
             shapes.push(Shape::Text(Text {
                 at: [width / 2.0, y],

@@ -5,6 +5,7 @@
 //! gives the same bytes.
 
 mod axis;
+mod caption;
 mod clip;
 mod error;
 mod font;
@@ -21,6 +22,7 @@ mod ticks;
 
 use std::path::{Path, PathBuf};
 
+pub use caption::Subtitle;
 pub use error::PlotError;
 pub use style::{Color, Dash, Marker, Style};
 
@@ -30,7 +32,7 @@ pub struct Figure {
     /// The title; broken into lines where it is too long.
     pub title: String,
     /// A line below the title: the conditions under which it holds.
-    pub subtitle: Option<String>,
+    pub subtitle: Subtitle,
     /// The panels, row by row. Panels below each other whose x axes are equal share them: one range, labels on the
     /// lowest.
     pub panels: Vec<Panel>,
@@ -39,15 +41,18 @@ pub struct Figure {
 }
 
 impl Figure {
+    /// What [`Figure::write`] appends: SVG, PNG and the caption.
+    pub const ENDINGS: [&'static str; 3] = [".svg", ".png", ".txt"];
+
     /// A figure without panels, of one column.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), subtitle: None, panels: Vec::new(), columns: 1 }
+        Self { title: title.into(), subtitle: Subtitle::default(), panels: Vec::new(), columns: 1 }
     }
 
     /// The figure with a subtitle.
     #[must_use]
-    pub fn subtitle(self, subtitle: impl Into<String>) -> Self {
-        Self { subtitle: Some(subtitle.into()), ..self }
+    pub fn subtitle(self, subtitle: impl Into<Subtitle>) -> Self {
+        Self { subtitle: subtitle.into(), ..self }
     }
 
     /// The figure with one panel more.
@@ -89,14 +94,24 @@ impl Figure {
         write_file(path, &self.to_png()?)
     }
 
-    /// Writes the figure as both, to `stem` with `.svg` and with `.png` appended, and returns these two paths.
+    /// The caption: title and subtitle in full, and what else the subtitle says, a line each.
+    pub fn caption(&self) -> String {
+        let Subtitle { line, more } = &self.subtitle;
+        let lines = [&self.title, line].into_iter().chain(more).filter(|line| !line.is_empty());
+        lines.fold(String::new(), |text, line| text + line + "\n")
+    }
+
+    /// Writes the figure as both, and its caption as text: to `stem` with [`Figure::ENDINGS`] appended. Returns these
+    /// paths.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn, or a file can't be written.
-    pub fn write(&self, stem: &Path) -> Result<[PathBuf; 2], PlotError> {
-        let paths = [".svg", ".png"].map(|ending| beside(stem, ending));
-        self.write_svg(&paths[0])?;
-        self.write_png(&paths[1])?;
+    pub fn write(&self, stem: &Path) -> Result<[PathBuf; 3], PlotError> {
+        let paths = Self::ENDINGS.map(|ending| beside(stem, ending));
+        let [svg, png, caption] = &paths;
+        self.write_svg(svg)?;
+        self.write_png(png)?;
+        write_file(caption, self.caption().as_bytes())?;
         Ok(paths)
     }
 }

@@ -34,7 +34,7 @@ fn response() -> Figure {
 }
 
 /// A Duffing resonance of the kind that continuation gives: stable, unstable, folds. a² from the amplitude equation
-/// ((1 − Ω²+ ¾ κ a²)² + (2 ζ Ω)²) a² = p², solved for Ω² (Nayfeh and Mook 1979).
+/// ((1 − Ω²+ ¾ κ a²)² + (2 ζ Ω)²) a² = p², solved for Ω² (A. H. Nayfeh, D. T. Mook, "Nonlinear Oscillations", 1979).
 fn continuation() -> Figure {
     let (zeta, p): (f64, f64) = (0.01, 0.02);
     let branch = |sign: f64| {
@@ -112,11 +112,28 @@ fn figures_are_written_as_both_and_are_the_same_every_time() {
     let folder = tempfile::tempdir().unwrap();
     let folder = std::env::var_os("RESONARM_PLOT_DIR").map_or(folder.path().to_owned(), PathBuf::from);
     for (name, figure) in every_figure() {
-        let [svg, png] = figure.write(&folder.join(format!("{name}.v1"))).unwrap();
+        let [svg, png, caption] = figure.write(&folder.join(format!("{name}.v1"))).unwrap();
         assert!(svg.ends_with(format!("{name}.v1.svg")) && png.ends_with(format!("{name}.v1.png")));
         assert_eq!(std::fs::read_to_string(&svg).unwrap(), figure.to_svg().unwrap());
         assert_eq!(std::fs::read(&png).unwrap(), figure.to_png().unwrap());
+        assert!(caption.ends_with(format!("{name}.v1.txt")));
+        assert_eq!(std::fs::read_to_string(&caption).unwrap(), figure.caption());
     }
+}
+
+/// A subtitle has one line, of as many parts as fit; the caption has all.
+#[test]
+fn a_long_subtitle_is_cut_to_a_line_and_whole_in_the_caption() {
+    let parts: Vec<String> = (1..=20).map(|k| format!("part {k}")).collect();
+    let mut subtitle = Subtitle::from(parts.join(", "));
+    subtitle.more = vec![String::from("and more")];
+    let figure = response().subtitle(subtitle.clone());
+    let svg = figure.to_svg().unwrap();
+    assert_eq!(svg.matches(">part 1, ").count(), 1);
+    assert!(svg.contains(", …<") && !svg.contains("part 20"), "{svg}");
+    assert_eq!(figure.caption(), format!("{}\n{}\nand more\n", figure.title, parts.join(", ")));
+    let short = response().subtitle(Subtitle::from("a part").and("").and("another"));
+    assert!(short.to_svg().unwrap().contains(">a part, another<"));
 }
 
 /// What an `<svg>` element holds, by a reader that knows only tags and attributes.

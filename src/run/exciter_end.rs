@@ -36,6 +36,11 @@ impl ExciterEnd {
         ExciterEnd { reason: fault.or(end.reason), ..end }
     }
 
+    /// Whether it was asked to stop before the controller had finished.
+    pub fn is_stopped(&self) -> bool {
+        self.outcome == "stopped"
+    }
+
     /// Whether the controller did all it was for.
     pub fn is_finished(&self) -> bool {
         self.outcome == "finished"

@@ -5,7 +5,7 @@ use core::fmt::Write;
 use serde::{Serialize, Serializer};
 
 use super::bench::Bench;
-use super::{BusLoss, RunError};
+use super::{BusLoss, RunError, Signals};
 use crate::bus::{ControllerErrors, Statistics};
 use crate::control::ResponsePoint;
 use crate::node::{self, ExciterNode, PlantNode, Refusals};
@@ -175,6 +175,17 @@ pub struct BothReport {
     pub plant: PlantReport,
     /// The exciter's end.
     pub exciter: ExciterReport,
+}
+
+impl BothReport {
+    /// How the exciter ended: where the run was asked to stop, by these signals, it was stopped, although it knows only
+    /// that the plant has left.
+    pub fn exciter_outcome(&self, signals: &Signals) -> Option<node::Outcome> {
+        match self.exciter.outcome {
+            Some(node::Outcome::PlantLeft) if signals.is_stopped() => Some(node::Outcome::Stopped),
+            outcome => outcome,
+        }
+    }
 }
 
 /// How simulated time kept up with the clock.

@@ -51,6 +51,14 @@ pub enum ScenarioError {
         /// What the TOML writer says.
         reason: String,
     },
+    /// The arm's name can't be shown in a line.
+    #[error("arm.name is {got:?}: it must be 1 to {most} characters, none of them a control character")]
+    Name {
+        /// The name.
+        got: String,
+        /// The most characters.
+        most: usize,
+    },
     /// There is no such arm.
     #[error(transparent)]
     Arm(#[from] ArmError),

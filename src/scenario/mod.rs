@@ -60,6 +60,10 @@ pub struct Scenario {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArmSection {
+    /// What the arm is called in headers and figures, from 1 to 60 characters; without it the preset and what differs
+    /// from it say so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// Name of the preset.
     pub preset: String,
     /// β1, degrees.
@@ -77,6 +81,7 @@ impl Default for ArmSection {
     /// The default preset at β1 = 0°, β2 = 60°, at rest.
     fn default() -> ArmSection {
         ArmSection {
+            name: None,
             preset: Preset::default().name().to_string(),
             beta1_deg: 0.0,
             beta2_deg: 60.0,
@@ -189,16 +194,17 @@ impl Scenario {
         toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
     }
 
-    /// Checks what no run can use, whatever its mode: the steps a sample, the timeouts, and the excitation against its
-    /// exciter's limits. What flags of the command line may still replace is checked where it is used.
+    /// Checks what no run can use, whatever its mode: the arm's name, the steps a sample, the timeouts, and the
+    /// excitation against its exciter's limits. What flags of the command line may still replace is checked where it is used.
     ///
     /// The limits that end a run are checked against the load and the instruments.
     ///
     /// # Errors
-    /// [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that
+    /// [`ScenarioError::Name`] for a name that no line can show, [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that
     /// is not positive or longer than an hour and for limits that contradict, [`ScenarioError::Fault`] for a fault of
     /// the network that can't be, [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
+        self.arm.check_name()?;
         plant::check_steps_per_sample(self.simulation.steps_per_sample())?;
         self.network.check()?;
         abort_limits::check(self)?;

@@ -129,7 +129,7 @@ fn a_figure_over_the_forced_response() {
     irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
 
     softening: -0.093994 Hz (-0.4242 %) at |α1| = 0.274462 rad; at small amplitudes a of α1, df/d(a²) = -1.68246 Hz/rad²
-    written to ./backbone.svg, ./backbone.png, ./backbone-response.csv, ./backbone.csv, ./backbone.json
+    written to ./backbone.svg, ./backbone.png, ./backbone.txt, ./backbone-response.csv, ./backbone.csv, ./backbone.json
     ");
     let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
     for part in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
@@ -152,7 +152,7 @@ fn figures_of_branches_have_their_numbers_beside_them() {
     let command = "continue --parameter=beta2_deg --torque1-nm=60 --frequency-hz=22 --from-deg=55 --to-deg=60";
     let said = done(&format!("{command} --curves-in=amplitude --curves-to=50 --plot={}", stem.display()));
     let said = said.replace(&folder.path().display().to_string(), ".");
-    insta::assert_snapshot!(said.lines().last().unwrap(), @"written to ./branch.svg, ./branch.png, ./branch.csv, ./branch-curves.svg, ./branch-curves.png, ./branch-curves.csv, ./branch.json");
+    insta::assert_snapshot!(said.lines().last().unwrap(), @"written to ./branch.svg, ./branch.png, ./branch.txt, ./branch.csv, ./branch-curves.svg, ./branch-curves.png, ./branch-curves.txt, ./branch-curves.csv, ./branch.json");
     let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
     let svg = read(".svg");
     assert!(svg.contains("irb1600-fitted, β₁ = 0°, 60 N·m at joint 1, 22 Hz"), "{svg}");
@@ -200,12 +200,14 @@ fn help_says_what_there_is() {
     Usage: resonarm backbone [OPTIONS]
 
     Options:
-          --preset <NAME>       Parameter set: irb1600-fitted (default) or irb1600-table1
+          --preset <NAME>       Parameter set: irb1600-fitted or irb1600-table1 [default:
+                                irb1600-fitted]
       -v, --verbose...          Log more: -v for what happens, -vv for every detail
           --beta1-deg <DEG>     Angle β1 of link 1 against the x axis, degrees [default: 0]
           --beta2-deg <DEG>     Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                 [default: 60]
-          --scenario <FILE>     TOML file with the whole scenario; flags win over it
+          --scenario <FILE>     TOML file with the whole scenario, in place of the defaults; flags win
+                                over it
           --mode <N>            Linear mode in which the curve begins: 1, the slower, or 2 [default: 1]
           --undamped            The nonlinear normal mode of the arm without dampers, which takes no
                                 excitation
@@ -221,8 +223,8 @@ fn help_says_what_there_is() {
           --readings            Add what a bench reads at B and C to the points in JSON and CSV: the
                                 fundamental of displacement, velocity and acceleration
           --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
-                                of the excitation is given; CSV and JSON beside them, of the forced
-                                response STEM-response.csv
+                                of the excitation is given; caption, CSV and JSON beside them, of the
+                                forced response STEM-response.csv
           --overwrite           Write over files that are there
           --json                Print one JSON document
       -h, --help                Print help (see more with '--help')

@@ -57,6 +57,7 @@ fn rates_and_times_that_cannot_be() {
 
     For more information, try '--help'.
     ");
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "vcan0", "--duration-s", "5"]), @"resonarm: --duration-s is 5: the exciter ends with what it plays, leave it out");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "-1"]), @"resonarm: --duration-s is -1: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: take 0.002, or another rate");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @r"

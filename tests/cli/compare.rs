@@ -43,7 +43,7 @@ fn a_walk_lies_on_the_computed_branch() {
     let said = resonarm(folder, &["compare", "walk.json", "--joint", "2", "--plot", "compared"]);
     assert_eq!(said.code, 0, "{}", said.stderr);
     assert!(
-        said.stdout.ends_with("written to compared.svg, compared.png, compared.csv, compared.json\n"),
+        said.stdout.ends_with("written to compared.svg, compared.png, compared.txt, compared.csv, compared.json\n"),
         "{}",
         said.stdout
     );

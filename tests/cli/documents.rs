@@ -85,7 +85,7 @@ fn modes_over_beta2_are_those_of_the_oracles() {
 fn plots_beside_its_data(folder: &std::path::Path, command: &[&str], csv: &str, document: &Value) {
     let plot = [command, &["--plot", "figure"]].concat();
     let said = crate::resonarm(folder, &plot).stdout;
-    assert!(said == "written to figure.svg, figure.png, figure.csv, figure.json\n", "{} bytes", said.len());
+    assert!(said == "written to figure.svg, figure.png, figure.txt, figure.csv, figure.json\n", "{} bytes", said.len());
     assert!(folder.join("figure.svg").exists() && folder.join("figure.png").exists());
     assert!(std::fs::read_to_string(folder.join("figure.csv")).unwrap() == csv);
     let json = std::fs::read_to_string(folder.join("figure.json")).unwrap();
@@ -102,6 +102,10 @@ fn a_plotted_response_leaves_standard_output_readable() {
     let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
     let axes = ["receptance (rad per N·m)", "receptance (m per N·m)", "phase (°)"];
     assert!(axes.iter().all(|axis| svg.contains(&format!(">{axis}<"))), "{svg}");
+    // Every response stands in the legend of its modulus and in that of the phases.
+    for response in ["α1", "α2", "B y", "C x", "C y"] {
+        assert_eq!(svg.matches(&format!(">{response}<")).count(), 2, "{response}");
+    }
 }
 
 /// The default frequencies meet the peak of a lightly damped mode: half a width off the natural frequency the modulus
@@ -222,7 +226,28 @@ fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
     let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml"];
     assert_eq!(crate::resonarm(folder.path(), &plot).code, 0);
     let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
-    assert!(svg.contains("irb1600-fitted with mass2_kg = 40 (preset 50.58)"));
+    assert!(svg.contains(">irb1600-fitted with 1 changed parameter, β₁ = 20°, β₂ = 30°<"), "{svg}");
+    let caption = std::fs::read_to_string(folder.path().join("figure.txt")).unwrap();
+    insta::assert_snapshot!(caption, @"
+    Frequency response to torque at joint 1
+    irb1600-fitted with 1 changed parameter, β₁ = 20°, β₂ = 30°
+    arm: irb1600-fitted with mass2_kg = 40 (preset 50.58)
+    ");
+}
+
+/// An arm with a name is called by it in headers, figures and documents; the caption says what it is.
+#[test]
+fn an_arm_with_a_name_is_called_by_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("own.toml"), "arm = { name = 'lab arm', parameters = { mass2_kg = 40 } }").unwrap();
+    let header = crate::resonarm(folder, &["modes", "--scenario", "own.toml"]).stdout;
+    assert!(header.starts_with("lab arm at β1 = 0°, β2 = 60°"), "{header}");
+    let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml", "--json"];
+    assert_eq!(document(folder, 0, &plot)["configuration"]["name"], "lab arm");
+    let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
+    assert!(read("figure.svg").contains(">lab arm, β₁ = 0°, β₂ = 60°<"));
+    assert!(read("figure.txt").ends_with("\narm: irb1600-fitted with mass2_kg = 40 (preset 50.58)\n"));
 }
 
 #[test]

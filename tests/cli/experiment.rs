@@ -2,8 +2,12 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::Duration;
 
 use insta::assert_snapshot;
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::{complaint, document, names, resonarm};
@@ -40,7 +44,7 @@ fn both_zones_are_measured_and_drawn() {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
     }
     let found: Value = serde_json::from_str(&fs::read_to_string(folder.join("zones.json")).unwrap()).unwrap();
-    assert_eq!(names(&found), ["configuration", "simulated_s", "wall_s", "zones"]);
+    assert_eq!(names(&found), ["configuration", "interrupted", "simulated_s", "wall_s", "zones"]);
     for zone in found["zones"].as_array().unwrap() {
         assert_eq!(
             names(zone),
@@ -69,7 +73,7 @@ fn both_zones_are_measured_and_drawn() {
 /// settled point in its place.
 fn over_the_papers_curves(folder: &Path) {
     let drawn = document(folder, 0, &["paper", "fig9", "--measured", "zones.json", "--out", "paper", "--json"]);
-    assert_eq!(drawn["figures"][0]["files"].as_array().unwrap().len(), 4, "{drawn}");
+    assert_eq!(drawn["figures"][0]["files"].as_array().unwrap().len(), 5, "{drawn}");
     let read = |file: &str| fs::read_to_string(folder.join(file)).unwrap();
     let json = |file: &str| serde_json::from_str::<Value>(&read(file)).unwrap();
     let (zones, figure) = (json("zones.json"), json("paper/fig9.json"));
@@ -110,4 +114,76 @@ fn what_can_not_be_measured_is_said_before_it_is_tried() {
     assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.force_x_n is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
     assert_snapshot!(refusal(&["--second-force-n", "0"]), @"resonarm: --second-force-n is 0: it must be a positive number");
     assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: 300 samples a second are too few for a mode at 40.36 Hz: at least 445 are needed");
+}
+
+/// A shaker along y in a scenario of which no flag repeats the direction.
+#[test]
+fn a_walk_goes_along_the_shaker_of_its_scenario() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bench = BENCH.replace("damping_n_s_m = 400", "damping_n_s_m = 20\ndirection_deg = 90");
+    fs::write(folder.join("bench.toml"), &bench).unwrap();
+    let walk = ["experiment", "walk", "--scenario", "bench.toml", "--points", "3", "--json"];
+    let walked = document(folder, 0, &[&walk[..], &["--force-n", "4"]].concat());
+    assert_eq!(walked["configuration"]["force_n"], serde_json::json!([0.0, 4.0]));
+    let message = complaint(folder, 2, &["experiment", "walk", "--force-n", "4"]);
+    assert_snapshot!(message, @"resonarm: --force-n 4 acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n");
+    // A scenario with a load of its own is walked with it.
+    let dwell = "[excitation]\namplitude = { force_y_n = 4 }\nprofile = { waveform = 'dwell', frequency_hz = 20, duration_s = 1, settle_s = 0.1 }\n";
+    fs::write(folder.join("bench.toml"), format!("{bench}{dwell}")).unwrap();
+    assert_eq!(document(folder, 0, &walk)["configuration"]["force_n"], serde_json::json!([0.0, 4.0]));
+}
+
+/// A torque does not go through the impedance head, which then reads noise: there is no distortion to state.
+#[test]
+fn a_torque_has_no_distortion() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let distortions = |document: &Value, key: &str| -> Vec<Value> {
+        let points = document[key].as_array().unwrap();
+        assert!(!points.is_empty(), "{document}");
+        points.iter().flat_map(|point| [point["distortion"].clone(), point["force_harmonics"].clone()]).collect()
+    };
+    let walk = |load| document(folder, 0, &["experiment", "walk", load, "10", "--points", "3", "--json"]);
+    assert!(distortions(&walk("--torque1-nm"), "points").iter().all(Value::is_null));
+    assert!(distortions(&walk("--force-x-n"), "points").iter().all(|value| !value.is_null()));
+    for (amplitude, has_one) in [("torque1_nm", false), ("force_x_n", true)] {
+        let dwell = "profile = { waveform = 'dwell', frequency_hz = 18, duration_s = 1, settle_s = 0.5 }";
+        fs::write(folder.join("dwell.toml"), format!("[excitation]\namplitude = {{ {amplitude} = 20 }}\n{dwell}\n"))
+            .unwrap();
+        let run = document(folder, 0, &["run", "--mode", "free", "--scenario", "dwell.toml", "--json"]);
+        assert!(distortions(&run, "responses").iter().all(|value| value.is_null() != has_one), "{run}");
+    }
+}
+
+/// Ctrl-C while the walks go on: what was read is kept and shown, and nothing is said of what was not measured.
+#[test]
+fn an_interrupted_experiment_is_not_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    command.args(["experiment", "fig9", "--plot", "zones"]).current_dir(folder).env_remove("RESONARM_LOG");
+    let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // The threads of the runs are there once signals are listened for.
+    while threads(&child) < 3 {
+        thread::sleep(Duration::from_millis(20));
+    }
+    kill_process(Pid::from_child(&child), Signal::INT).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let [stdout, stderr] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert_eq!(output.status.code(), Some(1), "{stdout}{stderr}");
+    for words in ["folds", "jumps", "off in frequency"] {
+        assert!(!stdout.contains(words), "{words}: {stdout}");
+    }
+    assert!(stdout.contains("not judged") && stdout.contains("\ninterrupted after "), "{stdout}");
+    assert!(stderr.contains("interrupted: zones whose runs have not all finished are not judged"), "{stderr}");
+    let found: Value = serde_json::from_str(&fs::read_to_string(folder.join("zones.json")).unwrap()).unwrap();
+    assert_eq!(found["interrupted"], true);
+    assert!(found["zones"].as_array().unwrap().iter().all(|zone| zone["computed"].is_null()), "{found}");
+    assert!(fs::read_to_string(folder.join("zones.svg")).unwrap().contains("interrupted"));
+}
+
+/// How many threads a process has.
+fn threads(child: &Child) -> usize {
+    fs::read_dir(format!("/proc/{}/task", child.id())).map_or(0, Iterator::count)
 }

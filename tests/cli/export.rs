@@ -21,7 +21,7 @@ fn recorded() -> tempfile::TempDir {
 fn files_are_named_after_the_recording_and_told() {
     let folder = recorded();
     let said = resonarm(folder.path(), &["export", "run.mcap", "--to", "csv", "--parts", "events,states,events"]);
-    assert_eq!((said.code, said.stderr.as_str()), (0, ""));
+    assert_eq!((said.code, said.stderr.as_str()), (0, "writing run-states.csv, run-events.csv\n"));
     assert_snapshot!(said.stdout, @r"
     run-states.csv: 101 rows of sample, time_s, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, torque1_nm, torque2_nm, force_x_n, force_y_n, is_end
     run-events.csv: 4 rows of sample, time_s, name, value
@@ -29,6 +29,32 @@ fn files_are_named_after_the_recording_and_told() {
     let log = document(folder.path(), 0, &["export", "run.mcap", "--to", "blf", "--out", "other", "--json"]);
     assert_eq!((&log["format"], &log["files"][0]["path"]), (&"blf".into(), &"other.blf".into()));
     assert!(log["files"][0]["rows"].as_u64().unwrap() > 100, "{log}");
+}
+
+/// Files are written where the command is given, or where it says: never beside a recording elsewhere.
+#[test]
+fn files_are_written_where_they_are_asked_for() {
+    let folder = recorded();
+    let folder = folder.path();
+    for name in ["far", "here"] {
+        fs::create_dir(folder.join(name)).unwrap();
+    }
+    fs::rename(folder.join("run.mcap"), folder.join("far/run.mcap")).unwrap();
+    let export = ["export", "../far/run.mcap", "--to", "candump"];
+    for (place, out, expected) in [
+        ("here", None, "here/run.log"),
+        ("here", Some("../far"), "far/run.log"),
+        ("here", Some("other.v1"), "here/other.v1.log"),
+    ] {
+        let out: Vec<&str> = out.into_iter().flat_map(|out| ["--out", out]).collect();
+        let said = resonarm(&folder.join(place), &[&export[..], &out].concat());
+        let said_first = said.stderr.lines().next().unwrap().trim_start_matches("writing ").to_owned();
+        assert_eq!(said.code, 0, "{}", said.stderr);
+        let [told, expected] = [folder.join(place).join(said_first), folder.join(expected)];
+        assert_eq!(told.canonicalize().unwrap(), expected.canonicalize().unwrap());
+    }
+    assert_eq!(fs::read_dir(folder.join("here")).unwrap().count(), 2);
+    assert_eq!(fs::read_dir(folder.join("far")).unwrap().count(), 2);
 }
 
 #[test]
@@ -74,7 +100,10 @@ fn with_gap(folder: &Path) {
 fn a_gap_is_said_where_every_sample_is_needed() {
     let folder = recorded();
     with_gap(folder.path());
-    assert_snapshot!(complaint(folder.path(), 2, &["export", "gap.mcap", "--to", "wav"]), @"resonarm: recording `gap.mcap` is not continuous in topic `/plant/steps`: sample 21 follows where sample 20 should (1 such gaps in all); the run lost records, or the file was recovered from a damaged one");
+    assert_snapshot!(complaint(folder.path(), 2, &["export", "gap.mcap", "--to", "wav"]), @"
+    writing gap-states.wav
+    resonarm: recording `gap.mcap` is not continuous in topic `/plant/steps`: sample 21 follows where sample 20 should (1 such gaps in all); the run lost records, or the file was recovered from a damaged one
+    ");
     let table = document(folder.path(), 0, &["export", "gap.mcap", "--to", "csv", "--json"]);
     assert_eq!(table["files"][0]["rows"], 100);
 }

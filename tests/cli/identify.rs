@@ -54,7 +54,11 @@ fn a_recording_tells_the_modes_of_its_arm() {
     let plot = ["identify", "random.mcap", "--from-hz", "10", "--to-hz", "70", "--plot", "found"];
     let said = resonarm(folder, &plot);
     assert_eq!(said.code, 0, "{}", said.stderr);
-    assert!(said.stdout.ends_with("written to found.svg, found.png, found.csv, found.json\n"), "{}", said.stdout);
+    assert!(
+        said.stdout.ends_with("written to found.svg, found.png, found.txt, found.csv, found.json\n"),
+        "{}",
+        said.stdout
+    );
     let table = fs::read_to_string(folder.join("found.csv")).unwrap();
     assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_h1_modulus_m_s2_per_n,b_x_h1_phase_deg,b_x_h2_modulus_m_s2_per_n,b_x_h2_phase_deg,b_x_coherence,b_y_h1_modulus_m_s2_per_n,b_y_h1_phase_deg,b_y_h2_modulus_m_s2_per_n,b_y_h2_phase_deg,b_y_coherence,c_x_h1_modulus_m_s2_per_n,c_x_h1_phase_deg,c_x_h2_modulus_m_s2_per_n,c_x_h2_phase_deg,c_x_coherence,c_y_h1_modulus_m_s2_per_n,c_y_h1_phase_deg,c_y_h2_modulus_m_s2_per_n,c_y_h2_phase_deg,c_y_coherence");
     assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: name another place, or allow overwriting it (--overwrite)");

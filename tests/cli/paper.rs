@@ -15,7 +15,12 @@ const SETTINGS: &str = include_str!("../../scenarios/paper/settings.toml");
 
 fn paper(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
-    command.arg("paper").args(arguments).current_dir(folder).env_remove("RESONARM_LOG").stdin(Stdio::null());
+    command
+        .arg("paper")
+        .args(arguments)
+        .current_dir(folder)
+        .env("RESONARM_LOG", "resonarm::progress=off")
+        .stdin(Stdio::null());
     command.output().unwrap()
 }
 

@@ -56,6 +56,60 @@ fn every_scenario_and_recording_that_a_command_names_is_there() {
     }
 }
 
+/// The flags whose value is the name of a file, or its beginning, that a command writes.
+const WRITE: [&str; 6] = ["--record", "--plot", "--out", "--angles", "--junit", "--histogram"];
+/// The commands whose second file is written.
+const COPY: [&str; 3] = ["cut", "import", "recover"];
+/// The endings of files that commands read.
+const READ: [&str; 7] = [".mcap", ".toml", ".json", ".log", ".asc", ".blf", ".csv"];
+
+/// The files that a command line reads, and those that it writes, or what their names begin with.
+fn files(arguments: &str) -> (Vec<String>, Vec<String>) {
+    let words: Vec<&str> = arguments.split_whitespace().collect();
+    let (mut read, mut written) = (Vec::new(), Vec::new());
+    for (k, word) in words.iter().enumerate() {
+        let is_file = READ.iter().any(|ending| word.ends_with(ending));
+        if k > 0 && WRITE.contains(&words[k - 1]) || is_file && COPY.contains(&words[0]) && !read.is_empty() {
+            written.push((*word).to_owned());
+        } else if is_file {
+            read.push((*word).to_owned());
+        }
+    }
+    if words[0] == "export" && !words.contains(&"--out") {
+        let stem = Path::new(&read[0]).file_stem().unwrap().to_str().unwrap().to_owned();
+        written.push(format!("{stem} as {}", words.iter().skip_while(|word| **word != "--to").nth(1).unwrap()));
+    }
+    (read, written)
+}
+
+/// A reader who types the commands of a document in the project's folder, one after another, has each file that a
+/// command reads, and no file of an earlier command in the way.
+#[test]
+fn the_commands_of_a_document_have_their_files() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut read_files = 0;
+    for (path, text) in documents() {
+        let mut made: Vec<String> = Vec::new();
+        for line in shell_lines(&text) {
+            let Some((read, written)) = arguments(line).map(files) else { continue };
+            let is_of = |stem: &String, file: &str| {
+                let stem = stem.split(" as ").next().unwrap();
+                file.strip_prefix(stem).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '-', '/']))
+            };
+            for file in &read {
+                let is_there = root.join(file).exists() || made.iter().any(|stem| is_of(stem, file));
+                assert!(is_there, "{}: {line}\nnothing before it makes {file}", path.display());
+                read_files += 1;
+            }
+            for file in written {
+                assert!(!made.contains(&file), "{}: {line}\n{file} is there already", path.display());
+                made.push(file);
+            }
+        }
+    }
+    assert!(read_files >= 40, "only {read_files} files are read");
+}
+
 #[test]
 fn every_link_within_the_project_leads_somewhere() {
     let mut links = 0;

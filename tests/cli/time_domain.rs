@@ -84,7 +84,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
     assert!(resumed.status.success() && !partial.exists(), "{}", errors(&resumed));
     assert!(errors(&resumed).contains(&format!("going on after {kept} of 202 points")), "{}", errors(&resumed));
     assert!(into(&whole, &SWEEP).output().unwrap().status.success());
-    for file in ["sweep.csv", "sweep.json", "sweep.svg", "sweep.png"] {
+    for file in ["sweep.csv", "sweep.json", "sweep.svg", "sweep.png", "sweep.txt"] {
         let [a, b] = [&stopped, &whole].map(|folder| std::fs::read(folder.join(file)).unwrap());
         assert!(a == b && !a.is_empty(), "{file}");
     }

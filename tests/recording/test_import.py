@@ -96,7 +96,7 @@ def test_objects_that_only_vector_writes_are_read(tmp_path):
 def test_what_is_exported_is_replayed_from_the_import(tmp_path):
     recorded = tmp_path / "run.mcap"
     run(RESONARM, "run", "--mode", "free", "--duration-s", "0.5", "--record", recorded)
-    run(RESONARM, "export", recorded, "--to", "blf")
+    run(RESONARM, "export", recorded, "--to", "blf", "--out", tmp_path)
     frames, times_ns, _ = imported(tmp_path, tmp_path / "run.blf")
     whole = Recording.whole(recorded).frames
     assert [(frame[0], frame[-1]) for frame in frames] == [(frame.id, frame.data) for frame in whole]

@@ -122,6 +122,7 @@ fn with_every_other_key(section: &str) -> Scenario {
     let mut scenario = Scenario::parse(&text, "full").unwrap();
     let mut parameters = Preset::default().parameters().unwrap();
     parameters.gravity = Some(Gravity { gravity_m_s2: 9.80665, mass1_kg: 1.0, centre1_m: 0.1 });
+    scenario.arm.name = Some(String::from("lab arm"));
     scenario.arm.parameters = Table::try_from(parameters).unwrap();
     scenario.rig = rig();
     scenario.limits = Some(toml::from_str(LIMITS).unwrap());

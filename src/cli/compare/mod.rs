@@ -65,6 +65,8 @@ struct Bench {
 
 #[derive(Deserialize)]
 struct Configuration {
+    #[serde(default)]
+    name: Option<String>,
     preset: String,
     parameters: Parameters,
     beta1_deg: f64,
@@ -108,7 +110,7 @@ struct Document {
 
 impl Compare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         let bench = self.read()?;
         let (scenario, load) = self.bench_of(&bench)?;
         let measured: Vec<walk_point::Drawn> = bench.points.iter().map(BenchPoint::drawn).collect();
@@ -163,7 +165,8 @@ impl Compare {
 
     /// Arm, pose and load of the points, if they are of one branch.
     fn bench_of(&self, bench: &Bench) -> Result<(Scenario, Load), Failure> {
-        let Configuration { preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n } = &bench.configuration;
+        let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n } =
+            &bench.configuration;
         let name = self.file.display();
         let usage = |problem: String| Failure::Usage(format!("{name}: {problem}"));
         if bench.points.is_empty() {
@@ -189,6 +192,7 @@ impl Compare {
         }
         let parameters = toml::Table::try_from(parameters).map_err(|source| usage(source.to_string()))?;
         let arm = ArmSection {
+            name: arm_name.clone(),
             preset: preset.clone(),
             beta1_deg: *beta1_deg,
             beta2_deg: *beta2_deg,

@@ -38,6 +38,7 @@ pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
     let points = responses.iter().map(|response| point(response, &scenario, &arm)).collect::<Result<Vec<_>, _>>()?;
     let load = load(&scenario, &points);
     let configuration = Configuration {
+        name: scenario.arm.name.clone(),
         preset: scenario.arm.preset.clone(),
         parameters: scenario.parameters()?,
         beta1_deg: scenario.arm.beta1_deg,

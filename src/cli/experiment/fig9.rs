@@ -29,7 +29,7 @@ use crate::scenario::Scenario;
 /// the backbone, and stepped sines up and down at controlled force, through shaker, impedance head, frames and
 /// accelerometers, with the force's harmonics 2 and 3 cancelled; all against the computed response.
 #[derive(Debug, Args)]
-pub(super) struct Fig9 {
+pub(in crate::cli) struct Fig9 {
     #[command(flatten)]
     session: SessionFlags,
     /// Force in the first zone, N.
@@ -50,7 +50,8 @@ pub(super) struct Fig9 {
     /// Number of points of each walk.
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(3..=1000))]
     points: u16,
-    /// Draw everything into STEM.svg and STEM.png, the data into STEM.csv and STEM.json.
+    /// Draw everything into STEM.svg and STEM.png, its caption into STEM.txt, the data into STEM.csv and
+    /// STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -68,6 +69,8 @@ const BACKBONE_POINTS: usize = 10;
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
+    /// Whether it was asked to stop before all was measured.
+    interrupted: bool,
     zones: Vec<ZoneDocument>,
     simulated_s: f64,
     wall_s: f64,
@@ -82,7 +85,8 @@ struct ZoneDocument {
     backbone: Run,
     up: Run,
     down: Run,
-    computed: Computed,
+    /// What was measured against what is computed; none if a run did not finish: what is missing is no measurement.
+    computed: Option<Computed>,
 }
 
 /// What a controller has read, and how it ended.
@@ -106,19 +110,19 @@ struct Computed {
 }
 
 impl Fig9 {
+    /// The scenario of the flags.
+    pub(in crate::cli) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.session.scenario(scenario)
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        if let Some(duration_s) = self.session.duration_s {
-            let duration_s = short(&duration_s);
-            return Err(Failure::Usage(format!(
-                "--duration-s is {duration_s}: the experiment ends by itself, leave it out"
-            )));
-        }
-        let scenario = self.session.scenario(scenario)?;
+        self.session.refuse_duration("the experiment ends by itself")?;
+        let scenario = self.scenario()?;
         let arm = scenario.build_arm()?;
         let zones = self.zones(&arm)?;
         let experiment = ZoneExperiment::new(&zones);
         experiment.check(&scenario)?;
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let start_ns = SystemClock.now_ns();
         let measured = measure(&scenario, &zones, experiment)?;
@@ -126,16 +130,20 @@ impl Fig9 {
         let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&arm, zone, measured));
         let scores = scores.collect::<Result<Vec<_>, _>>()?;
         let parts = zones.iter().zip(&measured).zip(&scores);
+        let zone_documents = parts.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &arm));
+        let zone_documents: Vec<_> = zone_documents.collect();
+        let interrupted = zone_documents.iter().flat_map(ZoneDocument::runs).any(|(_, run)| run.end.is_stopped());
         let document = Document {
             configuration: configuration::of_arm(&scenario)?,
-            zones: parts.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &arm)).collect(),
+            interrupted,
+            zones: zone_documents,
             simulated_s: measured.iter().map(ZoneMeasured::simulated_s).sum(),
             wall_s,
         };
         let mut files = Vec::new();
         if let Some(stem) = &self.plot {
             let views: Vec<_> = document.zones.iter().zip(&scores).map(|(zone, score)| zone.view(score)).collect();
-            let figure = zone_figure::figure(&scenario, &views);
+            let figure = zone_figure::figure(&scenario, &views, interrupted);
             files = output::plot(stem, &figure, &csv(&document.zones), &document)?;
         }
         if self.json {
@@ -145,6 +153,11 @@ impl Fig9 {
             if !files.is_empty() {
                 output::print_written(&files)?;
             }
+        }
+        if interrupted {
+            tracing::error!(
+                "interrupted: zones whose runs have not all finished are not judged; the same command begins from the start"
+            );
         }
         Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.end.is_finished())))
     }
@@ -208,7 +221,7 @@ fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> R
 }
 
 /// The bench of the experiment.
-fn scenario() -> Result<Scenario, Failure> {
+pub(in crate::cli) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../../scenarios/fig9.toml"), "scenarios/fig9.toml")?)
 }
 
@@ -222,9 +235,9 @@ impl Run {
         self.points.iter().filter(|point| point.settled).count()
     }
 
-    /// The largest distortion of the force.
-    fn distortion(&self) -> f64 {
-        self.points.iter().filter_map(|point| point.distortion).fold(0.0, f64::max)
+    /// The largest distortion of the force; none without a point.
+    fn distortion(&self) -> Option<f64> {
+        self.points.iter().filter_map(|point| point.distortion).reduce(f64::max)
     }
 }
 
@@ -237,6 +250,16 @@ impl ZoneDocument {
             };
             json!({ "up": jump(up), "down": jump(down) })
         });
+        let computed = Computed {
+            folds_hz: score.folds_hz.clone(),
+            unstable_points: score.unstable_points,
+            settled_points: score.settled_points,
+            largest_frequency_deviation: score.largest_frequency_deviation,
+            largest_amplitude_deviation: score.largest_amplitude_deviation,
+            largest_backbone_deviation: score.largest_backbone_deviation,
+            jumps,
+        };
+        let have_finished = [&walk, &backbone, &up, &down].iter().all(|run| run.end.is_finished());
         ZoneDocument {
             mode_number: zone.mode_number.into(),
             force_n: zone.amplitude.load().force_n.into(),
@@ -245,15 +268,7 @@ impl ZoneDocument {
             backbone,
             up,
             down,
-            computed: Computed {
-                folds_hz: score.folds_hz.clone(),
-                unstable_points: score.unstable_points,
-                settled_points: score.settled_points,
-                largest_frequency_deviation: score.largest_frequency_deviation,
-                largest_amplitude_deviation: score.largest_amplitude_deviation,
-                largest_backbone_deviation: score.largest_backbone_deviation,
-                jumps,
-            },
+            computed: have_finished.then_some(computed),
         }
     }
 
@@ -277,43 +292,52 @@ impl ZoneDocument {
 fn text(document: &Document) -> String {
     let mut text = String::new();
     for zone in &document.zones {
-        let computed = &zone.computed;
         let _infallible = writeln!(text, "zone {}: {} N along x", zone.mode_number, zone.force_n[0]);
         for (name, run) in zone.runs() {
             let reason = run.end.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
+            let distortion = run.distortion().map_or(String::new(), |distortion| {
+                format!(", distortion of the force up to {:.1} %", 100.0 * distortion)
+            });
             let _infallible = writeln!(
                 text,
-                "  {name:<9} {:4} points, {} settled, distortion of the force up to {:.1} %, {}{reason}",
+                "  {name:<9} {:4} points, {} settled{distortion}, {}{reason}",
                 run.points.len(),
                 run.settled(),
-                100.0 * run.distortion(),
                 run.end.outcome
             );
         }
-        let folds: Vec<_> = computed.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
+        text.push_str(&zone.computed.as_ref().map_or_else(
+            || String::from("  not judged: not all of its runs have finished\n"),
+            |computed| computed.text(zone.mode_number),
+        ));
+    }
+    let minutes = document.simulated_s / 60.0;
+    let interrupted = if document.interrupted { "interrupted after " } else { "" };
+    let _infallible = writeln!(text, "{interrupted}{minutes:.0} simulated minutes in {:.0} s", document.wall_s);
+    text
+}
+
+impl Computed {
+    fn text(&self, mode_number: u8) -> String {
+        let folds: Vec<_> = self.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
         let folds = if folds.is_empty() { String::from("none") } else { folds.join(", ") };
-        let jumps = computed.jumps.as_ref().map_or(String::from("none: up and down are the same"), |jumps| {
+        let jumps = self.jumps.as_ref().map_or(String::from("none: up and down are the same"), |jumps| {
             let between = |way: &str| {
                 let hz = |i: usize| jumps[way]["between_hz"][i].as_f64().unwrap_or(f64::NAN);
                 format!("{way} between {:.6} and {:.6} Hz", hz(0), hz(1))
             };
             format!("{}, {}", between("up"), between("down"))
         });
-        let _infallible = writeln!(
-            text,
+        format!(
             "  folds     computed: {folds}\n  jumps     measured: {jumps}\n  \
-             walk      {} points on the unstable part; at most {:.1e} off in frequency, {:.3} % in α{}\n  \
-             backbone  at most {:.1e} off in frequency",
-            computed.unstable_points,
-            computed.largest_frequency_deviation,
-            100.0 * computed.largest_amplitude_deviation,
-            zone.mode_number,
-            computed.largest_backbone_deviation,
-        );
+             walk      {} points on the unstable part; at most {:.1e} off in frequency, {:.3} % in α{mode_number}\n  \
+             backbone  at most {:.1e} off in frequency\n",
+            self.unstable_points,
+            self.largest_frequency_deviation,
+            100.0 * self.largest_amplitude_deviation,
+            self.largest_backbone_deviation,
+        )
     }
-    let minutes = document.simulated_s / 60.0;
-    let _infallible = writeln!(text, "{minutes:.0} simulated minutes in {:.0} s", document.wall_s);
-    text
 }
 
 fn csv(zones: &[ZoneDocument]) -> String {

@@ -1,6 +1,6 @@
 //! `resonarm experiment`: whole experiments in one process, through the wire's codec.
 
-mod fig9;
+pub(super) mod fig9;
 mod walk;
 
 use clap::{Args, Subcommand};
@@ -11,11 +11,11 @@ use super::failure::{Failure, Verdict};
 #[derive(Debug, Args)]
 pub(super) struct Experiment {
     #[command(subcommand)]
-    experiment: Kind,
+    pub(super) experiment: Kind,
 }
 
 #[derive(Debug, Subcommand)]
-enum Kind {
+pub(super) enum Kind {
     Fig9(fig9::Fig9),
     Walk(walk::Walk),
 }

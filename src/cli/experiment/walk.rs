@@ -19,32 +19,39 @@ use crate::cli::supervise::supervise;
 use crate::cli::walk_point::{self, WalkPoint};
 use crate::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
 use crate::excitation::Amplitude;
+use crate::number::short;
 use crate::realtime::{Clock, SystemClock};
 use crate::recording::Existing;
+use crate::rig::ShakerSpec;
 use crate::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, Session, Signals};
 use crate::scenario::Scenario;
 
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
 /// lag of the response behind the load of 10° to 170°. Amplitudes are those that the accelerometers tell.
 #[derive(Debug, Args)]
-pub(super) struct Walk {
+pub(in crate::cli) struct Walk {
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
     drive: DriveFlags,
-    /// The mode whose resonance is walked through, 1 or 2 [default: 1].
+    /// Amplitude of a force at point C in the direction of the scenario's shaker, N. Without a load of its own the walk
+    /// takes that of the scenario's control or excitation.
+    #[arg(long, value_name = "A", conflicts_with_all = ["torque1_nm", "force_x_n", "force_y_n"])]
+    force_n: Option<f64>,
+    /// The mode whose resonance is walked through, 1 or 2.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
     mode_number: Option<u8>,
     /// Walk the backbone: a lag of 90° at loads from a tenth of the one that is given up to it.
     #[arg(long)]
     backbone: bool,
-    /// Number of points [default: 25].
+    /// Number of points.
     #[arg(long, value_name = "N")]
     points: Option<usize>,
     /// Record everything into this MCAP file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Draw the points over the computed branch into STEM.svg and STEM.png, their data into STEM.csv and STEM.json.
+    /// Draw the points over the computed branch into STEM.svg and STEM.png, the caption into STEM.txt, their data into
+    /// STEM.csv and STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -65,11 +72,17 @@ struct Document<'a> {
 }
 
 impl Walk {
-    pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png", ".csv", ".json"])?;
+    /// The scenario of the flags, with the walk in it.
+    pub(in crate::cli) fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.session.scenario(|| Ok(Scenario::default()))?;
         scenario.control = Some(ControlSpec::PhaseWalk(self.spec(&scenario)?));
         scenario.excitation = None;
+        Ok(scenario)
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let scenario = self.scenario()?;
         let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
         let record = self.record.clone().map(|path| RecordTo { path, existing });
         let options = Options { record, ..Options::default() };
@@ -80,7 +93,7 @@ impl Walk {
         let watched = Arc::clone(&signals);
         let report = supervise("walk", &signals, length, |_line| {}, move || session.both(&watched, |_| {}))??;
         let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
-        self.conclude(&scenario, report, wall_s)
+        self.conclude(&scenario, report, &signals, wall_s)
     }
 
     /// What the flags say, else the scenario, else the defaults.
@@ -89,21 +102,8 @@ impl Walk {
             Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
             Some(ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_)) | None => None,
         };
-        let drive = &self.drive;
-        let is_driven = drive.torque1_nm.is_some() || drive.is_force();
-        let mut spec = match of_scenario {
-            Some(spec) if !is_driven => spec,
-            spec => {
-                let load = drive.load()?;
-                let amplitude = Amplitude {
-                    force_x_n: load.force_n.x,
-                    force_y_n: load.force_n.y,
-                    torque1_nm: load.torque_nm.x,
-                    torque2_nm: load.torque_nm.y,
-                };
-                spec.map_or(PhaseWalkSpec::new(amplitude), |spec| PhaseWalkSpec { amplitude, ..spec })
-            }
-        };
+        let amplitude = self.amplitude(scenario)?;
+        let mut spec = of_scenario.map_or(PhaseWalkSpec::new(amplitude), |spec| PhaseWalkSpec { amplitude, ..spec });
         if self.backbone {
             let PhaseWalkSpec { amplitude, mode_number, points, .. } = spec;
             spec = PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::backbone(amplitude) };
@@ -115,7 +115,34 @@ impl Walk {
         Ok(spec)
     }
 
-    fn conclude(&self, scenario: &Scenario, report: BothReport, wall_s: f64) -> Result<Verdict, Failure> {
+    /// The load of the flags, else that of the scenario's control or excitation.
+    fn amplitude(&self, scenario: &Scenario) -> Result<Amplitude, Failure> {
+        let drive = &self.drive;
+        let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
+        let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
+        match (self.force_n, &scenario.rig.shaker, of_scenario) {
+            (Some(force_n), Some(shaker), _) => Ok(along(shaker, force_n)),
+            (Some(force_n), None, _) => Err(Failure::Usage(format!(
+                "--force-n {} acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n",
+                short(&force_n)
+            ))),
+            (None, _, Some(amplitude)) if drive.torque1_nm.is_none() && !drive.is_force() => Ok(*amplitude),
+            (None, _, _) => {
+                let Load { torque_nm, force_n } = drive.load()?;
+                let (force_x_n, force_y_n) = (force_n.x, force_n.y);
+                Ok(Amplitude { force_x_n, force_y_n, torque1_nm: torque_nm.x, torque2_nm: torque_nm.y })
+            }
+        }
+    }
+
+    fn conclude(
+        &self,
+        scenario: &Scenario,
+        report: BothReport,
+        signals: &Signals,
+        wall_s: f64,
+    ) -> Result<Verdict, Failure> {
+        let end = ExciterEnd::of(report.exciter_outcome(signals).as_ref());
         let BothReport { plant, exciter } = report;
         if let Some(error) = plant.error.or(exciter.error) {
             return Err(error.into());
@@ -123,7 +150,6 @@ impl Walk {
         let arm = scenario.build_arm()?;
         let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
-        let end = ExciterEnd::of(exciter.outcome.as_ref());
         let unit = scenario.control.as_ref().map_or("", |control| control.amplitude().unit());
         let load = scenario.control.as_ref().map_or(Load::default(), |control| control.amplitude().load());
         let configuration = configuration::of(scenario, &load)?;
@@ -155,4 +181,11 @@ impl Walk {
         }
         Ok(Verdict::of(end.is_finished() && points.iter().all(|point| point.settled)))
     }
+}
+
+/// A force along a shaker; what is rounding of its direction is 0.
+fn along(shaker: &ShakerSpec, force_n: f64) -> Amplitude {
+    let component = |part: f64| if part.abs() < 1e-12 { 0.0 } else { part * force_n };
+    let direction = shaker.direction();
+    Amplitude { force_x_n: component(direction.x), force_y_n: component(direction.y), ..Amplitude::default() }
 }

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
 use super::output::{self, in_line};
+use crate::plot::Figure;
 use crate::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 use crate::statistics::{ChannelStatistics, Statistics, statistics};
 
@@ -22,7 +23,7 @@ pub(super) struct Inspect {
     /// lost frames and of events.
     #[arg(long)]
     statistics: bool,
-    /// Draw angles, load and readings over time, as STEM.svg and STEM.png.
+    /// Draw angles, load and readings over time, as STEM.svg and STEM.png, the caption as STEM.txt.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -45,7 +46,7 @@ struct Document<'a> {
 
 impl Inspect {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[".svg", ".png"])?;
+        self.overwrite.check_stem(self.plot.as_deref(), &Figure::ENDINGS)?;
         let recording = Recording::open(&self.file)?;
         let summary = recording.summary();
         let statistics = if self.statistics { Some(statistics(&recording)?) } else { None };

@@ -1,7 +1,6 @@
 //! `resonarm paper`: the figures and statements of Gierlak & Warmiński (2023), computed anew.
 
 mod draw;
-mod progress;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,16 +10,16 @@ use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
 use super::output::{self, OverwriteFlag};
+use super::progress::Progress;
 use crate::arm::Preset;
 use crate::paper::claims::{self, Report};
 use crate::paper::{Figure, MeasuredZones, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies};
 use crate::plot;
 use crate::realtime::{Clock, SystemClock};
-pub(super) use progress::Progress;
 
 /// Makes the figures of Gierlak & Warmiński (2023) anew, and holds the paper's statements against what is computed.
 ///
-/// Every figure is written as SVG, PNG, CSV and JSON. What the paper leaves open stands in the settings file, a copy of
+/// Every figure is written as SVG and PNG, with its caption, CSV and JSON. What the paper leaves open stands in the settings file, a copy of
 /// which goes along. Exit code 1 says that a statement could not be computed; whether statements hold does not matter
 /// to it.
 #[derive(Debug, Args)]
@@ -33,7 +32,7 @@ pub(super) struct Paper {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Parameter set of Figs. 4, 5, 7 and 9 [default: irb1600-fitted]; the others show both.
+    /// Parameter set of Figs. 4, 5, 7 and 9; the others show both.
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
     /// Draw Fig. 9 as it was measured: the settled points of FILE, the document of `experiment fig9 --json`, over
@@ -89,6 +88,11 @@ struct Made {
 }
 
 impl Paper {
+    /// The parameter set of figures of one arm.
+    pub(super) fn preset(&self) -> Preset {
+        self.preset.unwrap_or_default()
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let (text, settings) = self.settings()?;
         let measured = self.measured()?;
@@ -115,7 +119,7 @@ impl Paper {
     fn files(&self, folder: &Path, settings: &str) -> Vec<PathBuf> {
         let figures = CURVES.iter().filter(|(what, _)| self.wants(*what)).map(|(_, figure)| figure.name());
         let figures = figures.chain(self.wants(What::Fig3).then_some("fig3"));
-        let forms = |name| ["svg", "png", "csv", "json"].map(|form| folder.join(name).with_extension(form));
+        let forms = |name| output::PLOTTED.iter().map(move |ending| plot::beside(&folder.join(name), ending));
         let mut files: Vec<PathBuf> = figures.flat_map(forms).collect();
         if self.wants(What::Claims) {
             files.extend(["claims.json", "claims.md"].map(|name| folder.join(name)));
@@ -166,14 +170,14 @@ impl Paper {
             let csv = NaturalFrequencies::csv(&both);
             made.push(save(folder, "fig3", start_ns, &draw::natural_frequencies(&both), &csv, &both)?);
         }
-        let preset = self.preset.unwrap_or_default();
+        let preset = self.preset();
         for (_, figure) in CURVES.into_iter().filter(|(what, _)| self.wants(*what)) {
             let start_ns = SystemClock.now_ns();
             let plan = match measured {
                 Some(measured) => Plan::measured(measured),
                 None => Plan::new(figure, preset, settings)?,
             };
-            let progress = Progress::new(figure.name(), plan.curve_count());
+            let progress = Progress::new(figure.name(), plan.curve_count(), "curves");
             let curves = plan.compute(|| progress.step())?;
             made.push(save(folder, figure.name(), start_ns, &draw::curves(&curves), &curves.csv(), &curves)?);
         }
@@ -181,7 +185,7 @@ impl Paper {
     }
 
     fn claims(&self, settings: &Settings) -> Result<Report, Failure> {
-        let progress = Progress::new("claims", 0);
+        let progress = Progress::new("claims", 0, "branches");
         let report = claims::judge(settings, |count| progress.expect(count), || progress.step())?;
         if let Some(folder) = &self.out {
             output::write(folder.join("claims.json"), &serde_json::to_string_pretty(&report)?)?;
@@ -195,7 +199,7 @@ fn since(start_ns: u64) -> f64 {
     SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9
 }
 
-/// Writes a figure in its four forms.
+/// Writes a figure and its data.
 fn save(
     folder: &Path,
     name: &'static str,

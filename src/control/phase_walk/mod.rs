@@ -4,7 +4,8 @@
 //! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is
 //! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
 //! excitation like any other, and load and angle are a point of the open-loop response, whatever amplitude was asked
-//! for. Over the lag φ of the angle behind the load that response is single-valued, folds or not (G. Zhou, G. Kerschen,
+//! for. Over the lag φ of the angle behind the load that response is single-valued, folds or not (T. Zhou, G. Kerschen,
+//! "Identification of Secondary Resonances of Nonlinear Systems using Phase-Locked Loop Testing", 2024,
 //! arXiv:2401.01151), so φ walks, and for each φ amplitude and frequency are corrected until the load has the wanted
 //! amplitude.
 //!
@@ -354,7 +355,8 @@ impl PhaseWalk {
     fn report(&mut self, found: &Found, lag_rad: f64, settled: bool) {
         let frequency_hz = self.target.omega_rad_s / TAU;
         if self.responses.len() < RESPONSES {
-            self.responses.push(found.response(frequency_hz, lag_rad, self.tries, settled));
+            let point = found.response(frequency_hz, lag_rad, self.tries, settled);
+            self.responses.push(ResponsePoint { load_kind: self.load_kind(), ..point });
         }
         (self.point, self.tries) = (self.point + 1, 0);
         self.unsettled = if settled { 0 } else { self.unsettled + 1 };

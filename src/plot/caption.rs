@@ -1,0 +1,50 @@
+//! The line below a figure's title, cut to its width, and what the caption says beside it.
+
+use super::font::Fonts;
+use super::scene::Weight;
+
+/// The conditions under which a figure holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Subtitle {
+    /// What stands in one line below the title, the most important first. Of parts with `, ` between them those that
+    /// have no room are left out, with `…` in their place; the caption has them all.
+    pub line: String,
+    /// What only the caption says, a line each.
+    pub more: Vec<String>,
+}
+
+impl From<String> for Subtitle {
+    fn from(line: String) -> Subtitle {
+        Subtitle { line, more: Vec::new() }
+    }
+}
+
+impl From<&str> for Subtitle {
+    fn from(line: &str) -> Subtitle {
+        Subtitle::from(line.to_owned())
+    }
+}
+
+impl Subtitle {
+    /// The subtitle with one part more at the end of its line; an empty one adds nothing.
+    #[must_use]
+    pub fn and(mut self, part: impl AsRef<str>) -> Subtitle {
+        let part = part.as_ref();
+        if !part.is_empty() {
+            let separator = if self.line.is_empty() { "" } else { ", " };
+            self.line = format!("{}{separator}{part}", self.line);
+        }
+        self
+    }
+
+    /// As many parts of the line, from its beginning, as `width` has room for; the first in any case.
+    pub(super) fn fitting(&self, fonts: &Fonts, size: f64, width: f64) -> String {
+        let fits = |text: &str| fonts.width(text, size, Weight::Regular) <= width;
+        if fits(&self.line) {
+            return self.line.clone();
+        }
+        let ends = self.line.match_indices(", ").map(|(end, _)| format!("{}, …", &self.line[..end]));
+        let mut fitting = ends.enumerate().take_while(|(index, text)| *index == 0 || fits(text));
+        fitting.by_ref().last().map_or_else(|| self.line.clone(), |(_, text)| text)
+    }
+}
