@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::{document, names};
+use crate::{document, names, resonarm};
 
 fn here() -> &'static std::path::Path {
     std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
