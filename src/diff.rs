@@ -145,7 +145,8 @@ fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
     let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text: Some(text) });
     match (part, record) {
         (Part::States, Record::State(state)) => {
-            numbers(&state_values(state), marks_ends.then(|| u8::from(state.is_end).to_string()))
+            let values: Vec<f64> = state_values(state).into_iter().chain(state.coil_current_a).collect();
+            numbers(&values, marks_ends.then(|| u8::from(state.is_end).to_string()))
         }
         (Part::Samples, Record::Sample(readings)) => numbers(&sample_values(readings), readings.clipped.map(marks)),
         (Part::Frames, Record::Frame(frame)) => {
@@ -208,7 +209,9 @@ fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> R
 
 /// The channels of a part with their magnitudes in A, and no difference yet.
 fn magnitudes(a: &Recording, part: Part, options: &DiffOptions) -> Result<Vec<ChannelDifference>, RecordingError> {
-    let names = channels(part).iter().map(|channel| channel.name);
+    // The current of a shaker's coil stands behind the others, where both recordings have one.
+    let coil = (part == Part::States).then_some("coil_current_a");
+    let names = channels(part).iter().map(|channel| channel.name).chain(coil);
     let mut channels: Vec<_> =
         names.map(|name| ChannelDifference { name, largest: 0.0, sample: 0, magnitude: 0.0 }).collect();
     if !channels.is_empty() {

@@ -75,9 +75,9 @@ fn what_cannot_be_compared_is_said() {
     assert_snapshot!(said(&["a.mcap", "--from-s", "3"]), @"resonarm: there is no sample from 3 to 0.15 s: the recording has those from 0 to 0.15 s");
 }
 
-/// A recording of two samples, of which only what is marked differs from others: the last state as the end of the run,
-/// and readings as clipped.
-fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>) {
+/// A recording of two samples, of which only what is marked differs from others, the last state as the end of the run
+/// and readings as clipped, and the current of a coil.
+fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>, coil_current_a: Option<f64>) {
     let recorder =
         Recorder::create(folder.join(name), &Configuration::new(), Options::virtual_time(1e-3, "none")).unwrap();
     let mut channel = recorder.channel("plant", 64).unwrap();
@@ -91,7 +91,7 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>) {
             alpha_dot_rad_s: zero,
             torque_nm: zero,
             force_n: zero,
-            coil_current_a: None,
+            coil_current_a,
             is_end,
         };
         channel.push_blocking(Record::State(state)).unwrap();
@@ -106,9 +106,9 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>) {
 fn marks_are_compared() {
     let folder = tempfile::tempdir().unwrap();
     let some = Clipped { acceleration_b: [false, true], head_force: [true, false], ..Clipped::NONE };
-    marked(folder.path(), "a.mcap", true, Some(some));
-    marked(folder.path(), "b.mcap", false, Some(Clipped::NONE));
-    marked(folder.path(), "says-nothing.mcap", true, None);
+    marked(folder.path(), "a.mcap", true, Some(some), Some(1.5));
+    marked(folder.path(), "b.mcap", false, Some(Clipped::NONE), Some(1.5));
+    marked(folder.path(), "says-nothing.mcap", true, None, None);
     let both = ["diff", "a.mcap", "b.mcap", "--tolerance", "0.5"];
     let said = resonarm(folder.path(), &both);
     assert_eq!(said.code, 1, "{}", said.stdout);
@@ -117,6 +117,20 @@ fn marks_are_compared() {
     samples: 2 compared; first difference at sample 1: clipped is acceleration_b_y_m_s2 and head_force_x_n in A, none in B
     ");
     assert_eq!(document(folder.path(), 1, &[&both[..], &["--json"]].concat())["same"], false);
-    // A recording of format 1 says nothing of clipped readings.
+    // Recordings of earlier formats say nothing of clipped readings and of coils.
     document(folder.path(), 0, &["diff", "a.mcap", "says-nothing.mcap", "--json"]);
+}
+
+#[test]
+fn the_current_of_a_coil_is_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    marked(folder.path(), "a.mcap", true, None, Some(1.5));
+    marked(folder.path(), "b.mcap", true, None, Some(1.25));
+    let said = resonarm(folder.path(), &["diff", "a.mcap", "b.mcap", "--parts", "states"]);
+    assert_eq!(said.code, 1, "{}", said.stdout);
+    assert_snapshot!(said.stdout, @r"
+    states: 2 compared; first difference at sample 0: coil_current_a is 1.5 in A, 1.25 in B
+      coil_current_a: at most 0.25 apart, at sample 0; at most 1.5 in A
+    ");
+    document(folder.path(), 0, &["diff", "a.mcap", "b.mcap", "--tolerance", "0.2", "--json"]);
 }
