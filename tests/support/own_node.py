@@ -105,6 +105,7 @@ class Node:
     def take(self, message):
         """Takes in a message: of a double, of the partner, or that the controller is bus-off."""
         name, flags, content = message
+        self.look()
         if name == "bus-off":
             if self.state == OPERATIONAL and self.flaw != "ignores-bus-off":
                 self.lose_bus()
