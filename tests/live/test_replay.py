@@ -18,7 +18,8 @@ def replay(programs, *arguments, recording=DWELL):
 
 def at(page, sample):
     """Waits until a sample is shown: by the time, by the bar, and by the last of what is drawn."""
-    page.until(f"resonarm.data.head.time_s === {sample} / 1000 && document.getElementById('seek').valueAsNumber === {sample}")
+    bar = "document.getElementById('seek').valueAsNumber"
+    page.until(f"resonarm.data.head.time_s === {sample} / 1000 && {bar} === {sample}")
     return page.value("[resonarm.data.newest, resonarm.data.rows.length > 0, resonarm.data.player.playing]")
 
 
@@ -33,8 +34,8 @@ def test_a_recording_is_shown_with_a_time_bar(browser, programs):
     assert page.value("!document.getElementById('player').hidden && document.getElementById('set-point').hidden")
     page.until("resonarm.data.head.time_s > 0.3")
     halted(page)
-    drag = "(() => {{ const bar = document.getElementById('seek'); bar.value = {}; bar.dispatchEvent(new Event('input')) }})()"
-    page.value(drag.format(700))
+    page.value("(() => { const bar = document.getElementById('seek'); bar.value = 700; "
+               "bar.dispatchEvent(new Event('input')); })()")  # fmt: skip
     assert at(page, 700) == [700, True, False]
     page.value("document.getElementById('play').click()")
     page.until(f"resonarm.data.head.time_s === {LAST} / 1000")
