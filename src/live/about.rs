@@ -55,8 +55,8 @@ pub struct About {
     pub samples: Option<(u64, u64)>,
 }
 
-/// The least and the largest that may be set. The page and the server refuse what is beyond, and the controller takes what
-/// is within.
+/// The least and the largest that may be set. The page and the server refuse what is beyond, and the controller takes
+/// what is within.
 #[derive(Clone, Debug, Serialize)]
 pub struct Steering {
     /// Load, N or N·m.
@@ -68,8 +68,8 @@ pub struct Steering {
 }
 
 impl Steering {
-    /// Of an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the sample
-    /// rate or a little below would have no more than two samples a period.
+    /// Of an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the
+    /// sample rate or a little below would have no more than two samples a period.
     pub fn new(load_limit: f64, rate_hz: f64) -> Steering {
         Steering { load: [0.0, load_limit], frequency_hz: [0.01, 0.4995 * rate_hz], phase_deg: [-360.0, 360.0] }
     }
