@@ -182,7 +182,7 @@ mod tests {
         let (host, own): (_, (HeaderName, &[u8])) = ((HOST, &b"10.0.0.7"[..]), (ORIGIN, b"http://10.0.0.7"));
         let bad = |why: &str| Err((400, why.to_owned()));
         assert_eq!(judged(&[host.clone(), own.clone()]), Ok(()));
-        assert_eq!(judged(&[own.clone()]), bad("the request has no header `Host`"));
+        assert_eq!(judged(core::slice::from_ref(&own)), bad("the request has no header `Host`"));
         assert_eq!(judged(&[host.clone(), host.clone()]), bad("the request has the header `Host` 2 times"));
         assert_eq!(judged(&[host.clone(), own.clone(), own]), bad("the request has the header `Origin` 2 times"));
         let no_text = bad("the header `Origin` of the request is not text");

@@ -351,8 +351,8 @@ fn modes_state_the_sag_under_gravity() {
     let q1 = number(&arm["beta1_deg"]).to_radians() + sag_rad[0];
     let q12 = q1 + number(&arm["beta2_deg"]).to_radians() + sag_rad[1];
     let g = 9.80665;
-    let second = g * parameter("mass2_kg") * parameter("centre2_m") * q12.cos();
-    let first = g * (30.0 * 0.3 + parameter("mass2_kg") * parameter("length1_m")) * q1.cos() + second;
+    let second = g * parameter("mass2_kg") * parameter("centre2_m") * libm::cos(q12);
+    let first = g * (30.0 * 0.3 + parameter("mass2_kg") * parameter("length1_m")) * libm::cos(q1) + second;
     for (joint, moment_nm) in [first, second].into_iter().enumerate() {
         let spring_nm = parameter(["stiffness1_nm_rad", "stiffness2_nm_rad"][joint]) * sag_rad[joint];
         assert!((spring_nm + moment_nm).abs() < 1e-9 * moment_nm.abs() && sag_rad[joint] != 0.0, "{sag_rad:?}");

@@ -158,6 +158,7 @@ fn a_torque_has_no_distortion() {
 
 /// Ctrl-C while the walks go on: what was read is kept and shown, and nothing is said of what was not measured.
 #[test]
+#[allow(clippy::disallowed_methods, reason = "it waits for another process")]
 fn an_interrupted_experiment_is_not_judged() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

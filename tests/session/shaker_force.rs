@@ -1,5 +1,5 @@
-//! The force that a shaker applies to the arm, as its controller reads it, against the continuous force: arm, armature and
-//! coil integrated by equations and a method of this file's own, under the same held commands.
+//! The force that a shaker applies to the arm, as its controller reads it, against the continuous force: arm, armature
+//! and coil integrated by equations and a method of this file's own, under the same held commands.
 
 use core::f64::consts::TAU;
 use std::path::Path;
@@ -33,10 +33,13 @@ impl Rig {
     /// L di/dt = V − R i − Bl ṡ.
     fn rates(&self, [x1, x2, v1, v2, current_a]: State, voltage_v: f64) -> (State, f64) {
         let (p, shaker) = (&self.p, &self.shaker);
-        let a1 = p.inertia1_kg_m2 + p.inertia2_kg_m2 + p.mass2_kg * (p.length1_m.powi(2) + p.centre2_m.powi(2));
-        let (a2, a3) = (p.mass2_kg * p.length1_m * p.centre2_m, p.inertia2_kg_m2 + p.mass2_kg * p.centre2_m.powi(2));
+        let a1 =
+            p.inertia1_kg_m2 + p.inertia2_kg_m2 + p.mass2_kg * (p.length1_m * p.length1_m + p.centre2_m * p.centre2_m);
+        let (a2, a3) =
+            (p.mass2_kg * p.length1_m * p.centre2_m, p.inertia2_kg_m2 + p.mass2_kg * p.centre2_m * p.centre2_m);
         let [q1, q12] = [self.beta_rad[0] + x1, self.beta_rad[0] + self.beta_rad[1] + x1 + x2];
-        let (s, c) = (self.beta_rad[1] + x2).sin_cos();
+        let ((s1, c1), (s12, c12)) = (libm::sincos(q1), libm::sincos(q12));
+        let (s, c) = libm::sincos(self.beta_rad[1] + x2);
         let mass = Matrix2::new(a1 + 2.0 * a2 * c, a3 + a2 * c, a3 + a2 * c, a3);
         let coriolis = Vector2::new(-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1);
         let springs = Vector2::new(
@@ -44,10 +47,11 @@ impl Rig {
             p.damping2_nm_s_rad * v2 + p.stiffness2_nm_rad * x2,
         );
         // The shaker pushes along x: s is the displacement of the tip.
-        let jacobian = Vector2::new(-p.length1_m * q1.sin() - p.length2_m * q12.sin(), -p.length2_m * q12.sin());
-        let centripetal = -p.length1_m * q1.cos() * v1 * v1 - p.length2_m * q12.cos() * (v1 + v2) * (v1 + v2);
-        let rest_m = p.length1_m * self.beta_rad[0].cos() + p.length2_m * (self.beta_rad[0] + self.beta_rad[1]).cos();
-        let displacement_m = p.length1_m * q1.cos() + p.length2_m * q12.cos() - rest_m;
+        let jacobian = Vector2::new(-p.length1_m * s1 - p.length2_m * s12, -p.length2_m * s12);
+        let centripetal = -p.length1_m * c1 * v1 * v1 - p.length2_m * c12 * (v1 + v2) * (v1 + v2);
+        let rest_m =
+            p.length1_m * libm::cos(self.beta_rad[0]) + p.length2_m * libm::cos(self.beta_rad[0] + self.beta_rad[1]);
+        let displacement_m = p.length1_m * c1 + p.length2_m * c12 - rest_m;
         let velocity_m_s = jacobian.dot(&Vector2::new(v1, v2));
         let pushed_n = shaker.force_factor_n_a * current_a
             - shaker.damping_n_s_m * velocity_m_s
@@ -89,14 +93,16 @@ impl Rig {
 fn amplitude(values: &[f64], cycles: f64) -> f64 {
     let (mut re, mut im, mut weights) = (0.0, 0.0, 0.0);
     for (k, value) in values.iter().enumerate() {
-        let weight = (TAU / 2.0 * k as f64 / values.len() as f64).sin().powi(2);
-        let (sine, cosine) = (TAU * cycles * k as f64).sin_cos();
+        let window = libm::sin(0.5 * TAU * k as f64 / values.len() as f64);
+        let weight = window * window;
+        let (sine, cosine) = libm::sincos(TAU * cycles * k as f64);
         (re, im, weights) = (re + weight * value * cosine, im + weight * value * sine, weights + weight);
     }
     2.0 * libm::hypot(re, im) / weights
 }
 
-/// Runs the scenario's controller; what it read at the end of each window, with the sample, and all that it commanded, N.
+/// Runs the scenario's controller; what it read at the end of each window, with the sample, and all that it commanded,
+/// N.
 fn run(scenario: &Scenario) -> (Vec<(usize, ResponsePoint)>, Vec<f64>) {
     let mut plant = Plant::new(&scenario.plant_spec().unwrap()).unwrap();
     let mut controller = scenario.controller().unwrap();
