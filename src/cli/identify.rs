@@ -171,6 +171,10 @@ impl Identify {
             );
         }
         document.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
+        if document.modes.is_empty() && document.missing.is_empty() {
+            let (from_hz, to_hz) = (document.from_hz, document.to_hz);
+            tracing::warn!("{}", IdentifyError::NoResonance { from_hz, to_hz });
+        }
         if scenario.reads_images() {
             tracing::warn!("{READS_IMAGES}");
         }
@@ -196,10 +200,7 @@ impl Identify {
         let estimate = identify::frequency_response(&record, band, averaging)?;
         let found = match identify::modes(&record, band) {
             Ok(found) => found,
-            Err(error @ IdentifyError::NoResonance { .. }) => {
-                tracing::warn!("{error}");
-                Identification { modes: Vec::new(), rejected: Vec::new() }
-            }
+            Err(IdentifyError::NoResonance { .. }) => Identification { modes: Vec::new(), rejected: Vec::new() },
             Err(error) => return Err(error.into()),
         };
         let arm = analysis::modes(&scenario.build_arm()?);

@@ -41,8 +41,8 @@ pub enum IdentifyError {
         /// Highest frequency of the band, Hz.
         to_hz: f64,
     },
-    /// No peak stands out.
-    #[error("there is no resonance from {from_hz} to {to_hz} Hz: no peak stands out of what surrounds it; widen the band, drive harder, or record for longer", from_hz = short(.from_hz), to_hz = short(.to_hz))]
+    /// Nothing resonates.
+    #[error("there is no resonance from {from_hz} to {to_hz} Hz: widen the band, or record for longer", from_hz = short(.from_hz), to_hz = short(.to_hz))]
     NoResonance {
         /// Lowest frequency of the band, Hz.
         from_hz: f64,

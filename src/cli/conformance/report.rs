@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::super::output;
 use crate::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range, Refused, Verdict};
 use crate::number::short;
 use crate::protocol::Node;
@@ -151,9 +152,9 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
     counts.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
-/// What is in an attribute of XML.
+/// What is in an attribute of XML, which has no control characters.
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// All cases.
