@@ -46,9 +46,28 @@ const COMMANDS: [(&str, &str); 33] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 17] =
-    ["N", "N/S", "F", "HZ", "S", "A", "DEG", "DEG,…", "X", "X,Y", "NX,NY", "RAD", "P", "T", "R", "Z", "α1,α2,α̇1,α̇2"];
-const OTHERS: [&str; 30] = [
+const NUMERIC: [&str; 18] = [
+    "N",
+    "NM",
+    "N/S",
+    "F",
+    "HZ",
+    "S",
+    "A",
+    "DEG",
+    "DEG,…",
+    "X",
+    "X,Y",
+    "NX,NY",
+    "RAD",
+    "P",
+    "T",
+    "R",
+    "Z",
+    "α1,α2,α̇1,α̇2",
+];
+const OTHERS: [&str; 31] = [
+    "PID",
     "RT",
     "SPIN",
     "ORIGIN",

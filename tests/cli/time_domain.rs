@@ -204,12 +204,14 @@ fn help_says_what_there_is() {
     Usage: resonarm sweep [OPTIONS] --from-hz <F> --to-hz <F>
 
     Options:
-          --preset <NAME>            Parameter set: irb1600-fitted (default) or irb1600-table1
+          --preset <NAME>            Parameter set: irb1600-fitted or irb1600-table1 [default:
+                                     irb1600-fitted]
       -v, --verbose...               Log more: -v for what happens, -vv for every detail
           --beta1-deg <DEG>          Angle β1 of link 1 against the x axis, degrees [default: 0]
           --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                      [default: 60]
-          --scenario <FILE>          TOML file with the whole scenario; flags win over it
+          --scenario <FILE>          TOML file with the whole scenario, in place of the defaults; flags
+                                     win over it
           --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
           --force-x-n <A>            Amplitude of a force at point C along x, N
           --force-y-n <A>            Amplitude of a force at point C along y, N
@@ -217,8 +219,8 @@ fn help_says_what_there_is() {
                                      rad/s [default: that of the scenario, at rest]
           --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
                                      slowest mode [default: 40]
-          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG. A
-                                     stopped run goes on from what it holds
+          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
+                                     captions. A stopped run goes on from what it holds
           --overwrite                Write over files that are there
           --json                     Print one JSON document
           --from-hz <F>              One end of the frequencies, Hz
@@ -239,12 +241,14 @@ fn help_says_what_there_is() {
     Usage: resonarm poincare [OPTIONS]
 
     Options:
-          --preset <NAME>            Parameter set: irb1600-fitted (default) or irb1600-table1
+          --preset <NAME>            Parameter set: irb1600-fitted or irb1600-table1 [default:
+                                     irb1600-fitted]
       -v, --verbose...               Log more: -v for what happens, -vv for every detail
           --beta1-deg <DEG>          Angle β1 of link 1 against the x axis, degrees [default: 0]
           --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                      [default: 60]
-          --scenario <FILE>          TOML file with the whole scenario; flags win over it
+          --scenario <FILE>          TOML file with the whole scenario, in place of the defaults; flags
+                                     win over it
           --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
           --force-x-n <A>            Amplitude of a force at point C along x, N
           --force-y-n <A>            Amplitude of a force at point C along y, N
@@ -252,8 +256,8 @@ fn help_says_what_there_is() {
                                      rad/s [default: that of the scenario, at rest]
           --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
                                      slowest mode [default: 40]
-          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG. A
-                                     stopped run goes on from what it holds
+          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
+                                     captions. A stopped run goes on from what it holds
           --overwrite                Write over files that are there
           --json                     Print one JSON document
           --frequency-hz <F>         Excitation frequency, Hz; not with --parameter frequency

@@ -46,7 +46,7 @@ fn a_spike_of_the_head_is_beyond_the_force() {
 #[test]
 fn a_drift_and_the_noise_of_a_cable_are_beyond_the_acceleration() {
     let drift = "instrument = 'accelerometer_c'\naxis = 'y'\nkind = 'drift'\nrate_m_s2_per_s = 500\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.2 m/s² along y after 0.497 s, beyond the limit of 100 m/s²: drive less, mend the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.45 m/s² along y after 0.498 s, beyond the limit of 100 m/s²: drive less, mend the sensor if that can't be, or raise the limit");
     let noise = "instrument = 'accelerometer_b'\naxis = 'x'\nkind = 'noise'\nrms_m_s2 = 50\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", noise), @"limits.acceleration_m_s2: the accelerometer at B reads 109.05 m/s² along x after 0.311 s, beyond the limit of 100 m/s²: drive less, mend the sensor if that can't be, or raise the limit");
 }
@@ -54,7 +54,7 @@ fn a_drift_and_the_noise_of_a_cable_are_beyond_the_acceleration() {
 /// The feedback follows what it reads.
 #[test]
 fn a_spike_of_what_the_loop_reads_makes_it_ask_for_too_much() {
-    let spike = "instrument = 'accelerometer_b'\nkind = 'spike'\namplitude_m_s2 = 150\nfrom_s = 0.5\nto_s = 0.52";
+    let spike = "instrument = 'accelerometer_b'\nkind = 'spike'\namplitude_m_s2 = 130\nfrom_s = 0.5\nto_s = 0.52";
     let abort = abort(TORQUE_WALK, "torque_nm = 80", spike);
     assert!(
         matches!(abort, Abort::Command { key: "torque_nm", got, time_s, .. } if got > 80.0 && time_s < 0.52),
@@ -77,7 +77,7 @@ fn a_spike_beyond_the_range_stays_clipped() {
 fn stuck_and_dropped_out_axes_do_not_move() {
     let limits = "stuck_samples = 200\nstuck_above_n = 5";
     let stuck = "instrument = 'accelerometer_c'\naxis = 'y'\nkind = 'stuck'\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C says 0.3 m/s² along y and does not move for 200 samples under load, up to 0.515 s: mend sensor or cable, or state more samples if the axis has nothing to read");
+    insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C says 0.1 m/s² along y and does not move for 200 samples under load, up to 0.515 s: mend sensor or cable, or state more samples if the axis has nothing to read");
     let dropout = "instrument = 'impedance_head'\naxis = 'x'\nkind = 'dropout'\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, limits, dropout), @"limits.stuck_samples: the impedance head says 0 N along x and does not move for 200 samples under load, up to 0.516 s: mend sensor or cable, or state more samples if the axis has nothing to read");
 }

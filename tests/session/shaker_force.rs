@@ -13,8 +13,8 @@ use resonarm::scenario::Scenario;
 
 /// Steps of the integration a sample: the coil's current decays by e in 0.15 of a sample.
 const FINE: u32 = 20;
-/// Length of a reading of the continuous force, s: the last part of a controller's own window.
-const READ_S: f64 = 0.9;
+/// Least length of a controller's reading, s: that of a step less what it waits.
+const READ_S: f64 = 1.0;
 
 /// Arm, armature and coil.
 struct Rig {
@@ -89,16 +89,14 @@ impl Rig {
     }
 }
 
-/// Amplitude of the fundamental, by a Hann window.
+/// Amplitude of the fundamental of whole periods.
 fn amplitude(values: &[f64], cycles: f64) -> f64 {
-    let (mut re, mut im, mut weights) = (0.0, 0.0, 0.0);
+    let (mut re, mut im) = (0.0, 0.0);
     for (k, value) in values.iter().enumerate() {
-        let window = libm::sin(0.5 * TAU * k as f64 / values.len() as f64);
-        let weight = window * window;
         let (sine, cosine) = libm::sincos(TAU * cycles * k as f64);
-        (re, im, weights) = (re + weight * value * cosine, im + weight * value * sine, weights + weight);
+        (re, im) = (re + value * cosine, im + value * sine);
     }
-    2.0 * libm::hypot(re, im) / weights
+    2.0 * libm::hypot(re, im) / values.len() as f64
 }
 
 /// Runs the scenario's controller; what it read at the end of each window, with the sample, and all that it commanded,
@@ -132,6 +130,9 @@ struct Compared {
 fn compared(converter: Converter) -> Vec<Compared> {
     let mut scenario = Scenario::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/shaker.toml")).unwrap();
     scenario.rig.converter = converter;
+    // An ideal head: its noise and counts alone are 0.1 % of 2 N.
+    scenario.rig.impedance_head.noise_rms_n = Some(0.0);
+    scenario.rig.impedance_head.resolution_n = Some(0.0);
     let rate_hz = scenario.simulation.rate_hz;
     let (points, commands_n) = run(&scenario);
     assert_eq!(points.len(), 9);
@@ -142,13 +143,15 @@ fn compared(converter: Converter) -> Vec<Compared> {
     };
     let head_n = rig.head_n(&commands_n, rate_hz);
     let compare = |(sample, point): &(usize, ResponsePoint)| {
-        let fine = FINE as usize;
-        let length = (READ_S * rate_hz) as usize * fine;
-        let end = (sample - 5) * fine;
+        // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples before.
+        let fine = f64::from(FINE);
+        let periods = libm::ceil(READ_S * point.frequency_hz);
+        let length = libm::round(periods / point.frequency_hz * rate_hz * fine) as usize;
+        let end = ((*sample as f64 - 3.5) * fine) as usize;
         Compared {
             _frequency_hz: point.frequency_hz,
             read_n: point.load,
-            continuous_n: amplitude(&head_n[end - length..end], point.frequency_hz / (rate_hz * fine as f64)),
+            continuous_n: amplitude(&head_n[end - length..end], point.frequency_hz / (rate_hz * fine)),
         }
     };
     points.iter().map(compare).collect()
