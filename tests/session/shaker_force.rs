@@ -11,8 +11,9 @@ use resonarm::plant::Plant;
 use resonarm::rig::{Converter, ShakerSpec};
 use resonarm::scenario::Scenario;
 
-/// Steps of the integration a sample: the coil's current decays by e in 0.15 of a sample.
-const FINE: u32 = 20;
+/// Steps of the integration a sample. The force has a kink at every sample, and sums over its values have an error of
+/// 10⁻⁴ of it with so many.
+const FINE: u32 = 80;
 /// Least length of a controller's reading, s: that of a step less what it waits.
 const READ_S: f64 = 1.0;
 
@@ -165,7 +166,7 @@ fn largest_error(compared: &[Compared]) -> f64 {
 fn the_force_that_is_read_is_the_force_that_acts() {
     for converter in [Converter::default(), Converter::Sinc3] {
         let compared = compared(converter);
-        assert!(largest_error(&compared) < 1e-3, "{converter:?}: {compared:#?}");
+        assert!(largest_error(&compared) < 3e-4, "{converter:?}: {compared:#?}");
     }
     // An instant of a force that is not held has images of the command in it.
     let instants = compared(Converter::Instant);
