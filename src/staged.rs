@@ -19,8 +19,8 @@ pub(crate) struct Staged {
 }
 
 impl Staged {
-    /// Begins a file that will be `path`, and gives it opened. With [`Existing::Overwrite`] a file that is there stays as
-    /// it is until it is replaced.
+    /// Begins a file that will be `path`, and gives it opened. With [`Existing::Overwrite`] a file that is there stays
+    /// as it is until it is replaced.
     ///
     /// # Errors
     /// What the system says; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].

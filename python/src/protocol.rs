@@ -8,8 +8,8 @@ use resonarm::protocol::{
 
 use crate::errors;
 
-/// The frame of `resonarm.Frame`: identifier, whether it has 29 bits, payload, whether it is one of CAN FD, and whether that
-/// has the bit rate switch. A remote frame has no such form.
+/// The frame of `resonarm.Frame`: identifier, whether it has 29 bits, payload, whether it is one of CAN FD, and whether
+/// that has the bit rate switch. A remote frame has no such form.
 #[derive(Clone, Debug, FromPyObject)]
 pub struct FrameParts(u32, bool, Vec<u8>, bool, bool);
 

@@ -79,8 +79,8 @@ pub trait Bus: Send {
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError>;
 
     /// Receives from now on only frames that match one of `filters`; an empty list receives everything. Frames that
-    /// came in before the call and were not yet received may still come out. What a filter keeps out costs no wake-up where
-    /// the kernel filters. An adapter of python-can that filters in software keeps out its error frames, too.
+    /// came in before the call and were not yet received may still come out. What a filter keeps out costs no wake-up
+    /// where the kernel filters. An adapter of python-can that filters in software keeps out its error frames, too.
     ///
     /// # Errors
     /// [`BusError`] if the backend can't filter so.
@@ -229,8 +229,8 @@ pub struct Statistics {
     /// (`net.core.netdev_max_backlog`, counted for all interfaces in the second column of `/proc/net/softnet_stat`) is
     /// not in it; there the counters within the frames tell.
     pub dropped: u64,
-    /// Incoming frames that can't be any, such as one of CAN FD with 9 bytes, which a virtual interface carries all the same.
-    /// They are left out.
+    /// Incoming frames that can't be any, such as one of CAN FD with 9 bytes, which a virtual interface carries all the
+    /// same. They are left out.
     pub malformed: u64,
     /// Calls of [`Bus::send`] and [`Bus::send_all`] that met a full transmit queue.
     pub queue_full: u64,

@@ -84,8 +84,8 @@ pub trait LogWriter {
     /// Writes one frame. Its interface is that of the log.
     ///
     /// # Errors
-    /// What the system says; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if it is earlier than the start of a log
-    /// that counts from there.
+    /// What the system says; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if it is earlier than the start of a
+    /// log that counts from there.
     fn write(&mut self, frame: &LoggedFrame) -> std::io::Result<()>;
 
     /// Writes what belongs at the end. A log without it may not be readable.

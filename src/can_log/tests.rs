@@ -107,7 +107,8 @@ fn logs_of_other_programs_are_read() {
     assert_eq!(others, 6);
 }
 
-/// CANoe writes the names of months in the language of Windows, in its code page, and a trigger block may state no date.
+/// CANoe writes the names of months in the language of Windows, in its code page, and a trigger block may state no
+/// date.
 #[test]
 fn dates_of_vectors_tools_are_read_in_german_and_left_out() {
     let times = |head: &[u8]| {

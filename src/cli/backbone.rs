@@ -65,8 +65,8 @@ pub(super) struct Backbone {
     walk: WalkFlags,
     #[command(flatten)]
     readings: ReadingsFlag,
-    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV and JSON
-    /// beside them, of the forced response STEM-response.csv.
+    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV
+    /// and JSON beside them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]

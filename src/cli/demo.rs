@@ -40,7 +40,8 @@ pub(super) struct Demo {
     /// Simulated seconds a second in lockstep; 0 is as fast as it goes.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     speed: Option<f64>,
-    /// Folder for demo.mcap, response.svg, response.png and its caption, response.txt; those of an earlier demo are overwritten.
+    /// Folder for demo.mcap, response.svg, response.png and its caption, response.txt; those of an earlier demo are
+    /// overwritten.
     #[arg(long, value_name = "DIR", default_value = "resonarm-demo")]
     out: PathBuf,
     #[command(flatten)]

@@ -33,8 +33,8 @@ use crate::scenario::{READS_IMAGES, Scenario};
 /// its standard deviation. The arm has to be driven by a force at C. Periods of a multisine or of bursts and segments
 /// of other records (Welch's method: a Hann window, half overlapping) are averaged to H1, H2 and coherence; an impact
 /// is taken whole. The document of --json and the CSV of --plot have all three of each response, the figure H1 and the
-/// coherence. Modes have the numbers of the scenario's arm; one that is not found is named, with the reason. If there is
-/// no mode the exit code is 1.
+/// coherence. Modes have the numbers of the scenario's arm; one that is not found is named, with the reason. If there
+/// is no mode the exit code is 1.
 ///
 /// With --angles, and of a run with any load, the joints' angles over time instead: the accelerations are integrated
 /// twice, and the arm's lengths and pose in the recording make angles of the displacements. Vibration at f has the gain

@@ -28,7 +28,8 @@ pub(super) struct MotionFlags {
     /// Longest wait for a motion to settle, in time constants of the arm's slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants, allow_hyphen_values = true)]
     pub time_constants: f64,
-    /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run goes on from what it holds.
+    /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run goes on from what it
+    /// holds.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]

@@ -45,8 +45,8 @@ pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     })
 }
 
-/// Has the kernel hand over the frames of the session's network alone, which is for a run that neither records nor shows
-/// those of others. Other adapters may filter in software, and lose what tells of their controller.
+/// Has the kernel hand over the frames of the session's network alone, which is for a run that neither records nor
+/// shows those of others. Other adapters may filter in software, and lose what tells of their controller.
 pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
     match address {
         BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),

@@ -105,8 +105,8 @@ impl Selection {
     }
 }
 
-/// The samples from one simulated time to another, both included; all of a recording without a record. What is off by a millionth of a sample is a time
-/// written in decimals.
+/// The samples from one simulated time to another, both included; all of a recording without a record. What is off by a
+/// millionth of a sample is a time written in decimals.
 ///
 /// # Errors
 /// [`ExportError::Interval`] if there is no sample between them.

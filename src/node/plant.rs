@@ -252,8 +252,8 @@ impl PlantNode {
         }
     }
 
-    /// The exciter's fault is the plant's, too. Where it waited for a sample in vain since its commands were refused, as
-    /// in lockstep, that is what the plant tells: no valid command came.
+    /// The exciter's fault is the plant's, too. Where it waited for a sample in vain since its commands were refused,
+    /// as in lockstep, that is what the plant tells: no valid command came.
     fn fault_of_exciter(&mut self, now_ns: u64) {
         let reason = self.exciter_fault;
         let has_waited = reason.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);

@@ -13,8 +13,8 @@ use super::schema::{MessageType, Topic};
 
 /// Longest record that is believed: 256 MiB, far above what a recorder writes.
 pub(super) const LONGEST: usize = 1 << 28;
-/// Longest chunk once decompressed that is believed: 64 MiB, where a recorder writes some 1 MiB, and other tools up to 4
-/// MiB. A few bytes may decompress to any length.
+/// Longest chunk once decompressed that is believed: 64 MiB, where a recorder writes some 1 MiB, and other tools up to
+/// 4 MiB. A few bytes may decompress to any length.
 const LONGEST_CHUNK: u64 = 1 << 26;
 /// Fields of a chunk before its compressed records, without the name of the compression, bytes (MCAP, "Chunk").
 pub(super) const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 8;

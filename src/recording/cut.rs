@@ -22,8 +22,8 @@ const NAMES: usize = 1000;
 ///
 /// # Errors
 /// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
-/// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and one that was
-/// to be overwritten is kept.
+/// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and one that
+/// was to be overwritten is kept.
 pub fn cut(
     recording: &Recording,
     samples: RangeInclusive<u64>,

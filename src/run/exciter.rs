@@ -289,8 +289,8 @@ impl<C: Clock> Run<'_, C> {
         });
     }
 
-    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet. A plant that
-    /// sent no sample may say why.
+    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet. A plant
+    /// that sent no sample may say why.
     fn send_rest(&mut self) -> Result<(), RunError> {
         self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;

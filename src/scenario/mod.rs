@@ -195,14 +195,16 @@ impl Scenario {
     }
 
     /// Checks what no run can use, whatever its mode: the arm's name, the steps a sample, the timeouts, and the
-    /// excitation against its exciter's limits. What flags of the command line may still replace is checked where it is used.
+    /// excitation against its exciter's limits. What flags of the command line may still replace is checked where it is
+    /// used.
     ///
     /// The limits that end a run are checked against the load and the instruments.
     ///
     /// # Errors
-    /// [`ScenarioError::Name`] for a name that no line can show, [`ScenarioError::Plant`] for steps a sample that no plant can have, [`ScenarioError::Value`] for a timeout that
-    /// is not positive or longer than an hour and for limits that contradict, [`ScenarioError::Fault`] for a fault of
-    /// the network that can't be, [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
+    /// [`ScenarioError::Name`] for a name that no line can show, [`ScenarioError::Plant`] for steps a sample that no
+    /// plant can have, [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour and for
+    /// limits that contradict, [`ScenarioError::Fault`] for a fault of the network that can't be,
+    /// [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
         self.arm.check_name()?;
         plant::check_steps_per_sample(self.simulation.steps_per_sample())?;
@@ -302,8 +304,8 @@ impl Scenario {
         self.simulation.duration_s.map(samples).transpose()
     }
 
-    /// Whether readings have images of the held command in them, at its own frequency: a shaker's force is not held, and
-    /// converters without a filter fold them there.
+    /// Whether readings have images of the held command in them, at its own frequency: a shaker's force is not held,
+    /// and converters without a filter fold them there.
     pub fn reads_images(&self) -> bool {
         self.rig.shaker.is_some() && self.rig.converter == Converter::Instant
     }

@@ -41,7 +41,8 @@ pub struct Outcome {
     pub stderr: String,
 }
 
-/// Runs the program in `folder`, without lines of progress, which a machine that stalls would add. None of the commands given here runs for more than some seconds.
+/// Runs the program in `folder`, without lines of progress, which a machine that stalls would add. None of the commands
+/// given here runs for more than some seconds.
 pub fn resonarm(folder: &Path, arguments: &[&str]) -> Outcome {
     let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
     command.args(arguments).current_dir(folder).env("RESONARM_LOG", "resonarm::progress=off").stdin(Stdio::null());

@@ -1,5 +1,5 @@
-//! What `identify` finds in readings of an arm that an ideal exciter or a shaker drives, against the arm's own modes: the
-//! stated deviations hold over seeds, exciters and poses.
+//! What `identify` finds in readings of an arm that an ideal exciter or a shaker drives, against the arm's own modes:
+//! the stated deviations hold over seeds, exciters and poses.
 
 use resonarm::analysis::{self, Mode};
 use resonarm::arm::{Arm, Pose, Preset, State};

@@ -110,8 +110,8 @@ fn check_on(case: &Case, mut plant: Plant) {
     let mut unstable = 0;
     for point in &points {
         assert!(point.settled, "{point:?}");
-        // The load is within 0.11 % of the wanted one. That of an ideal exciter is what it commands; at the same lag the
-        // angle goes with it. That of a shaker is read, with noise.
+        // The load is within 0.11 % of the wanted one. That of an ideal exciter is what it commands; at the same lag
+        // the angle goes with it. That of a shaker is read, with noise.
         let load = case.amplitude.load();
         let part = point.load / libm::hypot(load.force_n.norm(), load.torque_nm.norm());
         assert!((part - 1.0).abs() < 1.1e-3, "{point:?}");

@@ -144,7 +144,8 @@ fn compared(converter: Converter) -> Vec<Compared> {
     };
     let head_n = rig.head_n(&commands_n, rate_hz);
     let compare = |(sample, point): &(usize, ResponsePoint)| {
-        // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples before.
+        // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples
+        // before.
         let fine = f64::from(FINE);
         let periods = libm::ceil(READ_S * point.frequency_hz);
         let length = libm::round(periods / point.frequency_hz * rate_hz * fine) as usize;

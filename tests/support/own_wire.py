@@ -1,5 +1,5 @@
-"""The frames of SPEC.md, sections 1 to 4, written from its text alone: no code of this project is used, nor its DBC but for
-the hash of its bytes."""
+"""The frames of SPEC.md, sections 1 to 4, written from its text alone: no code of this project is used, nor its DBC but
+for the hash of its bytes."""
 
 import math
 import socket

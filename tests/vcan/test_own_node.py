@@ -1,5 +1,5 @@
-"""The conformance tool against a plant and an exciter that were written in Python from SPEC.md alone: right they pass, and
-with one flaw they are failed by the case for it."""
+"""The conformance tool against a plant and an exciter that were written in Python from SPEC.md alone: right they pass,
+and with one flaw they are failed by the case for it."""
 
 import sys
 from pathlib import Path

@@ -135,7 +135,8 @@ impl Link {
         }
     }
 
-    /// Counts and tells a frame that could not be taken. A remote frame is a question, and no message of another sender.
+    /// Counts and tells a frame that could not be taken. A remote frame is a question, and no message of another
+    /// sender.
     fn refuse(&mut self, error: DecodeError) {
         let kind = error.kind();
         let is_question = matches!(error, DecodeError::Format { got: FrameFormat::Remote, .. });

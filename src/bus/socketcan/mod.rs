@@ -11,8 +11,8 @@
 //! Bus-off also comes out of [`Bus::receive`], as [`BusError::BusOff`], and the end works again once the controller has
 //! been restarted. Nothing else of them is an error of the bus. A virtual interface has no controller and makes none.
 //!
-//! **What can't be a frame**, one of CAN FD with 9 bytes, can be written to a virtual interface by anybody. It is counted
-//! ([`Statistics::malformed`]) and left out.
+//! **What can't be a frame**, one of CAN FD with 9 bytes, can be written to a virtual interface by anybody. It is
+//! counted ([`Statistics::malformed`]) and left out.
 //!
 //! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel
 //! counter, but only with the next frame that comes in after the loss, so never those at the end of a run.
@@ -179,8 +179,8 @@ impl SocketCan {
         Ok(Duration::ZERO)
     }
 
-    /// Whether what was taken in holds something that [`Bus::receive`] gives out. What stands before that is counted: error
-    /// frames, and what can't be a frame.
+    /// Whether what was taken in holds something that [`Bus::receive`] gives out. What stands before that is counted:
+    /// error frames, and what can't be a frame.
     fn has_frame(&mut self) -> bool {
         while let Some(slot) = self.incoming.peek() {
             match ErrorFrame::of(&slot.frame.raw) {

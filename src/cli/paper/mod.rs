@@ -19,9 +19,9 @@ use crate::realtime::{Clock, SystemClock};
 
 /// Makes the figures of Gierlak & Warmiński (2023) anew, and holds the paper's statements against what is computed.
 ///
-/// Every figure is written as SVG and PNG, with its caption, CSV and JSON. What the paper leaves open stands in the settings file, a copy of
-/// which goes along. Exit code 1 says that a statement could not be computed; whether statements hold does not matter
-/// to it.
+/// Every figure is written as SVG and PNG, with its caption, CSV and JSON. What the paper leaves open stands in the
+/// settings file, a copy of which goes along. Exit code 1 says that a statement could not be computed; whether
+/// statements hold does not matter to it.
 #[derive(Debug, Args)]
 pub(super) struct Paper {
     /// What to make.

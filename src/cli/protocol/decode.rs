@@ -20,8 +20,8 @@ use crate::protocol::{DecodeError, Message, Receiver};
 #[derive(Debug, Args)]
 pub(super) struct Decode {
     /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from
-    /// standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol decode < can0.log`. A
-    /// line that is neither is told, counted and left out; then the exit code is 1.
+    /// standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol decode <
+    /// can0.log`. A line that is neither is told, counted and left out; then the exit code is 1.
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     #[command(flatten)]

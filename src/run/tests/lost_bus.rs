@@ -91,8 +91,8 @@ impl Bus for LostBus {
 /// The exciter's report, and when it ended. The plant is armed at 0.2 s and again, after the bus, at 1.2 s; meanwhile
 /// frames still come that tell of it as armed. It leaves at 1.5 s. Two samples come at 0.31 s.
 ///
-/// A bus that refuses frames or is full takes them from the end of its loss on. On a silent one the first to go out then is
-/// the heartbeat shortly before 0.7 s, and what comes before that tells of an armed plant still.
+/// A bus that refuses frames or is full takes them from the end of its loss on. On a silent one the first to go out
+/// then is the heartbeat shortly before 0.7 s, and what comes before that tells of an armed plant still.
 fn exciter_beside(loss: Loss, lost_ns: Range<u64>, rearm: u32) -> (ExciterReport, u64) {
     let scenario = Scenario::parse(&format!("{SCENARIO}\n[network]\npartner_timeout_s = 30"), "test").unwrap();
     let network = scenario.network().unwrap();
