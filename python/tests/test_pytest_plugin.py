@@ -54,7 +54,7 @@ def test_it(bench):
     result.assert_outcomes(failed=1)
     text = result.stdout.str()
     assert "acceleration_c_m_s2_x has not settled: its amplitude goes from" in text
-    assert "> sample    501" in text
+    assert "> sample    503" in text
     path = Path(re.search(r"recording: (\S+)", text)[1])
     assert resonarm.Recording(path).summary["integrity"]["state"] == "complete"
     assert "resonarm recordings" in text

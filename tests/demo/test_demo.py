@@ -59,8 +59,8 @@ def test_it_simulates_again_bit_for_bit(demo):
 
 
 def test_the_figures_are_pictures(demo):
-    svg, png = (demo.folder / f"response.{kind}" for kind in ("svg", "png"))
-    assert demo.said["figures"] == [str(svg), str(png)]
+    svg, png, caption = (demo.folder / f"response.{kind}" for kind in ("svg", "png", "txt"))
+    assert demo.said["figures"] == [str(svg), str(png), str(caption)] and caption.read_text().strip()
     picture = ElementTree.parse(svg).getroot()
     assert picture.tag == "{http://www.w3.org/2000/svg}svg"
     words = " ".join(text for text in picture.itertext())

@@ -248,10 +248,11 @@ def test_every_message_says_its_format_and_its_cycle_time(profile):
         assert message.comment and all(signal.comment for signal in message.signals)
 
 
-def test_the_hellos_of_the_specification_carry_the_hash_of_the_classic_dbc():
-    expected = zlib.crc32((PROTOCOL / "resonarm.dbc").read_bytes()) & 0xFFFFFF
-    stated = re.findall(r"dbc_hash=0x([0-9A-F]{6})", (PROTOCOL / "SPEC.md").read_text())
-    assert stated and {int(text, 16) for text in stated} == {expected}
+def test_the_hellos_of_the_specification_carry_the_hash_of_their_profile_s_dbc():
+    dbcs = (PROTOCOL / "resonarm.dbc", PROTOCOL / "resonarm-fd.dbc")
+    expected = [f"{zlib.crc32(dbc.read_bytes()) & 0xFFFFFF:06X}" for dbc in dbcs]
+    stated = re.findall(r"dbc_hash=0x([0-9A-F]{6}) profile=(\d)", (PROTOCOL / "SPEC.md").read_text())
+    assert set(stated) == {(expected[0], "0"), (expected[1], "1")}
 
 
 def test_the_protections_are_those_of_the_golden_values():

@@ -40,7 +40,7 @@ def test_the_example_makes_parquet_and_mf4_of_the_csv(tmp_path):
         assert (table[name].to_numpy() == values).all()
         signal = measured.get(name)
         assert (signal.samples == values).all()
-        assert signal.timestamps == pytest.approx((np.arange(len(values)) - 0.5) * 1e-3, abs=1e-12)
+        assert signal.timestamps == pytest.approx((np.arange(len(values)) - 2.5) * 1e-3, abs=1e-12)
 
 
 def test_the_example_reads_the_states():

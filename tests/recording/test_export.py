@@ -69,7 +69,7 @@ def test_csv_has_every_value(recorded, tmp_path):
     assert (bits(columns(samples, SENSORS)) == bits(recording.samples)).all()
     assert [row["is_end"] for row in states] == ["0"] * (len(states) - 1) + ["1"]
     assert columns(states, ["sample", "time_s"]) == pytest.approx(np.array([[k, k * 1e-3] for k in range(len(states))]))
-    assert columns(samples, ["time_s"])[:3, 0] == pytest.approx([-0.0005, 0.0005, 0.0015])
+    assert columns(samples, ["time_s"])[:3, 0] == pytest.approx([-0.0025, -0.0015, -0.0005])
     clipped = [value for batch in recording.topics["/plant/samples"] for value in batch.clipped]
     assert [int(row["clipped"]) for row in samples] == clipped
     events = [(str(event.step), event.name, str(event.value)) for event in recording.topics["/events"]]
@@ -119,7 +119,7 @@ def test_uff58_has_every_value(recorded, tmp_path):
     assert (units["type"], units["units_code"], units["length"], units["force"]) == (164, 1, 1.0, 1.0)
     found = {dataset["id1"]: dataset for dataset in datasets}
     assert list(found) == [*STATE, *LOAD, *SENSORS]
-    for names, values, start_s in ((STATE + LOAD, recording.states, 0), (SENSORS, recording.samples, -0.0005)):
+    for names, values, start_s in ((STATE + LOAD, recording.states, 0), (SENSORS, recording.samples, -0.0025)):
         for column, name in enumerate(names):
             # The format has 13 digits.
             assert found[name]["data"] == pytest.approx(values[:, column], rel=5e-13, abs=0), name
@@ -160,7 +160,8 @@ def test_viewers_find_every_sample(recorded, tmp_path):
         assert (found == expected).all()
         assert set(schemas[topic][1]["properties"]) == set(rows[topic][0]) == {*names, "sample"}
     assert times["/states"][:3] == [0, 1_000_000, 2_000_000]
-    assert times["/samples"][:3] == [0, 500_000, 1_500_000]
+    # Readings of a time before the run stand at its beginning.
+    assert times["/samples"][:5] == [0, 0, 0, 500_000, 1_500_000]
     assert schemas["/log"][0] == "foxglove.Log"
     assert [log["name"] for log in rows["/log"]] == [event.name for event in recording.topics["/events"]]
     for log in rows["/log"]:
@@ -225,7 +226,7 @@ def test_a_range_of_time(recorded, tmp_path):
     assert (values == recording.states[300:701].astype(np.float32)).all()
     force = pyuff.UFF(str(tmp_path / "x.uff")).read_sets()[-1]
     assert force["data"] == pytest.approx(recording.samples[300:701, 5], rel=5e-13, abs=0)
-    assert force["x"][0] == pytest.approx(0.2995)
+    assert force["x"][0] == pytest.approx(0.2975)
     frames = [frame for frame in recording.frames if 300 <= frame.step <= 700]
     assert len((tmp_path / "x.log").read_text().splitlines()) == len(frames)
 
