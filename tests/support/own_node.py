@@ -106,6 +106,9 @@ class Node:
         """Takes in a message: of a double, of the partner, or that the controller is bus-off."""
         name, flags, content = message
         self.look()
+        if self.flaw == "wall-clock" and self.role == PLANT:
+            # What waited while it was stopped does not come first.
+            self.judge()
         if name == "bus-off":
             if self.state == OPERATIONAL and self.flaw != "ignores-bus-off":
                 self.lose_bus()
@@ -156,6 +159,10 @@ class Plant(Node):
                 self.partner_hello = None
             if content[0] in (BOOT_UP, FAULT) and self.state == OPERATIONAL:
                 self.fault(PARTNER_FAULT, 2)
+        elif name == "ExciterEmergency" and content[0] == SENSOR_TIMEOUT:
+            # In lockstep an exciter whose commands are refused gives up for want of samples.
+            if self.lockstep and self.state == OPERATIONAL and self.refused:
+                self.fault(COMMAND_TIMEOUT, self.refusals())
         elif name == "ExciterEmergency" and content[0] == LEAVING:
             self.partner_hello = None
             if self.state == OPERATIONAL:
@@ -224,12 +231,16 @@ class Plant(Node):
         if self.ramp:
             self.held_n = self.ramp.pop(0)
 
+    def refusals(self):
+        """How many commands were refused since the last one taken, and why the last of them was."""
+        return min(self.refused, 255) | (self.why << 8 if self.refused else 0)
+
     def judge(self):
         """The timeouts of an operational plant."""
         if self.state != OPERATIONAL:
             return
         if self.listened_s - self.taken_s >= (1.0 if self.lockstep else 0.02):
-            self.fault(COMMAND_TIMEOUT, min(self.refused, 255) | (self.why << 8 if self.refused else 0))
+            self.fault(COMMAND_TIMEOUT, self.refusals())
         elif self.listened_s - self.partner_heard_s >= self.timeout_s:
             self.fault(HEARTBEAT_LOST, 2)
 
