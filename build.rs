@@ -1,52 +1,7 @@
-//! Tells the library from which commit, for which target and with which compiler it is built.
-//!
-//! Without git, or outside the project's own repository, the commit is `unknown`; the build never fails for it.
-//! With the feature `python-can` it also lets the programs find the Python library they are linked with, wherever that
-//! is.
-
-use std::env;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-/// What the library is made of: a change in one of these makes the commit stated here untrue.
-const SOURCES: [&str; 5] = ["src", "firmware-protocol", "proto", "Cargo.toml", "Cargo.lock"];
+//! With the feature `python-can`, lets the programs find the Python library they are linked with, wherever that is.
 
 fn main() {
     #[cfg(feature = "python-can")]
     pyo3_build_config::add_libpython_rpath_link_args();
     println!("cargo:rerun-if-changed=build.rs");
-    SOURCES.iter().filter(|path| Path::new(path).exists()).for_each(|path| println!("cargo:rerun-if-changed={path}"));
-    let commit = commit().unwrap_or_else(|| String::from("unknown"));
-    let compiler = output(&env::var("RUSTC").unwrap_or_default(), &["--version"]).unwrap_or_default();
-    println!("cargo:rustc-env=RESONARM_GIT_COMMIT={commit}");
-    println!("cargo:rustc-env=RESONARM_RUSTC={compiler}");
-    for name in ["TARGET", "PROFILE"] {
-        println!("cargo:rustc-env=RESONARM_{name}={}", env::var(name).unwrap_or_default());
-    }
-}
-
-/// The commit checked out, with `-dirty` behind it if a source differs from it.
-fn commit() -> Option<String> {
-    let top = PathBuf::from(output("git", &["rev-parse", "--show-toplevel"])?);
-    let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
-    if top.canonicalize().ok()? != here.canonicalize().ok()? {
-        return None; // a copy inside some other repository
-    }
-    for name in ["HEAD", "logs/HEAD"] {
-        let path = output("git", &["rev-parse", "--git-path", name])?;
-        if Path::new(&path).exists() {
-            println!("cargo:rerun-if-changed={path}");
-        }
-    }
-    let commit = output("git", &["rev-parse", "HEAD"])?;
-    let mut status = vec!["status", "--porcelain", "--untracked-files=no", "--"];
-    status.extend(SOURCES);
-    let dirty = !output("git", &status)?.is_empty();
-    Some(if dirty { format!("{commit}-dirty") } else { commit })
-}
-
-/// What a program prints on standard output, without the line end, if it succeeds.
-fn output(program: &str, arguments: &[&str]) -> Option<String> {
-    let output = Command::new(program).args(arguments).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim_end().to_string())
 }

@@ -1,306 +1,110 @@
-//! Two recordings compared, record by record.
-//!
-//! States and samples belong together by their sample, frames and events by their order. Neither recording is held in
-//! memory.
+//! `resonarm diff`: two recordings compared.
 
-use core::cmp::Ordering;
-use core::ops::RangeInclusive;
-use std::collections::BTreeMap;
+use core::fmt::Write;
+use std::path::PathBuf;
 
-use serde::Serialize;
+use clap::Args;
 
-use crate::export::{Part, channels, sample_values, state_values};
-use crate::number::short;
-use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
+use super::failure::{Failure, Verdict};
+use super::output::{self, in_line};
+use super::time_range::TimeRange;
+use super::{flags, inspect};
+use resonarm::diff::{DiffOptions, Difference, PartDifference, diff};
+use resonarm::export::{Part, samples};
+use resonarm_numeric::number::short;
+use resonarm::recording::Recording;
 
-/// What is compared.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DiffOptions {
-    /// The records. Those of the real-time loop's punctuality, [`Part::Ticks`], are never the same twice: they are left
-    /// out.
-    pub parts: Vec<Part>,
-    /// How much a channel may differ, as a share of its largest magnitude in the first recording; at 0 every bit
-    /// counts.
-    pub tolerance: f64,
-    /// Of these samples.
-    pub samples: RangeInclusive<u64>,
-}
+/// What can be compared.
+const PARTS: [Part; 4] = [Part::States, Part::Samples, Part::Frames, Part::Events];
 
-/// How two recordings, A and B, differ.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Difference {
-    /// Whether all records that were compared are the same within the tolerance, and none is in one recording alone.
-    pub same: bool,
-    /// The tolerance.
-    pub tolerance: f64,
-    /// Part by part.
-    pub parts: Vec<PartDifference>,
-    /// What differs in what they say of themselves, by its key; it does not make them different.
-    pub configuration: Vec<KeyDifference>,
-}
-
-/// How records of one kind differ.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PartDifference {
-    /// The kind.
-    pub part: &'static str,
-    /// Records that are in both.
-    pub compared: u64,
-    /// Records of A without one of B.
-    pub only_in_a: u64,
-    /// Records of B without one of A.
-    pub only_in_b: u64,
-    /// The first two that differ beyond the tolerance.
-    pub first_difference: Option<FirstDifference>,
-    /// The largest difference of every channel that differs.
-    pub channels: Vec<ChannelDifference>,
-}
-
-/// Two records that differ.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FirstDifference {
-    /// The sample of A's.
-    pub sample: u64,
-    /// The channel, or the mark, `is_end` or `clipped`; of frames and events, `frame` or `event`.
-    pub what: &'static str,
-    /// In A.
-    pub a: String,
-    /// In B.
-    pub b: String,
-}
-
-/// How a channel differs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ChannelDifference {
-    /// Its name, with the unit.
-    pub name: &'static str,
-    /// The largest difference, in that unit.
-    pub largest: f64,
-    /// Where.
-    pub sample: u64,
-    /// The largest magnitude in A, in that unit, which the tolerance is a share of.
-    pub magnitude: f64,
-}
-
-/// An entry that differs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct KeyDifference {
-    /// The key; of a scenario with its tables, as `scenario.arm.beta2_deg`.
-    pub key: String,
-    /// In A, where it is there.
-    pub a: Option<String>,
-    /// In B, where it is there.
-    pub b: Option<String>,
-}
-
-/// Compares two recordings.
-///
-/// # Errors
-/// [`RecordingError`] if one of them can't be read.
-pub fn diff(a: &Recording, b: &Recording, options: &DiffOptions) -> Result<Difference, RecordingError> {
-    let parts = options.parts.iter().filter(|part| **part != Part::Ticks);
-    let parts = parts.map(|part| compare(a, b, *part, options)).collect::<Result<Vec<_>, _>>()?;
-    let is_same = |part: &PartDifference| part.first_difference.is_none() && part.only_in_a == 0 && part.only_in_b == 0;
-    Ok(Difference {
-        same: parts.iter().all(is_same),
-        tolerance: options.tolerance,
-        parts,
-        configuration: configuration(a, b),
-    })
-}
-
-/// A record as it is compared.
-struct Row {
-    /// What it is found by: its sample, or its place among the frames or events.
-    key: u64,
-    sample: u64,
-    numbers: Vec<f64>,
-    /// What else it says, whole: the frame, the event, the marks of a state or of readings. `None` if its recording
-    /// doesn't say.
-    text: Option<String>,
-}
-
-/// The records of a part, as they are compared.
-fn rows<'r>(
-    recording: &'r Recording,
-    part: Part,
-    samples: &RangeInclusive<u64>,
-) -> Result<impl Iterator<Item = Result<Row, RecordingError>> + use<'r>, RecordingError> {
-    let (samples, mut count) = (samples.clone(), 0);
-    let marks_ends = recording.origin().format > 1;
-    Ok(recording.records()?.filter_map(move |record| {
-        let row = record.map(|record| row(part, &record, marks_ends).filter(|row| samples.contains(&row.sample)));
-        row.transpose().map(|row| {
-            row.map(|row| {
-                count += 1;
-                Row { key: if row.numbers.is_empty() { count } else { row.key }, ..row }
-            })
-        })
-    }))
-}
-
-fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
-    let sample = record.sample();
-    let numbers = |numbers: &[f64], text| Some(Row { key: sample, sample, numbers: numbers.to_vec(), text });
-    let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text: Some(text) });
-    match (part, record) {
-        (Part::States, Record::State(state)) => {
-            let values: Vec<f64> = state_values(state).into_iter().chain(state.coil_current_a).collect();
-            numbers(&values, marks_ends.then(|| u8::from(state.is_end).to_string()))
-        }
-        (Part::Samples, Record::Sample(readings)) => numbers(&sample_values(readings), readings.clipped.map(marks)),
-        (Part::Frames, Record::Frame(frame)) => {
-            let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
-            text(format!("{direction} {}", frame.frame))
-        }
-        (Part::Events, Record::Event(event)) => text(format!("{} {} at sample {sample}", event.name, event.value)),
-        _ => None,
-    }
-}
-
-/// Which readings are marked.
-fn marks(clipped: Clipped) -> String {
-    let marked = channels(Part::Samples).iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
-    let names: Vec<_> = marked.map(|(channel, _)| channel.name).collect();
-    if names.is_empty() { String::from("none") } else { names.join(" and ") }
-}
-
-fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> Result<PartDifference, RecordingError> {
-    let mut found = Found {
-        tolerance: options.tolerance,
-        channels: magnitudes(a, part, options)?,
-        part: PartDifference {
-            part: part.name(),
-            compared: 0,
-            only_in_a: 0,
-            only_in_b: 0,
-            first_difference: None,
-            channels: Vec::new(),
-        },
-    };
-    let (mut ours, mut theirs) = (rows(a, part, &options.samples)?, rows(b, part, &options.samples)?);
-    let (mut left, mut right) = (ours.next().transpose()?, theirs.next().transpose()?);
-    loop {
-        let order = match (&left, &right) {
-            (None, None) => break,
-            (Some(_), None) => Ordering::Less,
-            (None, Some(_)) => Ordering::Greater,
-            (Some(left), Some(right)) => left.key.cmp(&right.key),
-        };
-        match order {
-            Ordering::Less => found.part.only_in_a += 1,
-            Ordering::Greater => found.part.only_in_b += 1,
-            Ordering::Equal => {
-                if let (Some(left), Some(right)) = (&left, &right) {
-                    found.take(part, left, right);
-                }
-            }
-        }
-        if order.is_le() {
-            left = ours.next().transpose()?;
-        }
-        if order.is_ge() {
-            right = theirs.next().transpose()?;
-        }
-    }
-    found.part.channels = found.channels.into_iter().filter(|channel| channel.largest > 0.0).collect();
-    Ok(found.part)
-}
-
-/// The channels of a part with their magnitudes in A, and no difference yet.
-fn magnitudes(a: &Recording, part: Part, options: &DiffOptions) -> Result<Vec<ChannelDifference>, RecordingError> {
-    // The current of a shaker's coil stands behind the others, where both recordings have one.
-    let coil = (part == Part::States).then_some("coil_current_a");
-    let names = channels(part).iter().map(|channel| channel.name).chain(coil);
-    let mut channels: Vec<_> =
-        names.map(|name| ChannelDifference { name, largest: 0.0, sample: 0, magnitude: 0.0 }).collect();
-    if !channels.is_empty() {
-        for row in rows(a, part, &options.samples)? {
-            for (channel, value) in channels.iter_mut().zip(row?.numbers) {
-                channel.magnitude = channel.magnitude.max(value.abs());
-            }
-        }
-    }
-    Ok(channels)
-}
-
-/// What has been found so far.
-struct Found {
+/// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. What differs in
+/// their configuration is told, too.
+#[derive(Debug, Args)]
+#[command(after_help = "States and samples are compared by their sample, frames and events in their order, whenever \
+                        they were on the bus.\nExample: resonarm diff a.mcap b.mcap --parts states --tolerance 1e-9")]
+pub(super) struct Diff {
+    /// The first recording, A.
+    #[arg(value_name = "A")]
+    a: PathBuf,
+    /// The second recording, B.
+    #[arg(value_name = "B")]
+    b: PathBuf,
+    /// Which records, by commas: states, samples, frames, events.
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, Part::name), default_value = "states,samples")]
+    parts: Vec<Part>,
+    /// How much a channel may differ, as a share of its largest magnitude in A; at 0 every bit counts.
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
     tolerance: f64,
-    channels: Vec<ChannelDifference>,
-    part: PartDifference,
+    #[command(flatten)]
+    range: TimeRange,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
 }
 
-impl Found {
-    fn take(&mut self, part: Part, left: &Row, right: &Row) {
-        self.part.compared += 1;
-        let sample = left.sample;
-        if let (Some(a), Some(b)) = (&left.text, &right.text)
-            && a != b
-        {
-            let what = match part {
-                Part::States => "is_end",
-                Part::Samples => "clipped",
-                Part::Frames => "frame",
-                Part::Events | Part::Ticks => "event",
-            };
-            let first = || FirstDifference { sample, what, a: a.clone(), b: b.clone() };
-            self.part.first_difference.get_or_insert_with(first);
+impl Diff {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        if self.tolerance < 0.0 {
+            return Err(Failure::Usage(format!("--tolerance is {}: it must be 0 or more", short(&self.tolerance))));
         }
-        for (channel, (a, b)) in self.channels.iter_mut().zip(left.numbers.iter().zip(&right.numbers)) {
-            if a.to_bits() == b.to_bits() {
-                continue;
-            }
-            let apart = (a - b).abs();
-            if apart > channel.largest {
-                (channel.largest, channel.sample) = (apart, sample);
-            }
-            let within = self.tolerance > 0.0 && apart <= self.tolerance * channel.magnitude;
-            if !within {
-                let [a, b] = [a, b].map(|value| short(value).to_string());
-                self.part.first_difference.get_or_insert(FirstDifference { sample, what: channel.name, a, b });
+        let (a, b) = (Recording::open(&self.a)?, Recording::open(&self.b)?);
+        for recording in [&a, &b] {
+            if let Some(note) = inspect::integrity_note(recording.integrity()) {
+                tracing::warn!("{}: {note}", recording.path().display());
             }
         }
+        let samples = match (self.range.from_s, self.range.to_s) {
+            (None, None) => 0..=u64::MAX,
+            (from_s, to_s) => samples(&a, from_s, to_s)?,
+        };
+        let options = DiffOptions { parts: self.parts.clone(), tolerance: self.tolerance, samples };
+        let difference = diff(&a, &b, &options)?;
+        if self.json {
+            output::print_json(&difference)?;
+        } else {
+            output::print(&text(&difference))?;
+        }
+        Ok(Verdict::of(difference.same))
     }
 }
 
-/// What differs in what two recordings say of themselves.
-fn configuration(a: &Recording, b: &Recording) -> Vec<KeyDifference> {
-    let (a, b) = (entries(a), entries(b));
-    let mut keys: Vec<_> = a.keys().chain(b.keys()).collect();
-    keys.sort_unstable();
-    keys.dedup();
-    let differences = keys.into_iter().filter(|key| a.get(*key) != b.get(*key));
-    differences.map(|key| KeyDifference { key: key.clone(), a: a.get(key).cloned(), b: b.get(key).cloned() }).collect()
+fn text(difference: &Difference) -> String {
+    let mut text = String::new();
+    difference.parts.iter().for_each(|part| text.push_str(&part_text(part)));
+    for entry in &difference.configuration {
+        let [a, b] = [&entry.a, &entry.b].map(|value| in_line(value.as_deref().unwrap_or("absent")));
+        let _infallible = writeln!(text, "{}: {a} in A, {b} in B", in_line(&entry.key));
+    }
+    text
 }
 
-/// What a recording says of itself: configuration, sample period, what drove the time, bus and build.
-fn entries(recording: &Recording) -> BTreeMap<String, String> {
-    let origin = recording.origin();
-    let own = [
-        ("recording.dt_s", short(&origin.dt_s).to_string()),
-        ("recording.time", origin.time.name().to_owned()),
-        ("recording.interface", origin.interface.clone()),
-        ("recording.version", origin.build.version.clone()),
-        ("recording.git_commit", origin.build.git_commit.clone()),
-    ];
-    let mut entries = BTreeMap::from(own.map(|(key, value)| (key.to_owned(), value)));
-    for (key, text) in recording.configuration().iter() {
-        match text.parse::<toml::Table>() {
-            // A number or a word alone is no document.
-            Ok(table) if text.contains('=') => flatten(key, &toml::Value::Table(table), &mut entries),
-            _ => drop(entries.insert(key.to_owned(), text.to_owned())),
+fn part_text(part: &PartDifference) -> String {
+    let PartDifference { part, compared, only_in_a, only_in_b, first_difference, channels } = part;
+    let mut text = format!("{part}: {compared} compared");
+    for (count, place) in [(only_in_a, "A"), (only_in_b, "B")] {
+        if *count > 0 {
+            let _infallible = write!(text, ", {count} in {place} alone");
         }
     }
-    entries
-}
-
-/// The values in a document, by their keys.
-fn flatten(key: &str, value: &toml::Value, entries: &mut BTreeMap<String, String>) {
-    match value {
-        toml::Value::Table(table) => {
-            table.iter().for_each(|(name, value)| flatten(&format!("{key}.{name}"), value, entries))
+    let _infallible = match first_difference {
+        Some(first) => {
+            writeln!(
+                text,
+                "; first difference at sample {}: {} is {} in A, {} in B",
+                first.sample,
+                first.what,
+                in_line(&first.a),
+                in_line(&first.b)
+            )
         }
-        value => drop(entries.insert(key.to_owned(), value.to_string())),
+        None if channels.is_empty() => writeln!(text, "; all the same"),
+        None => writeln!(text, "; all within the tolerance"),
+    };
+    for channel in channels {
+        let (largest, magnitude) = (short(&channel.largest), short(&channel.magnitude));
+        let (name, sample) = (channel.name, channel.sample);
+        let _infallible =
+            writeln!(text, "  {name}: at most {largest} apart, at sample {sample}; at most {magnitude} in A");
     }
+    text
 }

@@ -1,228 +1,292 @@
-//! Whether a node keeps the protocol: cases that play its partner on a bus.
-//!
-//! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
-//! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are
-//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have lists of their
-//! own.
-//!
-//! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
-//! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
-//! for longer than its partner puts up with, a failure is inconclusive, and the case is tried again. So is what the
-//! node under test should have done by the clock, if it was silent meanwhile and then went on: it was stopped itself.
-//! Many short stops add up without such a silence: a node that faults later than it must fails at the third time.
+//! `resonarm conformance`: whether a node on a bus keeps the protocol.
 
-mod bus_off_cases;
-mod cases;
-mod common_cases;
-mod counters;
-mod damage;
-mod evidence;
-mod exciter_cases;
-mod exciter_role;
-mod inject;
-mod load;
-mod lockstep_cases;
-mod pair_cases;
-mod plant_cases;
-mod plant_role;
-mod refusal_cases;
-mod requirements;
-mod saturation_cases;
-mod settings;
-mod sine_cases;
-mod soak_cases;
-mod source;
-mod tester;
-mod traffic;
-mod wire;
+mod report;
 
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
+use std::path::PathBuf;
 
-pub use cases::{Case, cases};
-pub use evidence::Evidence;
-pub use requirements::{Check, REQUIREMENTS, Requirement};
-pub use settings::{ExpectedSine, Settings, SineAmplitude};
-pub use tester::MARGIN_NS;
-pub use traffic::{Commands, Range, Refused, Traffic};
-pub use wire::{BusOff, BusWire, Stopped, Wire};
+use clap::{Args, ValueEnum, value_parser};
 
-use crate::bus::BusError;
-use crate::protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
-use crate::protocol::{EmergencyCode, Network, Node, OperatorRequest};
-use crate::run::Mode;
-use tester::{Answers, Stop, Tester, ms};
+use super::failure::{Failure, Verdict};
+use super::flags;
+use super::output;
+use super::protocol::NetworkFlags;
+use super::session::seconds;
+use resonarm::bus::{self, BusAddress, BusError};
+use resonarm::conformance::{self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, Settings, SineAmplitude};
+use resonarm_numeric::number::short;
+use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
+use resonarm::recording::{Existing, RecordingError};
+use resonarm::run::Mode;
+use resonarm_numeric::seed;
+use report::Row;
 
-/// How often a case is tried until it says something.
-const TRIES: u32 = 5;
-
-/// In how many tries a node must have been slow to be failed for it. Fewer may be the machine's doing: a node that is
-/// held up for many short times is slow without a silence that would tell.
-const SLOW_TRIES: u32 = 3;
-
-/// What a case says of a node.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// It does what it must.
-    Passed,
-    /// It does not, and what it does.
-    Failed(String),
-    /// It can't be said, and why.
-    Inconclusive(String),
-    /// It was not tried, and why.
-    Skipped(String),
+/// Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what it does wrong.
+/// It makes a plant shake its arm and fault.
+#[derive(Debug, Args)]
+pub(super) struct Conformance {
+    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, value_name = "BUS")]
+    bus: String,
+    /// The node under test. An exciter must be started again whenever it ends, as by a loop in a shell.
+    #[arg(long)]
+    role: Role,
+    /// The mode in which the node is: each has cases of its own.
+    #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
+    mode: Mode,
+    #[command(flatten)]
+    network: NetworkFlags,
+    /// Only the cases whose names begin so, such as plant-hello; may be given more than once.
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Force that a plant is commanded along x, both ways, N.
+    #[arg(long, value_name = "N", default_value_t = 5.0)]
+    force_n: f64,
+    /// A force that the plant must refuse for its size, N [default: none is tried; in the FD profile 1.01 times the
+    /// limit that the plant states]. A plant that takes it applies it.
+    #[arg(long, value_name = "N")]
+    beyond_n: Option<f64>,
+    /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that takes it
+    /// applies it.
+    #[arg(long, value_name = "N/S")]
+    beyond_n_per_s: Option<f64>,
+    /// A force along x that drives the plant beyond its largest travel, N [default: none is tried].
+    #[arg(long, value_name = "N")]
+    beyond_travel_n: Option<f64>,
+    /// How long the node under test is waited for, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
+    patience_s: f64,
+    /// Bit rate of the bus, Hz: some cases are tried at 70 % of it, too [default: they are not].
+    #[arg(long, value_name = "HZ", value_parser = value_parser!(u32).range(10_000..=1_000_000))]
+    bit_rate_hz: Option<u32>,
+    /// How long good and bad frames at random are sent, s; 0 is not at all.
+    #[arg(long, value_name = "S", default_value_t = 5.0, allow_hyphen_values = true)]
+    soak_s: f64,
+    /// Frequency of the sine that an exciter is set to command, Hz, with its amplitude [default: no sine is expected].
+    #[arg(long, value_name = "HZ")]
+    expect_frequency_hz: Option<f64>,
+    /// Amplitude of that sine as a force along x, N; a ramp may come before.
+    #[arg(long, value_name = "N")]
+    expect_force_n: Option<f64>,
+    /// Amplitude of that sine as a torque at joint 1, N m; a ramp may come before.
+    #[arg(long, value_name = "NM")]
+    expect_torque_nm: Option<f64>,
+    /// Process of the node under test on this machine, to be stopped for 0.4 s in one case [default: it isn't].
+    #[arg(long, value_name = "PID", value_parser = value_parser!(i32).range(1..))]
+    pid: Option<i32>,
+    /// What is drawn at random; and which bit of the first damaged frame is wrong, the next has the next one wrong.
+    #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
+    seed: u64,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+    /// Write the report as JUnit XML, too.
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Record every frame, and where each case begins and ends, into this MCAP file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: output::OverwriteFlag,
 }
 
-/// What a case found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// What was measured, in words.
-    pub measured: Vec<String>,
-    /// How long it took, ns on the wire's clock, with all tries.
-    pub took_ns: u64,
-    /// The longest time for which the tester was held up in the last try, ns.
-    pub held_up_ns: u64,
-    /// The longest time in which the node under test said nothing in the last try, between two frames of it, ns.
-    pub silent_ns: u64,
-    /// What came from the bus in the last try.
-    pub traffic: Traffic,
-}
+/// The modes of a node on a bus.
+const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
 
-impl Finding {
-    /// Of a case in which the bus was lost.
-    pub fn lost(error: &BusError) -> Finding {
-        let verdict = Verdict::Inconclusive(error.to_string());
-        let traffic = Traffic::default();
-        Finding { verdict, measured: Vec::new(), took_ns: 0, held_up_ns: 0, silent_ns: 0, traffic }
+/// Refuses a force that the profile can't carry.
+fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(), Failure> {
+    let command = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
+    let (Some(force_n), profile) = (force_n, network.profile()) else { return Ok(()) };
+    match command(force_n).check(network) {
+        Err(EncodeError::OutOfRange { limit, .. }) => {
+            let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
+            let (force_n, limit) = (short(&force_n), short(&limit));
+            Err(Failure::Usage(format!(
+                "{flag} is {force_n} N, and commands of the {profile} profile go to ±{limit} N{more}"
+            )))
+        }
+        _ => Ok(()),
     }
 }
 
-/// What a try came to.
-enum Outcome {
-    /// The node was slow, and nothing says that a process was held up.
-    Slow(String),
-    Judged(Verdict),
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Role {
+    Plant,
+    Exciter,
 }
 
-/// Runs a case, again if a hold-up keeps it from saying anything or the node was slow, up to five times.
-///
-/// # Errors
-/// [`BusError`] if the bus is gone.
-pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Settings) -> Result<Finding, BusError> {
-    let start_ns = wire.now_ns();
-    let (mut tries, mut slow) = (0, 0);
-    let mut slow_text = String::new();
-    loop {
-        tries += 1;
-        let mut tester = Tester::new(wire, network, case.tested, settings);
-        let outcome = once(case, &mut tester)?;
-        let (held_up_ns, silent_ns, measured) = (tester.held_up_ns, tester.silent_ns, tester.notes);
-        let traffic = tester.traffic;
-        let is_held_up = held_up_ns > held_up_limit_ns(case.mode, case.tested) || silent_ns > silent_limit_ns(case);
-        let says_nothing = match &outcome {
-            Outcome::Slow(text) => {
-                (slow, slow_text) = (slow + 1, text.clone());
-                slow < SLOW_TRIES
+impl From<Role> for Node {
+    fn from(role: Role) -> Node {
+        match role {
+            Role::Plant => Node::Plant,
+            Role::Exciter => Node::Exciter,
+        }
+    }
+}
+
+impl Conformance {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let (address, network): (BusAddress, _) = (self.bus.parse()?, self.network.network()?);
+        let (settings, cases) = (self.settings(network)?, self.cases()?);
+        self.overwrite.check(self.junit.iter().chain(&self.record).cloned())?;
+        let mut bus = bus::open(&address)?;
+        let evidence = self.evidence(&bus.name(), network, settings)?;
+        let interface = match &address {
+            BusAddress::SocketCan(interface) => Some(interface.as_str()),
+            BusAddress::Memory | BusAddress::PythonCan(_) => None,
+        };
+        let pid = self.pid.and_then(rustix::process::Pid::from_raw);
+        let mut wire = BusWire::new(bus.as_mut(), evidence).with_means(interface, pid);
+        let mut commands = Commands::default();
+        let (rows, lost) = self.rows(&cases, &mut wire, (network, settings), &mut commands)?;
+        let (recording, unrecorded) = match wire.evidence.map(Evidence::finish).transpose() {
+            Ok(recording) => (recording, None),
+            Err(error) => (None, Some(error)),
+        };
+        let document = report::Document::new(self.role.into(), rows, commands, recording);
+        self.tell(&document)?;
+        lost.map_or_else(|| bus.close(), Err)?;
+        unrecorded.map_or(Ok(()), Err)?;
+        Ok(Verdict::of(document.is_positive()))
+    }
+
+    /// What the cases found, and what became of the bus if it was lost: the cases after that are not run.
+    fn rows(
+        &self,
+        cases: &[Case],
+        wire: &mut BusWire,
+        (network, settings): (Network, Settings),
+        commands: &mut Commands,
+    ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
+        let (mut rows, mut lost) = (Vec::new(), None);
+        for case in cases {
+            let row = match lost {
+                Some(_) => Row::not_run(case),
+                None => {
+                    wire.begin(case);
+                    let finding = conformance::run(case, wire, network, settings)
+                        .unwrap_or_else(|error| Finding::lost(lost.insert(error)));
+                    wire.end(case, &finding);
+                    commands.merge(&finding.traffic.commands);
+                    Row::new(case, &finding)
+                }
+            };
+            if !self.json {
+                output::print(&row.text())?;
             }
-            Outcome::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
-        };
-        if says_nothing && tries < TRIES {
-            continue;
+            rows.push(row);
         }
-        let verdict = match outcome {
-            Outcome::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
-            Outcome::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
-            _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
+        Ok((rows, lost))
+    }
+
+    fn evidence(
+        &self,
+        interface: &str,
+        network: Network,
+        settings: Settings,
+    ) -> Result<Option<Evidence>, RecordingError> {
+        let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let run = (self.role.into(), network, settings);
+        self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
+    }
+
+    /// Prints and writes the report.
+    fn tell(&self, document: &report::Document) -> Result<(), Failure> {
+        if let Some(path) = &self.junit {
+            output::write(path.clone(), &document.junit())?;
+        }
+        if self.json { output::print_json(document) } else { output::print(&document.summary()) }
+    }
+
+    fn settings(&self, network: Network) -> Result<Settings, Failure> {
+        self.check_forces(network)?;
+        let ns = |flag, given_s| {
+            seconds(flag, given_s).map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).min(u64::MAX / 4))
         };
-        let took_ns = wire.now_ns().saturating_sub(start_ns);
-        return Ok(Finding { verdict, measured, took_ns, held_up_ns, silent_ns, traffic });
+        Ok(Settings {
+            force_n: self.force_n,
+            beyond_n: self.beyond_n,
+            beyond_n_per_s: self.beyond_n_per_s,
+            beyond_travel_n: self.beyond_travel_n,
+            patience_ns: ns("--patience-s", self.patience_s)?,
+            seed: self.seed,
+            bit_rate_hz: self.bit_rate_hz,
+            soak_ns: ns("--soak-s", self.soak_s)?,
+            sine: self.sine()?,
+        })
     }
-}
 
-/// How long the tester may be held up before a failure says nothing: a plant faults without commands for 20 ms.
-/// In lockstep it waits.
-const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
-    match (mode, tested) {
-        (Mode::RealTime | Mode::Free, Node::Plant) => COMMAND_TIMEOUT_NS / 4,
-        (Mode::Lockstep, _) | (_, Node::Exciter) => MARGIN_NS,
-    }
-}
-
-/// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples every 10
-/// ms at least; an exciter that has none to answer, and a plant that waits in lockstep, sends heartbeats. What is
-/// shorter the margin of the clock covers.
-const fn silent_limit_ns(case: &Case) -> u64 {
-    match (case.mode, case.tested) {
-        (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,
-        (Mode::Lockstep, _) | (_, Node::Exciter) => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
-    }
-}
-
-/// One try, after which the node under test is left in peace.
-fn once(case: &Case, tester: &mut Tester) -> Result<Outcome, BusError> {
-    let outcome = match case.script.run(tester) {
-        Ok(()) => Outcome::Judged(Verdict::Passed),
-        Err(stop) => judge(case, tester, stop)?,
-    };
-    unless_gone(part(tester))?;
-    Ok(outcome)
-}
-
-/// What a script that came to a stop says.
-fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<Outcome, BusError> {
-    let held_up_ns = tester.held_up_ns;
-    Ok(match stop {
-        Stop::Bus(error) => return Err(error),
-        Stop::Skipped(text) => Outcome::Judged(Verdict::Skipped(text)),
-        Stop::Inconclusive(text) => Outcome::Judged(Verdict::Inconclusive(text)),
-        Stop::Wrong(text) => Outcome::Judged(Verdict::Failed(text)),
-        Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text)
-            if held_up_ns > held_up_limit_ns(case.mode, case.tested) =>
+    /// Refuses forces that mean nothing, that the profile can't carry, and that the role has no use for.
+    fn check_forces(&self, network: Network) -> Result<(), Failure> {
+        let of_plant = [
+            ("--beyond-n", "N", self.beyond_n),
+            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s),
+            ("--beyond-travel-n", "N", self.beyond_travel_n),
+        ];
+        let of_exciter = [
+            ("--expect-frequency-hz", "Hz", self.expect_frequency_hz),
+            ("--expect-force-n", "N", self.expect_force_n),
+            ("--expect-torque-nm", "N m", self.expect_torque_nm),
+        ];
+        let all = [("--force-n", "N", Some(self.force_n))].into_iter().chain(of_plant).chain(of_exciter);
+        if let Some((flag, unit, _)) =
+            all.into_iter().find(|(.., given)| given.is_some_and(|n| !n.is_finite() || n <= 0.0))
         {
-            let text = format!("{text}; but the tester was held up for {}", ms(held_up_ns));
-            Outcome::Judged(Verdict::Inconclusive(text))
+            return Err(Failure::Usage(format!("{flag} must be a number above 0 {unit}")));
         }
-        Stop::Failed(text) => Outcome::Judged(Verdict::Failed(text)),
-        Stop::Slow(text) if tester.silent_ns > silent_limit_ns(case) => {
-            Outcome::Judged(Verdict::Inconclusive(as_if_stopped(&text, tester.silent_ns)))
+        let (others, other) = match self.role {
+            Role::Plant => (of_exciter, Node::Exciter),
+            Role::Exciter => (of_plant, Node::Plant),
+        };
+        if let Some((flag, ..)) = others.into_iter().find(|(.., given)| given.is_some()) {
+            return Err(Failure::Usage(format!("{flag} is for --role {other}: leave it out")));
         }
-        Stop::Slow(text) => Outcome::Slow(text),
-        Stop::Late(text) => {
-            let goes_on = unless_gone(tester.goes_on())?.unwrap_or(false);
-            let silent_ns = tester.silent_ns;
-            Outcome::Judged(match goes_on && silent_ns > silent_limit_ns(case) {
-                true => Verdict::Inconclusive(as_if_stopped(&text, silent_ns)),
-                false => Verdict::Failed(text),
-            })
+        for (flag, force_n) in [
+            ("--force-n", Some(self.force_n)),
+            ("--beyond-n", self.beyond_n),
+            ("--beyond-travel-n", self.beyond_travel_n),
+        ] {
+            check_carried(network, flag, force_n)?;
         }
-    })
-}
+        let force_n = self.force_n;
+        for (flag, given) in [("--beyond-n", self.beyond_n), ("--beyond-travel-n", self.beyond_travel_n)] {
+            if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
+                return Err(Failure::Usage(format!(
+                    "{flag} is {beyond_n} N, and --force-n {force_n} N: what is beyond must be more"
+                )));
+            }
+        }
+        Ok(())
+    }
 
-fn as_if_stopped(text: &str, silent_ns: u64) -> String {
-    format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns))
-}
+    fn sine(&self) -> Result<Option<ExpectedSine>, Failure> {
+        let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
+            (Some(_), Some(_)) => {
+                let both = "--expect-force-n and --expect-torque-nm exclude each other: a command is one of them";
+                return Err(Failure::Usage(String::from(both)));
+            }
+            (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
+            (None, torque_nm) => torque_nm.map(SineAmplitude::TorqueNm),
+        };
+        match (self.expect_frequency_hz, amplitude) {
+            (None, None) => Ok(None),
+            (Some(frequency_hz), Some(amplitude)) => Ok(Some(ExpectedSine { frequency_hz, amplitude })),
+            _ => {
+                let half = "a sine is expected by its frequency and its amplitude: --expect-frequency-hz with \
+                            --expect-force-n or --expect-torque-nm";
+                Err(Failure::Usage(String::from(half)))
+            }
+        }
+    }
 
-/// Only a bus that is gone ends the verdicts.
-fn unless_gone<T>(result: Result<T, Stop>) -> Result<Option<T>, BusError> {
-    match result {
-        Ok(value) => Ok(Some(value)),
-        Err(Stop::Bus(error)) => Err(error),
-        Err(_) => Ok(None),
+    fn cases(&self) -> Result<Vec<Case>, Failure> {
+        let all = || conformance::cases(self.role.into(), self.mode);
+        if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
+        {
+            let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");
+            return Err(Failure::Usage(format!("there is no case {unknown:?}, only {names}")));
+        }
+        let is_wanted =
+            |case: &Case| self.cases.is_empty() || self.cases.iter().any(|w| case.id.starts_with(w.as_str()));
+        Ok(all().filter(is_wanted).collect())
     }
 }
-
-/// Leaves the node under test in peace.
-fn part(tester: &mut Tester) -> Result<(), Stop> {
-    tester.answers = Answers::None;
-    if tester.tested == Node::Plant {
-        tester.request(OperatorRequest::Disarm)?;
-    }
-    tester.is_alive = false;
-    tester.send_emergency(EmergencyCode::Leaving, 0)
-}
-
-#[cfg(test)]
-mod tests;

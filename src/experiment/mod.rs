@@ -1,56 +1,30 @@
-//! Whole experiments: several free runs of plant and controller that together say one thing.
-//!
-//! A [`ZoneExperiment`] goes through a resonance as a bench does: a walk over the whole response and one along the
-//! backbone, then stepped sines up and down at controlled force, dense where the walk has found the resonance.
-//! [`Score`] sets what was measured against what is computed.
+//! `resonarm experiment`: whole experiments in one process, through the wire's codec.
 
-mod score;
-mod zone;
+pub(super) mod fig9;
+mod walk;
 
-pub use score::{Jump, Score, score};
-pub use zone::{Zone, ZoneExperiment, ZoneMeasured};
+use clap::{Args, Subcommand};
 
-use crate::control::{ControlSpec, ResponsePoint};
-use crate::node::Outcome;
-use crate::run::{Mode, Options, RunError, Session, Signals};
-use crate::scenario::Scenario;
+use super::failure::{Failure, Verdict};
 
-/// What a controller has read in one run.
-#[derive(Clone, Debug)]
-pub struct Measured {
-    /// The responses, in the order in which they were read.
-    pub points: Vec<ResponsePoint>,
-    /// How the run ended.
-    pub outcome: Option<Outcome>,
-    /// Length of the run, s of simulated time.
-    pub simulated_s: f64,
+/// Whole experiments of plant and controller in one process, in simulated time, through the frames of the wire.
+#[derive(Debug, Args)]
+pub(super) struct Experiment {
+    #[command(subcommand)]
+    pub(super) experiment: Kind,
 }
 
-/// A free run of `scenario` with `control` in place of what its exciter does, without a recording.
-///
-/// # Errors
-/// [`RunError`] if the run can't begin, or an error ends it.
-pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> Result<Measured, RunError> {
-    let session = session(scenario, control)?;
-    let rate_hz = scenario.simulation.rate_hz;
-    let report = session.both(signals, |_| {})?;
-    let outcome = report.exciter_outcome(signals);
-    match report.plant.error.or(report.exciter.error) {
-        Some(error) => Err(error),
-        None => Ok(Measured {
-            points: report.exciter.responses,
-            outcome,
-            simulated_s: report.plant.samples as f64 / rate_hz,
-        }),
+#[derive(Debug, Subcommand)]
+pub(super) enum Kind {
+    Fig9(fig9::Fig9),
+    Walk(walk::Walk),
+}
+
+impl Experiment {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        match &self.experiment {
+            Kind::Fig9(fig9) => fig9.execute(),
+            Kind::Walk(walk) => walk.execute(),
+        }
     }
-}
-
-/// The session of such a run, checked.
-fn session(scenario: &Scenario, control: ControlSpec) -> Result<Session, RunError> {
-    let mut scenario = scenario.clone();
-    (scenario.control, scenario.excitation, scenario.simulation.duration_s) = (Some(control), None, None);
-    scenario.check()?;
-    let session = Session::new(scenario, Mode::Free, Options::default())?;
-    session.controller()?;
-    Ok(session)
 }

@@ -1,0 +1,161 @@
+//! Points of a branch between two that are known.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::newton::{PATIENT_LIMIT, Plane, Solver};
+use super::{Point, Settings, System};
+use crate::AnalysisError;
+use crate::dense::{dot, norm};
+
+/// Where a branch is cut between two of its points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate) enum Cut {
+    /// By planes that are perpendicular to their chord.
+    Chord,
+    /// At values of λ.
+    Parameter,
+}
+
+/// Planes between two points of a branch, to solve for points in between.
+#[derive(Clone, Debug)]
+pub(in crate) struct Slices {
+    sigma: f64,
+    size: f64,
+    normal: Vec<f64>,
+    n: usize,
+    solver: Solver,
+}
+
+impl Slices {
+    /// Planes between `a` and `b` for a system of n unknowns.
+    pub fn new(n: usize, settings: &Settings, [a, b]: [&Point; 2], cut: Cut) -> Slices {
+        let size = settings.size(&a.x).max(settings.size(&b.x));
+        let sigma = size / settings.lambda_scale(a.lambda);
+        let mut slices = Slices { sigma, size, normal: vec![], n, solver: Solver::default() };
+        slices.normal = slices.z(a).iter().zip(&slices.z(b)).map(|(a, b)| b - a).collect();
+        if cut == Cut::Parameter {
+            slices.normal[..n].fill(0.0);
+        }
+        let length = norm(&slices.normal);
+        slices.normal.iter_mut().for_each(|value| *value /= length);
+        slices
+    }
+
+    fn z(&self, point: &Point) -> Vec<f64> {
+        let mut z = point.x.clone();
+        z.resize(self.n, 0.0);
+        z.push(self.sigma * point.lambda);
+        z
+    }
+
+    /// The point a + fraction · (b − a), with the tangent of a.
+    pub fn mix(&self, [a, b]: [&Point; 2], fraction: f64) -> Point {
+        let between = |a: f64, b: f64| a + fraction * (b - a);
+        Point {
+            x: self.z(a)[..self.n].iter().zip(&self.z(b)).map(|(a, b)| between(*a, *b)).collect(),
+            lambda: between(a.lambda, b.lambda),
+            arclength: between(a.arclength, b.arclength),
+            ..a.clone()
+        }
+    }
+
+    /// Whether a point lies in a plane between those of a and b.
+    pub fn hold(&self, [a, b]: [&Point; 2], point: &Point) -> bool {
+        let [low, high, at] = [a, b, point].map(|point| dot(&self.normal, &self.z(point)));
+        (low..=high).contains(&at)
+    }
+
+    /// The point of the branch in the plane through a + fraction · (b − a), starting from there.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method does not find it.
+    pub fn solve(
+        &mut self,
+        system: &mut impl System,
+        [a, b]: [&Point; 2],
+        fraction: f64,
+    ) -> Result<Point, AnalysisError> {
+        let (n, sigma) = (self.n, self.sigma);
+        let through: Vec<f64> = self.z(a).iter().zip(&self.z(b)).map(|(a, b)| a + fraction * (b - a)).collect();
+        let plane = Plane { normal: &self.normal, through: &through, sigma };
+        let mut tangent = Vec::new();
+        self.solver
+            .correct_within(PATIENT_LIMIT, system, &plane, self.size)
+            .and_then(|_| self.solver.tangent(&mut tangent, n))
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(through[n] / sigma), refusal })?;
+        Ok(Point {
+            x: self.solver.z[..n].to_vec(),
+            lambda: self.solver.z[n] / sigma,
+            arclength: a.arclength + fraction * (b.arclength - a.arclength),
+            tangent,
+            determinant: self.solver.determinant(),
+        })
+    }
+
+    /// The same, or where the plane passes so near a crossing of branches that rounding keeps Newton's method from its
+    /// end, the point in the plane halfway from there to the farther of a and b. For searches, which ask for where a
+    /// crossing is, and go on from any point between.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method finds neither.
+    pub fn solve_beside(
+        &mut self,
+        system: &mut impl System,
+        ends: [&Point; 2],
+        fraction: f64,
+    ) -> Result<Point, AnalysisError> {
+        let farther = if fraction < 0.5 { 1.0 } else { 0.0 };
+        self.solve(system, ends, fraction).or_else(|_| self.solve(system, ends, 0.5 * (fraction + farther)))
+    }
+}
+
+/// The point of the branch between `a` and `b` at a value of λ.
+///
+/// # Errors
+/// [`AnalysisError::NoSolution`] if Newton's method does not find it.
+pub(in crate) fn at_parameter(
+    system: &mut impl System,
+    settings: &Settings,
+    ends: [&Point; 2],
+    lambda: f64,
+) -> Result<Point, AnalysisError> {
+    let fraction = (lambda - ends[0].lambda) / (ends[1].lambda - ends[0].lambda);
+    let mut slices = Slices::new(system.dimension(), settings, ends, Cut::Parameter);
+    Ok(Point { lambda, ..slices.solve(system, ends, fraction)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Walk;
+    use super::*;
+
+    /// x (x − λ) = 0: the branches x = 0 and x = λ cross at λ = 0.
+    struct Crossing;
+
+    impl System for Crossing {
+        fn dimension(&self) -> usize {
+            1
+        }
+
+        fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+            residual[0] = x[0] * (x[0] - lambda);
+            (matrix[0], matrix[2]) = (2.0 * x[0] - lambda, -x[0]);
+            true
+        }
+    }
+
+    #[test]
+    fn a_plane_through_a_crossing_of_branches_has_one_beside_it() {
+        let settings = Settings::default();
+        let [a, b] = [-1.0, 3.0]
+            .map(|lambda| Walk::start(&mut Crossing, settings, &[0.0], lambda, 1.0).unwrap().point().clone());
+        let (a, b) = (Point { arclength: 0.0, ..a }, Point { arclength: 4.0, ..b });
+        let mut slices = Slices::new(1, &settings, [&a, &b], Cut::Parameter);
+        let at = |slices: &mut Slices, fraction| slices.solve_beside(&mut Crossing, [&a, &b], fraction).unwrap();
+        assert!(slices.solve(&mut Crossing, [&a, &b], 0.25).is_err());
+        let beside = at(&mut slices, 0.25);
+        assert!((beside.lambda - 1.5).abs() < 1e-12 && (beside.arclength - 2.5).abs() < 1e-12, "{beside:?}");
+        assert!((at(&mut slices, 0.75).lambda - 2.0).abs() < 1e-12);
+    }
+}

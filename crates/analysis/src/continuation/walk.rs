@@ -1,0 +1,232 @@
+//! The walk along a branch: predictor, corrector and choice of steps.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::newton::{Plane, Solver};
+use super::{Point, Refusal, Settings, System, Work};
+use crate::AnalysisError;
+use crate::dense::{Determinant, dot, norm};
+
+/// The largest correction, as a fraction of the step.
+const CORRECTION_SHARE: f64 = 0.3;
+
+/// A walk along a branch.
+#[derive(Clone, Debug)]
+pub struct Walk {
+    settings: Settings,
+    point: Point,
+    /// κ = Δt/s of the step before, in the scaling of `point`.
+    curvature: Vec<f64>,
+    /// X/Λ for which `point.tangent` is scaled.
+    sigma: f64,
+    step: f64,
+    solver: Solver,
+    /// The prediction, and the tangent at the solution: storage of a step.
+    through: Vec<f64>,
+    tangent: Vec<f64>,
+}
+
+impl Walk {
+    /// Starts at the solution near `x` at `lambda`, towards larger λ if `direction` is positive, else towards smaller.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method finds none from there.
+    pub fn start(
+        system: &mut impl System,
+        settings: Settings,
+        x: &[f64],
+        lambda: f64,
+        direction: f64,
+    ) -> Result<Walk, AnalysisError> {
+        let n = system.dimension();
+        let mut solver = Solver::default();
+        let mut normal = vec![0.0; n + 1];
+        normal[n] = direction.signum();
+        let mut through = x.to_vec();
+        through.resize(n + 1, 0.0);
+        // The size of x is not known before it is solved for: a second solution refines the first.
+        let mut sigma = 1.0;
+        for _ in 0..2 {
+            let size = settings.size(&through[..n]);
+            sigma = size / settings.lambda_scale(lambda);
+            through[n] = sigma * lambda;
+            solver
+                .correct(system, &Plane { normal: &normal, through: &through, sigma }, size)
+                .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
+            through[..n].copy_from_slice(&solver.z[..n]);
+        }
+        let mut tangent = Vec::new();
+        solver
+            .tangent(&mut tangent, n)
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
+        let point =
+            Point { x: through[..n].to_vec(), lambda, arclength: 0.0, determinant: solver.determinant(), tangent };
+        Ok(Walk::at(settings, point, sigma, 0.1 * settings.largest_step, solver))
+    }
+
+    /// Starts from a point and a direction that are known: dx, and dλ as last element.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method does not find the branch within reach of a small step.
+    pub fn start_along(
+        system: &mut impl System,
+        settings: Settings,
+        x: &[f64],
+        lambda: f64,
+        direction: &[f64],
+        step: f64,
+    ) -> Result<Walk, AnalysisError> {
+        let n = system.dimension();
+        let size = settings.size(x);
+        let sigma = size / settings.lambda_scale(lambda);
+        let mut tangent = direction.to_vec();
+        tangent[n] *= sigma;
+        let length = norm(&tangent);
+        tangent.iter_mut().for_each(|value| *value /= length);
+        let point = Point { x: x.to_vec(), lambda, arclength: 0.0, determinant: Determinant::default(), tangent };
+        let mut walk = Walk::at(settings, point, sigma, step, Solver::default());
+        walk.attempt(system, step)
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
+        Ok(walk)
+    }
+
+    fn at(settings: Settings, point: Point, sigma: f64, step: f64, solver: Solver) -> Walk {
+        let curvature = vec![0.0; point.tangent.len()];
+        Walk { settings, point, curvature, sigma, step, solver, through: Vec::new(), tangent: Vec::new() }
+    }
+
+    /// Where the walk is.
+    pub fn point(&self) -> &Point {
+        &self.point
+    }
+
+    /// What it has cost.
+    pub fn work(&self) -> Work {
+        self.solver.work
+    }
+
+    /// The next point.
+    ///
+    /// # Errors
+    /// [`AnalysisError::Stuck`] with the place and the reason if even the smallest step is refused.
+    pub fn advance(&mut self, system: &mut impl System) -> Result<&Point, AnalysisError> {
+        loop {
+            let step = self.limited_step(system);
+            match self.attempt(system, step) {
+                Ok(()) => return Ok(&self.point),
+                Err(refusal) => {
+                    self.solver.work.rejections += 1;
+                    self.step = 0.5 * step;
+                    if self.step < self.settings.smallest_step {
+                        let (at, arclength) = (system.place(self.point.lambda), self.point.arclength);
+                        return Err(AnalysisError::Stuck { at, arclength, step: self.step, refusal });
+                    }
+                }
+            }
+        }
+    }
+
+    /// The step wanted, no longer than what the system says about λ.
+    fn limited_step(&self, system: &impl System) -> f64 {
+        let size = self.settings.size(&self.point.x);
+        let n = self.point.x.len();
+        let rate = (self.point.tangent[n] / self.sigma).abs() * size;
+        let limit = system.parameter_step_limit(self.point.lambda);
+        if rate * self.step > limit { limit / rate } else { self.step }
+    }
+
+    /// One step of the length `step` relative to X, if it is good.
+    fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), Refusal> {
+        let n = system.dimension();
+        let size = self.settings.size(&self.point.x);
+        let length = step * size;
+        self.begin_at_point();
+        for ((z, t), k) in self.through.iter_mut().zip(&self.point.tangent).zip(&self.curvature) {
+            *z += length * (t + 0.5 * length * k);
+        }
+        let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
+        let error = self.solver.correct(system, &plane, size)?;
+        if error > CORRECTION_SHARE * step {
+            return Err(Refusal::Correction);
+        }
+        self.solver.tangent(&mut self.tangent, n)?;
+        let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
+        if turn.is_nan() || turn > self.settings.largest_turn_rad {
+            return Err(Refusal::Turn);
+        }
+        for ((k, new), old) in self.curvature.iter_mut().zip(&self.tangent).zip(&self.point.tangent) {
+            *k = (new - old) / length;
+        }
+        self.take(n, step);
+        self.choose_step(step, error, turn);
+        Ok(())
+    }
+
+    /// Sets the prediction to the point of the walk.
+    fn begin_at_point(&mut self) {
+        self.through.clear();
+        self.through.extend_from_slice(&self.point.x);
+        self.through.push(self.sigma * self.point.lambda);
+    }
+
+    /// Makes the solution in the solver the point of the walk, and the tangent there its tangent.
+    fn take(&mut self, n: usize, step: f64) {
+        self.solver.work.steps += 1;
+        self.point.x.copy_from_slice(&self.solver.z[..n]);
+        self.point.lambda = self.solver.z[n] / self.sigma;
+        core::mem::swap(&mut self.point.tangent, &mut self.tangent);
+        self.point.arclength += step;
+        self.point.determinant = self.solver.determinant();
+        self.rescale();
+    }
+
+    /// Brings the tangent and the curvature to the scales of the point.
+    fn rescale(&mut self) {
+        let n = self.point.x.len();
+        let sigma = self.settings.size(&self.point.x) / self.settings.lambda_scale(self.point.lambda);
+        let ratio = sigma / self.sigma;
+        self.sigma = sigma;
+        self.point.tangent[n] *= ratio;
+        let length = norm(&self.point.tangent);
+        self.point.tangent.iter_mut().for_each(|value| *value /= length);
+        // κ = d²z/ds², and ds grows with the length of the tangent in the new scales.
+        self.curvature[n] *= ratio;
+        self.curvature.iter_mut().for_each(|value| *value /= length * length);
+    }
+
+    /// The error of the predictor grows with the cube of the step, the turn with the step.
+    fn choose_step(&mut self, step: f64, error: f64, turn: f64) {
+        let by_error = libm::cbrt(self.settings.predictor_error / error.max(1e-12));
+        let by_turn = 0.6 * self.settings.largest_turn_rad / turn.max(1e-6);
+        self.step = (step * by_error.min(by_turn).clamp(0.3, 2.0)).min(self.settings.largest_step);
+    }
+
+    /// Solves again at this point with another number of unknowns: `x` gains zeros at the end, or loses its end.
+    ///
+    /// # Errors
+    /// [`AnalysisError::NoSolution`] if Newton's method finds no solution there.
+    pub fn resize(&mut self, system: &mut impl System) -> Result<(), AnalysisError> {
+        let (old, n) = (self.point.x.len(), system.dimension());
+        let fit = |z: &mut Vec<f64>| {
+            let last = z[old];
+            z.truncate(n.min(old));
+            z.resize(n, 0.0);
+            z.push(last);
+        };
+        self.point.x.resize(n, 0.0);
+        fit(&mut self.point.tangent);
+        fit(&mut self.curvature);
+        self.begin_at_point();
+        let size = self.settings.size(&self.point.x);
+        let lambda = self.point.lambda;
+        let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
+        self.solver
+            .correct(system, &plane, size)
+            .and_then(|_| self.solver.tangent(&mut self.tangent, n))
+            .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
+        self.take(n, 0.0);
+        self.solver.work.steps -= 1;
+        Ok(())
+    }
+}

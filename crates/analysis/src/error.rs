@@ -1,0 +1,145 @@
+//! What can go wrong in an analysis, and what to try.
+
+use alloc::boxed::Box;
+use core::fmt;
+
+use thiserror::Error;
+
+use super::continuation::Refusal;
+use resonarm_numeric::number::{rounded, short};
+
+/// A value of what a walk goes along, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// λ.
+    pub value: f64,
+    /// Its unit, as in `22.1 Hz`; empty if it has none.
+    pub unit: &'static str,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", rounded(&self.value, 6), Behind(self.unit))
+    }
+}
+
+/// A unit as it stands behind a number.
+struct Behind(&'static str);
+
+impl fmt::Display for Behind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let space = if self.0.is_empty() || self.0 == "°" { "" } else { " " };
+        write!(f, "{space}{}", self.0)
+    }
+}
+
+/// Why an analysis has no result, or ended early.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum AnalysisError {
+    /// A matrix has no inverse.
+    #[error("a {size} x {size} matrix has no inverse")]
+    Singular {
+        /// Rows of the matrix.
+        size: usize,
+    },
+    /// There is no solution where one was looked for.
+    #[error("no solution at {at}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
+    NoSolution {
+        /// λ.
+        at: Place,
+        /// Why.
+        refusal: Refusal,
+    },
+    /// A branch could not be followed further.
+    #[error(
+        "the branch could not be followed beyond {at} (arclength {arclength}, step {step:.1e}): {refusal}; \
+         try smaller steps, more harmonics, or to start from the other end", arclength = rounded(.arclength, 3)
+    )]
+    Stuck {
+        /// λ at the last point.
+        at: Place,
+        /// The arclength there.
+        arclength: f64,
+        /// The last step tried.
+        step: f64,
+        /// Why it was refused.
+        refusal: Refusal,
+    },
+    /// A bifurcation that shows between two points could not be located.
+    #[error("a bifurcation between {from} and {to} could not be located; try smaller steps or more harmonics")]
+    NotLocated {
+        /// λ before it.
+        from: Place,
+        /// λ after it.
+        to: Place,
+    },
+    /// The series of a motion does not end.
+    #[error("at {at} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation")]
+    TooManyHarmonics {
+        /// λ.
+        at: Place,
+        /// The most that was allowed.
+        harmonics: usize,
+    },
+    /// A branch has more points than were allowed.
+    #[error("the branch has more than {points} points and has come to {at}; try to allow more points or larger steps")]
+    TooManyPoints {
+        /// The most that was allowed.
+        points: usize,
+        /// λ at the last point.
+        at: Place,
+    },
+    /// The interval is none.
+    #[error(
+        "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
+        Behind(unit), from = short(.from), to = short(.to))]
+    Interval {
+        /// Where the walk was to start.
+        from: f64,
+        /// Where it was to end.
+        to: f64,
+        /// The unit of both.
+        unit: &'static str,
+        /// What would do.
+        domain: &'static str,
+    },
+    /// The excitation does not bring a mode to quadrature.
+    #[error(
+        "mode {mode}, {at}, is not driven by this excitation: the mode is nowhere 90° behind it; try another excitation"
+    )]
+    NotDriven {
+        /// The mode, 1 or 2.
+        mode: usize,
+        /// Its natural frequency.
+        at: Place,
+    },
+    /// Only folds and period doublings have curves, and only period doublings doubled branches.
+    #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
+    NotSingular {
+        /// What was given.
+        kind: &'static str,
+    },
+}
+
+/// A walk that ended before its end: why, and everything it had found. Where the walk never began that is nothing.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{reason}")]
+pub struct EndedEarly<T: fmt::Debug> {
+    /// Why it went no further, where, and what to try.
+    pub reason: AnalysisError,
+    /// What it had found.
+    pub so_far: Box<T>,
+}
+
+impl<T: Default + fmt::Debug> From<AnalysisError> for EndedEarly<T> {
+    fn from(reason: AnalysisError) -> EndedEarly<T> {
+        EndedEarly { reason, so_far: Box::default() }
+    }
+}
+
+impl<T: fmt::Debug> From<EndedEarly<T>> for AnalysisError {
+    fn from(early: EndedEarly<T>) -> AnalysisError {
+        early.reason
+    }
+}

@@ -1,0 +1,377 @@
+//! Stability of a periodic motion by its Floquet multipliers (A. H. Nayfeh, B. Balachandran, "Applied Nonlinear
+//! Dynamics", 1995, Ch. 3).
+//!
+//! A variation y of the motion obeys M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
+//! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of
+//! 1e-4 the multipliers are within a thousandth of the unit circle, so the flow is integrated by Gauss–Legendre
+//! collocation with four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600.
+//! Where the excitation is so slow that this takes many thousands of steps, Hill's method has the multipliers
+//! ([`super::hill`]).
+//!
+//! With A(τᵢ) known at the stages the stage accelerations kᵢ solve a linear system, once for the four columns together:
+//!
+//! ```text
+//! kᵢ = Pᵢ (y + cᵢ h y′ + h² Σⱼ (a²)ᵢⱼ kⱼ) + Qᵢ (y′ + h Σⱼ aᵢⱼ kⱼ)        P = −M⁻¹S/ω²,  Q = −M⁻¹G/ω
+//! ```
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::{Complex, Matrix2, Matrix4};
+
+use super::fourier::{Basis, Harmonics, Motion, uniform};
+use super::hill::{Hill, Rates};
+use super::{HarmonicBalance, Instant, Oscillator};
+use resonarm_numeric::linear_solve::solve;
+
+/// What rounding leaves of a product of multipliers that is 1.
+const ROUNDING: f64 = 1e-12;
+/// Stages.
+const S: usize = 4;
+/// Beyond this number of steps a period, Hill's method is quicker.
+const SLOW_STEPS: usize = 2048;
+/// Hill's method is believed if Liouville's formula holds this well.
+const LIOUVILLE: f64 = 1e-8;
+/// Steps whose tables are made at once.
+const CHUNK: usize = 2048;
+
+/// The collocation method: a, a², b, bᵀa and c of Butcher's tableau.
+#[derive(Clone, Debug)]
+struct Tableau {
+    a: [[f64; S]; S],
+    a_squared: [[f64; S]; S],
+    b: [f64; S],
+    b_bar: [f64; S],
+    c: [f64; S],
+}
+
+impl Tableau {
+    /// The nodes are the zeros of the Legendre polynomial P₄ on (0, 1), and aᵢⱼ = ∫₀^cᵢ ℓⱼ with the Lagrange
+    /// polynomials ℓⱼ (J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18 (1964)).
+    fn new() -> Tableau {
+        let inner = libm::sqrt(3.0 / 7.0 - 2.0 / 7.0 * libm::sqrt(1.2));
+        let outer = libm::sqrt(3.0 / 7.0 + 2.0 / 7.0 * libm::sqrt(1.2));
+        let c = [-outer, -inner, inner, outer].map(|root| 0.5 + 0.5 * root);
+        let integrals = |upper: f64| core::array::from_fn(|j| lagrange_integral(&c, j, upper));
+        let a: [[f64; S]; S] = c.map(integrals);
+        let b: [f64; S] = integrals(1.0);
+        let product = |row: &[f64; S]| core::array::from_fn(|j| (0..S).map(|k| row[k] * a[k][j]).sum());
+        Tableau { a, a_squared: a.map(|row| product(&row)), b, b_bar: product(&b), c }
+    }
+}
+
+/// ∫₀^upper ℓⱼ(x) dx with ℓⱼ(x) = Π (x − cₘ)/(cⱼ − cₘ) multiplied out.
+fn lagrange_integral(c: &[f64; S], j: usize, upper: f64) -> f64 {
+    let mut polynomial = [1.0, 0.0, 0.0, 0.0];
+    for (_, node) in c.iter().enumerate().filter(|(m, _)| *m != j) {
+        let scale = 1.0 / (c[j] - node);
+        for power in (0..S).rev() {
+            let lower = if power == 0 { 0.0 } else { polynomial[power - 1] };
+            polynomial[power] = scale * (lower - node * polynomial[power]);
+        }
+    }
+    (0..S).rev().fold(0.0, |sum, power| (sum + polynomial[power] / (power + 1) as f64) * upper)
+}
+
+/// The multipliers of a motion, and what they say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stability {
+    /// μ, the largest magnitude first.
+    pub multipliers: [Complex<f64>; 4],
+    /// det of the monodromy matrix over exp ∫ tr A, less 1: zero by Liouville's formula, and a measure of the error.
+    pub liouville_defect: f64,
+}
+
+impl Stability {
+    /// Whether variations die out: all |μ| < 1.
+    pub fn is_stable(&self) -> bool {
+        self.multipliers[0].norm_sqr() < 1.0
+    }
+
+    /// Π (μᵢ + 1): changes sign where one multiplier passes −1, a period doubling.
+    pub fn period_doubling_test(&self) -> f64 {
+        self.multipliers.iter().map(|mu| mu + 1.0).product::<Complex<f64>>().re
+    }
+
+    /// Π (μᵢμⱼ − 1) over i < j, the determinant of the bialternate product less the identity (Kuznetsov, Ch. 10):
+    /// changes sign where a complex pair passes the unit circle, a Neimark–Sacker point, or where two real ones have
+    /// the product 1. Zero where a factor is no more than rounding, as it always is without damping.
+    pub fn neimark_sacker_test(&self) -> f64 {
+        let mu = &self.multipliers;
+        let pairs = (0..4).flat_map(|i| (i + 1..4).map(move |j| mu[i] * mu[j] - 1.0));
+        let factors =
+            pairs.map(|factor| if factor.norm_sqr() < ROUNDING * ROUNDING { Complex::new(0.0, 0.0) } else { factor });
+        factors.product::<Complex<f64>>().re
+    }
+}
+
+/// What stability has cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StabilityWork {
+    /// Motions whose multipliers were computed.
+    pub motions: usize,
+    /// Steps of the integration of their variations; none under an excitation so slow that Hill's method is used.
+    pub steps: usize,
+}
+
+/// Computes multipliers; keeps the tables of the last number of harmonics and steps.
+#[derive(Clone, Debug)]
+pub struct Floquet {
+    work: StabilityWork,
+    tableau: Tableau,
+    /// Steps a period of the tables, and the first of those that they are for.
+    tables: (usize, usize),
+    basis: Basis,
+    motion: Motion,
+    rates: Vec<Rates<f64>>,
+    hill: Hill,
+}
+
+impl Default for Floquet {
+    fn default() -> Floquet {
+        let basis = Basis::uniform(Harmonics::Integer(1), 0);
+        Floquet {
+            work: StabilityWork::default(),
+            tableau: Tableau::new(),
+            tables: (0, 0),
+            basis,
+            motion: Motion::default(),
+            rates: Vec::new(),
+            hill: Hill::default(),
+        }
+    }
+}
+
+impl Floquet {
+    /// Steps a period such that the phase error of the faster mode over the period stays below about 1e-10, and that
+    /// the harmonics of the motion are resolved. A few sizes only, so that the tables can be kept.
+    fn steps_for<O: Oscillator>(balance: &HarmonicBalance<O>) -> usize {
+        let phase = TAU * balance.oscillator().modes()[1].frequency_rad_s / balance.base_rad_s();
+        // phase · (phase/steps)⁸ / 25 401 600 = 1e-10, with a tenth more for the motion's own effect on the frequency.
+        let needed = 1.1 * phase * libm::pow(phase * 1e10 / 25_401_600.0, 0.125);
+        let needed = needed.max(3.0 * balance.harmonics() as f64).max(8.0);
+        let octave = libm::exp2(libm::ceil(4.0 * libm::log2(needed)) / 4.0);
+        libm::ceil(octave) as usize
+    }
+
+    /// The stability of the motion X of the balance.
+    pub fn stability<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64]) -> Stability {
+        self.work.motions += 1;
+        let steps = Floquet::steps_for(balance);
+        let slow = if steps > SLOW_STEPS { self.stability_by_hill(balance, x) } else { None };
+        slow.unwrap_or_else(|| self.stability_with(balance, x, steps))
+    }
+
+    /// The same by Hill's method: none where that has no answer.
+    fn stability_by_hill<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64]) -> Option<Stability> {
+        self.basis.set(frequencies(balance), uniform(Hill::SAMPLES));
+        self.tables = (0, 0);
+        self.basis.synthesise(x, balance.base_rad_s(), &mut self.motion);
+        self.linearise(balance);
+        let exponents = self.hill.exponents(&self.rates)?;
+        let trace = self.rates.iter().map(|(_, q)| q.trace()).sum::<f64>() / self.rates.len() as f64;
+        let sum: f64 = exponents.iter().map(|exponent| 2.0 * exponent.re).sum();
+        let liouville_defect = libm::exp(TAU * (sum - trace)) - 1.0;
+        let [a, b] = exponents.map(|exponent| {
+            let (sine, cosine) = libm::sincos(TAU * (exponent.im - libm::round(exponent.im)));
+            Complex::new(cosine, sine) * libm::exp(TAU * exponent.re)
+        });
+        let multipliers = largest_first([a, a.conj(), b, b.conj()]);
+        (liouville_defect.abs() < LIOUVILLE).then_some(Stability { multipliers, liouville_defect })
+    }
+
+    /// What it has cost.
+    pub fn work(&self) -> StabilityWork {
+        self.work
+    }
+
+    /// The same with a number of steps that is not chosen here.
+    fn stability_with<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64], steps: usize) -> Stability {
+        let (monodromy, log_determinant) = self.monodromy(balance, x, steps);
+        let multipliers = largest_first(eigenvalues(&monodromy));
+        let liouville_defect = monodromy.determinant() / libm::exp(log_determinant) - 1.0;
+        Stability { multipliers, liouville_defect }
+    }
+
+    /// The flow of (y, y′) over the period, and ∫ tr A dτ = ∫ tr Q dτ.
+    pub(super) fn monodromy<O: Oscillator>(
+        &mut self,
+        balance: &HarmonicBalance<O>,
+        x: &[f64],
+        steps: usize,
+    ) -> (Matrix4<f64>, f64) {
+        self.work.steps += steps;
+        let h = TAU / steps as f64;
+        let mut trace = 0.0;
+        let mut flow = Matrix4::identity();
+        for first in (0..steps).step_by(CHUNK) {
+            self.prepare(frequencies(balance), steps, first);
+            self.basis.synthesise(x, balance.base_rad_s(), &mut self.motion);
+            self.linearise(balance);
+            for step in self.rates.chunks_exact(S) {
+                for (weight, (_, q)) in self.tableau.b.iter().zip(step) {
+                    trace += h * weight * q.trace();
+                }
+                flow = self.step(h, step, &flow);
+            }
+        }
+        (flow, trace)
+    }
+
+    /// The tables for the stages of the steps from the first.
+    fn prepare(&mut self, harmonics: Harmonics, steps: usize, first: usize) {
+        if self.basis.harmonics() != harmonics || self.tables != (steps, first) {
+            let c = self.tableau.c;
+            let stages = S * first..S * steps.min(first + CHUNK);
+            let phases = stages.map(|at| TAU * ((at / S) as f64 + c[at % S]) / steps as f64);
+            self.basis.set(harmonics, phases);
+            self.tables = (steps, first);
+        }
+    }
+
+    /// P and Q at the stages.
+    fn linearise<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>) {
+        let (cosines, sines) = self.basis.tables(balance.subharmonic() - 1);
+        let rate = 1.0 / balance.base_rad_s();
+        self.rates.clear();
+        for (j, (&cosine, &sine)) in cosines.iter().zip(sines).enumerate() {
+            let [position, velocity, acceleration] = core::array::from_fn(|d| self.motion.at(d, j));
+            let linear = balance.oscillator().linearise(&Instant { position, velocity, acceleration, sine, cosine });
+            let m = &linear.by_acceleration;
+            let scale = -rate / (m.m11 * m.m22 - m.m12 * m.m21);
+            let inverse = Matrix2::new(m.m22, -m.m12, -m.m21, m.m11) * scale;
+            self.rates.push((inverse * linear.by_position * rate, inverse * linear.by_velocity));
+        }
+    }
+
+    /// One step of the four columns: a system of 8 equations for the stages, with a right-hand side a column.
+    fn step(&self, h: f64, rates: &[(Matrix2<f64>, Matrix2<f64>)], flow: &Matrix4<f64>) -> Matrix4<f64> {
+        let t = &self.tableau;
+        let (mut rows, mut stages) = ([[0.0; 2 * S]; 2 * S], [[0.0; 4]; 2 * S]);
+        for (i, (p, q)) in rates.iter().enumerate() {
+            for r in 0..2 {
+                let (row, right) = (&mut rows[2 * i + r], &mut stages[2 * i + r]);
+                for j in 0..S {
+                    let (a, a2) = (h * t.a[i][j], h * h * t.a_squared[i][j]);
+                    row[2 * j] = -(a2 * p[(r, 0)] + a * q[(r, 0)]);
+                    row[2 * j + 1] = -(a2 * p[(r, 1)] + a * q[(r, 1)]);
+                }
+                row[2 * i + r] += 1.0;
+                for column in 0..4 {
+                    let y = [0, 1].map(|d| flow[(d, column)] + t.c[i] * h * flow[(2 + d, column)]);
+                    right[column] = p[(r, 0)] * y[0]
+                        + p[(r, 1)] * y[1]
+                        + q[(r, 0)] * flow[(2, column)]
+                        + q[(r, 1)] * flow[(3, column)];
+                }
+            }
+        }
+        if solve(rows.as_flattened_mut(), &mut stages).is_none() {
+            return Matrix4::from_element(f64::NAN);
+        }
+        let mut next = *flow;
+        for column in 0..4 {
+            for d in 0..2 {
+                next[(d, column)] += h * flow[(2 + d, column)];
+                for i in 0..S {
+                    let k = stages[2 * i + d][column];
+                    next[(d, column)] += h * h * t.b_bar[i] * k;
+                    next[(2 + d, column)] += h * t.b[i] * k;
+                }
+            }
+        }
+        next
+    }
+}
+
+/// The frequencies of the motion, and of the excitation.
+fn frequencies<O: Oscillator>(balance: &HarmonicBalance<O>) -> Harmonics {
+    Harmonics::Integer(balance.harmonics().max(balance.subharmonic()))
+}
+
+fn largest_first(mut multipliers: [Complex<f64>; 4]) -> [Complex<f64>; 4] {
+    multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
+    multipliers
+}
+
+/// Shifts σ with which eigenvalues are sought as those of M + σ less σ.
+const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
+/// Deflation tolerance and most iterations of the QR algorithm.
+const QR_LIMITS: (f64, usize) = (1e-15, 200);
+
+/// Eigenvalues by the QR algorithm. Its double shift may go round in circles on a matrix that is nearly orthogonal, as
+/// the monodromy matrix of a lightly damped system is; so iterations are bounded, and a multiple of the identity is
+/// added if need be. NaN if all that fails.
+pub(super) fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
+    for shift in SHIFTS {
+        let shifted = matrix + Matrix4::identity() * shift;
+        if let Some(schur) = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1) {
+            let values: [Complex<f64>; 4] = schur.complex_eigenvalues().into();
+            return values.map(|value| value - shift);
+        }
+    }
+    [Complex::new(f64::NAN, f64::NAN); 4]
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Normed as _;
+
+    use super::*;
+    use crate::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
+    use resonarm_dynamics::arm::tests::arm;
+    use resonarm_dynamics::arm::{Load, Preset};
+
+    /// Four stages have order 8: the sum of the weights times any polynomial of degree up to 7 is its integral.
+    #[test]
+    fn tableau_has_the_order_of_gauss() {
+        let t = Tableau::new();
+        for power in 0..8 {
+            let sum: f64 = (0..S).map(|i| t.b[i] * t.c[i].powi(power)).sum();
+            assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-15, "{power}: {sum}");
+        }
+        for i in 0..S {
+            assert!((t.a[i].iter().sum::<f64>() - t.c[i]).abs() < 1e-15);
+        }
+    }
+
+    /// Under a slow excitation, weak or so strong that the modes are modulated by many harmonics, Hill's method has the
+    /// multipliers of the flow.
+    #[test]
+    fn hills_method_has_the_multipliers_of_the_flow() {
+        for (hz, torque_nm) in [(0.5, 60.0), (0.2, 60.0), (0.2, 6e3), (0.1, 4e3), (0.05, 3e3)] {
+            let (balance, orbit) = slow_motion(hz, torque_nm);
+            let mut floquet = Floquet::default();
+            let x = &orbit.coefficients;
+            let flow = floquet.stability_with(&balance, x, Floquet::steps_for(&balance));
+            let hill = floquet.stability_by_hill(&balance, x).unwrap();
+            for (a, b) in flow.multipliers.iter().zip(&hill.multipliers) {
+                assert!((a - b).norm() < 1e-8, "{hz} Hz, {torque_nm} N·m: {flow:?} {hill:?}");
+            }
+            assert!(hill.liouville_defect.abs() < 1e-10, "{hill:?}");
+        }
+        // Where the modulation is stronger than the frequencies taken can describe, it has no answer.
+        let (balance, orbit) = slow_motion(0.1, 2e4);
+        assert_eq!(Floquet::default().stability_by_hill(&balance, &orbit.coefficients), None);
+    }
+
+    /// The motion under a slow torque, mostly at joint 2, which modulates the modes.
+    fn slow_motion(hz: f64, torque_nm: f64) -> (HarmonicBalance<ForcedArm>, Orbit) {
+        let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(0.3, 1.0), torque_nm);
+        let options = BranchOptions { most_points: 1, ..BranchOptions::new(hz, 2.0 * hz) };
+        let orbit = trace(forced.clone(), hz, Coordinate::FrequencyHz, &options).unwrap_err().so_far.orbits.remove(0);
+        (HarmonicBalance::new(forced, hz, 1, orbit.harmonics()), orbit)
+    }
+
+    /// Cyclic permutations are the classical matrices on which the double shift goes round in circles.
+    #[test]
+    fn eigenvalues_of_orthogonal_matrices_are_found() {
+        let cycle = Matrix4::from_fn(|i, j| if i == (j + 1) % 4 { 1.0 } else { 0.0 });
+        let mut values = eigenvalues(&cycle);
+        values.sort_by(|a, b| (a.re - 0.1 * a.im).total_cmp(&(b.re - 0.1 * b.im)));
+        let expected = [(-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 0.0)];
+        for (value, (re, im)) in values.iter().zip(expected) {
+            assert!((value.re - re).abs() < 1e-14 && (value.im - im).abs() < 1e-14, "{values:?}");
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Analysis of the arm without waiting for it: what a bench measurement is held against.
+//!
+//! The linearised arm: natural [`modes`](mod@modes), frequency responses ([`frf`]). The nonlinear arm: periodic motions
+//! by harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones; and by integration
+//! in time ([`time_domain`]): stepped sweeps, stroboscopic sections, basins of attraction.
+#![cfg_attr(not(test), no_std)]
+
+extern crate alloc;
+
+mod adapt;
+mod arm_parameter;
+mod backbone;
+mod branch;
+pub mod continuation;
+mod curve;
+mod dense;
+mod detect;
+mod error;
+mod extended;
+mod floquet;
+mod forced_arm;
+mod fourier;
+pub mod frf;
+mod grid;
+mod harmonic_balance;
+mod hill;
+mod integrators;
+mod locate;
+pub mod modes;
+mod nearest;
+mod orbit;
+mod oscillator;
+mod peaks;
+mod quadrature;
+mod readings;
+mod resonances;
+mod response;
+mod rows;
+mod spectrum;
+mod start;
+pub mod time_domain;
+
+pub use arm_parameter::{ArmParameter, UnknownArmParameter};
+pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};
+pub use branch::{trace, trace_doubled, trace_doublings};
+pub use curve::{SingularCurve, SingularPoint, Turn, trace_singular, trace_singular_curves};
+pub use error::{AnalysisError, EndedEarly, Place};
+pub use extended::{SingularResponse, Singularity};
+pub use floquet::{Floquet, Stability, StabilityWork};
+pub use forced_arm::ForcedArm;
+pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response, UnknownTerm};
+pub use grid::frequencies_hz;
+pub use harmonic_balance::{Coordinate, HarmonicBalance};
+pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
+pub use modes::{Mode, modes};
+pub use nearest::{Distances, MeasuredMotion, Nearest, nearest};
+pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
+pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
+pub use peaks::{Maximum, half_power_width_hz, maxima};
+pub use readings::Readings;
+pub use resonances::{Resonance, forced_response};
+pub use response::ForcedResponse;
+pub use rows::{Row, segments, stretches};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! Resonances as they stand on a branch over the frequency, and whether a grid of frequencies sees them.
+
+use alloc::vec::Vec;
+use core::f64::consts::FRAC_1_SQRT_2;
+
+use serde::Serialize;
+
+use super::orbit::{Branch, BranchOptions, Orbit};
+use super::{Coordinate, EndedEarly, ForcedArm, trace};
+use resonarm_dynamics::arm::{Arm, Load};
+
+/// The largest step along a branch, as part of the motion's size: a resonance is a circle to the walk, and this makes
+/// 60 points of one. The largest of them misses the peak by an eighth of its square at most.
+const SMOOTH_STEP: f64 = 0.1;
+
+/// The forced motions of an arm over the frequency, in steps so small that every resonance is seen.
+///
+/// # Errors
+/// As [`trace`].
+pub fn forced_response(arm: &Arm, load: &Load, [from_hz, to_hz]: [f64; 2]) -> Result<Branch, EndedEarly<Branch>> {
+    let mut options = BranchOptions::new(from_hz, to_hz);
+    options.walk.largest_step = SMOOTH_STEP;
+    let forced = ForcedArm::new(arm.clone(), *load, 1.0);
+    trace(forced, from_hz, Coordinate::FrequencyHz, &options)
+}
+
+/// A maximum of |αᵢ| along a branch over the frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Resonance {
+    /// Which joint, 1 or 2.
+    pub joint: usize,
+    /// The frequency of the largest |αᵢ|, Hz.
+    pub frequency_hz: f64,
+    /// The largest |αᵢ|, rad.
+    pub amplitude_rad: f64,
+    /// The width of the frequencies around it at which |αᵢ| is at least 1/√2 of that, Hz.
+    pub width_hz: f64,
+}
+
+impl Branch {
+    /// The frequencies of its stable motions, Hz: close together where the motion changes fast.
+    pub fn stable_frequencies_hz(&self) -> impl Iterator<Item = f64> + '_ {
+        self.orbits.iter().filter(|orbit| orbit.is_stable()).map(|orbit| orbit.frequency_hz)
+    }
+
+    /// The maxima of |α1| and |α2| from which the branch falls to less than 1/√2 on both sides.
+    pub fn resonances(&self) -> Vec<Resonance> {
+        (0..2).flat_map(|joint| self.resonances_of(joint)).collect()
+    }
+
+    fn resonances_of(&self, joint: usize) -> impl Iterator<Item = Resonance> + '_ {
+        let amplitude = move |orbit: &Orbit| orbit.amplitude_rad[joint];
+        let summits = (1..self.orbits.len().saturating_sub(1)).filter(move |&k| {
+            let [before, here, after] = [k - 1, k, k + 1].map(|at| amplitude(&self.orbits[at]));
+            here > before && here >= after
+        });
+        summits.filter_map(move |summit| {
+            let (top, level) = (&self.orbits[summit], FRAC_1_SQRT_2 * amplitude(&self.orbits[summit]));
+            let before = self.orbits[..summit].iter().rev();
+            let ends =
+                [falls(top, before, amplitude, level)?, falls(top, self.orbits[summit..].iter(), amplitude, level)?];
+            let [low, high] = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
+            let (frequency_hz, amplitude_rad) = (top.frequency_hz, amplitude(top));
+            Some(Resonance { joint: joint + 1, frequency_hz, amplitude_rad, width_hz: high - low })
+        })
+    }
+}
+
+/// The least and the largest frequency on the way down from a summit to `level`; none if it rises above the summit
+/// before.
+fn falls<'a>(
+    top: &Orbit,
+    way: impl Iterator<Item = &'a Orbit>,
+    amplitude: impl Fn(&Orbit) -> f64,
+    level: f64,
+) -> Option<[f64; 2]> {
+    let [mut low, mut high] = [top.frequency_hz; 2];
+    let mut last = top;
+    for orbit in way {
+        if amplitude(orbit) > amplitude(top) {
+            return None;
+        }
+        let below = amplitude(orbit) < level;
+        let part = if below { (amplitude(last) - level) / (amplitude(last) - amplitude(orbit)) } else { 1.0 };
+        let hz = last.frequency_hz + part * (orbit.frequency_hz - last.frequency_hz);
+        (low, high) = (low.min(hz), high.max(hz));
+        if below {
+            return Some([low, high]);
+        }
+        last = orbit;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::modes;
+    use resonarm_dynamics::arm::Preset;
+    use resonarm_dynamics::arm::tests::arm;
+
+    /// Under a small load each resonance is as wide as 2ζf and as high as the linear arm's.
+    #[test]
+    fn resonances_of_the_linear_arm_are_as_wide_as_its_damping() {
+        let arm = arm(Preset::Irb1600Fitted, 0.0, 60.0);
+        let branch = forced_response(&arm, &Load::torque_nm(1e-3, 0.0), [20.0, 60.0]).unwrap();
+        let resonances = branch.resonances();
+        for mode in modes(&arm) {
+            for joint in 1..=2 {
+                let near =
+                    |found: &&Resonance| found.joint == joint && (found.frequency_hz - mode.frequency_hz).abs() < 0.1;
+                let found = resonances.iter().find(near).unwrap();
+                let width_hz = 2.0 * mode.damping_ratio * mode.frequency_hz;
+                assert!((found.width_hz / width_hz - 1.0).abs() < 0.02, "{found:?} {width_hz}");
+            }
+        }
+        assert_eq!(resonances.len(), 4, "{resonances:?}");
+    }
+}

@@ -1,0 +1,300 @@
+//! Basins of attraction: which initial states reach which stable motion.
+
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use core::str::FromStr;
+
+use nalgebra::Vector4;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::fixed_point::{FixedPoint, SAME_POINT};
+use super::measure::measure;
+use super::settle::{CLOSURE, STRETCH};
+use super::{StroboscopicMap, TimeDomainError};
+use crate::orbit::{Branch, Orbit};
+use crate::{BranchOptions, Coordinate, EndedEarly, ForcedArm, forced_response, trace_doublings};
+use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::integrate::Sine;
+
+/// The branch is walked between these parts of the frequency to find the motions at it.
+const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
+
+/// A coordinate of the arm's state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum StateCoordinate {
+    /// `alpha1_rad`: α1, rad.
+    #[serde(rename = "alpha1_rad")]
+    Alpha1,
+    /// `alpha2_rad`: α2, rad.
+    #[serde(rename = "alpha2_rad")]
+    Alpha2,
+    /// `alpha_dot1_rad_s`: α̇1, rad/s.
+    #[serde(rename = "alpha_dot1_rad_s")]
+    AlphaDot1,
+    /// `alpha_dot2_rad_s`: α̇2, rad/s.
+    #[serde(rename = "alpha_dot2_rad_s")]
+    AlphaDot2,
+}
+
+/// No coordinate of the state has this name.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("there is no coordinate `{0}`: the coordinates are alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s")]
+pub struct UnknownStateCoordinate(pub String);
+
+impl StateCoordinate {
+    /// All of them, in the order of a state.
+    pub const ALL: [StateCoordinate; 4] = [Self::Alpha1, Self::Alpha2, Self::AlphaDot1, Self::AlphaDot2];
+
+    /// The name, which carries the unit.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Alpha1 => "alpha1_rad",
+            Self::Alpha2 => "alpha2_rad",
+            Self::AlphaDot1 => "alpha_dot1_rad_s",
+            Self::AlphaDot2 => "alpha_dot2_rad_s",
+        }
+    }
+
+    /// The symbol with its unit, for figures.
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Alpha1 => "α₁ (rad)",
+            Self::Alpha2 => "α₂ (rad)",
+            Self::AlphaDot1 => "dα₁/dt (rad/s)",
+            Self::AlphaDot2 => "dα₂/dt (rad/s)",
+        }
+    }
+
+    /// The joint, 0 or 1, and whether it is its rate.
+    pub const fn joint(self) -> (usize, bool) {
+        match self {
+            Self::Alpha1 => (0, false),
+            Self::Alpha2 => (1, false),
+            Self::AlphaDot1 => (0, true),
+            Self::AlphaDot2 => (1, true),
+        }
+    }
+
+    /// Its value in a state.
+    pub fn of(self, state: &State) -> f64 {
+        let (joint, rate) = self.joint();
+        if rate { state.alpha_dot_rad_s[joint] } else { state.alpha_rad[joint] }
+    }
+
+    /// Sets it in a state.
+    pub fn set(self, state: &mut State, value: f64) {
+        let (joint, rate) = self.joint();
+        if rate {
+            state.alpha_dot_rad_s[joint] = value;
+        } else {
+            state.alpha_rad[joint] = value;
+        }
+    }
+}
+
+impl FromStr for StateCoordinate {
+    type Err = UnknownStateCoordinate;
+
+    fn from_str(name: &str) -> Result<StateCoordinate, UnknownStateCoordinate> {
+        let found = StateCoordinate::ALL.into_iter().find(|coordinate| coordinate.name() == name);
+        found.ok_or_else(|| UnknownStateCoordinate(name.to_string()))
+    }
+}
+
+/// A stable periodic motion of the forced arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StableMotion {
+    /// Periods of the excitation after which it repeats.
+    pub period: u32,
+    /// Largest magnitude of its Floquet multipliers, over its own period.
+    pub largest_multiplier: f64,
+    /// max |αᵢ(t)|, rad.
+    pub amplitude_rad: [f64; 2],
+    /// The states at phase 0 of the excitation.
+    pub section: Vec<State>,
+    /// The points of the section as fixed points of the map's power.
+    points: Vec<FixedPoint>,
+}
+
+/// What becomes of an initial state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outcome {
+    /// It reaches a stable motion.
+    Reaches {
+        /// Which, from 0.
+        motion: usize,
+        /// Periods of the excitation until that was certain.
+        periods: u64,
+    },
+    /// Within the wait it comes to none of the stable motions that are known.
+    Undecided,
+    /// It grows beyond all bounds.
+    Diverges,
+}
+
+/// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
+/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; where it
+/// ended early, that is given too, and motions beyond are missing.
+///
+/// Where two neighbours on a branch lie on both sides of the frequency, Newton's method goes from the motion between
+/// them to a fixed point of the stroboscopic map.
+///
+/// # Errors
+/// As [`StroboscopicMap::new`]; [`TimeDomainError::Integrate`] if a motion can't be followed.
+pub fn stable_motions(arm: &Arm, sine: &Sine) -> Result<(Vec<StableMotion>, Vec<EndedEarly<Branch>>), TimeDomainError> {
+    let map = StroboscopicMap::new(arm, *sine)?;
+    let hz = sine.frequency_hz;
+    let mut early = Vec::new();
+    let mut keep = |walked: Result<Branch, EndedEarly<Branch>>| {
+        walked.unwrap_or_else(|ended| {
+            early.push(ended.clone());
+            *ended.so_far
+        })
+    };
+    let window = WINDOW.map(|part| part * hz);
+    let branch = keep(forced_response(arm, &sine.amplitude, window));
+    let (forced, options) =
+        (ForcedArm::new(arm.clone(), sine.amplitude, 1.0), BranchOptions::new(window[0], window[1]));
+    let doubled = trace_doublings(&forced, &branch, Coordinate::FrequencyHz, &options).into_iter().map(&mut keep);
+    let mut starts = states_at(&branch, hz, 1);
+    for branch in doubled.collect::<Vec<_>>() {
+        starts.extend(states_at(&branch, hz, 2));
+    }
+    let mut motions: Vec<StableMotion> = Vec::new();
+    for (start, period) in starts {
+        let Some(found) = FixedPoint::shoot(&map, &map.point(&start), period) else { continue };
+        let known = motions.iter().flat_map(|motion| &motion.points);
+        if known.into_iter().all(|other| other.distance(&found.point) > SAME_POINT) {
+            motions.push(StableMotion::new(&map, &found)?);
+        }
+    }
+    motions.sort_by(|a, b| a.amplitude_rad[0].total_cmp(&b.amplitude_rad[0]));
+    Ok((motions, early))
+}
+
+/// The states at phase 0 of the motions of a branch at a frequency, each interpolated between its neighbours.
+fn states_at(branch: &Branch, hz: f64, subharmonic: u32) -> Vec<(State, u32)> {
+    let crosses = |pair: &&[Orbit]| (pair[0].frequency_hz - hz) * (pair[1].frequency_hz - hz) <= 0.0;
+    let between = |pair: &[Orbit]| {
+        let part = (hz - pair[0].frequency_hz) / (pair[1].frequency_hz - pair[0].frequency_hz);
+        let [a, b] = [0, 1].map(|end| phase_zero(&pair[end].coefficients, hz / f64::from(subharmonic)));
+        let mixed = a + (b - a) * part;
+        (State::new([mixed.x, mixed.y], [mixed.z, mixed.w]), subharmonic)
+    };
+    branch.orbits.windows(2).filter(crosses).map(between).collect()
+}
+
+/// α and α̇ at t = 0 of a series of base frequency `base_hz`: c₀ + Σ aₖ and Σ kΩ bₖ.
+fn phase_zero(coefficients: &[f64], base_hz: f64) -> Vector4<f64> {
+    let mut state = Vector4::new(coefficients[0], coefficients[1], 0.0, 0.0);
+    for (k, pair) in coefficients[2..].chunks_exact(4).enumerate() {
+        let rate_rad_s = (k + 1) as f64 * TAU * base_hz;
+        state += Vector4::new(pair[0], pair[1], rate_rad_s * pair[2], rate_rad_s * pair[3]);
+    }
+    state
+}
+
+impl StableMotion {
+    fn new(map: &StroboscopicMap, found: &FixedPoint) -> Result<StableMotion, TimeDomainError> {
+        let measured = measure(map, &map.state(&found.point), found.period)?;
+        let later = measured.section[1..].iter();
+        let mut points: Vec<FixedPoint> = core::iter::once(*found).collect();
+        points.extend(later.filter_map(|state| FixedPoint::shoot(map, &map.point(state), found.period)));
+        Ok(StableMotion {
+            period: found.period,
+            largest_multiplier: found.largest_multiplier,
+            amplitude_rad: measured.amplitude_rad,
+            section: measured.section,
+            points,
+        })
+    }
+
+    /// Whether a motion that went from `before` to `after` in so many periods of the excitation ends here.
+    fn captures(&self, before: &Vector4<f64>, after: &Vector4<f64>, periods: u64) -> bool {
+        let returns = periods / u64::from(self.period);
+        let near = |point: &FixedPoint| point.distance(after) <= CLOSURE || point.captures(before, after, returns);
+        self.points.iter().any(near)
+    }
+}
+
+/// What becomes of each initial state, given at phase 0, within `time_constants` of the arm's slowest mode.
+///
+/// All are integrated side by side. After every quarter of a time constant a motion counts as having reached a stable
+/// one if it is within 1e-9 of it, as part of its size, or if it has come into its linear neighbourhood: if over that
+/// quarter it approached as the linearisation at the stable motion says, but for a remainder of at most a quarter of
+/// the decay, from which on the remainder, being of second order, can only fall faster than the deviation itself. What
+/// neither holds of by the end of the wait is undecided.
+///
+/// # Errors
+/// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Stopped`] if `stop` said so.
+pub fn outcomes(
+    map: &StroboscopicMap,
+    motions: &[StableMotion],
+    starts: &[State],
+    time_constants: f64,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Outcome>, TimeDomainError> {
+    if !(time_constants.is_finite() && time_constants > 0.0) {
+        return Err(TimeDomainError::Option { name: "time_constants", got: time_constants });
+    }
+    let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
+    let unit = motions.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
+    let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
+    let mut outcomes = alloc::vec![Outcome::Undecided; starts.len()];
+    let mut left: Vec<usize> = (0..starts.len()).collect();
+    let mut states = starts.to_vec();
+    let mut periods = 0;
+    while periods < longest && !left.is_empty() {
+        let before: Vec<Vector4<f64>> = states.iter().map(|state| map.point(state)).collect();
+        advance(map, &mut states, stretch, stop)?;
+        periods += stretch;
+        for (slot, state) in states.iter().enumerate() {
+            let after = map.point(state);
+            outcomes[left[slot]] = if !state.is_finite() {
+                Outcome::Diverges
+            } else if let Some(motion) =
+                motions.iter().position(|motion| motion.captures(&before[slot], &after, stretch))
+            {
+                Outcome::Reaches { motion, periods }
+            } else {
+                Outcome::Undecided
+            };
+        }
+        // The others go on together.
+        let goes_on = |slot: &usize| outcomes[left[*slot]] == Outcome::Undecided;
+        let slots: Vec<usize> = (0..left.len()).filter(goes_on).collect();
+        (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot])).unzip();
+    }
+    Ok(outcomes)
+}
+
+/// Plain integration, asking now and then whether to stop.
+fn advance(
+    map: &StroboscopicMap,
+    states: &mut [State],
+    periods: u64,
+    stop: &dyn Fn() -> bool,
+) -> Result<(), TimeDomainError> {
+    const AT_ONCE: u64 = 64;
+    let mut left = periods;
+    while left > 0 {
+        if stop() {
+            return Err(TimeDomainError::Stopped);
+        }
+        let now = left.min(AT_ONCE);
+        map.advance_all(states, now as u32);
+        left -= now;
+    }
+    Ok(())
+}
+
+fn least_common_multiple(a: u64, b: u64) -> u64 {
+    let (mut divisor, mut rest) = (a, b);
+    while rest > 0 {
+        (divisor, rest) = (rest, divisor % rest);
+    }
+    a / divisor * b
+}

@@ -1,0 +1,90 @@
+//! Why the forced arm can't be followed through time.
+
+use thiserror::Error;
+
+use resonarm_dynamics::integrate::IntegrateError;
+use resonarm_numeric::number::short;
+
+/// Why the forced arm can't be followed through time.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum TimeDomainError {
+    /// The excitation has no period.
+    #[error("excitation frequency {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
+    Frequency {
+        /// What was given, Hz.
+        got_hz: f64,
+    },
+    /// A period of the excitation has too many steps.
+    #[error(
+        "excitation frequency {got_hz} Hz: a period would take {steps:.1e} steps, more than {most}; go no lower than \
+         {lowest_hz:.2e} Hz, where the motion is quasi-static", got_hz = short(.got_hz))]
+    FrequencyTooLow {
+        /// What was given, Hz.
+        got_hz: f64,
+        /// Steps that a period would take.
+        steps: f64,
+        /// Most steps a period may take.
+        most: u32,
+        /// The lowest frequency that would do, Hz.
+        lowest_hz: f64,
+    },
+    /// The excitation's amplitude is not finite.
+    #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
+    Load,
+    /// Both ends of a sweep must be numbers, different ones.
+    #[error("a sweep from {from} to {to}: both ends must be numbers, and different", from = short(.from), to = short(.to))]
+    Interval {
+        /// One end.
+        from: f64,
+        /// The other.
+        to: f64,
+    },
+    /// A sweep has too few points, or too many.
+    #[error("a sweep of {got} points: it must have from 2, one at each end, to {most}")]
+    Points {
+        /// What was given.
+        got: u32,
+        /// Most points of a sweep.
+        most: u32,
+    },
+    /// Vibration of the arm never dies out.
+    #[error(
+        "mode {mode} has the damping ratio {damping_ratio:e}: without damping no motion settles; give the joints damping"
+    )]
+    Undamped {
+        /// 1 or 2.
+        mode: usize,
+        /// ζ.
+        damping_ratio: f64,
+    },
+    /// A limit of the settling is no positive number.
+    #[error("{name} is {got}: it must be a positive number", got = short(.got))]
+    Option {
+        /// Name of the option.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+    },
+    /// A step can't be made.
+    #[error("excited at {frequency_hz} Hz: {}", reason(source), frequency_hz = short(.frequency_hz))]
+    Integrate {
+        /// Frequency of the excitation, Hz.
+        frequency_hz: f64,
+        /// Why.
+        source: IntegrateError,
+    },
+    /// Asked to stop.
+    #[error("stopped before the motion had settled")]
+    Stopped,
+}
+
+/// The reason, with advice for somebody who doesn't choose the rate.
+fn reason(source: &IntegrateError) -> alloc::string::String {
+    match source {
+        IntegrateError::NotFinite { t_s } => {
+            alloc::format!("the motion grows beyond all bounds, {t_s:.2e} s after phase 0; try less excitation")
+        }
+        other => alloc::format!("{other}"),
+    }
+}

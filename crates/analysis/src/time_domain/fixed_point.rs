@@ -1,0 +1,143 @@
+//! Fixed points of the stroboscopic map's powers, and how motions near them die out.
+
+use nalgebra::{Matrix4, Vector4};
+
+use super::StroboscopicMap;
+use resonarm_numeric::linear_solve::solve;
+
+/// Newton's limit: where it converges it needs three to six iterations.
+const MAX_ITERATIONS: usize = 8;
+/// A correction below this part of the motion is the last one: what it leaves is its square times at most 1/(1 − μ),
+/// below 1e-12.
+const CORRECTION_LIMIT: f64 = 1e-8;
+/// A correction of more than this many times the motion is given up: Newton has lost its way.
+const CORRECTION_BOUND: f64 = 10.0;
+/// Two points this near each other, as part of the motion, are one.
+pub(super) const SAME_POINT: f64 = 1e-7;
+/// A multiplier nearer to 1 can't be told from 1: the derivative's own error is near 1e-10.
+const SMALLEST_DECAY: f64 = 1e-9;
+/// Squarings: 2⁴⁰ periods.
+const SQUARINGS: i32 = 40;
+
+/// A stable fixed point of the map's power: a motion that repeats, and that its neighbours die out towards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FixedPoint {
+    /// n: periods after which the motion repeats, the fewest.
+    pub period: u32,
+    pub point: Vector4<f64>,
+    /// Derivative of n periods at the point: the monodromy matrix M.
+    derivative: Matrix4<f64>,
+    /// max |μ| of M's eigenvalues: by this factor the slowest transient falls in n periods.
+    pub largest_multiplier: f64,
+    /// Q = Σ (Mᵀ)ʲ Mʲ over j ≥ 0.
+    norm: Matrix4<f64>,
+}
+
+/// What a motion is measured against, rad; the floor keeps an arm at rest measurable.
+pub(super) fn size_rad(point: &Vector4<f64>) -> f64 {
+    point.norm().max(1e-12)
+}
+
+impl FixedPoint {
+    /// The fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x): `None` if it reaches
+    /// none, or one that isn't stable.
+    pub fn shoot(map: &StroboscopicMap, start: &Vector4<f64>, period: u32) -> Option<FixedPoint> {
+        let mut point = *start;
+        for _ in 0..MAX_ITERATIONS {
+            let derivative = map.derivative(&point, period, size_rad(&point))?;
+            let defect = map.image(&point, period).ok()? - point;
+            // Columns of the transpose are rows.
+            let (mut rows, mut correction) = ((Matrix4::identity() - derivative).transpose(), defect);
+            solve(rows.as_mut_slice(), correction.as_mut_slice().as_chunks_mut::<1>().0)?;
+            point += correction;
+            let (change, size) = (correction.norm(), size_rad(&point));
+            if change <= CORRECTION_LIMIT * size {
+                return match shorter_period(map, &point, period) {
+                    Some(fewer) => FixedPoint::shoot(map, &point, fewer),
+                    None => FixedPoint::stable(point, period, derivative),
+                };
+            }
+            if change.is_nan() || change > CORRECTION_BOUND * size_rad(start) {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// The fixed point, if it is stable.
+    ///
+    /// Squaring M k times and scaling each time gives ‖M^(2ᵏ)‖, and its 2ᵏth root tends to max |μ| (I. Gelfand,
+    /// "Normierte Ringe", 1941). Q solves MᵀQM − Q + I = 0 (A. M. Lyapunov, "The General Problem of the Stability of
+    /// Motion", 1892); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith, "Matrix Equation XA + BX =
+    /// C", SIAM J. Appl. Math. 16 (1968)).
+    fn stable(point: Vector4<f64>, period: u32, derivative: Matrix4<f64>) -> Option<FixedPoint> {
+        let mut power = derivative;
+        let mut log_norm = 0.0;
+        for k in 0..SQUARINGS {
+            let norm = power.norm();
+            if !norm.is_finite() {
+                return None;
+            }
+            if norm == 0.0 {
+                log_norm = f64::NEG_INFINITY;
+                break;
+            }
+            log_norm += libm::log(norm) * libm::exp2(-f64::from(k));
+            power /= norm;
+            power *= power;
+        }
+        let largest_multiplier = libm::exp(log_norm);
+        if largest_multiplier.is_nan() || largest_multiplier >= 1.0 - SMALLEST_DECAY {
+            return None;
+        }
+        let (mut norm, mut power) = (Matrix4::identity(), derivative);
+        for _ in 0..SQUARINGS {
+            norm += power.tr_mul(&(norm * power));
+            power *= power;
+        }
+        Some(FixedPoint { period, point, derivative, largest_multiplier, norm })
+    }
+
+    /// ‖e‖ = √(eᵀQe): in this norm every small deviation falls from one return to the next, ‖Me‖² = ‖e‖² − |e|².
+    fn deviation(&self, e: &Vector4<f64>) -> f64 {
+        libm::sqrt(e.dot(&(self.norm * e)))
+    }
+
+    /// Whether a motion that went from `before` to `after` in `returns` returns can only end here.
+    ///
+    /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear
+    /// part takes at least (1 − ρᵏ)‖e‖, ρ = max |μ|, off the deviation; as long as the remainder seen is at most a
+    /// quarter of that, the deviation falls, the remainder falls faster, and so on down to the fixed point.
+    pub fn captures(&self, before: &Vector4<f64>, after: &Vector4<f64>, returns: u64) -> bool {
+        let (e, e_after) = (before - self.point, after - self.point);
+        let size = self.deviation(&e);
+        let remainder = self.deviation(&(e_after - power(&self.derivative, returns) * e));
+        let decay = 1.0 - libm::pow(self.largest_multiplier, returns as f64);
+        remainder <= 0.25 * decay * size
+    }
+
+    /// Distance to the point over the motion's size.
+    pub fn distance(&self, point: &Vector4<f64>) -> f64 {
+        (point - self.point).norm() / size_rad(&self.point)
+    }
+}
+
+/// A divisor of `period` after which the motion already repeats.
+fn shorter_period(map: &StroboscopicMap, point: &Vector4<f64>, period: u32) -> Option<u32> {
+    (1..period).filter(|fewer| period.is_multiple_of(*fewer)).find(|fewer| {
+        map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size_rad(point))
+    })
+}
+
+/// Mᵏ by squaring.
+fn power(matrix: &Matrix4<f64>, exponent: u64) -> Matrix4<f64> {
+    let (mut result, mut square, mut left) = (Matrix4::identity(), *matrix, exponent);
+    while left > 0 {
+        if left & 1 == 1 {
+            result *= square;
+        }
+        square *= square;
+        left >>= 1;
+    }
+    result
+}

@@ -1,0 +1,119 @@
+//! Stepped sweeps: a parameter of the excitation set to one value after the other, the motion carried over.
+
+use alloc::vec::Vec;
+
+use serde::{Deserialize, Serialize};
+
+use super::TimeDomainError;
+use resonarm_dynamics::arm::Load;
+use resonarm_dynamics::integrate::Sine;
+
+/// Most points of a sweep.
+const MOST_POINTS: u32 = 1_000_000;
+
+/// What is stepped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SweepParameter {
+    /// The frequency of the excitation, Hz, at a constant amplitude.
+    Frequency {
+        /// The load at the crest.
+        amplitude: Load,
+    },
+    /// The amplitude of the excitation at a constant frequency.
+    Amplitude {
+        /// The load at the crest for the value 1: 1 N·m or 1 N, say.
+        unit: Load,
+        /// The frequency, Hz.
+        frequency_hz: f64,
+    },
+}
+
+/// Which way the values go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// From the lowest.
+    Up,
+    /// From the highest.
+    Down,
+}
+
+/// The values of a sweep, rising.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    values: Vec<f64>,
+}
+
+impl Grid {
+    /// `points` values evenly spaced between two ends, given in either order, both among them.
+    ///
+    /// # Errors
+    /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for less than
+    /// two points or more than a million.
+    pub fn new(from: f64, to: f64, points: u32) -> Result<Grid, TimeDomainError> {
+        if !(from.is_finite() && to.is_finite() && from != to) {
+            return Err(TimeDomainError::Interval { from, to });
+        }
+        if !(2..=MOST_POINTS).contains(&points) {
+            return Err(TimeDomainError::Points { got: points, most: MOST_POINTS });
+        }
+        let (low, high, last) = (from.min(to), from.max(to), points - 1);
+        let value = |rank| (low * f64::from(last - rank) + high * f64::from(rank)) / f64::from(last);
+        Ok(Grid { values: (0..points).map(value).collect() })
+    }
+
+    /// The same with further values; those beyond the ends are left out.
+    pub fn with(mut self, values: impl IntoIterator<Item = f64>) -> Grid {
+        let (low, high) = (self.values[0], self.values[self.values.len() - 1]);
+        self.values.extend(values.into_iter().filter(|value| (low..=high).contains(value)));
+        self.values.sort_by(f64::total_cmp);
+        self.values.dedup();
+        self
+    }
+
+    /// The values, rising.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The values in the order in which they are gone through.
+    pub fn in_order(&self, direction: Direction) -> Vec<f64> {
+        match direction {
+            Direction::Up => self.values.clone(),
+            Direction::Down => self.values.iter().rev().copied().collect(),
+        }
+    }
+}
+
+/// A stepped sweep of one arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// What is stepped.
+    pub parameter: SweepParameter,
+    /// Its values: Hz, or multiples of the unit load.
+    pub grid: Grid,
+    /// Which way they go.
+    pub direction: Direction,
+}
+
+impl Sweep {
+    /// The values in the order of the sweep.
+    pub fn values(&self) -> Vec<f64> {
+        self.grid.in_order(self.direction)
+    }
+
+    /// The excitations in the order of the sweep.
+    pub fn sines(&self) -> Vec<Sine> {
+        self.values().into_iter().map(|value| self.parameter.sine(value)).collect()
+    }
+}
+
+impl SweepParameter {
+    /// The excitation at a value.
+    pub fn sine(&self, value: f64) -> Sine {
+        match *self {
+            SweepParameter::Frequency { amplitude } => Sine { amplitude, frequency_hz: value },
+            SweepParameter::Amplitude { unit, frequency_hz } => Sine { amplitude: unit.scaled(value), frequency_hz },
+        }
+    }
+}

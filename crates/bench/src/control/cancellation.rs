@@ -1,0 +1,379 @@
+//! Cancellation of harmonics of the force in the impedance head.
+//!
+//! The armature of a shaker moves with the tip along an arc, so that a sine of the coil leaves harmonics in the head.
+//! Harmonics c_h of the command, beside its fundamental, leave there
+//!
+//! ```text
+//! H_h = d_h + G_h c_h
+//! ```
+//!
+//! with d_h what the motion makes. With the dynamic stiffness Z = k − (hω)²m + ihωc of the armature and the receptance
+//! R of the arm at the tip along the force, the coil's force F goes into both, F = H + Z s and s = R H. A command held
+//! from sample to sample is smaller than its samples by sin y/y, y = ½hωT:
+//!
+//! ```text
+//! G_h = sin y/y · 1/(1 + R Z)        R = wᵀ(K + ihωD − (hω)²M)⁻¹w        w = J₀ᵀe
+//! ```
+//!
+//! d_h grows as the h-th power of the motion, and turns h times as far. Where the next try makes the fundamental q
+//! times what it is, complex,
+//!
+//! ```text
+//! c_h ← (c_h − H_h/G_h) q^h
+//! ```
+//!
+//! cancels H_h, as far as G_h is right. Of the coil in voltage mode and of an arm that is another the derived G_h knows
+//! nothing; so it is multiplied by what the secant ΔH_h/Δc_h of the last two tries at a frequency was over it, from
+//! factor to factor.
+
+use core::f64::consts::TAU;
+
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::fourier_filter::unit;
+use resonarm_analysis::FrequencyResponse;
+use resonarm_dynamics::arm::{Arm, Attachment};
+use crate::excitation::{HarmonicFit, Phasor};
+use crate::rig::{Measurement, Sampling};
+
+/// The orders that can be cancelled: those that are read beside the fundamental.
+const ORDERS: [u8; 2] = [2, 3];
+
+/// Below this part of the fundamental a harmonic counts as cancelled; a change above it tells the transfer.
+const CANCELLED: f64 = 2e-3;
+/// The part of a change of a harmonic that the motion may have in a secant.
+const STRANGE: f64 = 0.2;
+/// How far the transfer may be from the derived one, as a factor.
+const LARGEST_RATIO: f64 = 4.0;
+
+/// Which harmonics of the head's force are cancelled, by their orders: 2 and 3, the fundamental being 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "alloc::vec::Vec<i64>", into = "alloc::vec::Vec<u8>")]
+pub struct CancelHarmonics([bool; ORDERS.len()]);
+
+/// Why harmonics can't be cancelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum CancelHarmonicsError {
+    /// This one is not read.
+    #[error(
+        "`cancel_harmonics`: harmonic {got} can't be cancelled, only 2 and 3 can, which are read beside the fundamental"
+    )]
+    Order {
+        /// What was given.
+        got: i64,
+    },
+    /// It stands there twice.
+    #[error("`cancel_harmonics`: harmonic {got} stands there twice: state each once")]
+    Repeated {
+        /// The order.
+        got: i64,
+    },
+}
+
+impl CancelHarmonics {
+    /// None.
+    pub const NONE: CancelHarmonics = CancelHarmonics([false; ORDERS.len()]);
+    /// Harmonics 2 and 3.
+    pub const ALL: CancelHarmonics = CancelHarmonics([true; ORDERS.len()]);
+
+    /// Whether there is none.
+    pub fn is_none(&self) -> bool {
+        *self == CancelHarmonics::NONE
+    }
+}
+
+impl TryFrom<alloc::vec::Vec<i64>> for CancelHarmonics {
+    type Error = CancelHarmonicsError;
+
+    fn try_from(orders: alloc::vec::Vec<i64>) -> Result<CancelHarmonics, CancelHarmonicsError> {
+        let mut found = CancelHarmonics::NONE;
+        for got in orders {
+            let index = ORDERS.iter().position(|order| i64::from(*order) == got);
+            let index = index.ok_or(CancelHarmonicsError::Order { got })?;
+            if core::mem::replace(&mut found.0[index], true) {
+                return Err(CancelHarmonicsError::Repeated { got });
+            }
+        }
+        Ok(found)
+    }
+}
+
+impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
+    fn from(harmonics: CancelHarmonics) -> alloc::vec::Vec<u8> {
+        ORDERS.into_iter().zip(harmonics.0).filter_map(|(order, is_in)| is_in.then_some(order)).collect()
+    }
+}
+
+/// From the coil's force to that in the head, of the arm linearised in its pose.
+#[derive(Clone, Copy, Debug)]
+struct HeadTransfer {
+    arm: FrequencyResponse,
+    attachment: Option<Attachment>,
+    /// w, m.
+    moment: Vector2<f64>,
+}
+
+impl HeadTransfer {
+    fn new(arm: &Arm, direction: &Vector2<f64>) -> HeadTransfer {
+        let alone = arm.clone().without_attachment();
+        let moment = alone.tip_jacobian(&Vector2::zeros()).tr_mul(direction);
+        HeadTransfer { arm: FrequencyResponse::new(&alone), attachment: arm.attachment().copied(), moment }
+    }
+
+    /// 1/(1 + R Z); `None` where the arm's response is infinite.
+    fn at(&self, frequency_hz: f64) -> Option<Phasor> {
+        let one = Phasor::new(1.0, 0.0);
+        let Some(Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. }) = self.attachment else { return Some(one) };
+        let w = self.moment.map(|component| Phasor::new(component, 0.0));
+        let receptance = w.dot(&(self.arm.receptance_matrix(frequency_hz).ok()? * w));
+        let omega = TAU * frequency_hz;
+        let stiffness = Phasor::new(stiffness_n_m - omega * omega * mass_kg, omega * damping_n_s_m);
+        Some(one / (one + receptance * stiffness))
+    }
+}
+
+/// A harmonic of the command, and what was learned of it.
+#[derive(Clone, Copy, Debug)]
+struct Harmonic {
+    order: i32,
+    /// c_h, and what it was before the last change, N.
+    command_n: Phasor,
+    before_n: Phasor,
+    /// c_h and H_h of the last try at this frequency, N, as they would be after the change of the fundamental.
+    tried_n: Option<[Phasor; 2]>,
+    /// G_h over the derived one.
+    ratio: Phasor,
+}
+
+/// Cancels harmonics of the head's force.
+#[derive(Clone, Debug)]
+pub(super) struct Cancellation {
+    harmonics: [Option<Harmonic>; ORDERS.len()],
+    transfer: HeadTransfer,
+    /// Share of the coil's force that goes into the arm far above the natural frequencies.
+    share: f64,
+    direction: Vector2<f64>,
+    sampling: Sampling,
+    /// First sample and length of the reading, and its halves.
+    first: u64,
+    samples: u64,
+    halves: [HarmonicFit<2, 7>; 2],
+}
+
+impl Cancellation {
+    /// Of `orders` of the force along `direction`; `None` if there is none.
+    pub fn new(
+        orders: CancelHarmonics,
+        arm: &Arm,
+        direction: Vector2<f64>,
+        sampling: Sampling,
+    ) -> Option<Cancellation> {
+        if orders.is_none() {
+            return None;
+        }
+        let zero = Phasor::new(0.0, 0.0);
+        let harmonic =
+            |order| Harmonic { order, command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0) };
+        Some(Cancellation {
+            harmonics: core::array::from_fn(|index| orders.0[index].then(|| harmonic(i32::from(ORDERS[index])))),
+            transfer: HeadTransfer::new(arm, &direction),
+            share: arm.high_frequency_force_share(),
+            direction,
+            sampling,
+            first: 0,
+            samples: 2,
+            halves: [HarmonicFit::new(1), HarmonicFit::new(1)],
+        })
+    }
+
+    /// Knows nothing, as at the beginning.
+    pub fn forget(&mut self) {
+        let zero = Phasor::new(0.0, 0.0);
+        for harmonic in self.harmonics.iter_mut().flatten() {
+            *harmonic =
+                Harmonic { command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0), ..*harmonic };
+        }
+    }
+
+    /// What to command beside the fundamental at the phase `phase_rad`, N, with `share` of the last change made.
+    pub fn command_n(&self, phase_rad: f64, share: f64) -> f64 {
+        let at = |harmonic: &Harmonic| {
+            let Harmonic { order, command_n, before_n, .. } = *harmonic;
+            ((before_n + (command_n - before_n) * share) * unit(f64::from(order) * phase_rad)).im
+        };
+        self.harmonics.iter().flatten().map(at).sum()
+    }
+
+    /// Begins a reading of `samples` samples at sample `first`.
+    pub fn begin(&mut self, first: u64, samples: u64) {
+        let half = samples / 2;
+        (self.first, self.samples) = (first, samples);
+        self.halves = [HarmonicFit::new(half), HarmonicFit::new(samples - half)];
+    }
+
+    /// Takes in a sample of the reading with the phase at which it was read, cycles.
+    pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
+        let Some(k) = sample.sample.checked_sub(self.first).filter(|k| *k < self.samples) else { return };
+        let values = sample.head_force_n.map(|reading| reading.within_range());
+        let (half, phase_cycles) = (self.samples / 2, phase_cycles - libm::floor(phase_cycles));
+        match k.checked_sub(half) {
+            None => self.halves[0].add(k, phase_cycles, &values),
+            Some(k) => self.halves[1].add(k, phase_cycles, &values),
+        }
+    }
+
+    /// The reading at `frequency_hz` is over: corrects the command, and says whether every harmonic is below its bound
+    /// in both halves.
+    ///
+    /// `fundamental_n` is that of the head's force, `off` by how much it missed what the last change was made for,
+    /// relative: what the motion makes of a harmonic of order h is then off by h times that.
+    pub fn correct(&mut self, frequency_hz: f64, fundamental_n: f64, off: f64) -> bool {
+        let Some(halves) = self.read(frequency_hz) else { return false };
+        let mut is_cancelled = true;
+        for (index, harmonic) in self.harmonics.iter_mut().enumerate() {
+            let Some(harmonic) = harmonic else { continue };
+            let [first, second] = halves.map(|half| half[index]);
+            is_cancelled &= size(first).max(size(second)) < CANCELLED * fundamental_n;
+            let order = f64::from(harmonic.order);
+            let hold = self.sampling.hold(order * frequency_hz);
+            if let Some(transfer) = self.transfer.at(order * frequency_hz) {
+                harmonic.correct((first + second) * 0.5, transfer * hold, fundamental_n, order * off);
+            }
+        }
+        is_cancelled
+    }
+
+    /// The acting harmonics of both halves, without the images of the command's that the converter folds onto them.
+    fn read(&self, frequency_hz: f64) -> Option<[[Phasor; ORDERS.len()]; 2]> {
+        let [first, second] = [self.halves[0].harmonics::<3>()?, self.halves[1].harmonics::<3>()?];
+        let acting = |[x, y]: [[Phasor; 3]; 2]| {
+            core::array::from_fn(|index| {
+                let order = ORDERS[index];
+                let head = x[usize::from(order) - 1] * self.direction.x + y[usize::from(order) - 1] * self.direction.y;
+                let command = self.harmonics[index].map_or(Phasor::new(0.0, 0.0), |harmonic| harmonic.command_n);
+                let frequency_hz = f64::from(order) * frequency_hz;
+                head / self.sampling.gain(frequency_hz) - command * (self.share * self.sampling.images(frequency_hz))
+            })
+        };
+        Some([acting(first), acting(second)])
+    }
+
+    /// The fundamental is made `factor` times what it is: what the motion makes of a harmonic goes with its power.
+    pub fn follow(&mut self, factor: Phasor) {
+        for harmonic in self.harmonics.iter_mut().flatten() {
+            let power = (1..harmonic.order).fold(factor, |power, _| power * factor);
+            harmonic.command_n *= power;
+            harmonic.tried_n = harmonic.tried_n.map(|pair| pair.map(|phasor| phasor * power));
+        }
+    }
+
+    /// Another frequency: what was tried tells nothing of it.
+    pub fn leave_frequency(&mut self) {
+        self.harmonics.iter_mut().flatten().for_each(|harmonic| harmonic.tried_n = None);
+    }
+
+    /// The command goes to nothing.
+    pub fn end(&mut self) {
+        for harmonic in self.harmonics.iter_mut().flatten() {
+            (harmonic.before_n, harmonic.command_n) = (harmonic.command_n, Phasor::new(0.0, 0.0));
+        }
+    }
+}
+
+impl Harmonic {
+    /// c_h − H_h/G_h, with `derived_transfer` times the ratio for G_h.
+    fn correct(&mut self, head_n: Phasor, derived_transfer: Phasor, fundamental_n: f64, off: f64) {
+        if let Some([command_n, head_before_n]) = self.tried_n {
+            let (change, effect) = (self.command_n - command_n, head_n - head_before_n);
+            let expected = self.ratio * derived_transfer * change;
+            let of_motion = head_n - self.ratio * derived_transfer * self.command_n;
+            let telling =
+                size(expected) > CANCELLED * fundamental_n && off * size(of_motion) < STRANGE * size(expected);
+            let ratio = effect / change / derived_transfer;
+            if telling && (1.0 / LARGEST_RATIO..LARGEST_RATIO).contains(&size(ratio)) {
+                self.ratio = ratio;
+            }
+        }
+        self.tried_n = Some([self.command_n, head_n]);
+        self.before_n = self.command_n;
+        self.command_n -= head_n / (self.ratio * derived_transfer);
+    }
+}
+
+fn size(phasor: Phasor) -> f64 {
+    libm::hypot(phasor.re, phasor.im)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_files::scenario::Scenario;
+
+    fn says(section: &str) -> alloc::string::String {
+        alloc::string::ToString::to_string(&Scenario::parse(section, "test").unwrap_err())
+    }
+
+    #[test]
+    fn says_what_harmonics_can_t_be_cancelled() {
+        let with = |orders: &str| {
+            says(&alloc::format!(
+                "[control]\nlaw = 'phase-walk'\namplitude = {{ force_x_n = 1 }}\ncancel_harmonics = {orders}\n"
+            ))
+        };
+        insta::assert_snapshot!(with("[0]"), @r"
+        test: TOML parse error at line 1, column 1
+          |
+        1 | [control]
+          | ^^^^^^^^^
+        `cancel_harmonics`: harmonic 0 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+        ");
+        insta::assert_snapshot!(with("[2, 1]"), @r"
+        test: TOML parse error at line 1, column 1
+          |
+        1 | [control]
+          | ^^^^^^^^^
+        `cancel_harmonics`: harmonic 1 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+        ");
+        insta::assert_snapshot!(with("[7]"), @r"
+        test: TOML parse error at line 1, column 1
+          |
+        1 | [control]
+          | ^^^^^^^^^
+        `cancel_harmonics`: harmonic 7 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+        ");
+        insta::assert_snapshot!(with("[2, 3, 2]"), @r"
+        test: TOML parse error at line 1, column 1
+          |
+        1 | [control]
+          | ^^^^^^^^^
+        `cancel_harmonics`: harmonic 2 stands there twice: state each once
+        ");
+        let open = "[excitation]\namplitude = { force_x_n = 1 }\ncancel_harmonics = [2]\n\
+            profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 1 }\n";
+        insta::assert_snapshot!(says(open), @r"
+        test: TOML parse error at line 3, column 1
+          |
+        3 | cancel_harmonics = [2]
+          | ^^^^^^^^^^^^^^^^
+        unknown field `cancel_harmonics`, expected one of `amplitude`, `ramp_s`, `profile`
+        ");
+        let torque = "[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 1 }\ncancel_harmonics = [2]\n";
+        let scenario = Scenario::parse(torque, "test").unwrap();
+        insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces");
+    }
+
+    /// What is written down reads the same.
+    #[test]
+    fn harmonics_are_a_list_of_orders() {
+        let written = "law = \"phase-walk\"\npoints = 25\nfrom_lag_deg = 10.0\n\
+            to_lag_deg = 170.0\ncancel_harmonics = [3, 2]\n[amplitude]\nforce_x_n = 1.0\n";
+        let spec: crate::control::ControlSpec = toml::from_str(written).unwrap();
+        let crate::control::ControlSpec::PhaseWalk(walk) = &spec else { panic!("{spec:?}") };
+        assert_eq!(walk.cancel_harmonics, CancelHarmonics::ALL);
+        let again = toml::to_string(&spec).unwrap();
+        assert!(again.contains("cancel_harmonics = [2, 3]"), "{again}");
+    }
+}

@@ -1,0 +1,440 @@
+//! Force control: at every frequency of a stepped sine, the fundamental of the force in the impedance head is led to
+//! its amplitude.
+//!
+//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force: what a
+//! command c leaves in the head, H, depends on arm, shaker and frequency. Held long enough, H/c is what it is, and the
+//! command that would have given F is
+//!
+//! ```text
+//! c ← c F/H
+//! ```
+//!
+//! exactly for a linear arm. Where the arm's frequency moves with its amplitude, H grows with c to a power s = d ln H/d
+//! ln c other than 1, and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it is
+//! below, near a fold, the step stays as it is: motions with s > 0 attract, those between two folds, with s < 0, repel,
+//! so that a sweep jumps where the response at constant force folds.
+//!
+//! While the command is held nothing is fed back, so that no gain has to suit arm and shaker; what the shaker damps the
+//! vibration by is what settles it.
+//!
+//! With a notch, F is what takes an acceleration to it, where that is less.
+//!
+//! Harmonics of the force are cancelled, if that is asked for, by harmonics of the command ([`CancelHarmonics`]).
+//!
+//! A sine that is held from sample to sample has images beyond its fundamental. What of them the converter folds onto
+//! it ([`Converter::images`](crate::rig::Converter::images)) the head reads as well: the share that goes past the
+//! armature into the arm.
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use core::mem;
+
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use resonarm_dynamics::arm::{Arm, Load};
+use crate::control::cancellation::Cancellation;
+use crate::control::fourier_filter::{unit, wrapped};
+use crate::control::response::{Orders, Reading};
+use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, ResponsePoint};
+use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
+use resonarm_numeric::number::short;
+use crate::rig::{Measurement, Sampling};
+
+/// How near the force comes to the wanted one, relative.
+const TOLERANCE: f64 = 3e-3;
+/// Most tries of a point before it is reported as it is, not settled.
+const MOST_TRIES: u32 = 30;
+/// The largest factor by which a try changes the command.
+const LARGEST_FACTOR: f64 = 4.0;
+/// The largest power s that is believed, and the least change of ln c that tells it.
+const LARGEST_POWER: f64 = 10.0;
+const TELLING_CHANGE: f64 = 2e-3;
+
+/// Force control as a scenario states it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceControlSpec {
+    /// Amplitude and direction of the force in the head.
+    pub amplitude: Amplitude,
+    /// How long the command takes from one amplitude to the next, s, not negative.
+    #[serde(default)]
+    pub ramp_s: f64,
+    /// The frequencies: a dwell, a stepped sine or a list.
+    pub profile: Waveform,
+    /// Largest amplitude of the acceleration of B, m/s², positive: the force is notched where it would be more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notch_b_m_s2: Option<f64>,
+    /// The same of C. With more force than it takes, the acceleration is controlled in place of the force.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notch_c_m_s2: Option<f64>,
+    /// Harmonics of the force that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
+    pub cancel_harmonics: CancelHarmonics,
+}
+
+impl ForceControlSpec {
+    /// Force control of an excitation, without notches, harmonics as they come.
+    pub fn new(excitation: &ExcitationSpec) -> ForceControlSpec {
+        let ExcitationSpec { amplitude, ramp_s, profile } = excitation.clone();
+        let cancel_harmonics = CancelHarmonics::NONE;
+        ForceControlSpec { amplitude, ramp_s, profile, notch_b_m_s2: None, notch_c_m_s2: None, cancel_harmonics }
+    }
+
+    fn excitation(&self) -> ExcitationSpec {
+        let ForceControlSpec { amplitude, ramp_s, profile, .. } = self.clone();
+        ExcitationSpec { amplitude, ramp_s, profile }
+    }
+}
+
+/// Why no force can be controlled so.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ForceControlError {
+    /// The profile can't be played.
+    #[error(transparent)]
+    Excitation(#[from] ExcitationError),
+    /// A notch is impossible.
+    #[error("control: `{name}` is {got}: it must be a positive number", got = short(.got))]
+    Notch {
+        /// The notch, as it is called in a scenario.
+        name: &'static str,
+        /// What was given, m/s².
+        got: f64,
+    },
+    /// Torques have no head that reads them.
+    #[error(
+        "control: force control is closed on the impedance head, which reads no torque: give `force_x_n` or `force_y_n`"
+    )]
+    Torque,
+    /// The profile is no dwell.
+    #[error(
+        "control: force control leads the force to its amplitude at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`"
+    )]
+    NotADwell,
+    /// Too few samples a period.
+    #[error("control: {rate_hz} samples a second are too few for force control at {frequency_hz:.2} Hz: at least {:.0} are needed", Orders::SAMPLES_A_PERIOD * frequency_hz)]
+    Rate {
+        /// What there is, Hz.
+        rate_hz: f64,
+        /// The highest frequency, Hz.
+        frequency_hz: f64,
+    },
+}
+
+/// What the controller is at, from the sample `since` on.
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    /// Going over from one command to the next.
+    Ramp { from: Phasor, since: u64 },
+    /// Waiting for what the change started to die out.
+    Settle { since: u64 },
+    /// Reading the response.
+    Read { until: u64 },
+    /// Going down to nothing at the end.
+    Leave { from: Phasor, since: u64 },
+}
+
+/// Plays a dwell or a stepped sine, and leads the fundamental of the force in the impedance head to its amplitude at
+/// every frequency.
+#[derive(Clone, Debug)]
+pub struct ForceControl {
+    frequencies_hz: Vec<f64>,
+    sampling: Sampling,
+    limit_n: f64,
+    /// Share of the coil's force that goes into the arm far above the natural frequencies.
+    share: f64,
+    amplitude_n: f64,
+    /// Largest amplitudes of the accelerations of B and C, m/s².
+    notches_m_s2: [Option<f64>; 2],
+    direction: Vector2<f64>,
+    /// Lengths of a ramp, of settling and of a reading at least, s.
+    ramp_s: f64,
+    settle_s: f64,
+    read_s: f64,
+    stage: Stage,
+    /// The response that is read.
+    reading: Option<Reading>,
+    /// Index of the frequency, and how often it was tried.
+    point: usize,
+    tries: u32,
+    /// The command's amplitude against the phase: Im(c e^{iφ}), N.
+    command_n: Phasor,
+    /// Harmonics of the command.
+    cancellation: Option<Cancellation>,
+    /// (ln c, ln H) of the last try at this frequency, and s.
+    tried: Option<[f64; 2]>,
+    power: f64,
+    last_sample: Option<u64>,
+    /// Phase in the middle of the last hold.
+    phase_rad: f64,
+    response: Option<ResponsePoint>,
+}
+
+impl ForceControl {
+    /// A controller that plays the frequencies of `spec` on `arm`, as the controller knows it, with a shaker's armature
+    /// if there is one, with readings of this `sampling` and an exciter that has `limit_n`.
+    ///
+    /// # Errors
+    /// [`ForceControlError`] says what is impossible.
+    pub fn new(
+        spec: &ForceControlSpec,
+        arm: &Arm,
+        sampling: Sampling,
+        limit_n: f64,
+    ) -> Result<ForceControl, ForceControlError> {
+        let rate_hz = sampling.rate_hz;
+        let notches = [("notch_b_m_s2", spec.notch_b_m_s2), ("notch_c_m_s2", spec.notch_c_m_s2)];
+        for (name, got) in notches.into_iter().filter_map(|(name, notch)| Some((name, notch?))) {
+            if !(got.is_finite() && got > 0.0) {
+                return Err(ForceControlError::Notch { name, got });
+            }
+        }
+        if spec.amplitude.is_torque() {
+            return Err(ForceControlError::Torque);
+        }
+        let profile = Profile::new(&spec.excitation(), rate_hz)?;
+        let (Some(dwell_s), Some(settle_s)) = (spec.profile.dwell_s(), spec.profile.settle_s()) else {
+            return Err(ForceControlError::NotADwell);
+        };
+        let frequencies_hz: Vec<f64> = profile.windows().map(|window| window.frequency_hz).collect();
+        let frequency_hz = frequencies_hz.iter().fold(0.0_f64, |most, frequency| most.max(*frequency));
+        if rate_hz < Orders::SAMPLES_A_PERIOD * frequency_hz {
+            return Err(ForceControlError::Rate { rate_hz, frequency_hz });
+        }
+        let force_n = spec.amplitude.load().force_n;
+        let amplitude_n = force_n.norm();
+        let direction = force_n / amplitude_n;
+        Ok(ForceControl {
+            frequencies_hz,
+            sampling,
+            limit_n,
+            share: arm.high_frequency_force_share(),
+            amplitude_n,
+            notches_m_s2: [spec.notch_b_m_s2, spec.notch_c_m_s2],
+            direction,
+            ramp_s: spec.ramp_s,
+            settle_s,
+            read_s: dwell_s - settle_s,
+            stage: Stage::Ramp { from: Phasor::new(0.0, 0.0), since: 0 },
+            reading: None,
+            point: 0,
+            tries: 0,
+            command_n: Phasor::new(amplitude_n, 0.0),
+            cancellation: Cancellation::new(spec.cancel_harmonics, arm, direction, sampling),
+            tried: None,
+            power: 1.0,
+            last_sample: None,
+            phase_rad: 0.0,
+            response: None,
+        })
+    }
+
+    /// The frequency that is played, Hz: at the end the last.
+    fn frequency_hz(&self) -> f64 {
+        let last = self.frequencies_hz.len().saturating_sub(1);
+        self.frequencies_hz.get(self.point.min(last)).copied().unwrap_or(0.0)
+    }
+
+    fn samples(&self, seconds: f64) -> u64 {
+        libm::ceil(seconds * self.sampling.rate_hz) as u64
+    }
+
+    /// How far a ramp from `since` has come, smoothly from 0 to 1.
+    fn ramped(&self, n: u64, since: u64) -> f64 {
+        let x = ((n - since) as f64 / self.samples(self.ramp_s).max(1) as f64).min(1.0);
+        x * x * (3.0 - 2.0 * x)
+    }
+
+    /// What to command beside the fundamental from sample `n` on, N.
+    fn harmonics_n(&self, n: u64) -> f64 {
+        let share = match self.stage {
+            Stage::Ramp { since, .. } | Stage::Leave { since, .. } => self.ramped(n, since),
+            Stage::Settle { .. } | Stage::Read { .. } => 1.0,
+        };
+        self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
+    }
+
+    /// The amplitude to hold from sample `n` on.
+    fn amplitude(&self, n: u64) -> Phasor {
+        match self.stage {
+            Stage::Ramp { from, since } => from + (self.command_n - from) * self.ramped(n, since),
+            Stage::Settle { .. } | Stage::Read { .. } => self.command_n,
+            Stage::Leave { from, since } => from * (1.0 - self.ramped(n, since)),
+        }
+    }
+
+    /// Goes from one stage to the next when it is time; whether the work is done.
+    fn proceed(&mut self, n: u64) -> bool {
+        let ramp = self.samples(self.ramp_s);
+        match self.stage {
+            Stage::Ramp { since, .. } if n >= since + ramp => self.stage = Stage::Settle { since: n },
+            Stage::Settle { since } if n >= since + self.samples(self.settle_s) => {
+                let frequency_hz = self.frequency_hz();
+                let periods = libm::ceil(self.read_s * frequency_hz);
+                let until = n + 1 + self.samples(periods / frequency_hz);
+                let window = Window { frequency_hz, first: n + 1, end: until };
+                self.reading = Some(Reading::new((window, self.amplitude_n), Orders::Three, self.sampling));
+                self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, until - n - 1));
+                self.stage = Stage::Read { until };
+            }
+            Stage::Read { until } if n + 1 >= until => {
+                let read = self.reading.take().and_then(|reading| reading.finish());
+                self.judge(n, read);
+            }
+            Stage::Leave { since, .. } => return n >= since + ramp,
+            _ => {}
+        }
+        false
+    }
+
+    /// A response was read: reports it and goes to the next frequency, or tries again.
+    fn judge(&mut self, n: u64, read: Option<ResponsePoint>) {
+        self.tries += 1;
+        let Some(mut point) = read else { return self.next(n) };
+        let [x, y] = point.head_force_n;
+        let images = self.share * self.sampling.images(point.frequency_hz);
+        let head_n = x * self.direction.x + y * self.direction.y - self.command_n * images;
+        point.load = libm::hypot(head_n.re, head_n.im);
+        point.tries = self.tries;
+        let wanted_n = self.wanted_n(&point);
+        let off = (point.load / wanted_n - 1.0).abs();
+        let from = self.command_n;
+        self.learn(libm::log(libm::hypot(from.re, from.im)), libm::log(point.load));
+        let factor = missing(head_n, wanted_n);
+        self.command_n = corrected(from, factor, self.power);
+        let reached = self.cancel(&point, factor, off) && off < TOLERANCE;
+        if (reached && point.settled) || self.tries == MOST_TRIES {
+            self.response = Some(ResponsePoint { settled: reached && point.settled, ..point });
+            self.next(n);
+        } else {
+            self.stage = Stage::Ramp { from, since: n };
+        }
+    }
+
+    /// Corrects the harmonics of the command; whether those of the force are cancelled, as far as that is asked for.
+    fn cancel(&mut self, point: &ResponsePoint, factor: Phasor, off: f64) -> bool {
+        let Some(cancellation) = &mut self.cancellation else { return true };
+        let is_cancelled = cancellation.correct(point.frequency_hz, point.load, off);
+        cancellation.follow(factor);
+        is_cancelled
+    }
+
+    /// What a try says of the power s.
+    fn learn(&mut self, command: f64, head: f64) {
+        if let Some([command_before, head_before]) = self.tried {
+            let change = command - command_before;
+            if change.abs() > TELLING_CHANGE {
+                self.power = ((head - head_before) / change).clamp(1.0, LARGEST_POWER);
+            }
+        }
+        self.tried = Some([command, head]);
+    }
+
+    /// The force that is wanted at the frequency of a response: F, or what takes an acceleration to its notch if that
+    /// is less.
+    fn wanted_n(&self, point: &ResponsePoint) -> f64 {
+        let accelerations = [&point.acceleration_b_m_s2, &point.acceleration_c_m_s2];
+        let notched = self.notches_m_s2.iter().zip(accelerations).filter_map(|(notch, [x, y])| {
+            let size = libm::sqrt(x.norm_sqr() + y.norm_sqr());
+            notch.filter(|_| size > 0.0).map(|notch| point.load * notch / size)
+        });
+        notched.fold(self.amplitude_n, f64::min)
+    }
+
+    /// On to the next frequency with the command of this one, or to the end.
+    fn next(&mut self, n: u64) {
+        (self.point, self.tries, self.tried) = (self.point + 1, 0, None);
+        let from = self.command_n;
+        let more = self.point < self.frequencies_hz.len();
+        if let Some(cancellation) = &mut self.cancellation {
+            cancellation.leave_frequency();
+            if !more {
+                cancellation.end();
+            }
+        }
+        self.stage = if more { Stage::Ramp { from, since: n } } else { Stage::Leave { from, since: n } };
+    }
+
+    fn abort(&self, sample: &Measurement, force_n: f64) -> Option<Abort> {
+        let frequency_hz = self.frequency_hz();
+        if sample.head_force_n.iter().any(|reading| reading.clipped) {
+            return Some(Abort::HeadClipped { frequency_hz });
+        }
+        let (got, limit) = (force_n.abs(), self.limit_n);
+        (got > limit).then_some(Abort::Load { got, limit, unit: "N", frequency_hz })
+    }
+}
+
+/// F/H, with the turn that brings the head's force into phase; in size no more than a factor.
+fn missing(head_n: Phasor, wanted_n: f64) -> Phasor {
+    let size = libm::hypot(head_n.re, head_n.im).max(wanted_n / LARGEST_FACTOR).min(wanted_n * LARGEST_FACTOR);
+    unit(-libm::atan2(head_n.im, head_n.re)) * (wanted_n / size)
+}
+
+/// c |F/H|^(1/s), turned as F/H is.
+fn corrected(command_n: Phasor, missing: Phasor, power: f64) -> Phasor {
+    command_n * missing * libm::pow(libm::hypot(missing.re, missing.im), 1.0 / power - 1.0)
+}
+
+impl Controller for ForceControl {
+    fn load_kind(&self) -> LoadKind {
+        LoadKind::Force
+    }
+
+    fn restart(&mut self) {
+        let start = Stage::Ramp { from: Phasor::new(0.0, 0.0), since: 0 };
+        self.cancellation.iter_mut().for_each(Cancellation::forget);
+        *self = ForceControl {
+            cancellation: self.cancellation.take(),
+            frequencies_hz: mem::take(&mut self.frequencies_hz),
+            stage: start,
+            reading: None,
+            point: 0,
+            tries: 0,
+            command_n: Phasor::new(self.amplitude_n, 0.0),
+            tried: None,
+            power: 1.0,
+            last_sample: None,
+            phase_rad: 0.0,
+            response: None,
+            ..*self
+        };
+    }
+
+    fn answer(&mut self, sample: &Measurement) -> Answer {
+        let n = sample.sample;
+        let step_rad = TAU * self.frequency_hz() / self.sampling.rate_hz;
+        // The load of the sample before was held on while samples were lost.
+        let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
+        self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);
+        self.last_sample = Some(n);
+        let late = self.sampling.converter.holds_late() as f64;
+        let cycles = (self.phase_rad - late * step_rad) / TAU;
+        if let Some(reading) = &mut self.reading {
+            reading.add(sample, cycles - libm::floor(cycles));
+            self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, cycles));
+        }
+        if self.proceed(n) {
+            return Answer::Finished;
+        }
+        self.phase_rad = wrapped(self.phase_rad + TAU * self.frequency_hz() / self.sampling.rate_hz);
+        let command_n = (self.amplitude(n) * unit(self.phase_rad)).im + self.harmonics_n(n);
+        match self.abort(sample, command_n) {
+            Some(abort) => Answer::Aborted(abort),
+            None => Answer::Hold(Load { force_n: self.direction * command_n, ..Load::default() }),
+        }
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        self.response.take()
+    }
+
+    fn length(&self) -> Length {
+        Length::Responses(self.frequencies_hz.len() as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,269 @@
+//! Limits at which a run ends in order: the plant is disarmed, whatever the controller is at.
+
+use alloc::boxed::Box;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
+use resonarm_dynamics::arm::Load;
+use crate::rig::Measurement;
+
+const CHANNELS: usize = Measurement::CHANNELS;
+
+/// Limits as a scenario states them; what isn't stated isn't watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LimitsSpec {
+    /// Largest force along an axis, as the controller commands it and as the impedance head reads it, N, positive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_n: Option<f64>,
+    /// Largest torque at a joint, as the controller commands it, N·m, positive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque_nm: Option<f64>,
+    /// Largest acceleration along an axis that an accelerometer reads, m/s², positive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration_m_s2: Option<f64>,
+    /// Largest share of harmonics 2 and 3 in the force of a response, against the fundamental, positive; watched with a
+    /// control law.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<f64>,
+    /// How many samples in a row an axis may not be clipped, at least 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clipped_samples: Option<u32>,
+    /// How many samples under load an axis may not say exactly the same, at least 2: then it is stuck or has dropped
+    /// out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stuck_samples: Option<u32>,
+    /// Commanded force, N, above which a sample counts as under load; `None` is 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stuck_above_n: Option<f64>,
+    /// Commanded torque, N·m, above which a sample counts as under load; `None` is 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stuck_above_nm: Option<f64>,
+}
+
+/// What an axis is called: who reads, along which axis, in which unit, and the key of its range.
+const AXES: [[&str; 4]; CHANNELS] = [
+    ["the impedance head", "x", "N", "rig.impedance_head.range_n"],
+    ["the impedance head", "y", "N", "rig.impedance_head.range_n"],
+    ["the accelerometer at B", "x", "m/s\u{b2}", "rig.accelerometer_b.range_m_s2"],
+    ["the accelerometer at B", "y", "m/s\u{b2}", "rig.accelerometer_b.range_m_s2"],
+    ["the accelerometer at C", "x", "m/s\u{b2}", "rig.accelerometer_c.range_m_s2"],
+    ["the accelerometer at C", "y", "m/s\u{b2}", "rig.accelerometer_c.range_m_s2"],
+];
+
+/// What an axis has said of late.
+#[derive(Clone, Copy, Debug, Default)]
+struct Watched {
+    /// The reading before, and how many samples under load have said the same.
+    last: Option<f64>,
+    same: u32,
+    /// Samples in a row that were clipped.
+    clipped: u32,
+}
+
+/// A controller with limits: beyond one it gives up in place of the controller inside.
+///
+/// Readings are judged before the controller inside is told of them, commands before they are given, and the distortion
+/// of a response when it is read.
+#[derive(Debug)]
+pub struct Limited {
+    inner: Box<dyn Controller>,
+    spec: LimitsSpec,
+    rate_hz: f64,
+    axes: [Watched; CHANNELS],
+    held: Load,
+    /// Time of the sample answered last, s.
+    time_s: f64,
+    response: Option<ResponsePoint>,
+    abort: Option<Abort>,
+}
+
+impl Limited {
+    /// `inner` with the limits of `spec`, at `rate_hz` samples a second.
+    pub fn new(inner: Box<dyn Controller>, spec: LimitsSpec, rate_hz: f64) -> Limited {
+        let (axes, held) = ([Watched::default(); CHANNELS], Load::default());
+        Limited { inner, spec, rate_hz, axes, held, time_s: 0.0, response: None, abort: None }
+    }
+
+    /// Whether the load that acts is large enough for every axis to move.
+    fn is_loaded(&self) -> bool {
+        self.held.force_n.amax() > self.spec.stuck_above_n.unwrap_or(0.0)
+            || self.held.torque_nm.amax() > self.spec.stuck_above_nm.unwrap_or(0.0)
+    }
+
+    /// The first axis of a sample that is beyond a limit.
+    fn judge_readings(&mut self, sample: &Measurement) -> Option<Abort> {
+        let (is_loaded, time_s) = (self.is_loaded(), self.time_s);
+        let LimitsSpec { force_n, acceleration_m_s2, clipped_samples, stuck_samples, .. } = self.spec;
+        for (index, reading) in sample.readings().iter().enumerate() {
+            let ([who, axis, unit, range_key], watched) = (AXES[index], &mut self.axes[index]);
+            let is_new = reading.clipped || watched.last != Some(reading.value);
+            watched.last = Some(reading.value);
+            watched.same = if is_new { 0 } else { watched.same } + u32::from(is_loaded && !reading.clipped);
+            watched.clipped = if reading.clipped { watched.clipped + 1 } else { 0 };
+            let (key, limit) = if index < 2 { ("force_n", force_n) } else { ("acceleration_m_s2", acceleration_m_s2) };
+            if let Some(limit) = limit.filter(|limit| reading.value.abs() > *limit) {
+                return Some(Abort::Reading { key, who, got: reading.value, limit, unit, axis, time_s });
+            }
+            if let Some(samples) = clipped_samples.filter(|limit| watched.clipped >= *limit) {
+                return Some(Abort::StaysClipped { who, axis, samples, range_key, time_s });
+            }
+            if let Some(samples) = stuck_samples.filter(|limit| watched.same >= *limit) {
+                return Some(Abort::Stuck { who, value: reading.value, unit, axis, samples, time_s });
+            }
+        }
+        None
+    }
+
+    /// What is wrong with a load that is to be held.
+    fn judge_command(&self, load: &Load) -> Option<Abort> {
+        let time_s = self.time_s;
+        let beyond = |key, got: f64, limit: Option<f64>, unit| {
+            let limit = limit.filter(|limit| got > *limit)?;
+            Some(Abort::Command { key, got, limit, unit, time_s })
+        };
+        beyond("force_n", load.force_n.amax(), self.spec.force_n, "N")
+            .or_else(|| beyond("torque_nm", load.torque_nm.amax(), self.spec.torque_nm, "N\u{b7}m"))
+    }
+
+    /// Takes the next response from the controller inside, if there is room, and judges it.
+    fn fetch_response(&mut self) {
+        if self.response.is_none() {
+            self.response = self.inner.poll_response();
+            let abort = self.response.as_ref().and_then(|response| self.judge_response(response));
+            self.abort = self.abort.or(abort);
+        }
+    }
+
+    fn judge_response(&self, response: &ResponsePoint) -> Option<Abort> {
+        let (limit, got) = self.spec.distortion.zip(response.distortion())?;
+        let (frequency_hz, time_s) = (response.frequency_hz, self.time_s);
+        (got > limit).then_some(Abort::Distorted { got, limit, frequency_hz, time_s })
+    }
+}
+
+impl Controller for Limited {
+    fn load_kind(&self) -> LoadKind {
+        self.inner.load_kind()
+    }
+
+    fn restart(&mut self) {
+        self.inner.restart();
+        self.axes = [Watched::default(); CHANNELS];
+        (self.held, self.response, self.abort) = (Load::default(), None, None);
+    }
+
+    fn answer(&mut self, sample: &Measurement) -> Answer {
+        self.time_s = sample.sample as f64 / self.rate_hz;
+        self.abort = self.abort.or_else(|| self.judge_readings(sample));
+        if let Some(abort) = self.abort {
+            return Answer::Aborted(abort);
+        }
+        let answer = self.inner.answer(sample);
+        self.fetch_response();
+        if let Answer::Hold(load) = answer {
+            self.abort = self.abort.or_else(|| self.judge_command(&load));
+            self.held = load;
+        }
+        self.abort.map_or(answer, Answer::Aborted)
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        let response = self.response.take();
+        self.fetch_response();
+        response
+    }
+
+    fn steer(&mut self, set_point: &SetPoint) -> bool {
+        self.inner.steer(set_point)
+    }
+
+    fn set_point(&self) -> Option<SetPoint> {
+        self.inner.set_point()
+    }
+
+    fn length(&self) -> Length {
+        self.inner.length()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::Reading;
+
+    /// Holds the same force for ever.
+    #[derive(Debug)]
+    struct Constant(f64);
+
+    impl Controller for Constant {
+        fn load_kind(&self) -> LoadKind {
+            LoadKind::Force
+        }
+
+        fn restart(&mut self) {}
+
+        fn answer(&mut self, _sample: &Measurement) -> Answer {
+            Answer::Hold(Load::force_n(self.0, 0.0))
+        }
+
+        fn poll_response(&mut self) -> Option<ResponsePoint> {
+            None
+        }
+
+        fn length(&self) -> Length {
+            Length::Unknown
+        }
+    }
+
+    /// What moves but for x of C.
+    fn sample(n: u64, c_x: Reading) -> Measurement {
+        let moving = |offset: f64| Reading { value: offset + n as f64, clipped: false };
+        let pair = |offset: f64| [moving(offset), moving(offset + 0.5)];
+        let acceleration_c_m_s2 = [c_x, moving(0.0)];
+        Measurement { sample: n, head_force_n: pair(1.0), acceleration_b_m_s2: pair(2.0), acceleration_c_m_s2 }
+    }
+
+    /// The first sample, of 100 with these readings of x of C, at which it gives up.
+    fn gives_up(limited: &mut Limited, c_x: Reading) -> Option<u64> {
+        (0..100).find(|n| matches!(limited.answer(&sample(*n, c_x)), Answer::Aborted(_)))
+    }
+
+    fn limited(spec: LimitsSpec, force_n: f64) -> Limited {
+        Limited::new(Box::new(Constant(force_n)), spec, 1000.0)
+    }
+
+    const STILL: Reading = Reading { value: 7.0, clipped: false };
+
+    #[test]
+    fn an_axis_is_stuck_by_what_it_repeats_under_load() {
+        let spec = LimitsSpec { stuck_samples: Some(10), stuck_above_n: Some(5.0), ..LimitsSpec::default() };
+        assert_eq!(gives_up(&mut limited(spec, 6.0), STILL), Some(10));
+        assert_eq!(gives_up(&mut limited(spec, -6.0), STILL), Some(10));
+        assert_eq!(gives_up(&mut limited(spec, 5.0), STILL), None);
+        assert_eq!(gives_up(&mut limited(spec, 6.0), Reading { clipped: true, ..STILL }), None);
+        assert_eq!(gives_up(&mut limited(LimitsSpec::default(), 6.0), STILL), None);
+    }
+
+    /// Given up it stays, until it begins anew and knows nothing of before.
+    #[test]
+    fn a_restart_forgets() {
+        let spec = LimitsSpec { stuck_samples: Some(10), clipped_samples: Some(3), ..LimitsSpec::default() };
+        let mut limited = limited(spec, 6.0);
+        assert_eq!(gives_up(&mut limited, STILL), Some(10));
+        assert_eq!(gives_up(&mut limited, STILL), Some(0));
+        limited.restart();
+        assert_eq!(gives_up(&mut limited, STILL), Some(10));
+        limited.restart();
+        assert_eq!(gives_up(&mut limited, Reading { clipped: true, ..STILL }), Some(2));
+    }
+
+    #[test]
+    fn a_command_beyond_the_limit_is_not_given() {
+        let spec = LimitsSpec { force_n: Some(200.0), ..LimitsSpec::default() };
+        let first = |force_n| limited(spec, force_n).answer(&sample(0, STILL));
+        assert_eq!(first(-200.0), Answer::Hold(Load::force_n(-200.0, 0.0)));
+        assert!(matches!(first(-200.1), Answer::Aborted(Abort::Command { key: "force_n", got: 200.1, .. })));
+    }
+}

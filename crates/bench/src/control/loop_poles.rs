@@ -1,0 +1,221 @@
+//! Poles of the control loop: filter, feedback and delay around both modes.
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::SMatrix;
+
+use super::ModeModel;
+use super::fourier_filter::unit;
+use crate::excitation::Phasor;
+use crate::rig::Sampling;
+use crate::rig::converter::MOST_ORDER;
+
+/// The loop of an envelope feedback at one frequency of the drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Loop {
+    /// The mode and its neighbour.
+    pub model: ModeModel,
+    /// How the accelerometers are sampled.
+    pub sampling: Sampling,
+    /// µ of the filter, a sample.
+    pub adaptation: f64,
+    /// g, 1/s.
+    pub gain_1_s: f64,
+    /// Angular frequency of the drive, rad/s.
+    pub omega_rad_s: f64,
+    /// How many samples late a command acts, beyond the one that it takes anyway.
+    pub delay: usize,
+}
+
+/// States of the arm: angle's share and rate of both modes.
+const ARM: usize = 4;
+/// States of the filter: the constant, three orders, the other mode's tone.
+const FILTER: usize = 9;
+/// States of the loop with the largest delay and the longest filter of a converter.
+const STATES: usize = 36;
+/// The largest delay that can be computed, samples.
+pub const MOST_DELAY: usize = STATES - ARM - (MOST_ORDER - 1) - FILTER - 1;
+/// Nodes and weights of Gauss–Legendre quadrature of order 5 over a hold, from 0 to 1.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668_01, 0.118_463_442_528_094_54),
+    (0.230_765_344_947_158_44, 0.239_314_335_249_683_24),
+    (0.5, 0.284_444_444_444_444_44),
+    (0.769_234_655_052_841_6, 0.239_314_335_249_683_24),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_54),
+];
+
+/// A mode held under a constant load for a time t: s(t) and ṡ(t) from s(0), ṡ(0) and u.
+struct Oscillator {
+    omega: f64,
+    zeta: f64,
+    mass: f64,
+}
+
+impl Oscillator {
+    /// s − s∞ with s∞ = u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²).
+    fn advance(&self, [s, rate]: [f64; 2], u: f64, t_s: f64) -> [f64; 2] {
+        let rest = u / (self.mass * self.omega * self.omega);
+        let sigma = self.zeta * self.omega;
+        let damped = self.omega * libm::sqrt(1.0 - self.zeta * self.zeta);
+        let (sine, cosine) = libm::sincos(damped * t_s);
+        let decay = libm::exp(-sigma * t_s);
+        let x = s - rest;
+        let b = (rate + sigma * x) / damped;
+        let y = decay * (x * cosine + b * sine);
+        let dy = decay * ((b * damped - sigma * x) * cosine - (x * damped + sigma * b) * sine);
+        [rest + y, dy]
+    }
+
+    fn acceleration(&self, [s, rate]: [f64; 2], u: f64) -> f64 {
+        u / self.mass - 2.0 * self.zeta * self.omega * rate - self.omega * self.omega * s
+    }
+}
+
+impl Loop {
+    /// Partial sums of the converter's filter.
+    fn sums(&self) -> usize {
+        self.sampling.converter.order().saturating_sub(1)
+    }
+
+    /// Number of states.
+    fn size(&self) -> usize {
+        ARM + self.sums() + FILTER + 1 + self.delay
+    }
+
+    /// One sample of the linear loop: the arm under the load held, the reading of its acceleration, filter, command.
+    ///
+    /// The filter's coefficients are taken as z = c e^{ihθ}, which turn by a constant angle a sample, so the loop does
+    /// not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/(ω² G), G the converter's gain, and θ⁺ = θ
+    /// + (1 + l) ωT, l the holds that a reading is late, is Re(2i m g/(ωG) e^{i(1+l)ωT} z_1).
+    fn step(&self, x: &[f64]) -> Vec<f64> {
+        let period_s = 1.0 / self.sampling.rate_hz;
+        let model = &self.model;
+        let (arm, rest) = x.split_at(ARM);
+        let (sums, rest) = rest.split_at(self.sums());
+        let (filter, commands) = rest.split_at(FILTER);
+        let mut next = Vec::with_capacity(x.len());
+        // The load that acts is the oldest on its way.
+        let contributions = self.hold(arm, commands[0], &mut next);
+        let y = contributions[0] + sums.first().unwrap_or(&0.0);
+        next.extend((0..sums.len()).map(|late| contributions[late + 1] + sums.get(late + 1).unwrap_or(&0.0)));
+        let error = y - filter[0] - filter[1] - filter[3] - filter[5] - filter[7];
+        let gain = 2.0 * self.adaptation * error;
+        next.push(filter[0] + gain);
+        let omega = self.omega_rad_s;
+        let ahead_rad = (1.0 + self.sampling.converter.holds_late() as f64) * omega * period_s;
+        let droop = self.sampling.gain(omega / TAU);
+        let steps = [omega, 2.0 * omega, 3.0 * omega, model.other_angular_frequency_rad_s];
+        let mut command = 0.0;
+        for (index, step) in steps.iter().enumerate() {
+            let z = Phasor::new(filter[1 + 2 * index] + gain, filter[2 + 2 * index]);
+            if index == 0 {
+                let feedback = Phasor::new(0.0, 2.0 * model.modal_mass * self.gain_1_s / (omega * droop));
+                command = (feedback * unit(ahead_rad) * z).re;
+            }
+            let turned = z * unit(step * period_s);
+            next.extend([turned.re, turned.im]);
+        }
+        next.extend(&commands[1..]);
+        next.push(command);
+        next
+    }
+
+    /// The arm over a hold of the load `u`, its states pushed to `next`; what of its acceleration the readings after
+    /// this hold and the next take in.
+    fn hold(&self, arm: &[f64], u: f64, next: &mut Vec<f64>) -> [f64; MOST_ORDER] {
+        let (period_s, converter) = (1.0 / self.sampling.rate_hz, self.sampling.converter);
+        let model = &self.model;
+        let modes = [
+            Oscillator { omega: model.angular_frequency_rad_s, zeta: model.damping_ratio, mass: model.modal_mass },
+            Oscillator {
+                omega: model.other_angular_frequency_rad_s,
+                zeta: model.other_damping_ratio,
+                mass: model.other_modal_mass,
+            },
+        ];
+        let mut read = [0.0; MOST_ORDER];
+        for (mode, state) in modes.iter().zip(arm.chunks_exact(2)) {
+            let start = [state[0], state[1]];
+            let at = |x: f64| mode.acceleration(mode.advance(start, u, x * period_s), u);
+            next.extend(mode.advance(start, u, period_s));
+            if converter.order() == 0 {
+                read[0] += at(0.5);
+            }
+            for (x, weight) in GAUSS {
+                let acceleration = weight * at(x);
+                for (piece, sum) in read.iter_mut().enumerate().take(converter.order()) {
+                    *sum += acceleration * converter.piece(piece, x)[0];
+                }
+            }
+        }
+        read
+    }
+
+    /// The matrix of a sample: its columns are what becomes of the unit states. States beyond those that the delay
+    /// takes stay zero.
+    fn matrix(&self) -> SMatrix<f64, STATES, STATES> {
+        let size = self.size();
+        let mut matrix = SMatrix::zeros();
+        for column in 0..size {
+            let mut state = alloc::vec![0.0; size];
+            state[column] = 1.0;
+            for (row, value) in self.step(&state).into_iter().enumerate() {
+                matrix[(row, column)] = value;
+            }
+        }
+        matrix
+    }
+}
+
+/// How fast the slowest motion of the loop dies out, 1/s: −ln|λ|/T of the largest eigenvalue; negative if it grows.
+pub fn slowest_decay_1_s(control: &Loop) -> f64 {
+    let largest = control.matrix().complex_eigenvalues().iter().map(|e| libm::hypot(e.re, e.im)).fold(0.0, f64::max);
+    -libm::log(largest) * control.sampling.rate_hz
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
+    use crate::control::ModeNumber;
+    use crate::rig::Converter;
+
+    fn control(mode: ModeNumber, converter: Converter, gain_1_s: f64, delay: usize) -> Loop {
+        let pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };
+        let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
+        let model = ModeModel::new(&arm, &Load::force_n(1.0, 0.0), mode);
+        let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.angular_frequency_rad_s);
+        Loop { model, sampling, adaptation: 5.0 * gain_1_s / 1000.0, gain_1_s, omega_rad_s, delay }
+    }
+
+    /// The decay of the slowest eigenvalue is that of the loop itself, sample by sample.
+    #[test]
+    fn the_slowest_pole_is_what_remains() {
+        for (mode, converter, gain_1_s, delay) in [
+            (ModeNumber::First, Converter::Instant, 10.0, 0),
+            (ModeNumber::Second, Converter::Instant, 22.0, 0),
+            (ModeNumber::First, Converter::Sinc5, 10.0, 3),
+        ] {
+            let control = control(mode, converter, gain_1_s, delay);
+            let size = control.size();
+            let mut state: Vec<f64> = (0..size).map(|k| if k < ARM { 1.0 } else { 0.0 }).collect();
+            let norm = |state: &[f64]| libm::sqrt(state.iter().map(|x| x * x).sum::<f64>());
+            let (first, last) = (20_000, 80_000);
+            let mut early = 0.0;
+            for k in 0..last {
+                if k == first {
+                    early = norm(&state);
+                }
+                state = control.step(&state);
+                // Far from the largest and the smallest number.
+                let scale = if norm(&state) > 1e100 || norm(&state) < 1e-100 { 1.0 / norm(&state) } else { 1.0 };
+                early *= scale;
+                state.iter_mut().for_each(|x| *x *= scale);
+            }
+            let seen = -libm::log(norm(&state) / early) / f64::from(last - first) * control.sampling.rate_hz;
+            let computed = slowest_decay_1_s(&control);
+            assert!((seen - computed).abs() < 0.02 * computed.abs().max(1.0), "{mode:?}: {seen} {computed}");
+        }
+    }
+}

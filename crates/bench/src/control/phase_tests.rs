@@ -1,0 +1,109 @@
+//! Phases of responses that controllers read, against the load as it acts: on the arm at small amplitude, against
+//! linear theory.
+
+use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
+use resonarm_analysis::FrequencyResponse;
+use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
+use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
+use resonarm_dynamics::integrate::Scheme;
+use crate::plant::{Plant, PlantSpec};
+use crate::rig::{AccelerometerSpec, Converter, ForceSensorSpec, RigSpec, Sampling};
+use nalgebra::Vector2;
+
+const FORCE_N: f64 = 0.01;
+const RATE_HZ: f64 = 1000.0;
+
+fn plant(converter: Converter) -> Plant {
+    let accelerometer =
+        AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
+    let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };
+    let (accelerometer_b, accelerometer_c) = (accelerometer, accelerometer);
+    let rig = RigSpec { converter, accelerometer_b, accelerometer_c, impedance_head: head, ..RigSpec::default() };
+    // A hundred times the damping, so that the arm settles within seconds.
+    let preset = Preset::default().parameters().unwrap();
+    let [damping1_nm_s_rad, damping2_nm_s_rad] =
+        [preset.damping1_nm_s_rad, preset.damping2_nm_s_rad].map(|damping| 100.0 * damping);
+    Plant::new(&PlantSpec {
+        parameters: Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..preset },
+        pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
+        initial: State::default(),
+        scheme: Scheme::default(),
+        sample_rate_hz: RATE_HZ,
+        steps_per_sample: 4,
+        rig,
+        seed: 1,
+    })
+    .unwrap()
+}
+
+/// The first response from sample `from` on that a controller reads; `before` is called before each of its answers.
+fn read<C: Controller>(
+    controller: &mut C,
+    converter: Converter,
+    from: u64,
+    mut before: impl FnMut(&mut C, u64),
+) -> ResponsePoint {
+    let mut plant = plant(converter);
+    loop {
+        before(controller, plant.sample());
+        let answer = controller.answer(&plant.measure());
+        if let Some(response) = controller.poll_response().filter(|_| plant.sample() >= from) {
+            return response;
+        }
+        let Answer::Hold(load) = answer else { panic!("{answer:?}") };
+        plant.advance(&load).unwrap();
+    }
+}
+
+/// Acceleration of the tip along x over a force there.
+fn accelerance(frequency_hz: f64) -> Phasor {
+    let arm = plant(Converter::Instant).arm().clone();
+    let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
+    let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * Vector2::new(1.0, 0.0);
+    let at = |n: usize| receptance[(n / 2, n % 2)] * (tip[n / 2] * tip[n % 2]);
+    let omega = core::f64::consts::TAU * frequency_hz;
+    (0..4).map(at).sum::<Phasor>() * -(omega * omega)
+}
+
+/// Force and acceleration of a response, as complex numbers, are those of a load of the phase 0.
+fn check(response: &ResponsePoint, expected_n: f64, bound: f64, what: &str) {
+    assert!((response.load / expected_n - 1.0).abs() < 1e-9, "{what}: {}", response.load);
+    let tip = accelerance(response.frequency_hz) * expected_n;
+    let head = Phasor::new(expected_n, 0.0);
+    for (seen, expected) in [(response.head_force_n[0], head), (response.acceleration_c_m_s2[0], tip)] {
+        assert!((seen - expected).norm_sqr() < bound * bound * expected.norm_sqr(), "{what}: {seen} {expected}");
+    }
+}
+
+/// Each converter is as far from the continuous force as its images: an instant by 1 − sin y/y, y = πfT.
+#[test]
+fn open_loop_phases_are_against_the_load_as_it_acts() {
+    for (converter, bound) in
+        [(Converter::Instant, 3e-3), (Converter::Sinc1, 3e-3), (Converter::Sinc3, 1e-4), (Converter::Sinc5, 1e-4)]
+    {
+        for frequency_hz in [15.0, 21.0, 24.0] {
+            let amplitude = Amplitude { force_x_n: FORCE_N, ..Amplitude::default() };
+            let profile = Waveform::Dwell { frequency_hz, duration_s: 16.0, settle_s: 10.0 };
+            let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 1.0, profile }, RATE_HZ).unwrap();
+            let held_n = FORCE_N * Sampling { rate_hz: RATE_HZ, converter }.hold(frequency_hz);
+            let response = read(&mut OpenLoop::new(profile, converter), converter, 0, |_, _| {});
+            check(&response, held_n, bound, &format!("{converter:?} {frequency_hz}"));
+        }
+    }
+}
+
+#[test]
+fn steered_phases_are_against_the_load_as_it_acts() {
+    for (converter, bound) in [(Converter::Instant, 4e-3), (Converter::Sinc5, 2e-3)] {
+        let sampling = Sampling { rate_hz: RATE_HZ, converter };
+        for (frequency_hz, phase_deg) in [(15.0, 0.0), (24.0, 70.0)] {
+            let mut steered = Steered::new(Load::force_n(1.0, 0.0), 1.0, sampling, frequency_hz);
+            let set = SetPoint { load: FORCE_N, frequency_hz, phase_deg };
+            // Set again, it is read again: by then the arm has settled.
+            let response = read(&mut steered, converter, 10_000, |steered, n| {
+                assert!(![0, 10_000].contains(&n) || steered.steer(&set));
+            });
+            check(&response, FORCE_N * sampling.hold(frequency_hz), bound, &format!("{converter:?} {frequency_hz}"));
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! What the points of a walk say of the mode: its frequency and damping over the amplitude.
+
+use alloc::vec::Vec;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::control::ModeModel;
+use crate::control::fourier_filter::unit;
+use crate::excitation::Phasor;
+
+/// The mode as it was found at one amplitude.
+#[derive(Clone, Copy, Debug)]
+struct Finding {
+    /// A², rad².
+    square: f64,
+    /// ω₀²(A), 1/s².
+    stiffness: f64,
+    /// κ, load per rad/s.
+    damping: f64,
+    /// Standard deviation, relative to the part of the load that works against the damping.
+    deviation: f64,
+}
+
+/// What is fitted over A².
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Curve {
+    Line,
+    Parabola,
+}
+
+/// The arm's other mode, small and linear.
+#[derive(Clone, Copy, Debug, Default)]
+struct OtherMode {
+    mass: f64,
+    omega: f64,
+    zeta: f64,
+}
+
+impl OtherMode {
+    fn new(model: &ModeModel) -> OtherMode {
+        OtherMode {
+            mass: model.other_modal_mass,
+            omega: model.other_angular_frequency_rad_s,
+            zeta: model.other_damping_ratio,
+        }
+    }
+
+    /// R at an angular frequency.
+    fn compliance(&self, omega_rad_s: f64) -> Phasor {
+        let square = self.omega * self.omega - omega_rad_s * omega_rad_s;
+        (Phasor::new(square, 2.0 * self.zeta * self.omega * omega_rad_s) * self.mass).inv()
+    }
+}
+
+/// ω₀²(A²) and κ(A²) from the findings so far.
+///
+/// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's own dynamic stiffness
+/// is D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to
+/// the angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² +
+/// Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are
+/// asked for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings
+/// weigh more.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BackboneModel {
+    mass: f64,
+    other: OtherMode,
+    findings: Vec<Finding>,
+}
+
+/// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth
+/// curve.
+const PULL: f64 = 1e-6;
+/// How far κ is expected to change over the range of A², relative: a standard deviation. Without it two unsure findings
+/// at small amplitude may lead to a damping below zero at a large one.
+const SLOPE: f64 = 0.05;
+/// Share of the range of A² at which a finding's weight has fallen to a quarter.
+const REACH: f64 = 0.4;
+/// How sure theory is of the load at small amplitude, and how sure the surest finding is: what is left is the model's.
+const THEORY: f64 = 0.01;
+const LEAST_DEVIATION: f64 = 2e-4;
+/// How much less a finding weighs than the one after it: beyond the peak the same amplitudes come at other frequencies.
+const FADING: f64 = 0.7;
+/// Findings that are kept, theory among them: the weight of an older one has fallen below 0.7⁶² ≈ 2.5e-10.
+const MOST_FINDINGS: usize = 64;
+
+impl BackboneModel {
+    /// What theory says, with room for the findings to come.
+    pub fn new(model: &ModeModel) -> BackboneModel {
+        let omega = model.angular_frequency_rad_s;
+        let damping = 2.0 * model.damping_ratio * omega * model.modal_mass;
+        let mut all = Vec::with_capacity(MOST_FINDINGS);
+        all.push(Finding { square: 0.0, stiffness: omega * omega, damping, deviation: THEORY });
+        BackboneModel { mass: model.modal_mass, other: OtherMode::new(model), findings: all }
+    }
+
+    /// Back to what theory says.
+    pub fn forget(&mut self) {
+        self.findings.truncate(1);
+    }
+
+    /// Takes in U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard
+    /// deviation relative to the load. Beside the peak little of the load works against the damping, |Im D|/|D|, and
+    /// tells less of the mode. Where there is no more room the oldest but theory gives way.
+    pub fn add(&mut self, amplitude_rad: f64, omega_rad_s: f64, dynamic_stiffness: Phasor, deviation: f64) {
+        if self.findings.len() == MOST_FINDINGS {
+            self.findings.remove(1);
+        }
+        let own = self.own(dynamic_stiffness, omega_rad_s);
+        self.findings.push(Finding {
+            square: amplitude_rad * amplitude_rad,
+            stiffness: omega_rad_s * omega_rad_s + own.re / self.mass,
+            damping: own.im / omega_rad_s,
+            deviation: deviation * libm::hypot(own.re / own.im, 1.0),
+        });
+    }
+
+    /// D of U/a.
+    fn own(&self, dynamic_stiffness: Phasor, omega_rad_s: f64) -> Phasor {
+        (dynamic_stiffness.inv() - self.other.compliance(omega_rad_s)).inv()
+    }
+
+    /// (ω₀², κ) at the amplitude.
+    fn at(&self, amplitude_rad: f64) -> (f64, f64) {
+        let square = amplitude_rad * amplitude_rad;
+        let stiffness = self.predict(square, Curve::Parabola, |finding| finding.stiffness);
+        let damping = self.predict(square, Curve::Line, |finding| finding.damping);
+        (stiffness, damping)
+    }
+
+    /// U/a at the amplitude and an angular frequency.
+    pub fn dynamic_stiffness(&self, amplitude_rad: f64, omega_rad_s: f64) -> Phasor {
+        let (stiffness, damping) = self.at(amplitude_rad);
+        let own = Phasor::new(self.mass * (stiffness - omega_rad_s * omega_rad_s), damping * omega_rad_s);
+        (own.inv() + self.other.compliance(omega_rad_s)).inv()
+    }
+
+    /// The value at `square` by weighted least squares.
+    fn predict(&self, square: f64, curve: Curve, value: impl Fn(&Finding) -> f64) -> f64 {
+        let scale = self.findings.iter().fold(square, |most, finding| most.max(finding.square)).max(f64::MIN_POSITIVE);
+        let Some(origin) = self.findings.last().map(&value) else { return 0.0 };
+        let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
+        let mut total = 0.0;
+        let mut recency = 1.0;
+        for finding in self.findings.iter().rev() {
+            let x = (finding.square - square) / scale;
+            let p = Vector3::new(1.0, x, if curve == Curve::Parabola { x * x } else { 0.0 });
+            let far = 1.0 + (x / REACH) * (x / REACH);
+            let variance = finding.deviation * finding.deviation + LEAST_DEVIATION * LEAST_DEVIATION;
+            let weight = recency / (far * far * variance);
+            recency *= FADING;
+            normal += p * p.transpose() * weight;
+            moment += p * (weight * (value(finding) - origin));
+            total += weight;
+        }
+        let pull = PULL * total;
+        normal.m22 += match curve {
+            Curve::Parabola => pull,
+            Curve::Line => pull + 1.0 / (SLOPE * SLOPE),
+        };
+        normal.m33 += pull;
+        normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
+    }
+
+    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved
+    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it
+    /// U/a = F e^{iφ}/A gives D, whose parts are A Im D = F sin φ and Re D = Im D cot φ no more, but hardly change with
+    /// A.
+    pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
+        const ITERATIONS: usize = 50;
+        let (mut amplitude, mut omega) = near;
+        // A Im D/F and Re D/Im D.
+        let (mut sine, mut cotangent) = (libm::sin(lag_rad), 1.0 / libm::tan(lag_rad));
+        for _ in 0..ITERATIONS {
+            let (stiffness, damping) = self.at(amplitude);
+            amplitude = load * sine / (damping * omega);
+            let square = stiffness - damping * omega * cotangent / self.mass;
+            if !(square > 0.0 && amplitude > 0.0 && amplitude.is_finite()) {
+                return (f64::NAN, f64::NAN);
+            }
+            omega = libm::sqrt(square);
+            let own = self.own(unit(lag_rad) * (load / amplitude), omega);
+            (sine, cotangent) = (amplitude * own.im / load, own.re / own.im);
+        }
+        (amplitude, omega)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
+    use crate::control::ModeNumber;
+
+    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², beside which the other mode moves, lead to the points
+    /// between them.
+    #[test]
+    fn findings_lead_to_the_next_point() {
+        let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
+        let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
+        let model = ModeModel::new(&arm, &Load::torque_nm(1.0, 0.0), ModeNumber::First);
+        let (w1, m) = (model.angular_frequency_rad_s, model.modal_mass);
+        let (softening, damping) = (2.0e3, 2.0 * model.damping_ratio * w1 * m);
+        let other = OtherMode::new(&model);
+        let stiffness = |a: f64, omega: f64| {
+            let own = Phasor::new(m * (w1 * w1 - softening * a * a - omega * omega), damping * omega);
+            (own.inv() + other.compliance(omega)).inv()
+        };
+        let mut backbone = BackboneModel::new(&model);
+        for (a, omega) in [(0.01, w1), (0.02, w1), (0.03, w1), (0.04, w1 - 0.02)] {
+            backbone.add(a, omega, stiffness(a, omega), 1e-4);
+        }
+        for lag_deg in [20.0_f64, 45.0, 90.0, 150.0] {
+            let (a, omega) = backbone.target(lag_deg.to_radians(), 8.0, (0.02, w1));
+            let d = stiffness(a, omega);
+            let load = a * libm::hypot(d.re, d.im);
+            let lag = libm::atan2(d.im, d.re).to_degrees();
+            assert!((load / 8.0 - 1.0).abs() < 5e-3 && (lag - lag_deg).abs() < 0.3, "{lag_deg}: {load} {lag}");
+        }
+    }
+}

@@ -1,0 +1,472 @@
+//! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone,
+//! at a lag of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the angle.
+//!
+//! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is
+//! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
+//! excitation like any other, and load and angle are a point of the open-loop response, whatever amplitude was asked
+//! for. Over the lag φ of the angle behind the load that response is single-valued, folds or not (T. Zhou, G. Kerschen,
+//! "Identification of Secondary Resonances of Nonlinear Systems using Phase-Locked Loop Testing", 2024,
+//! arXiv:2401.01151), so φ walks, and for each φ amplitude and frequency are corrected until the load has the wanted
+//! amplitude.
+//!
+//! With a the complex amplitude of the angle, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
+//! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness
+//! U/a expected at the target, lets a follow A(t), which is real, with the rate g.
+//!
+//! Harmonics of the force in the head are cancelled, if that is asked for
+//! ([`CancelHarmonics`](super::CancelHarmonics)).
+
+mod backbone_model;
+mod drift_fit;
+mod held;
+mod plan;
+mod reading;
+mod spec;
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use core::mem;
+
+pub use plan::ResponseControlSpec;
+pub use spec::{PhaseWalkError, PhaseWalkSpec};
+
+use self::backbone_model::BackboneModel;
+use self::held::Held;
+use self::plan::{Plan, Wanted};
+use self::reading::{Found, Reader};
+use self::spec::BAND;
+use super::cancellation::Cancellation;
+use super::fourier_filter::{real_product, unit, wrapped};
+use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
+use resonarm_dynamics::arm::{Arm, Load};
+use crate::excitation::Phasor;
+use crate::rig::{Measurement, Sampling};
+
+/// Most tries of a point before it is reported as it is, not settled.
+const MOST_TRIES: u32 = 6;
+/// Points in a row that may fail to settle.
+const MOST_UNSETTLED: u32 = 2;
+/// How near the load's amplitude comes to the wanted one, relative, and where noise asks for more.
+const LOAD_TOLERANCE: f64 = 5e-4;
+const NOISY_LOAD_TOLERANCE: f64 = 1.1e-3;
+/// How near the lag comes to its target, rad.
+const LAG_TOLERANCE_RAD: f64 = 0.01;
+/// How near a wanted amplitude of the angle comes, relative.
+const AMPLITUDE_TOLERANCE: f64 = 1e-3;
+/// How much the angle may change while a point is read, relative, what part of the load that may take, and how much of
+/// that part is doubtful.
+const DRIFT_TOLERANCE: f64 = 4e-3;
+const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
+const DRIFT_DOUBT: f64 = 0.6;
+/// Lengths of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
+const RAMP: f64 = 3.0;
+const LEAST_SETTLE: f64 = 2.0;
+const MOST_SETTLE: f64 = 6.0;
+const READ: f64 = 5.0;
+/// What the wait leaves of a step, relative to the angle's amplitude, unless that takes less or more than the above.
+const SETTLED_STEP: f64 = 2.5e-3;
+/// How much longer a reading becomes with each try, as part of its length.
+const RETRY: f64 = 0.25;
+/// How much longer a reading may become where noise asks for it.
+const LONGEST_READ: f64 = 1.5;
+/// The largest amplitude, rad.
+const LARGEST_AMPLITUDE_RAD: f64 = 0.5;
+/// Responses that wait to be fetched.
+const RESPONSES: usize = 4;
+
+/// A motion to hold: the angle's amplitude, its frequency, and the dynamic stiffness U/a expected there.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    amplitude_rad: f64,
+    omega_rad_s: f64,
+    stiffness: Phasor,
+}
+
+/// What the controller is at.
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    /// Before the first sample.
+    Start,
+    /// From one motion to the next, begun at sample `since`, `length` samples long.
+    Ramp { from: Target, since: u64, length: u64 },
+    /// Waiting until sample `until`, for transients of the control loop to die out.
+    Settle { until: u64 },
+    /// Reading the point.
+    Read,
+    /// Finished, or given up.
+    Done(Option<Abort>),
+}
+
+/// Traces the response at constant load through a resonance, stable or not, or the backbone, or what load holds one
+/// amplitude.
+#[derive(Clone, Debug)]
+pub struct PhaseWalk {
+    plan: Plan,
+    /// The largest load that there is.
+    limit: f64,
+    unit_load: Load,
+    /// Share of the coil's force that goes into the arm far above the natural frequencies.
+    share: f64,
+    model: ModeModel,
+    sampling: Sampling,
+    gain_1_s: f64,
+    filter: FourierFilter,
+    backbone: BackboneModel,
+    /// What of the load between the command and the arm a reading has found, over the angle: the armature of a shaker.
+    taken: Phasor,
+    reader: Reader,
+    /// Harmonics of the command.
+    cancellation: Option<Cancellation>,
+    /// How much longer than usual a point is read.
+    read_factor: f64,
+    stage: Stage,
+    target: Target,
+    /// Index of the point that is tried, how often it was, and how many before it did not settle.
+    point: usize,
+    tries: u32,
+    unsettled: u32,
+    /// The sample answered last, and then: phase in the middle of the hold, angular frequency, what was held.
+    last_sample: Option<u64>,
+    phase_rad: f64,
+    omega_rad_s: f64,
+    held: Held,
+    responses: Vec<ResponsePoint>,
+}
+
+impl PhaseWalk {
+    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, with readings of this
+    /// `sampling` and an exciter that has `limit`, N or N·m.
+    ///
+    /// # Errors
+    /// [`PhaseWalkError`] says what is impossible.
+    pub fn new(spec: PhaseWalkSpec, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+        PhaseWalk::of(Plan::Walk(spec), arm, sampling, limit)
+    }
+
+    /// A stepped sine at which the response is controlled, likewise.
+    ///
+    /// # Errors
+    /// [`PhaseWalkError`] says what is impossible.
+    pub fn at_one_amplitude(
+        spec: ResponseControlSpec,
+        arm: &Arm,
+        sampling: Sampling,
+        limit: f64,
+    ) -> Result<PhaseWalk, PhaseWalkError> {
+        PhaseWalk::of(Plan::Response(spec), arm, sampling, limit)
+    }
+
+    fn of(plan: Plan, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+        plan.check()?;
+        let (load, unit_load) = (plan.load(), plan.unit_load());
+        if limit.is_nan() || limit <= load {
+            let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
+            return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
+        }
+        let share = arm.high_frequency_force_share();
+        let model = ModeModel::new(&arm.clone().without_attachment(), &unit_load, plan.mode_number());
+        let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), &sampling)?;
+        plan.check_mode(&model)?;
+        let cancellation = Cancellation::new(plan.cancel_harmonics(), arm, unit_load.force_n, sampling);
+        let room = (BackboneModel::new(&model), cancellation, Vec::with_capacity(RESPONSES));
+        Ok(PhaseWalk::at_start(plan, (limit, share), model, (sampling, gain_1_s), room))
+    }
+
+    /// Before the first sample, with the room that is there already: emptied, not made anew.
+    fn at_start(
+        plan: Plan,
+        (limit, share): (f64, f64),
+        model: ModeModel,
+        (sampling, gain_1_s): (Sampling, f64),
+        (mut backbone, mut cancellation, mut responses): (BackboneModel, Option<Cancellation>, Vec<ResponsePoint>),
+    ) -> PhaseWalk {
+        backbone.forget();
+        cancellation.iter_mut().for_each(Cancellation::forget);
+        responses.clear();
+        let omega_rad_s = model.angular_frequency_rad_s;
+        let damping = 2.0 * model.damping_ratio * omega_rad_s * model.modal_mass;
+        let other_step = model.other_angular_frequency_rad_s / sampling.rate_hz;
+        PhaseWalk {
+            plan,
+            limit,
+            unit_load: plan.unit_load(),
+            share,
+            model,
+            sampling,
+            gain_1_s,
+            filter: FourierFilter::new(spec::FILTER_RATE * gain_1_s / sampling.rate_hz, other_step),
+            backbone,
+            taken: Phasor::new(0.0, 0.0),
+            reader: Reader::new(0, 1),
+            cancellation,
+            read_factor: 1.0,
+            stage: Stage::Start,
+            target: Target { amplitude_rad: 0.0, omega_rad_s, stiffness: Phasor::new(0.0, damping * omega_rad_s) },
+            point: 0,
+            tries: 0,
+            unsettled: 0,
+            last_sample: None,
+            phase_rad: 0.0,
+            omega_rad_s,
+            held: Held::default(),
+            responses,
+        }
+    }
+
+    /// What it knows of the mode.
+    pub fn model(&self) -> &ModeModel {
+        &self.model
+    }
+
+    /// The gain g of the loop, 1/s.
+    pub fn gain_1_s(&self) -> f64 {
+        self.gain_1_s
+    }
+
+    fn samples_in(&self, seconds: f64) -> u64 {
+        libm::ceil(seconds * self.sampling.rate_hz) as u64
+    }
+
+    /// Sets off at sample `n` to the point that is to be tried, or to rest after the last.
+    fn set_off(&mut self, n: u64) {
+        if self.point == self.plan.points() {
+            return self.head_for(n, Target { amplitude_rad: 0.0, ..self.target });
+        }
+        let near = (self.target.amplitude_rad, self.target.omega_rad_s);
+        let wanted = self.plan.wanted(self.point);
+        let (amplitude_rad, omega_rad_s) = match wanted {
+            Wanted::Lag(lag_rad, load) => self.backbone.target(lag_rad, load, near),
+            Wanted::Amplitude(amplitude_rad, omega_rad_s) => (amplitude_rad, omega_rad_s),
+        };
+        let stiffness = match wanted {
+            Wanted::Lag(lag_rad, load) => unit(lag_rad) * (load / amplitude_rad),
+            Wanted::Amplitude(..) => self.backbone.dynamic_stiffness(amplitude_rad, omega_rad_s),
+        };
+        let in_band = (omega_rad_s / self.model.angular_frequency_rad_s - 1.0).abs() < BAND;
+        if !(in_band && amplitude_rad < LARGEST_AMPLITUDE_RAD) {
+            let lag_deg = libm::atan2(stiffness.im, stiffness.re).to_degrees();
+            let frequency_hz = omega_rad_s / TAU;
+            self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude_rad }));
+            return;
+        }
+        self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
+    }
+
+    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of what the
+    /// exciter has beyond the walk's own load is taken for it.
+    fn head_for(&mut self, n: u64, to: Target) {
+        let from = mem::replace(&mut self.target, to);
+        if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude_rad > 0.0) {
+            cancellation.follow(Phasor::new(to.amplitude_rad / from.amplitude_rad, 0.0));
+        }
+        let change = (to.amplitude_rad - from.amplitude_rad).abs();
+        let spare = 0.5 * (self.limit - self.plan.load());
+        let seconds = (3.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(RAMP / self.gain_1_s);
+        self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
+    }
+
+    /// How long transients take to die out after the step from another motion: they are as large as it, and fall by
+    /// e^{−gt}.
+    fn settling_samples(&self, from: &Target) -> u64 {
+        let step = (self.target.amplitude_rad - from.amplitude_rad).abs() / self.target.amplitude_rad;
+        let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
+        self.samples_in(time_constants / self.gain_1_s)
+    }
+
+    /// Amplitude, its rate, angular frequency and U/a wanted at sample `n`.
+    fn wanted(&self, n: u64) -> (f64, f64, f64, Phasor) {
+        let Target { amplitude_rad: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
+        let Stage::Ramp { from, since, length } = self.stage else { return (a1, 0.0, w1, d1) };
+        let (s, slope) = ramped((n - since) as f64 / length as f64);
+        let slope = slope * self.sampling.rate_hz / length as f64;
+        let between = |a: f64, b: f64| a + (b - a) * s;
+        let stiffness = from.stiffness + (d1 - from.stiffness) * s;
+        let change = a1 - from.amplitude_rad;
+        (between(from.amplitude_rad, a1), change * slope, between(from.omega_rad_s, w1), stiffness)
+    }
+
+    /// Goes from one stage to the next when it is time.
+    fn proceed(&mut self, n: u64) {
+        match self.stage {
+            Stage::Start => self.set_off(n),
+            Stage::Ramp { from, since, length } if n >= since + length => {
+                let more = self.point < self.plan.points();
+                let until = n + self.settling_samples(&from);
+                self.stage = if more { Stage::Settle { until } } else { Stage::Done(None) };
+            }
+            Stage::Settle { until } if n >= until => {
+                let period_s = TAU / self.target.omega_rad_s;
+                let patience = self.read_factor * (1.0 + RETRY * f64::from(self.tries));
+                let periods = libm::ceil(patience * READ / self.gain_1_s / period_s);
+                let samples = self.samples_in(periods * period_s);
+                self.reader = Reader::new(n + 1, samples);
+                self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, samples));
+                self.stage = Stage::Read;
+            }
+            Stage::Read => {
+                let how = (self.load_kind(), &self.unit_load, self.share);
+                let omega = self.target.omega_rad_s;
+                if let Some(found) = self.reader.finish(n, &self.sampling, how, &self.model, omega) {
+                    self.judge(n, &found);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A point was read: reports it, or tries again.
+    fn judge(&mut self, n: u64, found: &Found) {
+        self.tries += 1;
+        self.taken = found.taken;
+        let wanted = self.plan.wanted(self.point);
+        let load = match wanted {
+            Wanted::Lag(_, load) => load,
+            Wanted::Amplitude(..) => found.load,
+        };
+        let deviation = libm::hypot(found.load_deviation, DRIFT_DOUBT * found.taken_by_drift) / load;
+        self.backbone.add(found.amplitude_rad, self.target.omega_rad_s, found.stiffness, deviation);
+        let lag_rad = libm::atan2(found.stiffness.im, found.stiffness.re);
+        let tolerance = LOAD_TOLERANCE * load;
+        // Noise in the reading goes with the power 3/2 of its length.
+        let noise = found.load_deviation / (1.5 * tolerance);
+        let longer = self.read_factor * libm::pow(noise, 2.0 / 3.0);
+        self.read_factor = longer.clamp(1.0, LONGEST_READ);
+        let met = match wanted {
+            Wanted::Lag(wanted_rad, _) => {
+                (found.load - load).abs() < tolerance.max((2.0 * found.load_deviation).min(NOISY_LOAD_TOLERANCE * load))
+                    && (lag_rad - wanted_rad).abs() < LAG_TOLERANCE_RAD
+            }
+            Wanted::Amplitude(wanted_rad, _) => (found.amplitude_rad / wanted_rad - 1.0).abs() < AMPLITUDE_TOLERANCE,
+        };
+        let off = (found.amplitude_rad / self.target.amplitude_rad - 1.0).abs();
+        let frequency_hz = self.target.omega_rad_s / TAU;
+        let correct = |cancellation: &mut Cancellation| cancellation.correct(frequency_hz, found.load, off);
+        let is_cancelled = self.cancellation.as_mut().is_none_or(correct);
+        let is_steady = found.drift < DRIFT_TOLERANCE && found.taken_by_drift < DRIFT_LOAD_TOLERANCE * load;
+        let settled = met && is_steady && is_cancelled;
+        if settled || self.tries == MOST_TRIES {
+            self.report(found, lag_rad, settled);
+        }
+        if !matches!(self.stage, Stage::Done(_)) {
+            self.set_off(n);
+        }
+    }
+
+    fn report(&mut self, found: &Found, lag_rad: f64, settled: bool) {
+        let frequency_hz = self.target.omega_rad_s / TAU;
+        if self.responses.len() < RESPONSES {
+            let point = found.response(frequency_hz, lag_rad, self.tries, settled);
+            self.responses.push(ResponsePoint { load_kind: self.load_kind(), ..point });
+        }
+        (self.point, self.tries) = (self.point + 1, 0);
+        self.unsettled = if settled { 0 } else { self.unsettled + 1 };
+        if self.unsettled > MOST_UNSETTLED {
+            let (points, lag_deg, drift) = (self.unsettled, lag_rad.to_degrees(), found.drift);
+            self.stage = Stage::Done(Some(Abort::NotSettling { points, frequency_hz, lag_deg, drift }));
+        }
+    }
+
+    /// The angle's complex amplitude: in a steady vibration the acceleration's is −ω² times it.
+    fn angle(&self) -> Phasor {
+        let gain = self.sampling.gain(self.omega_rad_s / TAU);
+        -self.filter.fundamental() / (self.omega_rad_s * self.omega_rad_s * gain)
+    }
+
+    /// The load to hold from sample `n` on, at the phase of the middle of the hold.
+    fn feedback(&mut self, n: u64) -> f64 {
+        let (amplitude, rate, omega, stiffness) = self.wanted(n);
+        self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.sampling.rate_hz);
+        self.omega_rad_s = omega;
+        let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
+        let forward = (stiffness + self.taken) * amplitude;
+        let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
+        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm
+        // does, it counts.
+        let hold = self.sampling.hold(omega / TAU);
+        real_product(&(u / hold), &unit(self.phase_rad)) + self.harmonics(n)
+    }
+
+    /// What to command beside the fundamental from sample `n` on, N.
+    fn harmonics(&self, n: u64) -> f64 {
+        let share = match self.stage {
+            Stage::Ramp { since, length, .. } => ramped((n - since) as f64 / length as f64).0,
+            _ => 1.0,
+        };
+        self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
+    }
+
+    /// What forbids to go on with a sample.
+    fn check_reading(&self, sample: &Measurement) -> Option<Abort> {
+        let frequency_hz = self.omega_rad_s / TAU;
+        let (point, point_key) = match self.model.link {
+            Link::First => ('B', 'b'),
+            Link::Second => ('C', 'c'),
+        };
+        self.model.is_clipped(sample).then_some(Abort::Clipped { point, point_key, frequency_hz })
+    }
+
+    fn check_load(&self) -> Option<Abort> {
+        let unit = self.plan.amplitude().unit();
+        let (got, limit, frequency_hz) = (self.held.last().abs(), self.limit, self.omega_rad_s / TAU);
+        (got > limit).then_some(Abort::Load { got, limit, unit, frequency_hz })
+    }
+}
+
+/// A ramp's way, smoothly from 0 to 1, and its slope, at the part `x` of its length.
+fn ramped(x: f64) -> (f64, f64) {
+    let x = x.min(1.0);
+    (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x))
+}
+
+impl Controller for PhaseWalk {
+    fn load_kind(&self) -> LoadKind {
+        if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
+    }
+
+    fn restart(&mut self) {
+        let room = (mem::take(&mut self.backbone), self.cancellation.take(), mem::take(&mut self.responses));
+        *self =
+            PhaseWalk::at_start(self.plan, (self.limit, self.share), self.model, (self.sampling, self.gain_1_s), room);
+    }
+
+    fn answer(&mut self, sample: &Measurement) -> Answer {
+        let n = sample.sample;
+        // The load of the sample before was held on while samples were lost.
+        let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
+        let step_rad = self.omega_rad_s / self.sampling.rate_hz;
+        self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);
+        self.held.hold_on(lost);
+        self.last_sample = Some(n);
+        let holds_late = self.sampling.converter.holds_late();
+        let read_rad = self.phase_rad - holds_late as f64 * step_rad;
+        self.filter.update(self.model.angular_acceleration_rad_s2(sample), read_rad);
+        if matches!(self.stage, Stage::Read) {
+            let other_rad = n as f64 * (self.model.other_angular_frequency_rad_s / self.sampling.rate_hz);
+            self.reader.add(sample, &self.model, read_rad, other_rad, self.held.before(holds_late));
+            self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, read_rad / TAU));
+        }
+        self.proceed(n);
+        let load = self.feedback(n);
+        self.held.hold(load);
+        let abort = self.check_reading(sample).or_else(|| self.check_load());
+        if let (Some(_), false) = (abort, matches!(self.stage, Stage::Done(_))) {
+            self.stage = Stage::Done(abort);
+        }
+        match self.stage {
+            Stage::Done(None) => Answer::Finished,
+            Stage::Done(Some(abort)) => Answer::Aborted(abort),
+            _ => Answer::Hold(self.unit_load.scaled(self.held.last())),
+        }
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        if self.responses.is_empty() { None } else { Some(self.responses.remove(0)) }
+    }
+
+    fn length(&self) -> Length {
+        Length::Responses(self.plan.points() as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests;

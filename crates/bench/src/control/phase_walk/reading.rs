@@ -1,0 +1,148 @@
+//! Reading one point of a walk: harmonics of load and readings over a window of whole periods.
+
+use core::f64::consts::TAU;
+
+use resonarm_dynamics::arm::Load;
+use crate::control::{LoadKind, ModeModel, ResponsePoint};
+use crate::excitation::{HarmonicFit, Phasor};
+use crate::rig::{Measurement, Sampling};
+
+use super::drift_fit::DriftFit;
+use super::unit;
+
+/// The readings, and the command.
+const CHANNELS: usize = Measurement::CHANNELS + 1;
+/// Constant, and sine and cosine of five orders: a clipped wave needs more of them than an unclipped one, or the rest
+/// is shifted.
+const BASIS: usize = 11;
+
+/// Reads while the motion is held.
+#[derive(Clone, Debug)]
+pub(super) struct Reader {
+    first: u64,
+    samples: u64,
+    fit: HarmonicFit<CHANNELS, BASIS>,
+    clipped: [bool; Measurement::CHANNELS],
+    drift: DriftFit,
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    /// Amplitude of the followed angle, rad.
+    pub amplitude_rad: f64,
+    /// U/a without what a remaining drift of a takes: that of the steady motion.
+    pub stiffness: Phasor,
+    /// What a shaker takes of the command, over a; with an ideal exciter noise.
+    pub taken: Phasor,
+    /// Amplitude of the acting load, likewise.
+    pub load: f64,
+    /// What the drift takes.
+    pub taken_by_drift: f64,
+    /// Standard deviation of the load's amplitude that goes with `amplitude_rad`.
+    pub load_deviation: f64,
+    /// Change of a over the window, relative.
+    pub drift: f64,
+    harmonics: [[Phasor; 3]; CHANNELS],
+    clipped: [bool; Measurement::CHANNELS],
+}
+
+impl Reader {
+    pub fn new(first: u64, samples: u64) -> Reader {
+        Reader {
+            first,
+            samples,
+            fit: HarmonicFit::new(samples),
+            clipped: [false; Measurement::CHANNELS],
+            drift: DriftFit::new(samples),
+        }
+    }
+
+    /// Takes in a sample with the phase at which it was read, that of the arm's other mode, and the load that was held
+    /// then.
+    pub fn add(&mut self, sample: &Measurement, model: &ModeModel, phase_rad: f64, other_rad: f64, held: f64) {
+        let readings = sample.readings();
+        let mut values = [Some(held); CHANNELS];
+        for ((value, clipped), reading) in values.iter_mut().zip(&mut self.clipped).zip(&readings) {
+            *value = reading.within_range();
+            *clipped |= reading.clipped;
+        }
+        let phase_cycles = phase_rad / TAU;
+        let k = sample.sample - self.first;
+        self.fit.add(k, phase_cycles - libm::floor(phase_cycles), &values);
+        self.drift.add(k, phase_rad, other_rad, model.angular_acceleration_rad_s2(sample));
+    }
+
+    /// What was found at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
+    ///
+    /// Readings are divided by the gain of the converters. What is held for a period T is a staircase, whose
+    /// fundamental is smaller than that of its samples by sin y/y, y = ½ωT. Of its images, which the converters fold
+    /// onto the fundamental, the head between shaker and arm reads the share that goes into the arm.
+    pub fn finish(
+        &self,
+        now: u64,
+        sampling: &Sampling,
+        (kind, unit_load, share): (LoadKind, &Load, f64),
+        model: &ModeModel,
+        omega: f64,
+    ) -> Option<Found> {
+        if now + 1 < self.first + self.samples {
+            return None;
+        }
+        let frequency_hz = omega / TAU;
+        let mut harmonics = self.fit.harmonics()?;
+        for channel in harmonics.iter_mut().take(Measurement::CHANNELS) {
+            for (harmonic, order) in channel.iter_mut().zip([1.0, 2.0, 3.0]) {
+                *harmonic /= sampling.gain(order * frequency_hz);
+            }
+        }
+        let held = harmonics[CHANNELS - 1][0];
+        let fundamental = |channel: usize| harmonics[channel][0];
+        let acting = match kind {
+            LoadKind::Torque => held * sampling.hold(frequency_hz),
+            LoadKind::Force => {
+                let head = fundamental(0) * unit_load.force_n.x + fundamental(1) * unit_load.force_n.y;
+                head - held * (share * sampling.images(frequency_hz))
+            }
+        };
+        let angle =
+            model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
+        let drift = self.drift.finish()?;
+        let windows_1_s = sampling.rate_hz / self.samples as f64;
+        let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.modal_mass * windows_1_s) * drift.change;
+        let stiffness = acting / angle - taken_by_drift;
+        let steady = stiffness * angle;
+        Some(Found {
+            amplitude_rad: size(angle),
+            stiffness,
+            taken: (held * sampling.hold(frequency_hz) - acting) / angle,
+            load: size(steady),
+            load_deviation: 2.0 * model.modal_mass / omega * windows_1_s * drift.deviation
+                / sampling.gain(frequency_hz),
+            taken_by_drift: size(taken_by_drift * angle),
+            drift: size(drift.change),
+            harmonics: harmonics.map(|orders| turned(orders, -libm::atan2(steady.im, steady.re))),
+            clipped: self.clipped,
+        })
+    }
+}
+
+impl Found {
+    /// The point as it is reported: against the phase of the acting load.
+    pub fn response(&self, frequency_hz: f64, lag_rad: f64, tries: u32, settled: bool) -> ResponsePoint {
+        let readings = core::array::from_fn(|channel| self.harmonics[channel]);
+        let point = ResponsePoint::of_harmonics(frequency_hz, self.load, &readings);
+        let load_deviation = Some(self.load_deviation);
+        let of_loop = ResponsePoint { lag_rad: Some(lag_rad), load_deviation, drift: self.drift, ..point };
+        ResponsePoint { clipped: self.clipped, tries, settled, ..of_loop }
+    }
+}
+
+/// The harmonics against a phase that is further by −`angle_rad`.
+fn turned(orders: [Phasor; 3], angle_rad: f64) -> [Phasor; 3] {
+    core::array::from_fn(|index| orders[index] * unit(angle_rad * (index + 1) as f64))
+}
+
+fn size(phasor: Phasor) -> f64 {
+    libm::hypot(phasor.re, phasor.im)
+}

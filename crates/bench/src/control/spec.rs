@@ -1,0 +1,63 @@
+//! A control law as a scenario states it.
+
+use alloc::boxed::Box;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{
+    Controller, ForceControl, ForceControlError, ForceControlSpec, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
+    ResponseControlSpec,
+};
+use resonarm_dynamics::arm::Arm;
+use crate::excitation::Amplitude;
+use crate::rig::Sampling;
+
+/// What closes the loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "law", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ControlSpec {
+    /// Traces the response at constant load through a resonance, stable or not, or the backbone.
+    PhaseWalk(PhaseWalkSpec),
+    /// Plays a dwell or a staircase of sines, and leads the fundamental of the force in the impedance head to its
+    /// amplitude.
+    ForceControl(ForceControlSpec),
+    /// Steps a sine, and finds the load that holds one amplitude of the response at every frequency.
+    ResponseControl(ResponseControlSpec),
+}
+
+/// Why there is no such controller.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ControlError {
+    /// No such phase walk.
+    #[error(transparent)]
+    PhaseWalk(#[from] PhaseWalkError),
+    /// No such force control.
+    #[error(transparent)]
+    ForceControl(#[from] ForceControlError),
+}
+
+impl ControlSpec {
+    /// Amplitude of the largest load that it is meant to hold.
+    pub fn amplitude(&self) -> &Amplitude {
+        match self {
+            ControlSpec::PhaseWalk(spec) => &spec.amplitude,
+            ControlSpec::ForceControl(spec) => &spec.amplitude,
+            ControlSpec::ResponseControl(spec) => &spec.amplitude,
+        }
+    }
+
+    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, with readings
+    /// of this `sampling` and an exciter that has `limit`, N or N·m.
+    ///
+    /// # Errors
+    /// [`ControlError`] says what is impossible.
+    pub fn controller(&self, arm: &Arm, sampling: Sampling, limit: f64) -> Result<Box<dyn Controller>, ControlError> {
+        Ok(match self {
+            ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, arm, sampling, limit)?),
+            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, arm, sampling, limit)?),
+            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, arm, sampling, limit)?),
+        })
+    }
+}

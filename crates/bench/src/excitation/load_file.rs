@@ -1,0 +1,145 @@
+//! Loads from a table of numbers.
+
+use alloc::string::{String, ToString};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+use thiserror::Error;
+
+use super::ExcitationError;
+use resonarm_numeric::number::short;
+
+/// What a load file holds: loads in a unit of its own, since they are played with the crest of the amplitude.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LoadFile {
+    /// A load for every sample.
+    Sampled(Arc<[f64]>),
+    /// Time, s, which rises, and load.
+    Timed(Arc<[[f64; 2]]>),
+}
+
+/// Why a text holds no load.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum LoadFileError {
+    /// Something else than a number.
+    #[error("line {line}: `{got}` is no finite number")]
+    NotANumber {
+        /// The line, from 1 on.
+        line: usize,
+        /// What stands there.
+        got: String,
+    },
+    /// A line with another number of columns.
+    #[error("line {line} has {got} columns: there must be {expected}")]
+    Columns {
+        /// The line, from 1 on.
+        line: usize,
+        /// Columns in it.
+        got: usize,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// Time that doesn't rise.
+    #[error("line {line}: time goes from {before} to {got} s: it must rise", before = short(.before), got = short(.got))]
+    Time {
+        /// The line, from 1 on.
+        line: usize,
+        /// Time in it, s.
+        got: f64,
+        /// Time before, s.
+        before: f64,
+    },
+    /// No load other than zero.
+    #[error("there is no load other than 0 in it: give a line with a load for each sample, or with time and load")]
+    NoLoad,
+}
+
+impl LoadFile {
+    /// Reads CSV: a line for every sample with the load, or lines of time, s, and load, between which it runs straight.
+    /// Commas part the columns; empty lines, what follows a `#`, and a first line of names count for nothing.
+    ///
+    /// # Errors
+    /// [`LoadFileError`] names the first line that is wrong.
+    pub fn parse(text: &str) -> Result<LoadFile, LoadFileError> {
+        let lines =
+            text.lines().enumerate().map(|(index, line)| (index + 1, line.split('#').next().unwrap_or("").trim()));
+        let mut lines = lines.filter(|(_, line)| !line.is_empty()).peekable();
+        let is_name = |cell: &str| cell.trim().parse::<f64>().is_err();
+        let _names = lines.next_if(|(_, line)| line.split(',').all(is_name));
+        let timed = lines.peek().is_some_and(|(_, line)| line.contains(','));
+        let file = if timed { LoadFile::Timed(timed_rows(lines)?) } else { LoadFile::Sampled(sampled_rows(lines)?) };
+        if file.crest() > 0.0 { Ok(file) } else { Err(LoadFileError::NoLoad) }
+    }
+
+    /// The largest magnitude of a load in it.
+    fn crest(&self) -> f64 {
+        let largest = |crest: f64, load: &f64| crest.max(libm::fabs(*load));
+        match self {
+            LoadFile::Sampled(loads) => loads.iter().fold(0.0, largest),
+            LoadFile::Timed(rows) => rows.iter().map(|[_, load]| load).fold(0.0, largest),
+        }
+    }
+
+    /// The loads at the samples of `rate_hz`, in the file's unit; of a file with times from the first of these on.
+    pub(super) fn samples(&self, rate_hz: f64) -> Result<Vec<f64>, ExcitationError> {
+        const ROUNDING: f64 = 1e-6;
+        let (rows, period_s) = match self {
+            LoadFile::Sampled(loads) => return Ok(loads.to_vec()),
+            LoadFile::Timed(rows) => (rows, 1.0 / rate_hz),
+        };
+        let steps_s = rows.windows(2).map(|pair| pair[1][0] - pair[0][0]);
+        let step_s = steps_s.fold(f64::INFINITY, f64::min);
+        if step_s < period_s * (1.0 - ROUNDING) {
+            return Err(ExcitationError::FileTooDense { step_s, period_s });
+        }
+        let (Some([start_s, first]), Some([end_s, _])) = (rows.first(), rows.last()) else { return Ok(Vec::new()) };
+        // The last sample is the last that is not behind the last point.
+        let last = libm::floor((end_s - start_s) * rate_hz + ROUNDING);
+        let count = super::synthesis::samples("path", (last + 0.5) / rate_hz, rate_hz)?;
+        let at = |n: usize| {
+            let t_s = start_s + n as f64 / rate_hz;
+            let after = rows.partition_point(|[time_s, _]| *time_s <= t_s);
+            match (rows.get(after.wrapping_sub(1)), rows.get(after)) {
+                (Some([t0, y0]), Some([t1, y1])) => y0 + (y1 - y0) * ((t_s - t0) / (t1 - t0)),
+                (Some([_, last]), None) => *last,
+                (None, _) => *first,
+            }
+        };
+        Ok((0..count).map(at).collect())
+    }
+}
+
+fn sampled_rows<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Arc<[f64]>, LoadFileError> {
+    let row = |(line, text): (usize, &str)| {
+        let [load] = cells(line, text, "1, the load, as in the lines before")?;
+        Ok(load)
+    };
+    lines.map(row).collect::<Result<Vec<_>, _>>().map(Arc::from)
+}
+
+fn timed_rows<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Arc<[[f64; 2]]>, LoadFileError> {
+    let mut rows: Vec<[f64; 2]> = Vec::new();
+    for (line, text) in lines {
+        let row: [f64; 2] = cells(line, text, "1, the load, or 2, time and load, in all lines")?;
+        if let Some([before, _]) = rows.last().copied().filter(|[before, _]| row[0] <= *before) {
+            return Err(LoadFileError::Time { line, got: row[0], before });
+        }
+        rows.push(row);
+    }
+    Ok(Arc::from(rows))
+}
+
+/// The numbers of a line.
+fn cells<const N: usize>(line: usize, text: &str, expected: &'static str) -> Result<[f64; N], LoadFileError> {
+    let mut numbers = [0.0; N];
+    let got = text.split(',').count();
+    if got != N {
+        return Err(LoadFileError::Columns { line, got, expected });
+    }
+    for (number, cell) in numbers.iter_mut().zip(text.split(',')) {
+        let read = cell.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+        *number = read.ok_or_else(|| LoadFileError::NotANumber { line, got: cell.trim().to_string() })?;
+    }
+    Ok(numbers)
+}

@@ -1,0 +1,252 @@
+//! An excitation ready to be played, sample by sample.
+
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::f64::consts::{PI, TAU};
+
+use super::synthesis::{self, Band};
+use super::{ExcitationError, ExcitationSpec, SweepLaw, Waveform};
+use resonarm_dynamics::arm::Load;
+
+/// An excitation ready to be played: a pure function of the sample's index.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    spec: ExcitationSpec,
+    rate_hz: f64,
+    shape: Shape,
+    duration_s: f64,
+}
+
+/// The shape in time, with a crest of 1.
+#[derive(Clone, Debug, PartialEq)]
+enum Shape {
+    /// Stretches of sine, one after the other.
+    Sines(Vec<Piece>),
+    /// A half sine of this length, s.
+    Pulse(f64),
+    /// Samples, over and over.
+    Samples(Arc<[f64]>),
+}
+
+/// A stretch of sine whose frequency runs from `from_hz` to `to_hz`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece {
+    start_s: f64,
+    duration_s: f64,
+    from_hz: f64,
+    to_hz: f64,
+    law: SweepLaw,
+}
+
+impl Piece {
+    /// φ/2π at t, cycles: the integral of the frequency, f₀ τ + ½ (f₁ − f₀) τ²/T; with f = f₀ e^(λτ/T), λ = ln f₁/f₀,
+    /// f₀ T (e^(λτ/T) − 1)/λ.
+    fn cycles(&self, t_s: f64) -> f64 {
+        let elapsed_s = t_s - self.start_s;
+        if self.law == SweepLaw::Logarithmic && self.from_hz != self.to_hz {
+            let growth = libm::log(self.to_hz / self.from_hz);
+            return self.from_hz * self.duration_s * (libm::expm1(growth * (elapsed_s / self.duration_s)) / growth);
+        }
+        let slope = (self.to_hz - self.from_hz) / self.duration_s;
+        (self.from_hz + 0.5 * slope * elapsed_s) * elapsed_s
+    }
+}
+
+/// When the response to one frequency is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// The frequency, Hz.
+    pub frequency_hz: f64,
+    /// First sample that counts.
+    pub first: u64,
+    /// First sample after it.
+    pub end: u64,
+}
+
+impl Profile {
+    /// Checks the specification and prepares it for `rate_hz` samples a second.
+    ///
+    /// # Errors
+    /// [`ExcitationError`] says what can't be played.
+    pub fn new(spec: &ExcitationSpec, rate_hz: f64) -> Result<Profile, ExcitationError> {
+        spec.check(rate_hz)?;
+        let (shape, duration_s) = shape(spec, rate_hz)?;
+        let profile = Profile { spec: spec.clone(), rate_hz, shape, duration_s };
+        profile.check_windows()?;
+        Ok(profile)
+    }
+
+    /// What it was made of.
+    pub fn spec(&self) -> &ExcitationSpec {
+        &self.spec
+    }
+
+    /// Samples a second, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Length, s.
+    pub fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// Length in samples: the load is zero from this sample on.
+    pub fn samples(&self) -> u64 {
+        match &self.shape {
+            // A length that comes from whole samples is one, whatever the rounding.
+            Shape::Samples(_) => libm::round(self.duration_s * self.rate_hz) as u64,
+            Shape::Sines(_) | Shape::Pulse(_) => libm::ceil(self.duration_s * self.rate_hz) as u64,
+        }
+    }
+
+    /// The load to hold from sample `n` to the next.
+    pub fn load(&self, n: u64) -> Load {
+        if n >= self.samples() {
+            return Load::default();
+        }
+        let t_s = n as f64 / self.rate_hz;
+        let value = match &self.shape {
+            Shape::Pulse(pulse_s) if t_s < *pulse_s => libm::sin(PI * (t_s / pulse_s)),
+            Shape::Pulse(_) => 0.0,
+            Shape::Samples(values) => {
+                let value = values.get((n % values.len().max(1) as u64) as usize);
+                self.envelope(t_s) * value.copied().unwrap_or(0.0)
+            }
+            Shape::Sines(_) => self.envelope(t_s) * libm::sin(TAU * fraction(self.cycles(t_s))),
+        };
+        self.spec.amplitude.load().scaled(value)
+    }
+
+    /// Amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine that is held over each sample period T is
+    /// smaller than its samples by sin x/x with x = πfT.
+    pub fn held_load(&self, frequency_hz: f64) -> f64 {
+        let load = self.spec.amplitude.load();
+        let x = PI * frequency_hz / self.rate_hz;
+        libm::hypot(load.force_n.norm(), load.torque_nm.norm()) * libm::sin(x) / x
+    }
+
+    /// φ/2π of the sine at `samples` sample periods from the start, in cycles, less whole cycles; 0 of what is no sine.
+    pub fn phase_cycles(&self, samples: f64) -> f64 {
+        fraction(self.cycles(samples / self.rate_hz))
+    }
+
+    /// The stretches of sine, if there are any.
+    fn pieces(&self) -> &[Piece] {
+        match &self.shape {
+            Shape::Sines(pieces) => pieces,
+            Shape::Pulse(_) | Shape::Samples(_) => &[],
+        }
+    }
+
+    fn cycles(&self, t_s: f64) -> f64 {
+        let pieces = self.pieces();
+        let after = pieces.partition_point(|piece| piece.start_s <= t_s);
+        pieces.get(after.saturating_sub(1)).map_or(0.0, |piece| piece.cycles(t_s))
+    }
+
+    /// Raised cosine at both ends: ½ (1 − cos π t/r).
+    fn envelope(&self, t_s: f64) -> f64 {
+        // Bursts have edges of their own.
+        if matches!(self.spec.profile, Waveform::BurstRandom { .. }) {
+            return 1.0;
+        }
+        let to_end_s = t_s.min(self.duration_s - t_s);
+        if to_end_s >= self.spec.ramp_s { 1.0 } else { 0.5 * (1.0 - libm::cos(PI * (to_end_s / self.spec.ramp_s))) }
+    }
+
+    /// The windows in which responses are read, in order: one for a dwell, one for each step of a stepped sine.
+    pub fn windows(&self) -> impl Iterator<Item = Window> + '_ {
+        self.spec
+            .profile
+            .settle_s()
+            .into_iter()
+            .flat_map(move |settle_s| self.pieces().iter().map(move |piece| self.window(piece, settle_s)))
+    }
+
+    fn window(&self, piece: &Piece, settle_s: f64) -> Window {
+        let start_s = (piece.start_s + settle_s).max(self.spec.ramp_s);
+        let end_s = (piece.start_s + piece.duration_s).min(self.duration_s - self.spec.ramp_s);
+        let sample = |t_s: f64| libm::ceil(t_s.max(0.0) * self.rate_hz) as u64;
+        Window { frequency_hz: piece.from_hz, first: sample(start_s), end: sample(end_s) }
+    }
+
+    /// Every window holds at least one period, and eight samples to fit three numbers to.
+    fn check_windows(&self) -> Result<(), ExcitationError> {
+        for (piece, window) in self.pieces().iter().zip(self.windows()) {
+            let samples = window.end.saturating_sub(window.first) as f64;
+            if samples < 8.0_f64.max(self.rate_hz / window.frequency_hz) {
+                let Some(settle_s) = self.spec.profile.settle_s() else { return Ok(()) };
+                return Err(ExcitationError::NoWindow {
+                    dwell_s: piece.duration_s,
+                    settle_s,
+                    ramp_s: self.spec.ramp_s,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The shape of an excitation that was checked, and its length, s.
+fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), ExcitationError> {
+    let one = |from_hz, to_hz, duration_s, law| {
+        (Shape::Sines(alloc::vec![Piece { start_s: 0.0, duration_s, from_hz, to_hz, law }]), duration_s)
+    };
+    let played = |values: Vec<f64>, periods: u32| {
+        let duration_s = values.len() as f64 * f64::from(periods) / rate_hz;
+        (Shape::Samples(synthesis::with_crest_1(values).into()), duration_s)
+    };
+    Ok(match spec.profile {
+        Waveform::Dwell { frequency_hz, duration_s, .. } => {
+            one(frequency_hz, frequency_hz, duration_s, SweepLaw::Linear)
+        }
+        Waveform::SweptSine { from_hz, to_hz, duration_s, law } => one(from_hz, to_hz, duration_s, law),
+        Waveform::SteppedSine { from_hz, to_hz, steps, dwell_s, .. } => {
+            let last = f64::from(steps.saturating_sub(1)).max(1.0);
+            staircase((0..steps).map(|i| from_hz + (to_hz - from_hz) * (f64::from(i) / last)), dwell_s)
+        }
+        Waveform::SineList { ref frequencies_hz, dwell_s, .. } => staircase(frequencies_hz.iter().copied(), dwell_s),
+        Waveform::Impulse { pulse_s, duration_s } => (Shape::Pulse(pulse_s), duration_s),
+        Waveform::Random { from_hz, to_hz, duration_s, ref spectrum, seed } => {
+            let samples = synthesis::samples("duration_s", duration_s, rate_hz)?;
+            let source = (seed, spectrum.as_ref());
+            played(synthesis::noise(Band { from_hz, to_hz }, ("duration_s", samples), rate_hz, source)?, 1)
+        }
+        Waveform::BurstRandom { from_hz, to_hz, burst_s, period_s, periods, ref spectrum, seed } => {
+            let period = synthesis::whole_samples("period_s", period_s, rate_hz)?;
+            let samples = synthesis::samples("period_s", period as f64 * f64::from(periods) / rate_hz, rate_hz)?;
+            let samples = samples.min(period * periods as usize);
+            let source = (seed, spectrum.as_ref());
+            let mut values = synthesis::noise(Band { from_hz, to_hz }, ("period_s", samples), rate_hz, source)?;
+            synthesis::gate(&mut values, burst_s * rate_hz, period, spec.ramp_s * rate_hz);
+            played(values, 1)
+        }
+        Waveform::Multisine { from_hz, to_hz, period_s, periods, phases, seed } => {
+            let period = synthesis::whole_samples("period_s", period_s, rate_hz)?;
+            played(synthesis::multisine(Band { from_hz, to_hz }, period, rate_hz, phases, seed)?, periods)
+        }
+        Waveform::File { ref load, .. } => {
+            played(load.as_ref().ok_or(ExcitationError::FileNotRead)?.samples(rate_hz)?, 1)
+        }
+    })
+}
+
+/// The part after the point; keeps the argument of the sine small, and so its digits.
+fn fraction(cycles: f64) -> f64 {
+    cycles - libm::floor(cycles)
+}
+
+/// Pieces of whole periods, at least `dwell_s` long each, and the length of all of them, s.
+fn staircase(frequencies_hz: impl Iterator<Item = f64>, dwell_s: f64) -> (Shape, f64) {
+    let mut start_s = 0.0;
+    let pieces = frequencies_hz
+        .map(|hz| {
+            let duration_s = libm::ceil(dwell_s * hz) / hz;
+            let piece = Piece { start_s, duration_s, from_hz: hz, to_hz: hz, law: SweepLaw::Linear };
+            start_s += duration_s;
+            piece
+        })
+        .collect();
+    (Shape::Sines(pieces), start_s)
+}

@@ -1,0 +1,226 @@
+//! An excitation as a scenario states it.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::Waveform;
+use resonarm_dynamics::arm::Load;
+use resonarm_numeric::number::{rounded, short};
+
+/// What to play: a waveform, how strong, and how gently it starts and ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExcitationSpec {
+    /// The load at the crest, of noise and files too: no sample has a larger one.
+    pub amplitude: Amplitude,
+    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; of an impulse
+    /// none. A sudden start rings the arm's own modes, which take about a minute to die out.
+    #[serde(default)]
+    pub ramp_s: f64,
+    /// The shape in time.
+    pub profile: Waveform,
+}
+
+/// The load at the crest: forces at C or torques at the joints, not both, since one command carries one kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Amplitude {
+    /// Force at C along x, N.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub force_x_n: f64,
+    /// Force at C along y, N.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub force_y_n: f64,
+    /// Torque at joint 1, N·m.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub torque1_nm: f64,
+    /// Torque at joint 2, N·m.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub torque2_nm: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+impl Amplitude {
+    /// As a load on the arm.
+    pub fn load(&self) -> Load {
+        Load { torque_nm: [self.torque1_nm, self.torque2_nm].into(), force_n: [self.force_x_n, self.force_y_n].into() }
+    }
+
+    /// The unit of the load.
+    pub fn unit(&self) -> &'static str {
+        if self.is_torque() { "N·m" } else { "N" }
+    }
+
+    /// Whether the load is torques at the joints (else forces at C).
+    pub fn is_torque(&self) -> bool {
+        self.torque1_nm != 0.0 || self.torque2_nm != 0.0
+    }
+}
+
+/// What can't be played.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ExcitationError {
+    /// A number is impossible.
+    #[error("excitation: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Value {
+        /// The value, as it is called in a scenario.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// Nothing to play, or forces and torques at once.
+    #[error("excitation: {0}")]
+    Amplitude(&'static str),
+    /// A step ends before its response can be read.
+    #[error(
+        "excitation: a step of {dwell_s} s leaves no time to read its response after settling ({settle_s} s) and the \
+         ramps ({ramp_s} s): make the step longer or the others shorter", dwell_s = rounded(.dwell_s, 3), settle_s = short(.settle_s), ramp_s = short(.ramp_s))]
+    NoWindow {
+        /// Length of the step, s.
+        dwell_s: f64,
+        /// Settling, s.
+        settle_s: f64,
+        /// Ramp, s.
+        ramp_s: f64,
+    },
+    /// A band in which there is no frequency to play.
+    #[error(
+        "excitation: no multiple of {spacing_hz} Hz lies from {from_hz} to {to_hz} Hz: make the band wider, or `{length}` longer", spacing_hz = short(.spacing_hz), from_hz = short(.from_hz), to_hz = short(.to_hz))]
+    NoLine {
+        /// Lowest frequency of the band, Hz.
+        from_hz: f64,
+        /// Highest frequency of the band, Hz.
+        to_hz: f64,
+        /// Distance of the frequencies that there are, Hz.
+        spacing_hz: f64,
+        /// The length that gives this distance, as it is called in a scenario.
+        length: &'static str,
+    },
+    /// A table of a spectrum that is too short or too long.
+    #[error(
+        "excitation: the number of breakpoints of `spectrum` is {got}: it must be from 2 to {most}, each `[hz, level]`"
+    )]
+    Breakpoints {
+        /// Its breakpoints.
+        got: usize,
+        /// The most that do.
+        most: usize,
+    },
+    /// A level that no spectrum has on a logarithmic axis.
+    #[error("excitation: the level of `spectrum` at {hz} Hz is {level}: it must be a positive number", hz = short(.hz), level = short(.level))]
+    Level {
+        /// The frequency of the breakpoint, Hz.
+        hz: f64,
+        /// Its level.
+        level: f64,
+    },
+    /// Breakpoints out of order.
+    #[error("excitation: `spectrum` goes from {before_hz} to {hz} Hz: its frequencies must rise", before_hz = short(.before_hz), hz = short(.hz))]
+    BreakpointOrder {
+        /// Frequency of a breakpoint, Hz.
+        before_hz: f64,
+        /// Frequency of the next, Hz.
+        hz: f64,
+    },
+    /// A spectrum that is not as wide as its band.
+    #[error("excitation: `{name}` is {band_hz}, and the breakpoint of `spectrum` there is at {hz} Hz: they must be the same", band_hz = short(.band_hz), hz = short(.hz))]
+    BreakpointEnd {
+        /// The end of the band, as it is called in a scenario.
+        name: &'static str,
+        /// Its frequency, Hz.
+        band_hz: f64,
+        /// Frequency of the first or last breakpoint, Hz.
+        hz: f64,
+    },
+    /// More samples than are kept ready.
+    #[error("excitation: `{length}` is {samples} samples long: it must be from 1 to {most}", samples = rounded(.samples, 0))]
+    Length {
+        /// The length, as it is called in a scenario.
+        length: &'static str,
+        /// The samples that it has.
+        samples: f64,
+        /// The most that do.
+        most: u32,
+    },
+    /// A load file whose text was not read.
+    #[error("excitation: the load file was not read: it is read with a scenario file, from that file's folder")]
+    FileNotRead,
+    /// A load file with points closer than the samples, which would show frequencies that aren't there.
+    #[error("excitation: the load file has points {step_s} s apart, closer than samples ({period_s} s): filter and thin it out to the sample rate before", step_s = short(.step_s), period_s = short(.period_s))]
+    FileTooDense {
+        /// Time between two points, s.
+        step_s: f64,
+        /// The sample period, s.
+        period_s: f64,
+    },
+    /// A frequency that the samples can't carry.
+    #[error("excitation: {frequency_hz} Hz can't be told at {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
+    AboveNyquist {
+        /// The highest frequency asked for, Hz.
+        frequency_hz: f64,
+        /// The sample rate, Hz.
+        rate_hz: f64,
+    },
+}
+
+pub(super) fn positive(name: &'static str, got: f64) -> Result<(), ExcitationError> {
+    if got.is_finite() && got > 0.0 {
+        Ok(())
+    } else {
+        Err(ExcitationError::Value { name, got, expected: "a positive number" })
+    }
+}
+
+pub(super) fn not_negative(name: &'static str, got: f64) -> Result<(), ExcitationError> {
+    if got.is_finite() && got >= 0.0 {
+        Ok(())
+    } else {
+        Err(ExcitationError::Value { name, got, expected: "zero or a positive number" })
+    }
+}
+
+impl ExcitationSpec {
+    /// Checks every number; `rate_hz` is the sample rate at which it will be played.
+    pub(super) fn check(&self, rate_hz: f64) -> Result<(), ExcitationError> {
+        positive("rate_hz", rate_hz)?;
+        not_negative("ramp_s", self.ramp_s)?;
+        self.amplitude.check()?;
+        let highest_hz = self.profile.check()?;
+        if highest_hz >= 0.5 * rate_hz {
+            return Err(ExcitationError::AboveNyquist { frequency_hz: highest_hz, rate_hz });
+        }
+        Ok(())
+    }
+}
+
+impl Amplitude {
+    pub(crate) fn check(&self) -> Result<(), ExcitationError> {
+        let values = [
+            ("force_x_n", self.force_x_n),
+            ("force_y_n", self.force_y_n),
+            ("torque1_nm", self.torque1_nm),
+            ("torque2_nm", self.torque2_nm),
+        ];
+        for (name, got) in values {
+            if !got.is_finite() {
+                return Err(ExcitationError::Value { name, got, expected: "a number" });
+            }
+        }
+        let force = self.force_x_n != 0.0 || self.force_y_n != 0.0;
+        match (force, self.is_torque()) {
+            (true, true) => Err(ExcitationError::Amplitude(
+                "forces and torques at once: a command carries one kind; set one of them to 0",
+            )),
+            (false, false) => Err(ExcitationError::Amplitude(
+                "the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`",
+            )),
+            _ => Ok(()),
+        }
+    }
+}

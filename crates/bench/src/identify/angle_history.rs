@@ -1,0 +1,251 @@
+//! The joints' angles over time from what the accelerometers read: double integration, then the inverse kinematics.
+//!
+//! So the angles of the arm's measured motion were found: "the acceleration signals were integrated twice to obtain the
+//! point displacements, and then the angular displacements of the links were calculated using the kinematics equations"
+//! (P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
+//! Compliance", *Appl. Sci.* 2023, 13, 11941).
+//!
+//! A link of length l that turns by θ moves its end, against its start, by l sin θ across its rest position and by −l
+//! (1 − cos θ) along it. With g the high-pass of the [double integration](super::Integration) and d the displacement
+//! that it gives, the part across is
+//!
+//! ```text
+//! d·t/l = g[sin θ]     so that, as g[θ] = θ,     θ = d·t/l + g[θ − sin θ]
+//! ```
+//!
+//! t the unit vector across. Each round gains a factor of θ²/2. Link 1 ends at B and has turned by α1; link 2 goes from
+//! there to C and has turned by α1 + α2. A mean θ0, which no accelerometer tells, matters only in θ0²; that is why
+//! nothing is taken from the part along a link, where it matters in θ0. That part, g[l (1 − cos θ)], says whether the
+//! readings are those of two rigid links.
+
+use alloc::vec::Vec;
+
+use nalgebra::Vector2;
+
+use super::double_integration::{Integration, Integrator, Pair};
+use super::droop::without_droop;
+use super::{CHANNELS, IdentifyError};
+use resonarm_dynamics::arm::Arm;
+use crate::rig::{Converter, RigSpec};
+
+/// Length of each end, in periods of the corner: by then about 1e-5 is left of how a record begins and ends.
+const END_PERIODS: f64 = 4.0;
+/// Largest angle, rad: the rounds come to an end well below π/2.
+const LARGEST_RAD: f64 = 1.0;
+/// Rounds go on until an angle changes by less than this, rad, or so many were made: enough for a factor of 1/2.
+const CHANGE_RAD: f64 = 1e-13;
+const MOST_ROUNDS: usize = 40;
+
+/// How angles are found from accelerations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngleSettings {
+    /// How the accelerations are integrated twice.
+    pub integration: Integration,
+    /// The lower corner f0, Hz, above 0 and below half the sample rate. Vibration at f has the gain 1 − (1 +
+    /// (f/f0)⁴)⁻³: 0.875 at f0, 0.9998 at twice f0.
+    pub from_hz: f64,
+    /// Whether the arm was at rest before the first reading, and the accelerometers read no gravity. Then the beginning
+    /// is told as well.
+    pub starts_at_rest: bool,
+}
+
+/// The joints' angles over a stretch of a record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AngleHistory {
+    /// The first reading that has angles. Where a record begins and ends, four periods of the corner have none, as the
+    /// integration knows nothing of what was before and after; only the beginning from rest is told.
+    pub first: usize,
+    /// α1 and α2 at each reading from there on, rad, but for what is slower than the corner: their means are zero.
+    pub alpha_rad: Vec<[f64; 2]>,
+    /// Standard deviations of each, rad, by the instruments' white noise; 0 of ideal instruments.
+    pub deviation_rad: Vec<[f64; 2]>,
+    /// Displacements along the links that their turning does not explain, root mean square.
+    pub residual: Residual,
+}
+
+impl AngleHistory {
+    /// Leaves out the first `readings` readings that have angles.
+    pub fn leave_out(&mut self, readings: usize) {
+        let readings = readings.min(self.alpha_rad.len());
+        self.alpha_rad.drain(..readings);
+        self.deviation_rad.drain(..readings);
+        self.first += readings;
+    }
+}
+
+/// What rigid links leave of the displacements along them, root mean square over both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// Over what the instruments' noise leaves; `None` of ideal instruments. About 1 if the readings are those of the
+    /// arm and the vibration is weak.
+    pub over_noise: Option<f64>,
+    /// Over the displacements across the links. Of strong vibration it is about as much as the mean angles, rad.
+    pub over_displacement: f64,
+}
+
+/// The angles behind the accelerations of B and C along x and y, m/s², read `rate_hz` times a second by the instruments
+/// of `rig` on `arm`, whose converters' droop is taken out. None may be clipped. The rest of the instruments' chains is
+/// not undone.
+///
+/// # Errors
+/// [`IdentifyError`] if the corner is none of the record, the record has no more than its ends, a reading is no number,
+/// or the angles are beyond 1 rad.
+pub fn joint_angles(
+    arm: &Arm,
+    rate_hz: f64,
+    rig: &RigSpec,
+    readings: &[[f64; CHANNELS]],
+    settings: AngleSettings,
+) -> Result<AngleHistory, IdentifyError> {
+    let [first, end, silence] = stretch(readings, rate_hz, settings)?;
+    let integrator = Integrator::new(settings.integration, readings.len(), silence, rate_hz, settings.from_hz);
+    let [d_b, d_c] =
+        [0, 2].map(|channel| integrator.displacements(&accelerations(readings, channel, settings, rig.converter)));
+    let links = Links::new(arm);
+    let (across, along) = links.displacements(&d_b, &d_c);
+    let turns = turns(&integrator, &across)?;
+    let noise_m_s2 = [&rig.accelerometer_b, &rig.accelerometer_c].map(|sensor| sensor.reading_noise_m_s2(rate_hz));
+    let noise_m = noise_m_s2.map(|noise| noise * integrator.noise_gain_s2());
+    let shortened: Vec<Pair> =
+        turns.iter().map(|turn| Pair::new(one_less_cos(turn.re), one_less_cos(turn.im))).collect();
+    let left = integrator.passed(&shortened);
+    let left: Vec<Pair> = along.iter().zip(left).map(|(along, shortened)| along + shortened).collect();
+    let kept = &turns[first..end];
+    Ok(AngleHistory {
+        first,
+        alpha_rad: kept.iter().map(|turn| [turn.re, turn.im - turn.re]).collect(),
+        deviation_rad: kept.iter().map(|turn| links.deviation_rad(*turn, noise_m)).collect(),
+        residual: links.residual(&left[first..end], &across[first..end], noise_m),
+    })
+}
+
+/// First reading with angles, the first behind the last, and how many readings an end has.
+fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) -> Result<[usize; 3], IdentifyError> {
+    let AngleSettings { from_hz, starts_at_rest, .. } = settings;
+    if !(from_hz > 0.0 && from_hz < 0.5 * rate_hz) {
+        return Err(IdentifyError::Corner { from_hz, rate_hz });
+    }
+    if let Some(reading) = readings.iter().position(|values| values.iter().any(|value| !value.is_finite())) {
+        return Err(IdentifyError::NotFinite { reading });
+    }
+    let (samples, period) = (readings.len(), rate_hz / from_hz);
+    let end = libm::ceil(END_PERIODS * period);
+    let first = if starts_at_rest { 0.0 } else { end };
+    let least = first + end + libm::ceil(period);
+    if (samples as f64) < least {
+        return Err(IdentifyError::NoMiddle { samples, least, from_hz });
+    }
+    Ok([first as usize, samples - end as usize, end as usize])
+}
+
+/// The accelerations of a point, without the droop of the converters. Unless there was rest before, their mean is taken
+/// out: silence before and after a record would make a step of it.
+fn accelerations(
+    readings: &[[f64; CHANNELS]],
+    channel: usize,
+    settings: AngleSettings,
+    converter: Converter,
+) -> Vec<Pair> {
+    let mut values: Vec<Pair> = readings.iter().map(|values| Pair::new(values[channel], values[channel + 1])).collect();
+    if !settings.starts_at_rest {
+        let mean = values.iter().sum::<Pair>() / values.len() as f64;
+        values.iter_mut().for_each(|value| *value -= mean);
+    }
+    without_droop(&values, converter)
+}
+
+/// The angles θ of both links behind g[sin θ], rad.
+fn turns(integrator: &Integrator, across: &[Pair]) -> Result<Vec<Pair>, IdentifyError> {
+    let mut turns = across.to_vec();
+    for _round in 0..MOST_ROUNDS {
+        let largest = turns.iter().fold(0.0_f64, |largest, turn| largest.max(turn.re.abs()).max(turn.im.abs()));
+        if largest > LARGEST_RAD {
+            return Err(IdentifyError::TooLarge { angle_rad: largest, most_rad: LARGEST_RAD });
+        }
+        let bent: Vec<Pair> = turns.iter().map(|turn| Pair::new(less_sin(turn.re), less_sin(turn.im))).collect();
+        let mut change = 0.0_f64;
+        for ((turn, across), bent) in turns.iter_mut().zip(across).zip(integrator.passed(&bent)) {
+            let next = across + bent;
+            change = change.max((next - *turn).norm_sqr());
+            *turn = next;
+        }
+        if change < CHANGE_RAD * CHANGE_RAD {
+            break;
+        }
+    }
+    Ok(turns)
+}
+
+/// θ − sin θ; of small angles the rounding, 1e-16 θ, is less than any noise.
+fn less_sin(turn: f64) -> f64 {
+    turn - libm::sin(turn)
+}
+
+/// 1 − cos θ = 2 sin² θ/2.
+fn one_less_cos(turn: f64) -> f64 {
+    let sine = libm::sin(0.5 * turn);
+    2.0 * sine * sine
+}
+
+/// Both links at rest.
+struct Links {
+    length_m: [f64; 2],
+    /// Unit vectors along each, from its start to its end.
+    along: [Vector2<f64>; 2],
+    /// Unit vectors across, in the direction of growing angles.
+    across: [Vector2<f64>; 2],
+}
+
+impl Links {
+    fn new(arm: &Arm) -> Links {
+        let points = arm.points(&Vector2::zeros());
+        let links = [points.b_m, points.c_m - points.b_m];
+        let along = links.map(|link| link.normalize());
+        Links {
+            length_m: links.map(|link| link.norm()),
+            along,
+            across: along.map(|unit| Vector2::new(-unit.y, unit.x)),
+        }
+    }
+
+    /// Displacements of the ends of the links against their starts, over the lengths: across and along.
+    fn displacements(&self, d_b: &[Pair], d_c: &[Pair]) -> (Vec<Pair>, Vec<Pair>) {
+        let part = |units: &[Vector2<f64>; 2]| {
+            let dot = |link: usize, d: Pair| (units[link].x * d.re + units[link].y * d.im) / self.length_m[link];
+            d_b.iter().zip(d_c).map(|(b, c)| Pair::new(dot(0, *b), dot(1, c - b))).collect()
+        };
+        (part(&self.across), part(&self.along))
+    }
+
+    /// Standard deviations of α1 and α2, rad, of displacements of B and C with these, m, along x and y alike and
+    /// independent.
+    ///
+    /// From l sin θ = d·t follows δθ = t·δd/(l cos θ). With s = t/(l cos θ) of each link, δα1 = s1·δB and
+    /// δα2 = s2·(δC − δB) − s1·δB, so that
+    ///
+    /// ```text
+    /// σ(α1)² = σ_B² |s1|²      σ(α2)² = σ_C² |s2|² + σ_B² |s1 + s2|²
+    /// ```
+    fn deviation_rad(&self, turn: Pair, noise_m: [f64; 2]) -> [f64; 2] {
+        let [s1, s2] = [(0, turn.re), (1, turn.im)]
+            .map(|(link, turn)| self.across[link] / (self.length_m[link] * libm::cos(turn)));
+        let [b, c] = noise_m;
+        [b * s1.norm(), libm::hypot(c * s2.norm(), b * (s1 + s2).norm())]
+    }
+
+    /// What is left along the links, over the lengths, against displacements across. By noise it is σ_B² of link 1 and
+    /// σ_B² + σ_C² of link 2.
+    fn residual(&self, left: &[Pair], across: &[Pair], noise_m: [f64; 2]) -> Residual {
+        let [l1, l2] = self.length_m;
+        let mean_square = |values: &[Pair]| {
+            let square = |value: &Pair| (l1 * value.re) * (l1 * value.re) + (l2 * value.im) * (l2 * value.im);
+            values.iter().map(square).sum::<f64>() / values.len() as f64
+        };
+        let (left, all) = (mean_square(left), mean_square(across));
+        let noise = 2.0 * noise_m[0] * noise_m[0] + noise_m[1] * noise_m[1];
+        Residual {
+            over_noise: (noise > 0.0).then(|| libm::sqrt(left / noise)),
+            over_displacement: if all > 0.0 { libm::sqrt(left / all) } else { 0.0 },
+        }
+    }
+}

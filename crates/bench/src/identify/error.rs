@@ -1,0 +1,102 @@
+//! What can't be identified.
+
+use thiserror::Error;
+
+use resonarm_numeric::number::{rounded, short};
+
+/// Why a record tells nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum IdentifyError {
+    /// The band is no band of the record.
+    #[error("the band from {from_hz} to {to_hz} Hz must rise, from above 0 to below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), to_hz = short(.to_hz), rate_hz = short(.rate_hz))]
+    Band {
+        /// Its lowest frequency, Hz.
+        from_hz: f64,
+        /// Its highest frequency, Hz.
+        to_hz: f64,
+        /// The sample rate, Hz.
+        rate_hz: f64,
+    },
+    /// Too few samples for what is asked.
+    #[error("the record has {samples} samples where {least} are needed: record for longer")]
+    TooShort {
+        /// What there is.
+        samples: usize,
+        /// What would do.
+        least: usize,
+    },
+    /// The head reads nothing but its own noise.
+    #[error(
+        "the impedance head reads no force beyond its own noise ({noise_n} N): the arm must be driven by a force at C, and by a larger one than that", noise_n = rounded(.noise_n, 3))]
+    NoForce {
+        /// Standard deviation of the head's noise, N.
+        noise_n: f64,
+    },
+    /// The force has no energy in the band.
+    #[error("the force has no energy from {from_hz} to {to_hz} Hz: drive the arm there, or name the band that was driven", from_hz = short(.from_hz), to_hz = short(.to_hz))]
+    NoEnergy {
+        /// Lowest frequency of the band, Hz.
+        from_hz: f64,
+        /// Highest frequency of the band, Hz.
+        to_hz: f64,
+    },
+    /// Nothing resonates.
+    #[error("there is no resonance from {from_hz} to {to_hz} Hz: widen the band, or record for longer", from_hz = short(.from_hz), to_hz = short(.to_hz))]
+    NoResonance {
+        /// Lowest frequency of the band, Hz.
+        from_hz: f64,
+        /// Highest frequency of the band, Hz.
+        to_hz: f64,
+    },
+    /// Readings beyond the range of their sensor.
+    #[error(
+        "{samples} samples have a reading beyond the range of its sensor: lower the force, or give the sensor more range"
+    )]
+    Clipped {
+        /// How many.
+        samples: usize,
+    },
+    /// A segment or period that the record has no room for.
+    #[error("a segment of {segment} samples has to have from 16 samples to as many as the record, {samples}")]
+    Segment {
+        /// Its samples.
+        segment: usize,
+        /// Samples of the record.
+        samples: usize,
+    },
+    /// No lower corner of a double integration.
+    #[error("the lower corner, {from_hz} Hz, must be above 0 and below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), rate_hz = short(.rate_hz))]
+    Corner {
+        /// The corner, Hz.
+        from_hz: f64,
+        /// The sample rate, Hz.
+        rate_hz: f64,
+    },
+    /// A record that ends before a double integration has settled.
+    #[error("the record has {samples} samples where {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
+    NoMiddle {
+        /// What there is.
+        samples: usize,
+        /// What would do.
+        least: f64,
+        /// The corner, Hz.
+        from_hz: f64,
+    },
+    /// A reading that is no number.
+    #[error(
+        "reading {reading}, counted from 0, has an acceleration that is no finite number: no instrument reads such"
+    )]
+    NotFinite {
+        /// Its index.
+        reading: usize,
+    },
+    /// Angles beyond what the inverse kinematics are made for.
+    #[error("the displacements are those of angles of {angle_rad} rad, and more than {most_rad} rad is no vibration of the arm: look at the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
+    TooLarge {
+        /// The largest angle, rad.
+        angle_rad: f64,
+        /// The largest that is found, rad.
+        most_rad: f64,
+    },
+}

@@ -1,0 +1,355 @@
+//! The modes in a record.
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::{Complex, SMatrix, SymmetricEigen};
+use serde::Serialize;
+
+use super::mode_fit::{Lines, Pole};
+use super::{Band, CHANNELS, IdentifyError, Record};
+use resonarm_numeric::dft;
+
+/// Most peaks that are looked at.
+const MOST_PEAKS: usize = 24;
+/// A peak of the response's power is looked at if it is so many times the median around it.
+const STANDS_OUT: f64 = 4.0;
+/// It is a mode if without a pole the square of the residual is so many times as large: a peak of a random force needs
+/// none.
+const GAIN: f64 = 10.0;
+/// The largest share of noise in the power of the force at a mode.
+pub const MOST_NOISE_SHARE: f64 = 0.01;
+/// Half the width of the band of a fit: at least so many hertz, and so many lines.
+const HALF_WIDTH_HZ: f64 = 0.5;
+const HALF_WIDTH_LINES: f64 = 20.0;
+/// Poles so many lines apart, or fewer, are of one mode.
+const ONE_MODE_LINES: usize = 2;
+/// The least number of lines of a fit.
+const LEAST_LINES: usize = 16;
+/// γM of the exponential window of a response that dies out: its end counts for a thousandth.
+const TAPER: f64 = 6.9;
+/// Below this residual over noise the arm is called linear.
+const LINEAR: f64 = 3.0;
+
+/// Which part of the record a mode was fitted to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Part {
+    /// All of it, under the force.
+    Forced,
+    /// What rang down after the force had ended, for it is at least half of the record.
+    RingDown,
+}
+
+/// A mode as the readings tell it, with standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct IdentifiedMode {
+    /// Undamped natural frequency, |λ|/(2π) of the eigenvalue λ, Hz: what `modes` states of an arm.
+    pub frequency_hz: f64,
+    /// Its standard deviation, Hz.
+    pub frequency_deviation_hz: f64,
+    /// Damping ratio −Re λ/|λ|.
+    pub damping_ratio: f64,
+    /// Its standard deviation.
+    pub damping_ratio_deviation: f64,
+    /// Amplitudes of acceleration of B along x and y and C along x and y against each other, the largest 1.
+    pub shape: [f64; CHANNELS],
+    /// Root mean square of what the fit leaves over the instruments' noise: about 1 for a linear arm. Where it is
+    /// larger, the standard deviations are larger by as much.
+    pub residual: f64,
+    /// Whether the residual is at most three times the noise. Else the arm doesn't vibrate linearly, or not by itself,
+    /// and the numbers are of an equivalent linear arm.
+    pub is_linear: bool,
+    /// Lines of the transform that were fitted.
+    pub lines: usize,
+    /// Where they are from.
+    pub part: Part,
+}
+
+/// A mode, or why there is none.
+type Fitted = Result<IdentifiedMode, Rejection>;
+
+/// The modes in a record, and the peaks that are none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identification {
+    /// The modes, in the order of their frequencies.
+    pub modes: Vec<IdentifiedMode>,
+    /// The peaks, in the order of their frequencies.
+    pub rejected: Vec<RejectedPeak>,
+}
+
+/// A peak of the response over the force, or of the response, to which no mode is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RejectedPeak {
+    /// Where it is, Hz.
+    pub frequency_hz: f64,
+    /// Why it is none.
+    pub reason: Rejection,
+}
+
+/// Why a peak is no mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rejection {
+    /// The lines around it are described as well without a pole.
+    NoPole,
+    /// So large a share of the force's power there is noise of the head, above [`MOST_NOISE_SHARE`], that frequency and
+    /// damping would be biased by more than their deviations.
+    ForceInNoise {
+        /// The share, 0 to 1.
+        share: f64,
+    },
+}
+
+/// A stretch of a record, transformed without a window, in and around a band.
+struct Stretch<'a> {
+    record: &'a Record,
+    part: Part,
+    samples: usize,
+    /// First and number of the lines in the band.
+    band: (usize, usize),
+    /// The first line that is there.
+    first: usize,
+    channels: [Vec<Complex<f64>>; CHANNELS],
+    force: Vec<Complex<f64>>,
+    /// γM of the exponential window e^(−γn), if there is one.
+    taper: Option<f64>,
+}
+
+/// The modes whose peaks stand out in the band.
+///
+/// # Errors
+/// [`IdentifyError`] if the record doesn't have the band, the force no energy in it, or no peak stands out there.
+pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyError> {
+    record.check(band)?;
+    check_energy(record, band)?;
+    let stretch = Stretch::new(record, band)?;
+    let (mut centres, mut rejected): (Vec<usize>, Vec<RejectedPeak>) = (Vec::new(), Vec::new());
+    let peaks = stretch.peaks();
+    if peaks.is_empty() {
+        return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
+    }
+    for peak in peaks {
+        let mode = match stretch.fit(peak, None)? {
+            Ok(mode) => mode,
+            Err(reason) => {
+                rejected.push(RejectedPeak { frequency_hz: peak as f64 * stretch.spacing_hz(), reason });
+                continue;
+            }
+        };
+        let centre = libm::round(mode.frequency_hz / stretch.spacing_hz()) as usize;
+        // Peaks of the response and of its ratio to the force may be of one mode.
+        if !centres.iter().any(|other| other.abs_diff(centre) <= ONE_MODE_LINES) {
+            centres.push(centre);
+        }
+    }
+    let mut found: Vec<IdentifiedMode> = Vec::new();
+    for centre in &centres {
+        let neighbour = centres.iter().filter(|other| *other != centre).map(|other| other.abs_diff(*centre)).min();
+        found.extend(stretch.fit(*centre, neighbour)?);
+    }
+    found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    rejected.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    Ok(Identification { modes: found, rejected })
+}
+
+/// Whether the force was more than noise in the band, over the samples with a force: its mean power there is over four
+/// times that of the noise, and over a thousandth of that at all frequencies, since an end that is not soft leaks.
+fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
+    let [start, end] = record.forced();
+    // Short pulses have few lines of their own: a grid of at least 256 is looked at.
+    let period = (end - start).max(256);
+    let first = libm::floor(band.from_hz * period as f64 / record.rate_hz()) as usize;
+    let count = libm::ceil(band.to_hz * period as f64 / record.rate_hz()) as usize + 1 - first;
+    let transform = dft::Lines::new(period, end - start, first, count);
+    let force = transform.transform(record.force_n()[start..end].iter().map(|value| Complex::new(*value, 0.0)));
+    let power = force.iter().map(Complex::norm_sqr).sum::<f64>() / count as f64;
+    let noise = record.force_noise_n() * record.force_noise_n() * (end - start) as f64;
+    // By Parseval's theorem the mean power at all frequencies.
+    let total: f64 = record.force_n()[start..end].iter().map(|force| force * force).sum();
+    if power > 4.0 * noise && power > 1e-3 * total {
+        return Ok(());
+    }
+    Err(IdentifyError::NoEnergy { from_hz: band.from_hz, to_hz: band.to_hz })
+}
+
+impl<'a> Stretch<'a> {
+    /// What rang down, if that is most of the record, else all of it.
+    fn new(record: &'a Record, band: Band) -> Result<Stretch<'a>, IdentifyError> {
+        let [_, end] = record.forced();
+        // A shaker's armature goes on to load the arm, by a force that its head reads.
+        let rings_down = !record.has_shaker() && 2 * end <= record.samples();
+        let (part, from) = if rings_down { (Part::RingDown, end) } else { (Part::Forced, 0) };
+        let samples = record.samples() - from;
+        let spacing_hz = record.rate_hz() / samples as f64;
+        let low = libm::ceil(band.from_hz / spacing_hz).max(1.0) as usize;
+        let count = (libm::floor(band.to_hz / spacing_hz) as usize + 1).saturating_sub(low);
+        let half = half_width(spacing_hz);
+        if count < LEAST_LINES || 4 * half >= samples {
+            let least = libm::ceil(LEAST_LINES as f64 * record.rate_hz() / (band.to_hz - band.from_hz)) as usize;
+            return Err(IdentifyError::TooShort { samples, least: least.max(4 * half + 1) });
+        }
+        // A fit at the edge reaches beyond the band, that of a broad mode by half its frequency.
+        let first = (low / 2).min(low.saturating_sub(half + 1));
+        let behind = low + count;
+        let end = (behind + half).max(behind + behind / 2).min(samples / 2).max(behind + 1);
+        let transform = dft::Lines::new(samples, samples, first, end - first);
+        let taper = (part == Part::Forced && record.dies_out()).then_some(TAPER);
+        let window = |n: usize| taper.map_or(1.0, |taper| libm::exp(-taper * n as f64 / samples as f64));
+        let windowed = |(n, value): (usize, &f64)| Complex::new(value * window(n), 0.0);
+        let lines = |values: &[f64]| transform.transform(values[from..].iter().enumerate().map(windowed));
+        let channels = core::array::from_fn(|i| lines(&record.accelerations()[i]));
+        Ok(Stretch {
+            record,
+            part,
+            samples,
+            band: (low, count),
+            first,
+            channels,
+            force: lines(record.force_n()),
+            taper,
+        })
+    }
+
+    /// Mean square of the exponential window, 1 without.
+    fn window_power(&self) -> f64 {
+        self.taper.map_or(1.0, |taper| -libm::expm1(-2.0 * taper) / (2.0 * taper))
+    }
+
+    /// Hertz a line.
+    fn spacing_hz(&self) -> f64 {
+        self.record.rate_hz() / self.samples as f64
+    }
+
+    /// The lines at which the response over the force stands out, then those at which the response does.
+    ///
+    /// A mode is where the ratio has its peak. There a shaker's force drops out, and the response shows arm and
+    /// armature together, elsewhere. A free response has no force to be divided by.
+    fn peaks(&self) -> Vec<usize> {
+        let mut response = alloc::vec![0.0; self.band.1];
+        for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
+            self.add_power(&mut response, lines, 1.0 / (noise * noise));
+        }
+        if self.part == Part::RingDown {
+            return self.peaks_of(&response);
+        }
+        // Noise bounds what the force drops to: that of a line is M σ², 3/2 as much under the Hann window.
+        let noise_n = self.record.force_noise_n();
+        let least = 1.5 * self.samples as f64 * self.window_power() * (noise_n * noise_n).max(f64::MIN_POSITIVE);
+        let mut force = alloc::vec![least; self.band.1];
+        self.add_power(&mut force, &self.force, 1.0);
+        let ratio: Vec<f64> = response.iter().zip(&force).map(|(response, force)| response / force).collect();
+        let mut peaks = self.peaks_of(&ratio);
+        peaks.extend(self.peaks_of(&response));
+        peaks
+    }
+
+    /// Adds `weight` times the power of the band's lines under a Hann window, as a convolution: what leaks falls with
+    /// the third power.
+    fn add_power(&self, power: &mut [f64], lines: &[Complex<f64>], weight: f64) {
+        let first = self.band.0;
+        for (power, near) in power.iter_mut().zip(lines[first - 1 - self.first..].windows(3)) {
+            *power += weight * (near[1] - (near[0] + near[2]) * 0.5).norm_sqr();
+        }
+    }
+
+    /// The lines of the band at which a power stands out of what surrounds it, the highest first.
+    fn peaks_of(&self, power: &[f64]) -> Vec<usize> {
+        let (first, count) = self.band;
+        let half = half_width(self.spacing_hz());
+        let mut open = alloc::vec![true; count];
+        let mut peaks = Vec::new();
+        for _ in 0..MOST_PEAKS {
+            let highest = (0..count).filter(|k| open[*k]).max_by(|a, b| power[*a].total_cmp(&power[*b]));
+            let Some(peak) = highest else { break };
+            let (low, high) = (peak.saturating_sub(half), (peak + half + 1).min(count));
+            let mut around: Vec<f64> = (low..high).filter(|k| k.abs_diff(peak) > 4).map(|k| power[k]).collect();
+            around.sort_by(f64::total_cmp);
+            let median = around.get(around.len() / 2).copied().unwrap_or(f64::INFINITY);
+            // At the edge of what was looked at already there is only the skirt of another peak.
+            let is_top = (peak == 0 || open[peak - 1]) && (peak + 1 == count || open[peak + 1]);
+            if is_top && power[peak] > STANDS_OUT * median {
+                peaks.push(first + peak);
+            }
+            open[low..high].fill(false);
+        }
+        peaks
+    }
+
+    /// Fits the mode at a line, unless there is none; the nearest other peak is so many lines away.
+    fn fit(&self, centre: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
+        let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
+        let mut half = half_width(self.spacing_hz()).min(room);
+        let mut fitted = self.fit_within(centre, half)?;
+        // A mode that is broad against the band has a wider one.
+        if let Ok(mode) = &fitted {
+            let bandwidth = mode.damping_ratio * mode.frequency_hz / self.spacing_hz();
+            let wide = libm::ceil(6.0 * bandwidth).min(0.5 * centre as f64) as usize;
+            if wide > half && half < room {
+                half = wide.min(room);
+                fitted = self.fit_within(centre, half)?;
+            }
+        }
+        Ok(fitted)
+    }
+
+    fn fit_within(&self, centre: usize, half: usize) -> Result<Fitted, IdentifyError> {
+        let first = centre.saturating_sub(half).max(self.first).max(1);
+        let end = (centre + half + 1).min(self.first + self.force.len());
+        let (count, samples) = (end - first, self.samples);
+        if count < LEAST_LINES {
+            return Err(IdentifyError::TooShort { samples, least: samples * LEAST_LINES / count.max(1) });
+        }
+        let within = first - self.first..end - self.first;
+        let noise = self.record.acceleration_noise_m_s2();
+        let channels = self.channels.each_ref().map(|lines| &lines[within.clone()]);
+        let combination = strongest(&channels, noise);
+        let response =
+            (0..count).map(|k| (0..CHANNELS).map(|i| channels[i][k] * (combination[i] / noise[i])).sum()).collect();
+        let root = libm::sqrt(samples as f64 * self.window_power());
+        let force = (self.part == Part::Forced).then(|| self.force[within].to_vec());
+        let noises = [root, self.record.force_noise_n() * root];
+        let lines = Lines { samples, centre, first, response, force, taper: self.taper, noise: noises };
+        // Far from its peak a pole is that of another one, or of none.
+        let is_mode = |pole: &Pole| pole.gain > GAIN && libm::fabs(pole.x[0]) < 0.25 * count as f64;
+        let Some(pole) = lines.fit(0.0).filter(is_mode) else { return Ok(Err(Rejection::NoPole)) };
+        if pole.force_noise_share > MOST_NOISE_SHARE {
+            return Ok(Err(Rejection::ForceInNoise { share: pole.force_noise_share }));
+        }
+        // λ = rate · ln p = rate/M · (−x₁ + 2πi (centre + x₀)).
+        let scale = self.spacing_hz();
+        let (decay, turns) = (pole.x[1] * scale, TAU * (centre as f64 + pole.x[0]) * scale);
+        let size = libm::hypot(decay, turns);
+        let largest = combination.iter().zip(noise).map(|(part, noise)| part * noise);
+        let largest =
+            largest.fold(0.0, |largest: f64, part| if libm::fabs(part) > libm::fabs(largest) { part } else { largest });
+        Ok(Ok(IdentifiedMode {
+            frequency_hz: size / TAU,
+            frequency_deviation_hz: pole.deviation[0] * scale,
+            damping_ratio: decay / size,
+            damping_ratio_deviation: pole.deviation[1] * scale / size,
+            shape: core::array::from_fn(|i| combination[i] * noise[i] / largest),
+            residual: pole.residual,
+            is_linear: pole.residual <= LINEAR,
+            lines: count,
+            part: self.part,
+        }))
+    }
+}
+
+/// Half the width of a fit's band, lines.
+fn half_width(spacing_hz: f64) -> usize {
+    libm::ceil((HALF_WIDTH_HZ / spacing_hz).max(HALF_WIDTH_LINES)) as usize
+}
+
+/// The real unit vector v for which vᵀy, y the channels in units of their noise, has most power over the lines: near a
+/// mode its shape, all that the channels say of it, while the noise of vᵀy stays 1. It is the eigenvector of Re Σ y y*
+/// of the largest eigenvalue.
+fn strongest(channels: &[&[Complex<f64>]; CHANNELS], noise: &[f64; CHANNELS]) -> [f64; CHANNELS] {
+    let power = SMatrix::<f64, CHANNELS, CHANNELS>::from_fn(|i, j| {
+        let products = channels[i].iter().zip(channels[j]).map(|(a, b)| (a * b.conj()).re);
+        products.sum::<f64>() / (noise[i] * noise[j])
+    });
+    let eigen = SymmetricEigen::new(power);
+    let column = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    core::array::from_fn(|i| column[i])
+}

@@ -1,0 +1,184 @@
+//! Readings of the simulated arm with its instruments, identified, against the modes and responses of its equations.
+
+use super::*;
+use alloc::string::ToString;
+use alloc::vec::Vec;
+
+use nalgebra::Normed as _;
+
+use resonarm_analysis;
+use resonarm_analysis::{Drive, FrequencyResponse, Quantity, Response};
+use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
+use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
+use resonarm_dynamics::integrate::Scheme;
+use crate::plant::{Plant, PlantSpec};
+use crate::rig::RigSpec;
+
+const RATE_HZ: f64 = 1000.0;
+const BAND: Band = Band { from_hz: 5.0, to_hz: 80.0 };
+
+fn spec(beta2_deg: f64) -> PlantSpec {
+    PlantSpec {
+        parameters: Preset::default().parameters().unwrap(),
+        pose: Pose { beta1_deg: 0.0, beta2_deg },
+        initial: State::default(),
+        scheme: Scheme::default(),
+        sample_rate_hz: RATE_HZ,
+        steps_per_sample: 4,
+        rig: RigSpec::default(),
+        seed: 11,
+    }
+}
+
+fn arm(beta2_deg: f64) -> Arm {
+    let spec = spec(beta2_deg);
+    Arm::new(spec.parameters, spec.pose).unwrap()
+}
+
+fn force(x_n: f64, y_n: f64) -> Amplitude {
+    Amplitude { force_x_n: x_n, force_y_n: y_n, ..Amplitude::default() }
+}
+
+/// What the instruments say while a profile is played.
+fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result<Record, IdentifyError> {
+    let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
+    let mut plant = Plant::new(spec).unwrap();
+    let samples: Vec<_> = (0..profile.samples())
+        .map(|n| {
+            let [hx, hy, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
+            plant.advance(&profile.load(n)).unwrap();
+            ([hx, hy], [bx, by, cx, cy])
+        })
+        .collect();
+    Record::new(RATE_HZ, &spec.rig, samples, Direction::Principal)
+}
+
+const RANDOM: Waveform = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 40.0, spectrum: None, seed: 3 };
+const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
+
+/// Frequencies within 0.01 %, damping ratios within 5 %, and both where their deviations say.
+fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
+    let found = modes(record, BAND).unwrap().modes;
+    let expected = analysis::modes(&arm(beta2_deg));
+    assert_eq!(found.len(), 2, "{found:?}");
+    for (found, mode) in found.iter().zip(expected) {
+        let off_hz = found.frequency_hz - mode.frequency_hz;
+        let off = found.damping_ratio - mode.damping_ratio;
+        assert!(off_hz.abs() < 1e-4 * mode.frequency_hz, "{found:?} {mode:?}");
+        assert!(off.abs() < 0.05 * mode.damping_ratio, "{found:?} {mode:?}");
+        assert!(off_hz.abs() < 4.0 * found.frequency_deviation_hz, "{found:?} {mode:?}");
+        assert!(off.abs() < 4.0 * found.damping_ratio_deviation, "{found:?} {mode:?}");
+        assert!(found.damping_ratio_deviation < 0.05 * mode.damping_ratio, "{found:?} {mode:?}");
+        assert!(found.is_linear && found.part == part, "{found:?}");
+    }
+}
+
+#[test]
+fn random_force_tells_frequencies_and_damping() {
+    for beta2_deg in [60.0, 120.0] {
+        assert_found(&recorded(&spec(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(), beta2_deg, Part::Forced);
+    }
+}
+
+#[test]
+fn an_impact_tells_frequencies_and_damping() {
+    for beta2_deg in [60.0, 120.0] {
+        assert_found(&recorded(&spec(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(), beta2_deg, Part::RingDown);
+    }
+}
+
+/// Instruments without noise leave what the polynomials can't say of the other mode.
+#[test]
+fn ideal_instruments_tell_almost_exactly() {
+    let mut ideal = spec(60.0);
+    let rig = &mut ideal.rig;
+    for accelerometer in [&mut rig.accelerometer_b, &mut rig.accelerometer_c] {
+        (accelerometer.noise_rms_m_s2, accelerometer.resolution_m_s2) = (None, None);
+    }
+    (rig.impedance_head.noise_rms_n, rig.impedance_head.resolution_n) = (None, None);
+    for profile in [RANDOM, IMPACT] {
+        let record = recorded(&ideal, force(0.0, 0.01), profile).unwrap();
+        let found = modes(&record, BAND).unwrap().modes;
+        for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
+            assert!((found.frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
+            assert!((found.damping_ratio / mode.damping_ratio - 1.0).abs() < 1e-3, "{found:?} {mode:?}");
+        }
+    }
+}
+
+#[test]
+fn the_shape_is_that_of_the_mode() {
+    let record = recorded(&spec(60.0), force(18.0, 24.0), IMPACT).unwrap();
+    let linear = FrequencyResponse::new(&arm(60.0));
+    for mode in modes(&record, BAND).unwrap().modes {
+        let at = |response| linear.at(Quantity::Accelerance, Drive::ForceY, response, mode.frequency_hz).unwrap();
+        let shape = [Response::BX, Response::BY, Response::CX, Response::CY].map(at);
+        let largest = shape.iter().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap();
+        for (found, expected) in mode.shape.iter().zip(&shape) {
+            assert!((expected / largest - *found).norm() < 0.01, "{mode:?} {shape:?}");
+        }
+    }
+}
+
+/// Far from the resonances, where a segment sees all there is, H1 and H2 are the responses of the equations.
+#[test]
+fn averaged_responses_are_those_of_the_equations() {
+    let far = Band { from_hz: 26.0, to_hz: 32.0 };
+    let periodic =
+        Waveform::Multisine { from_hz: 5.0, to_hz: 80.0, period_s: 4.0, periods: 12, phases: Phases::Random, seed: 1 };
+    let cases = [
+        (RANDOM, Averaging::Welch(4000), 19),
+        (periodic, Averaging::Periods(4000), 10),
+        (IMPACT, Averaging::Single, 1),
+    ];
+    for (waveform, averaging, averages) in cases {
+        let amplitude = if averaging == Averaging::Single { force(0.0, 400.0) } else { force(0.0, 20.0) };
+        let mut spec = spec(60.0);
+        // Damped well, the arm's motion settles within a segment.
+        spec.parameters.damping1_nm_s_rad *= 60.0;
+        spec.parameters.damping2_nm_s_rad *= 60.0;
+        let damped = FrequencyResponse::new(&Arm::new(spec.parameters, spec.pose).unwrap());
+        let record = recorded(&spec, amplitude, waveform).unwrap();
+        let estimate = frequency_response(&record, far, averaging).unwrap();
+        assert_eq!(estimate.averages, averages);
+        assert_eq!(estimate.coherence.is_some(), averages > 1);
+        for (k, hz) in estimate.frequency_hz.iter().enumerate() {
+            let expected = damped.at(Quantity::Accelerance, Drive::ForceY, Response::CY, *hz).unwrap();
+            let (h1, h2) = (estimate.h1[3][k], estimate.h2[3][k]);
+            assert!((h1 - expected).norm() < 0.1 * expected.norm(), "{averaging:?} {hz}: {h1} {expected}");
+            assert!((h2 - expected).norm() < 0.1 * expected.norm(), "{averaging:?} {hz}: {h2} {expected}");
+            let coherence = estimate.coherence.as_ref().map_or(1.0, |coherence| coherence[3][k]);
+            assert!((0.9..=1.0 + 1e-12).contains(&coherence), "{averaging:?} {hz}: {coherence}");
+        }
+    }
+}
+
+/// Strong vibration is not linear, which the residual says.
+#[test]
+fn strong_vibration_is_called_not_linear() {
+    let record = recorded(&spec(60.0), force(0.0, 500.0), RANDOM).unwrap();
+    assert!(modes(&record, BAND).unwrap().modes.iter().any(|mode| !mode.is_linear));
+}
+
+#[test]
+fn says_what_tells_nothing() {
+    let short = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 0.2, spectrum: None, seed: 3 };
+    let told = |record: Result<Record, IdentifyError>, band| {
+        record.and_then(|record| modes(&record, band)).unwrap_err().to_string()
+    };
+    let spec = spec(60.0);
+    insta::assert_snapshot!(told(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
+    let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
+    let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
+    insta::assert_snapshot!(told(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
+    let record = recorded(&spec, force(0.0, 5.0), random(10.0)).unwrap();
+    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
+    // Peaks of the random force are no modes.
+    let between = modes(&record, Band { from_hz: 30.0, to_hz: 36.0 }).unwrap();
+    assert!(between.modes.is_empty() && between.rejected.iter().all(|peak| peak.reason == Rejection::NoPole));
+    let none = IdentifyError::NoResonance { from_hz: 30.0, to_hz: 36.0 };
+    insta::assert_snapshot!(none, @"there is no resonance from 30 to 36 Hz: widen the band, or record for longer");
+    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
+    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
+    insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment of 8 samples has to have from 16 samples to as many as the record, 10000");
+}

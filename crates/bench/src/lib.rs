@@ -1,0 +1,14 @@
+//! The test bench: the arm with its exciter and instruments, what excites and controls it, what is identified from its
+//! readings, and both ends as CAN nodes without IO.
+//!
+//! `no_std`: no clock, no thread, no file, no socket; time is an argument.
+#![cfg_attr(not(test), no_std)]
+
+extern crate alloc;
+
+pub mod control;
+pub mod excitation;
+pub mod identify;
+pub mod node;
+pub mod plant;
+pub mod rig;

@@ -1,0 +1,100 @@
+//! A controller on the wire: what answers the samples that the exciter's node takes in.
+
+use alloc::boxed::Box;
+
+use resonarm_protocol::node::{self, Answering, Queue, Timing};
+use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
+
+use super::sample;
+use resonarm_dynamics::arm::Load;
+use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
+use crate::rig::Measurement;
+
+/// Responses that wait to be fetched.
+const RESPONSES: usize = 16;
+/// Answers that wait to be fetched: those to two samples in a frame.
+const ANSWERS: usize = 2;
+
+/// The exciter controller as a node: the protocol's, with a [`Controller`].
+pub type ExciterNode = node::ExciterNode<Carried>;
+
+/// How a controller's work ended.
+pub type Outcome = node::Outcome<Abort>;
+
+/// A controller that the exciter's node carries over the wire, and the responses it has read.
+#[derive(Debug)]
+pub struct Carried {
+    controller: Box<dyn Controller>,
+    responses: Queue<ResponsePoint, RESPONSES>,
+    answers: Queue<(Measurement, Load), ANSWERS>,
+}
+
+impl Carried {
+    fn new(controller: Box<dyn Controller>) -> Carried {
+        Carried { controller, responses: Queue::new(), answers: Queue::new() }
+    }
+
+    /// The next response read.
+    pub fn poll_response(&mut self) -> Option<ResponsePoint> {
+        self.responses.pop()
+    }
+
+    /// The next sample that was answered, and the load that answers it; those that nobody fetched in time are left out.
+    pub fn poll_answer(&mut self) -> Option<(Measurement, Load)> {
+        self.answers.pop()
+    }
+
+    /// Leads the controller to `set_point`; `false` if it takes it not.
+    pub fn steer(&mut self, set_point: &SetPoint) -> bool {
+        self.controller.steer(set_point)
+    }
+
+    /// The set-point that the controller goes to or holds; `None` if it takes none.
+    pub fn set_point(&self) -> Option<SetPoint> {
+        self.controller.set_point()
+    }
+}
+
+impl Answering for Carried {
+    type Abort = Abort;
+
+    fn restart(&mut self) {
+        self.controller.restart();
+    }
+
+    fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
+        let measurement = sample::from_values(sample, values);
+        let answer = self.controller.answer(&measurement);
+        if let Answer::Hold(load) = answer {
+            self.answers.push((measurement, load));
+        }
+        while let Some(point) = self.controller.poll_response() {
+            self.responses.push(point);
+        }
+        match (answer, self.controller.load_kind()) {
+            (Answer::Hold(load), LoadKind::Force) => {
+                node::Answer::HoldForce { force_x_n: load.force_n.x, force_y_n: load.force_n.y }
+            }
+            (Answer::Hold(load), LoadKind::Torque) => {
+                node::Answer::HoldTorque { torque1_nm: load.torque_nm.x, torque2_nm: load.torque_nm.y }
+            }
+            (Answer::Finished, _) => node::Answer::Finished,
+            (Answer::Aborted(abort), _) => node::Answer::Aborted(abort),
+        }
+    }
+}
+
+/// A node that lets `controller` answer a plant with `rate_hz` samples a second.
+pub fn carry(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
+    let capabilities = capabilities(controller.load_kind());
+    ExciterNode::new(network, rate_hz, timing, capabilities, Carried::new(controller))
+}
+
+/// What the exciter commands: as much as the wire carries, of one kind.
+fn capabilities(kind: LoadKind) -> Capabilities {
+    let (force_limit_n, torque_limit_nm) = match kind {
+        LoadKind::Force => (f32::MAX.into(), 0.0),
+        LoadKind::Torque => (0.0, f32::MAX.into()),
+    };
+    Capabilities { node: Node::Exciter, samples_per_frame: SamplesPerFrame::Two, force_limit_n, torque_limit_nm }
+}

@@ -1,0 +1,468 @@
+//! The plant's node: every command to the arm passes its gate.
+
+use resonarm_protocol::{
+    Capabilities, CommandGate, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch,
+    Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues,
+    StateEvent, Trip,
+};
+
+use resonarm_protocol::node::Link;
+
+use super::hold::Hold;
+use super::sample;
+use super::{NodeEvent, Refusal, Refusals, Timing};
+use resonarm_dynamics::arm::Load;
+use crate::rig::{Exciter, GateSpec, Measurement};
+
+/// The plant as a node: publishes samples, takes commands, and lets none through unless armed.
+#[derive(Clone, Debug)]
+pub struct PlantNode {
+    link: Link,
+    timing: Timing,
+    exciter: Exciter,
+    limits: GateSpec,
+    partner: Option<Hello>,
+    /// The most samples in a frame that the exciter takes.
+    partner_samples: SamplesPerFrame,
+    /// How many samples a frame holds since arming.
+    samples_per_frame: SamplesPerFrame,
+    /// The first sample of a frame of two, which goes with the next.
+    first: Option<SensorValues>,
+    /// The sample measured last.
+    sample: u64,
+    /// The travel at that sample, m.
+    travel_m: f64,
+    gate: CommandGate,
+    hold: Hold,
+    /// When the last command was taken, or the plant was armed, of the time listened.
+    command_taken_ns: u64,
+    refused_since_taken: u64,
+    refusals: Refusals,
+    slipped_periods: u64,
+    /// The index in the command taken in last, not yet told.
+    echoed: Option<u16>,
+    is_leaving: bool,
+    /// Why the node faulted last.
+    emergency: Option<Emergency>,
+    /// What the exciter said was wrong, until it says that it is well.
+    exciter_fault: Option<Emergency>,
+    /// The same at the fault that the node found last, where that is the reason.
+    reason: Option<Emergency>,
+}
+
+impl PlantNode {
+    /// A node that publishes `rate_hz` samples a second for an exciter of these limits.
+    pub fn new(network: Network, rate_hz: u16, timing: Timing, exciter: Exciter) -> PlantNode {
+        let (force_limit_n, torque_limit_nm) = exciter.limits();
+        let capabilities =
+            Capabilities { node: Node::Plant, samples_per_frame: SamplesPerFrame::One, force_limit_n, torque_limit_nm };
+        PlantNode {
+            link: Link::new(network, rate_hz, timing, capabilities),
+            timing,
+            exciter,
+            limits: GateSpec::default(),
+            partner: None,
+            partner_samples: SamplesPerFrame::One,
+            samples_per_frame: SamplesPerFrame::One,
+            first: None,
+            sample: 0,
+            travel_m: 0.0,
+            gate: CommandGate::new(timing.command_age_ns, rate_hz),
+            hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
+            command_taken_ns: 0,
+            refused_since_taken: 0,
+            refusals: Refusals::default(),
+            slipped_periods: 0,
+            echoed: None,
+            is_leaving: false,
+            emergency: None,
+            exciter_fault: None,
+            reason: None,
+        }
+    }
+
+    /// The node with frames of up to this many samples, for an exciter that takes them (FD profile).
+    pub fn with_samples_per_frame(mut self, most: SamplesPerFrame) -> PlantNode {
+        self.link.set_samples_per_frame(most);
+        self
+    }
+
+    /// The node with limits of its gate.
+    pub fn with_limits(self, limits: GateSpec) -> PlantNode {
+        PlantNode { limits, ..self }
+    }
+
+    /// Boots: boot-up heartbeat, pre-operational, hello.
+    pub fn start(&mut self, now_ns: u64) {
+        self.link.start(now_ns);
+    }
+
+    /// The node's state.
+    pub fn state(&self) -> NodeState {
+        self.link.state()
+    }
+
+    /// The fault that is latched now, if one is.
+    pub fn latched_fault(&self) -> Option<Emergency> {
+        self.emergency.filter(|_| self.state() == NodeState::Fault)
+    }
+
+    /// What the exciter said was wrong, where the fault that is latched now has its reason there.
+    pub fn fault_reason(&self) -> Option<Emergency> {
+        self.reason.filter(|_| self.state() == NodeState::Fault)
+    }
+
+    /// Whether commands reach the arm.
+    pub fn is_armed(&self) -> bool {
+        self.link.state() == NodeState::Operational
+    }
+
+    /// Whether no answer is awaited to the sample measured last: it has been taken, or the sample goes with the next.
+    pub fn is_answered(&self) -> bool {
+        self.holds_sample() || self.gate.answered() == Some(self.sample)
+    }
+
+    /// Whether the sample published last goes with the next one.
+    pub fn holds_sample(&self) -> bool {
+        self.first.is_some()
+    }
+
+    /// The index of the sample that the command taken in last answers, also if it was refused; once.
+    pub fn take_echoed(&mut self) -> Option<u16> {
+        self.echoed.take()
+    }
+
+    /// The network.
+    pub fn network(&self) -> Network {
+        self.link.network()
+    }
+
+    /// Frames of the protocol refused for their checks (E2E, length, values).
+    pub fn refused_frames(&self) -> u64 {
+        self.link.refused_frames()
+    }
+
+    /// Those of them that came under identifiers which only the plant sends: another network has its base.
+    pub fn other_sender_frames(&self) -> u64 {
+        self.link.other_sender_frames()
+    }
+
+    /// Frames that gaps in the counters say were lost.
+    pub fn lost_frames(&self) -> u64 {
+        self.link.lost_frames()
+    }
+
+    /// Frames that were never sent: newer ones took their place before they could be.
+    pub fn unsent_frames(&self) -> u64 {
+        self.link.unsent_frames()
+    }
+
+    /// Valid commands that did not reach the arm, by reason.
+    pub fn refusals(&self) -> &Refusals {
+        &self.refusals
+    }
+
+    /// Sample periods by which the schedule has moved, as [`PlantNode::slip`] was told.
+    pub fn slipped_periods(&self) -> u64 {
+        self.slipped_periods
+    }
+
+    /// Whether the load is on its way to zero.
+    pub fn is_ramping(&self) -> bool {
+        self.hold.ramp_left() > 0
+    }
+
+    /// Whether a node that was faulted, disarmed or told to leave has nothing left to do: it is not armed, the load is
+    /// zero and all frames are sent.
+    pub fn is_quiet(&self) -> bool {
+        !self.is_armed() && !self.is_ramping() && !self.link.has_frames()
+    }
+
+    /// Takes in a frame from the bus; one of another protocol means nothing.
+    pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        let message = self.link.accept(now_ns, frame);
+        if let Some(identifier) = self.link.take_second_sender() {
+            self.fault(now_ns, EmergencyCode::SecondSender, identifier);
+        }
+        let Some(message) = message else { return };
+        match message {
+            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(now_ns, request),
+            Message::Force(c) => self.take(now_ns, c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
+            Message::Torque(c) => self.take(now_ns, c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
+            Message::ExciterHello(hello) => self.greet(now_ns, hello),
+            Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
+            Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
+            Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => self.part(now_ns, emergency),
+            Message::Emergency(emergency) if !emergency.code.is_notice() => {
+                self.exciter_fault = Some(emergency);
+                self.link.tell(NodeEvent::PartnerEmergency(emergency));
+            }
+            _ => {}
+        }
+    }
+
+    /// A new partner is answered at once, so that it need not wait for the next hello.
+    fn greet(&mut self, now_ns: u64, hello: Hello) {
+        if self.partner.replace(hello).is_none() {
+            self.link.send_hello(now_ns);
+        }
+    }
+
+    /// Does what an operator asks, be it by a frame or at the plant itself, if the plant's state allows it.
+    pub fn obey(&mut self, now_ns: u64, request: OperatorRequest) {
+        match request {
+            OperatorRequest::Arm if self.state() == NodeState::PreOperational => self.arm(now_ns),
+            OperatorRequest::Disarm if self.is_armed() => self.exit(now_ns, StateEvent::Disarm),
+            OperatorRequest::Reset => {
+                self.link.transition(now_ns, StateEvent::Reset);
+            }
+            OperatorRequest::Arm | OperatorRequest::Disarm => {}
+        }
+    }
+
+    fn arm(&mut self, now_ns: u64) {
+        if self.is_leaving {
+            return self.link.send_emergency(self.emergency(EmergencyCode::Leaving, self.ramp_detail()));
+        }
+        let mismatch = match &self.partner {
+            None => Some(Mismatch::NoHello),
+            Some(partner) => self.link.hello().mismatch(partner),
+        };
+        if let Some(mismatch) = mismatch {
+            self.link.send_emergency(self.emergency(EmergencyCode::Incompatible, mismatch as u16));
+            return;
+        }
+        self.gate.arm();
+        self.samples_per_frame = self.link.samples_per_frame().min(self.partner_samples);
+        self.command_taken_ns = self.link.listening().listened_ns();
+        self.refused_since_taken = 0;
+        self.link.transition(now_ns, StateEvent::Arm);
+    }
+
+    /// The exciter's own state: a restart or a fault of an armed exciter ends the arming.
+    fn watch(&mut self, now_ns: u64, state: NodeState) {
+        if state == NodeState::BootUp {
+            self.forget_partner();
+        }
+        if state != NodeState::Fault {
+            self.exciter_fault = None;
+        }
+        if matches!(state, NodeState::BootUp | NodeState::Fault) && self.is_armed() {
+            self.fault_of_exciter(now_ns);
+        }
+    }
+
+    /// The exciter's fault is the plant's, too. Where it waited for a sample in vain since its commands were refused,
+    /// as in lockstep, that is what the plant tells: no valid command came.
+    fn fault_of_exciter(&mut self, now_ns: u64) {
+        let reason = self.exciter_fault;
+        let has_waited = reason.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
+        if has_waited && self.refused_since_taken > 0 {
+            self.command_timeout(now_ns);
+        } else {
+            self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number()));
+        }
+        self.reason = reason;
+    }
+
+    fn command_timeout(&mut self, now_ns: u64) {
+        let last = self.refusals.last().filter(|_| self.refused_since_taken > 0);
+        self.fault(now_ns, EmergencyCode::CommandTimeout, Refusal::detail(self.refused_since_taken, last));
+    }
+
+    fn forget_partner(&mut self) {
+        (self.partner, self.partner_samples) = (None, SamplesPerFrame::One);
+    }
+
+    /// The exciter leaves the bus: it is forgotten, and an armed plant disarms.
+    fn part(&mut self, now_ns: u64, emergency: Emergency) {
+        self.forget_partner();
+        self.link.tell(NodeEvent::Emergency(emergency));
+        if self.is_armed() {
+            self.exit(now_ns, StateEvent::Disarm);
+        }
+    }
+
+    /// Every command is taken here or refused with a reason.
+    ///
+    /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
+    fn take(&mut self, now_ns: u64, index: u16, load: Load) {
+        self.echoed = Some(index);
+        let rate_hz = f64::from(self.link.hello().rate_hz);
+        let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);
+        match self.gate.take(self.state(), self.sample, index, &check) {
+            Ok(()) => {
+                self.hold.take(load);
+                self.command_taken_ns = self.link.listening().listened_ns();
+                self.refused_since_taken = 0;
+            }
+            Err(refusal) => {
+                self.refused_since_taken += 1;
+                self.refusals.add(refusal);
+                self.link.tell(NodeEvent::Refused(refusal));
+                if refusal == Refusal::Travel {
+                    self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
+                }
+            }
+        }
+    }
+
+    /// Does what is due: heartbeats, hellos, and the timeouts of an armed plant.
+    pub fn handle_deadline(&mut self, now_ns: u64) {
+        self.link.handle_deadline(now_ns);
+        if !self.is_armed() {
+            return;
+        }
+        let (listening, timing) = (self.link.listening(), &self.timing);
+        if self.link.is_jammed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+        } else if listening.has_passed(self.command_taken_ns, timing.command_timeout_ns) {
+            self.command_timeout(now_ns);
+        } else if self.link.is_partner_lost() {
+            self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.number()));
+        }
+    }
+
+    /// When [`PlantNode::handle_deadline`] is to be called next, at the latest.
+    pub fn next_deadline_ns(&self) -> u64 {
+        let link = self.link.next_deadline_ns();
+        if !self.is_armed() {
+            return link;
+        }
+        let command = self.link.listening().next_look_ns(self.command_taken_ns, self.timing.command_timeout_ns);
+        link.min(command).min(self.link.partner_deadline_ns())
+    }
+
+    /// States the travel at the sample that is published next, m. By default it is zero.
+    pub fn set_travel(&mut self, travel_m: f64) {
+        self.travel_m = travel_m;
+    }
+
+    /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame, alone
+    /// or with the sample before it.
+    ///
+    /// # Errors
+    /// [`EncodeError`] if a value is not a number; the frames before it are sent.
+    pub fn publish(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
+        self.sample = measurement.sample;
+        match self.link.network().profile() {
+            Profile::Classic => sample::classic(measurement).iter().try_for_each(|message| self.link.send(message)),
+            Profile::Fd => self.publish_fd(measurement),
+        }
+    }
+
+    /// A sample a frame, or two: the one with an even index then goes with the next.
+    fn publish_fd(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
+        let sensors = sample::sensors(measurement);
+        if let Some(first) = self.first.take() {
+            let sample = sensors.sample.wrapping_sub(1);
+            return self.link.send(&Message::SensorPair(SensorPair { values: [first, sensors.values], sample }));
+        }
+        match self.samples_per_frame {
+            SamplesPerFrame::Two if sensors.sample.is_multiple_of(2) && self.is_armed() => {
+                self.first = Some(sensors.values);
+                Message::Sensors(sensors).check(self.link.network())
+            }
+            SamplesPerFrame::One | SamplesPerFrame::Two => self.link.send(&Message::Sensors(sensors)),
+        }
+    }
+
+    /// The load to hold from the sample published last to the next. Call it once a sample: after a fault or a disarm
+    /// each call goes one step down the ramp.
+    ///
+    /// The ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0. Arming doesn't end it; the first
+    /// command taken does.
+    pub fn load(&mut self) -> Load {
+        self.hold.next()
+    }
+
+    /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if
+    /// the simulation can't go on or what drives the arm is off, it is let go at once.
+    pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
+        debug_assert!(!code.is_notice(), "{code:?} is no fault");
+        if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {
+            self.hold.drop_load();
+        }
+        if self.state() == NodeState::Fault {
+            return;
+        }
+        let emergency = self.emergency(code, detail);
+        (self.emergency, self.reason) = (Some(emergency), None);
+        self.link.send_emergency(emergency);
+        self.exit(now_ns, StateEvent::Fault);
+    }
+
+    /// The bus is off: an armed plant faults. One that is not armed waits for the bus to come back.
+    pub fn bus_lost(&mut self, now_ns: u64) {
+        if self.is_armed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+        }
+    }
+
+    /// Tells that the schedule has moved by `periods` missed sample periods. The sample index goes on without a gap.
+    pub fn slip(&mut self, periods: u64) {
+        self.slipped_periods = self.slipped_periods.saturating_add(periods);
+        let detail = u16::try_from(periods).unwrap_or(u16::MAX);
+        self.link.send_emergency(self.emergency(EmergencyCode::ScheduleSlipped, detail));
+    }
+
+    /// Leaves the bus in good order: tells so, and disarms if armed. The plant is not armed again; it has left when
+    /// [`PlantNode::is_quiet`].
+    pub fn leave(&mut self, now_ns: u64) {
+        if self.is_leaving {
+            return;
+        }
+        self.is_leaving = true;
+        if self.is_armed() {
+            self.hold.release();
+        }
+        self.link.send_emergency(self.emergency(EmergencyCode::Leaving, self.ramp_detail()));
+        if self.is_armed() {
+            self.exit(now_ns, StateEvent::Disarm);
+        }
+    }
+
+    /// Leaves whatever state this is; from armed, the load ramps to zero.
+    fn exit(&mut self, now_ns: u64, event: StateEvent) {
+        if self.is_armed() {
+            self.hold.release();
+        }
+        self.link.transition(now_ns, event);
+    }
+
+    fn ramp_detail(&self) -> u16 {
+        u16::try_from(self.hold.ramp_left()).unwrap_or(u16::MAX)
+    }
+
+    fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
+        Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
+    }
+
+    /// The next frame to send, as it is now. Ask again after any other call: it may be another by then.
+    pub fn next_frame(&self) -> Option<Frame> {
+        self.link.next_frame()
+    }
+
+    /// All frames to send, in their order: [`PlantNode::next_frame`] gives the first, and the one behind it once
+    /// [`PlantNode::frame_sent`] is told.
+    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
+        self.link.waiting_frames()
+    }
+
+    /// The bus has taken the frame that [`PlantNode::next_frame`] gave.
+    pub fn frame_sent(&mut self) {
+        self.link.frame_sent();
+    }
+
+    /// The next frame, as one that is sent.
+    pub fn poll_transmit(&mut self) -> Option<Frame> {
+        let frame = self.next_frame()?;
+        self.frame_sent();
+        Some(frame)
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<NodeEvent> {
+        self.link.poll_event()
+    }
+}

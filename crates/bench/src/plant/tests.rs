@@ -1,0 +1,311 @@
+//! The plant, sample by sample, with an ideal exciter and with a shaker.
+
+use super::*;
+use resonarm_analysis::{FrequencyResponse, modes};
+use resonarm_dynamics::arm::Preset;
+use crate::excitation::{HarmonicFit, Phasor};
+use crate::rig::{AccelerometerSpec, Amplifier, Converter, ForceSensorSpec, ShakerSpec};
+
+fn spec() -> PlantSpec {
+    PlantSpec {
+        parameters: Preset::default().parameters().unwrap(),
+        pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
+        initial: State::default(),
+        scheme: Scheme::default(),
+        sample_rate_hz: 1000.0,
+        steps_per_sample: 4,
+        rig: RigSpec::default(),
+        seed: 1,
+    }
+}
+
+#[test]
+fn same_commands_give_the_same_bits() {
+    let [mut a, mut b] = [(); 2].map(|()| Plant::new(&spec()).unwrap());
+    for k in 0..500_u32 {
+        assert_eq!(a.measure(), b.measure());
+        let load = Load::force_n(f64::from(k % 17) - 8.0, 3.0);
+        a.advance(&load).unwrap();
+        b.advance(&load).unwrap();
+        assert_eq!(a.state(), b.state());
+    }
+    assert_eq!(a.sample(), 500);
+    assert!(a.state().alpha_rad.norm() > 1e-6);
+}
+
+#[test]
+fn at_rest_the_instruments_tell_the_held_force() {
+    let mut plant = Plant::new(&spec()).unwrap();
+    for _ in 0..5 {
+        plant.advance(&Load::force_n(50.0, -20.0)).unwrap();
+    }
+    let head = plant.measure().head_force_n;
+    assert!((head[0].value - 50.0).abs() < 0.1 && (head[1].value + 20.0).abs() < 0.1, "{head:?}");
+}
+
+#[test]
+fn the_travel_is_that_of_the_tip_and_of_a_shaker_its_armature() {
+    assert_eq!(Plant::new(&spec()).unwrap().travel_m(), 0.0);
+    let away = State::new([-0.2, 0.0], [5.0, 0.0]);
+    let plant = Plant::new(&PlantSpec { initial: away, ..spec() }).unwrap();
+    // The chord of an arc about joint A.
+    let radius_m = plant.arm().points(&Vector2::zeros()).c_m.norm();
+    assert!((plant.travel_m() - 2.0 * radius_m * libm::sin(0.1)).abs() < 1e-12);
+
+    let shaken = Plant::new(&PlantSpec { initial: away, ..shaken(SHAKER) }).unwrap();
+    let tip_m = |alpha_rad| shaken.arm().points(&alpha_rad).c_m;
+    let moved_m = tip_m(away.alpha_rad) - tip_m(Vector2::zeros());
+    assert!((shaken.travel_m() - SHAKER.direction().dot(&moved_m).abs()).abs() < 1e-12 && shaken.travel_m() > 0.0);
+}
+
+#[test]
+fn a_step_that_fails_changes_nothing() {
+    let mut plant = Plant::new(&spec()).unwrap();
+    plant.advance(&Load::force_n(1.0, 1.0)).unwrap();
+    let before = *plant.state();
+    let error = plant.advance(&Load::torque_nm(f64::MAX, f64::MAX)).unwrap_err();
+    assert!(matches!(error, PlantError::Integrate { sample: 1, .. }), "{error}");
+    assert_eq!((plant.sample(), *plant.state()), (1, before));
+}
+
+#[test]
+fn says_what_is_wrong_with_a_plant() {
+    let says = |spec: PlantSpec| Plant::new(&spec).unwrap_err().to_string();
+    insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 0, ..spec() }), @"`steps_per_sample` is 0: it must be even, since the instruments sample in the middle, and from 2 to 1000");
+    insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 5, ..spec() }), @"`steps_per_sample` is 5: it must be even, since the instruments sample in the middle, and from 2 to 1000");
+    insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 1002, ..spec() }), @"`steps_per_sample` is 1002: it must be even, since the instruments sample in the middle, and from 2 to 1000");
+    assert!(Plant::new(&PlantSpec { steps_per_sample: MOST_STEPS_PER_SAMPLE, ..spec() }).is_ok());
+    let initial = State::new([0.0, f64::NAN], [0.0, 1.0]);
+    insta::assert_snapshot!(says(PlantSpec { initial, ..spec() }), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give four numbers, rad and rad/s");
+    insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");
+}
+
+/// Of the size of a modal exciter of some hundred newtons.
+pub(super) const SHAKER: ShakerSpec = ShakerSpec {
+    direction_deg: 30.0,
+    amplifier: Amplifier::Current,
+    moving_mass_kg: 0.8,
+    stiffness_n_m: 5e3,
+    damping_n_s_m: 10.0,
+    force_factor_n_a: 20.0,
+    resistance_ohm: 2.0,
+    inductance_h: 3e-4,
+    stroke_m: 0.02,
+    current_limit_a: 15.0,
+    voltage_limit_v: 60.0,
+};
+
+/// A plant with a shaker and instruments without noise and resolution.
+pub(super) fn shaken(shaker: ShakerSpec) -> PlantSpec {
+    let accelerometer =
+        AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
+    let rig = RigSpec {
+        shaker: Some(shaker),
+        accelerometer_b: accelerometer,
+        accelerometer_c: accelerometer,
+        impedance_head: ForceSensorSpec {
+            noise_rms_n: Some(0.0),
+            resolution_n: Some(0.0),
+            ..ForceSensorSpec::default()
+        },
+        ..RigSpec::default()
+    };
+    PlantSpec { rig, ..spec() }
+}
+
+fn sine(n: u64, frequency_hz: f64, force_n: f64) -> Load {
+    let phase_rad = core::f64::consts::TAU * frequency_hz * n as f64 / 1000.0;
+    let force = SHAKER.direction() * (force_n * libm::sin(phase_rad));
+    Load { force_n: force, ..Load::default() }
+}
+
+fn states(spec: &PlantSpec, samples: u64) -> State {
+    let mut plant = Plant::new(spec).unwrap();
+    for n in 0..samples {
+        plant.advance(&sine(n, 21.0, 80.0)).unwrap();
+    }
+    *plant.state()
+}
+
+fn distance(a: &State, b: &State) -> f64 {
+    ((a.alpha_rad - b.alpha_rad).norm_squared() + (a.alpha_dot_rad_s - b.alpha_dot_rad_s).norm_squared() * 5e-5).sqrt()
+}
+
+#[test]
+fn a_shaker_without_mass_is_the_ideal_exciter() {
+    let nothing = ShakerSpec { moving_mass_kg: 0.0, stiffness_n_m: 0.0, damping_n_s_m: 0.0, ..SHAKER };
+    let ideal = PlantSpec { rig: RigSpec { shaker: None, ..shaken(nothing).rig }, ..spec() };
+    let [mut with, mut without] = [shaken(nothing), ideal].map(|spec| Plant::new(&spec).unwrap());
+    for n in 0..500 {
+        let (a, b) = (with.measure(), without.measure());
+        for (a, b) in a.readings().iter().zip(&b.readings()) {
+            assert!((a.value - b.value).abs() < 1e-9 * (1.0 + a.value.abs()), "{n}: {a:?} {b:?}");
+        }
+        with.advance(&sine(n, 21.0, 80.0)).unwrap();
+        without.advance(&sine(n, 21.0, 80.0)).unwrap();
+    }
+    assert!(distance(with.state(), without.state()) < 1e-10 && without.state().alpha_rad.norm() > 1e-4);
+}
+
+fn size(phasor: Phasor) -> f64 {
+    libm::hypot(phasor.re, phasor.im)
+}
+
+/// Force in the head and acceleration of the tip by linear theory, against the command's phase: with the tip's
+/// receptance G along the shaker and Z = k − mω² + iωc, s = G H, H = Bl i − Z s and, at a voltage V, (R + iωL) i = V −
+/// iω Bl s.
+fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phasor) {
+    let arm = Arm::new(spec().parameters, spec().pose).unwrap();
+    let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
+    let omega = core::f64::consts::TAU * frequency_hz;
+    let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * shaker.direction();
+    let g = (0..4).fold(Phasor::new(0.0, 0.0), |g, n| g + receptance[(n / 2, n % 2)] * (tip[n / 2] * tip[n % 2]));
+    let z = Phasor::new(shaker.stiffness_n_m - shaker.moving_mass_kg * omega * omega, omega * shaker.damping_n_s_m);
+    let one = Phasor::new(1.0, 0.0);
+    let push = match shaker.amplifier {
+        Amplifier::Current => Phasor::new(force_n, 0.0),
+        Amplifier::Voltage => {
+            let (bl, r) = (shaker.force_factor_n_a, shaker.resistance_ohm);
+            let impedance = Phasor::new(r, omega * shaker.inductance_h);
+            // s = G Bl i/(1 + G Z).
+            let motional = Phasor::new(0.0, omega * bl * bl) * g / (one + g * z);
+            Phasor::new(force_n * r, 0.0) / (impedance + motional)
+        }
+    };
+    let head = push / (one + g * z);
+    (head, -(g * head) * (omega * omega))
+}
+
+/// In voltage mode the coil damps the arm so much that it settles within seconds. Readings are those of the continuous
+/// motion, through the converter's gain and delay: near the resonance, where the coil's force is many times that in the
+/// head, an instant reads its steps as well.
+#[test]
+fn head_and_tip_are_those_of_linear_theory() {
+    let shaker = ShakerSpec { amplifier: Amplifier::Voltage, ..SHAKER };
+    for (converter, bound) in [(Converter::Sinc5, 1e-4), (Converter::Sinc3, 1e-4), (Converter::Sinc1, 2e-2)] {
+        for frequency_hz in [15.0, 21.8, 22.4, 30.0] {
+            let rig = RigSpec { converter, ..shaken(shaker).rig };
+            let mut plant = Plant::new(&PlantSpec { rig, ..shaken(shaker) }).unwrap();
+            let (from, to) = (14_000, 16_000);
+            let mut fit = HarmonicFit::<3, 3>::new(to - from);
+            for n in 0..to {
+                if n >= from {
+                    let sample = plant.measure();
+                    let [head_x, head_y, _, _, tip_x, tip_y] = sample.readings().map(|reading| reading.value);
+                    let along = |x: f64, y: f64| SHAKER.direction().dot(&Vector2::new(x, y));
+                    // A sine held from sample to sample lags by half a period.
+                    let phase = frequency_hz * (n as f64 - converter.delay_samples() - 0.5) / 1000.0;
+                    let across = head_y * SHAKER.direction().x - head_x * SHAKER.direction().y;
+                    fit.add(
+                        n - from,
+                        phase - libm::floor(phase),
+                        &[Some(along(head_x, head_y)), Some(along(tip_x, tip_y)), Some(across)],
+                    );
+                }
+                plant.advance(&sine(n, frequency_hz, 0.5)).unwrap();
+            }
+            let harmonics: [[Phasor; 1]; 3] = fit.harmonics().unwrap();
+            let x = core::f64::consts::PI * frequency_hz / 1000.0;
+            let (head, tip) = theory(&shaker, frequency_hz, 0.5 * libm::sin(x) / x);
+            let gain = converter.gain(frequency_hz / 1000.0);
+            for (seen, expected) in [(harmonics[0][0], head), (harmonics[1][0], tip)] {
+                let off = size(seen / gain - expected) / size(expected);
+                assert!(off < bound, "{converter:?} {frequency_hz}: {off}");
+            }
+            assert!(size(harmonics[2][0]) < 1e-12);
+        }
+    }
+}
+
+/// At the resonance of the arm alone, where little force is needed, most of the coil's goes into the armature.
+#[test]
+fn the_force_drops_out_at_the_resonance() {
+    let [mode, _] = modes(&Arm::new(spec().parameters, spec().pose).unwrap());
+    let off = size(theory(&SHAKER, mode.frequency_hz - 3.0, 1.0).0);
+    let on = size(theory(&SHAKER, mode.frequency_hz, 1.0).0);
+    assert!(off > 0.5 && on < 0.1 * off, "{off} {on}");
+}
+
+#[test]
+fn every_scheme_carries_a_shaker() {
+    for amplifier in [Amplifier::Current, Amplifier::Voltage] {
+        let fine = states(&PlantSpec { steps_per_sample: 32, ..shaken(ShakerSpec { amplifier, ..SHAKER }) }, 300);
+        assert!(fine.alpha_rad.norm() > 1e-4);
+        for scheme in Scheme::ALL {
+            let coarse = states(&PlantSpec { scheme, ..shaken(ShakerSpec { amplifier, ..SHAKER }) }, 300);
+            let limit = if scheme.order() == 4 { 1e-4 } else { 1e-5 };
+            assert!(
+                distance(&coarse, &fine) < limit * fine.alpha_rad.norm(),
+                "{scheme} {amplifier:?}: {coarse:?} {fine:?}"
+            );
+        }
+    }
+}
+
+/// The coil is coupled to the order of the velocity's polynomial.
+#[test]
+fn a_shaker_in_voltage_mode_converges_with_the_fifth_order() {
+    let shaker = ShakerSpec { amplifier: Amplifier::Voltage, inductance_h: 5e-3, ..SHAKER };
+    let at = |steps_per_sample| {
+        let spec = PlantSpec { sample_rate_hz: 100.0, steps_per_sample, ..shaken(shaker) };
+        states(&spec, 30)
+    };
+    let exact = at(64);
+    let errors = [4, 8, 16].map(|steps| distance(&at(steps), &exact));
+    assert!(errors[0] > 24.0 * errors[1] && errors[1] > 24.0 * errors[2], "{errors:?}");
+}
+
+/// In voltage mode the coil brakes the arm so much that within a minute its energy underflows, and then its current.
+#[test]
+fn an_arm_that_dies_away_under_its_shaker_goes_on() {
+    let shaker = ShakerSpec { amplifier: Amplifier::Voltage, resistance_ohm: 2.0, ..SHAKER };
+    for exponent in [150, 155, 158, 160, 162, 200, 300, 306, 308, 310, 312, 315] {
+        let small = libm::exp10(-f64::from(exponent));
+        let initial = State::new([small, -small], [0.0, 0.0]);
+        let mut plant = Plant::new(&PlantSpec { initial, ..shaken(shaker) }).unwrap();
+        for _ in 0..300 {
+            plant.advance(&Load::default()).unwrap();
+        }
+        assert!(plant.state().alpha_rad.norm() < 10.0 * small, "{small}");
+    }
+}
+
+#[test]
+fn a_shaker_trips_at_its_limits() {
+    let trips = |shaker: ShakerSpec| {
+        let mut plant = Plant::new(&shaken(shaker)).unwrap();
+        for n in 0..4000 {
+            let before = *plant.state();
+            if let Err(error) = plant.advance(&sine(n, 22.0, 100.0)) {
+                assert_eq!(*plant.state(), before);
+                return error.to_string();
+            }
+        }
+        panic!("no trip");
+    };
+    insta::assert_snapshot!(trips(ShakerSpec { stroke_m: 0.002, ..SHAKER }), @"sample 361: the shaker trips: the armature's displacement would be 0.002026 m, and 0.002 m is its limit (`rig.shaker.stroke_m`): drive less, or take a larger shaker");
+    insta::assert_snapshot!(trips(ShakerSpec { voltage_limit_v: 10.5, ..SHAKER }), @"sample 11: the shaker trips: the amplifier's voltage would be 10.512061 V, and 10.5 V is its limit (`rig.shaker.voltage_limit_v`): drive less, or take a larger shaker");
+    let weak = ShakerSpec { amplifier: Amplifier::Voltage, current_limit_a: 3.0, ..SHAKER };
+    insta::assert_snapshot!(trips(weak), @"sample 5: the shaker trips: the current would be 3.032735 A, and 3 A is its limit (`rig.shaker.current_limit_a`): drive less, or take a larger shaker");
+}
+
+#[test]
+fn says_what_is_wrong_with_a_shaker() {
+    let says = |shaker: ShakerSpec| Plant::new(&shaken(shaker)).unwrap_err().to_string();
+    insta::assert_snapshot!(says(ShakerSpec { force_factor_n_a: 0.0, ..SHAKER }), @"rig.shaker: `force_factor_n_a` is 0: it must be a positive number");
+    insta::assert_snapshot!(says(ShakerSpec { moving_mass_kg: -1.0, ..SHAKER }), @"rig.shaker: `moving_mass_kg` is -1: it must be zero or a positive number");
+    let slow = ShakerSpec { amplifier: Amplifier::Voltage, inductance_h: 0.1, ..SHAKER };
+    insta::assert_snapshot!(says(slow), @"rig.shaker: `inductance_h` is 0.1: at this resistance and step in voltage mode it must be at most 0.01");
+    assert!(Plant::new(&shaken(ShakerSpec { amplifier: Amplifier::Current, ..slow })).is_ok());
+}
+
+#[test]
+fn a_shaker_takes_forces_along_itself_and_within_its_limits() {
+    let along = |force_n: f64| Load { force_n: SHAKER.direction() * force_n, ..Load::default() };
+    assert!(SHAKER.can_produce(&along(300.0)) && !SHAKER.can_produce(&along(300.1)));
+    // As the wire rounds it.
+    assert!(SHAKER.can_produce(&Load::force_n(8.66, 5.0)) && !SHAKER.can_produce(&Load::force_n(8.66, 5.2)));
+    assert!(!SHAKER.can_produce(&Load::torque_nm(1.0, 0.0)));
+    let weak = ShakerSpec { amplifier: Amplifier::Voltage, voltage_limit_v: 10.0, ..SHAKER };
+    assert_eq!(weak.force_limit_n(), 100.0);
+}

@@ -1,0 +1,268 @@
+//! An instrument at work: two axes, each from the truth to the reading.
+//!
+//! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding,
+//! range).
+//!
+//! Faults that add something do so before the converter, those that replace a reading after it.
+//!
+//! All of it works on the samples; before sample 0 the instrument has stood still for ever.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::RigError;
+use super::fault::Fault;
+use super::filter::Section;
+use super::sensor::Reading;
+use resonarm_numeric::noise::Noise;
+
+/// The longest delay, samples.
+const MOST_DELAY_SAMPLES: u32 = 1000;
+/// The most bits of a converter: more than f64 tells of a range.
+const MOST_BITS: u32 = 48;
+
+/// What an instrument's keys are called, with their units.
+#[derive(Debug)]
+pub(super) struct Keys {
+    pub range: &'static str,
+    pub noise_rms: &'static str,
+    pub noise_density: &'static str,
+    pub resolution: &'static str,
+    pub sensor_range: &'static str,
+}
+
+/// An instrument's specification in whatever unit it has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChainSpec {
+    pub instrument: &'static str,
+    pub keys: &'static Keys,
+    pub range: f64,
+    pub noise_rms: Option<f64>,
+    pub noise_density: Option<f64>,
+    pub resolution: Option<f64>,
+    pub bits: Option<u32>,
+    /// What is read along y at rest.
+    pub gravity: Option<f64>,
+    pub transverse: Option<f64>,
+    pub gain: Option<f64>,
+    pub sensor_range: Option<f64>,
+    pub highpass_hz: Option<f64>,
+    pub lowpass_hz: Option<f64>,
+    pub delay_samples: Option<u32>,
+}
+
+/// A two-axis instrument at work.
+#[derive(Clone, Debug)]
+pub(super) struct Instrument {
+    gravity: Option<f64>,
+    transverse: Option<f64>,
+    axes: [Axis; 2],
+    faults: Vec<Fault>,
+    /// What it said last.
+    last: [Reading; 2],
+}
+
+impl Instrument {
+    /// An instrument at `rate_hz` samples a second, with the noise streams `stream` and `stream + 1` of `seed`.
+    pub fn new(spec: &ChainSpec, rate_hz: f64, seed: u64, stream: u64) -> Result<Instrument, RigError> {
+        spec.check(rate_hz)?;
+        let (gravity, transverse) = (spec.gravity, spec.transverse);
+        let [x, y] = seen([0.0; 2], gravity, transverse);
+        let axis = |rest, stream| Axis::new(spec, rate_hz, Noise::new(seed, stream), rest);
+        let axes = [axis(x, stream), axis(y, stream + 1)];
+        let last = [axes[0].at_rest(), axes[1].at_rest()];
+        Ok(Instrument { gravity, transverse, axes, faults: Vec::new(), last })
+    }
+
+    /// The same with faults.
+    pub fn with_faults(self, faults: Vec<Fault>) -> Instrument {
+        Instrument { faults, ..self }
+    }
+
+    /// What it says at sample `sample` of `truth`, along x and y of the base frame.
+    pub fn read(&mut self, sample: u64, truth: [f64; 2]) -> [Reading; 2] {
+        let seen = seen(truth, self.gravity, self.transverse);
+        for (index, axis) in self.axes.iter_mut().enumerate() {
+            let value = axis.conditioned(seen[index]);
+            let value = self.faults.iter_mut().fold(value, |value, fault| fault.disturbed(sample, index, value));
+            let (reading, last) = (axis.quantizer.read(value), self.last[index]);
+            self.last[index] =
+                self.faults.iter().fold(reading, |reading, fault| fault.said(sample, index, reading, last));
+        }
+        self.last
+    }
+}
+
+/// What the axes see: gravity g along −y is an acceleration g along y, and t is the share of the other axis:
+/// x + t y and y + t x.
+fn seen([x, y]: [f64; 2], gravity: Option<f64>, transverse: Option<f64>) -> [f64; 2] {
+    let y = gravity.map_or(y, |gravity| y + gravity);
+    transverse.map_or([x, y], |share| [x + share * y, y + share * x])
+}
+
+/// One axis at work.
+#[derive(Clone, Debug)]
+struct Axis {
+    gain: f64,
+    noise_rms: f64,
+    noise: Noise,
+    sensor_range: f64,
+    highpass: Option<Section>,
+    lowpass: Option<Section>,
+    /// What the next samples say, from `oldest` on, around.
+    delayed: Vec<f64>,
+    oldest: usize,
+    /// What comes to the converter at rest.
+    rest: f64,
+    quantizer: Quantizer,
+}
+
+impl Axis {
+    /// An axis that has seen `rest` for ever.
+    fn new(spec: &ChainSpec, rate_hz: f64, noise: Noise, rest: f64) -> Axis {
+        let gain = spec.gain.unwrap_or(1.0);
+        let sensor_range = spec.sensor_range.unwrap_or(f64::INFINITY);
+        let mut highpass = spec.highpass_hz.map(|corner_hz| Section::highpass(corner_hz, rate_hz));
+        let mut lowpass = spec.lowpass_hz.map(|corner_hz| Section::lowpass(corner_hz, rate_hz));
+        let rest = (gain * rest).clamp(-sensor_range, sensor_range);
+        let rest = highpass.as_mut().map_or(rest, |highpass| highpass.settle(rest));
+        let rest = lowpass.as_mut().map_or(rest, |lowpass| lowpass.settle(rest));
+        Axis {
+            gain,
+            noise_rms: spec.noise_rms(rate_hz),
+            noise,
+            sensor_range,
+            highpass,
+            lowpass,
+            delayed: vec![rest; spec.delay_samples.unwrap_or(0) as usize],
+            oldest: 0,
+            rest,
+            quantizer: Quantizer::new(spec.range, spec.resolution()),
+        }
+    }
+
+    fn at_rest(&self) -> Reading {
+        self.quantizer.read(self.rest)
+    }
+
+    /// What comes to the converter.
+    fn conditioned(&mut self, seen: f64) -> f64 {
+        let noisy = self.gain * seen + self.noise_rms * self.noise.next();
+        let sensed = noisy.clamp(-self.sensor_range, self.sensor_range);
+        let high = self.highpass.as_mut().map_or(sensed, |highpass| highpass.next(sensed));
+        let low = self.lowpass.as_mut().map_or(high, |lowpass| lowpass.next(high));
+        self.delay(low)
+    }
+
+    fn delay(&mut self, newest: f64) -> f64 {
+        let Some(slot) = self.delayed.get_mut(self.oldest) else { return newest };
+        let oldest = core::mem::replace(slot, newest);
+        self.oldest = (self.oldest + 1) % self.delayed.len();
+        oldest
+    }
+}
+
+/// What a converter does to a value: rounds to the nearest count, and says the last count within the range of what is
+/// beyond.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Quantizer {
+    /// The last count within the range.
+    largest: f64,
+    resolution: f64,
+}
+
+impl Quantizer {
+    pub fn new(range: f64, resolution: f64) -> Quantizer {
+        Quantizer { largest: largest(range, resolution), resolution }
+    }
+
+    pub fn read(&self, value: f64) -> Reading {
+        let counted = if self.resolution > 0.0 { libm::rint(value / self.resolution) * self.resolution } else { value };
+        let clipped = counted.abs() > self.largest;
+        Reading { value: counted.clamp(-self.largest, self.largest), clipped }
+    }
+}
+
+/// The largest magnitude that a converter says: of whole counts the last within the range. A range that is a whole
+/// number of counts but for the rounding of the two numbers counts as one.
+fn largest(range: f64, resolution: f64) -> f64 {
+    const ROUNDING: f64 = 1e-9;
+    if resolution == 0.0 { range } else { libm::floor(range / resolution * (1.0 + ROUNDING)) * resolution }
+}
+
+impl ChainSpec {
+    /// White noise of the density d up to half the sample rate has the standard deviation d √(rate/2).
+    fn noise_rms(&self, rate_hz: f64) -> f64 {
+        match (self.noise_rms, self.noise_density) {
+            (_, Some(density)) => density * libm::sqrt(0.5 * rate_hz),
+            (rms, None) => rms.unwrap_or(0.0),
+        }
+    }
+
+    /// Of n bits 2ⁿ − 1 counts are used, as many below 0 as above: one is range/(2ⁿ⁻¹ − 1).
+    fn resolution(&self) -> f64 {
+        match (self.resolution, self.bits) {
+            (_, Some(bits)) => self.range / (libm::exp2(f64::from(bits) - 1.0) - 1.0),
+            (resolution, None) => resolution.unwrap_or(0.0),
+        }
+    }
+
+    /// Standard deviation of a reading: rounding to counts q adds q/√12.
+    pub fn reading_noise(&self, rate_hz: f64) -> f64 {
+        let (noise, resolution) = (self.noise_rms(rate_hz), self.resolution());
+        libm::sqrt(noise * noise + resolution * resolution / 12.0)
+    }
+
+    fn check(&self, rate_hz: f64) -> Result<(), RigError> {
+        let keys = self.keys;
+        self.positive(keys.range, Some(self.range))?;
+        self.not_both([keys.noise_rms, keys.noise_density], self.noise_rms.is_some() && self.noise_density.is_some())?;
+        self.not_both([keys.resolution, "bits"], self.resolution.is_some() && self.bits.is_some())?;
+        self.not_negative(keys.noise_rms, self.noise_rms)?;
+        self.not_negative(keys.noise_density, self.noise_density)?;
+        self.not_negative(keys.resolution, self.resolution)?;
+        let expected = "at most the range, or no count is within it";
+        self.within(keys.resolution, self.resolution, expected, |got| got <= self.range)?;
+        let whole = |number: Option<u32>| number.map(f64::from);
+        self.within("bits", whole(self.bits), "from 2 to 48", |got| (2.0..=f64::from(MOST_BITS)).contains(&got))?;
+        self.not_negative("gravity_m_s2", self.gravity)?;
+        self.within("transverse", self.transverse, "above -1 and below 1", |got| got.abs() < 1.0)?;
+        self.positive(keys.sensor_range, self.sensor_range)?;
+        let expected = "a number from -10 to 10, and not 0";
+        self.within("gain", self.gain, expected, |got| got != 0.0 && got.abs() <= 10.0)?;
+        for (name, corner_hz) in [("highpass_hz", self.highpass_hz), ("lowpass_hz", self.lowpass_hz)] {
+            let expected = "above 0 and below half the sample rate";
+            self.within(name, corner_hz, expected, |got| got > 0.0 && got < 0.5 * rate_hz)?;
+        }
+        let low = self.lowpass_hz.unwrap_or(f64::INFINITY);
+        self.within("highpass_hz", self.highpass_hz, "below `lowpass_hz`, or nothing passes", |got| got < low)?;
+        let most = f64::from(MOST_DELAY_SAMPLES);
+        self.within("delay_samples", whole(self.delay_samples), "at most 1000", |got| got <= most)
+    }
+
+    fn positive(&self, name: &'static str, value: Option<f64>) -> Result<(), RigError> {
+        self.within(name, value, "a positive number", |got| got.is_finite() && got > 0.0)
+    }
+
+    fn not_negative(&self, name: &'static str, value: Option<f64>) -> Result<(), RigError> {
+        self.within(name, value, "zero or a positive number", |got| got.is_finite() && got >= 0.0)
+    }
+
+    /// Refuses a value that is stated and does not fit.
+    fn within(
+        &self,
+        name: &'static str,
+        value: Option<f64>,
+        expected: &'static str,
+        fits: impl Fn(f64) -> bool,
+    ) -> Result<(), RigError> {
+        match value.filter(|got| !fits(*got)) {
+            Some(got) => Err(RigError::Spec { instrument: self.instrument, name, got, expected }),
+            None => Ok(()),
+        }
+    }
+
+    fn not_both(&self, names: [&'static str; 2], both: bool) -> Result<(), RigError> {
+        if both { Err(RigError::Both { instrument: self.instrument, names }) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,154 @@
+//! The exciter: an ideal force (or joint torque) source with limits, or a shaker.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::ShakerSpec;
+use resonarm_dynamics::arm::Load;
+use resonarm_numeric::number::short;
+
+/// What no rig can be.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum RigError {
+    /// A value of the specification is impossible.
+    #[error("{instrument}: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Spec {
+        /// The instrument, as it is called in a scenario.
+        instrument: &'static str,
+        /// The value, as it is called in a scenario.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// Two keys state the same.
+    #[error("{instrument}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
+    Both {
+        /// The instrument, as it is called in a scenario.
+        instrument: &'static str,
+        /// The keys.
+        names: [&'static str; 2],
+    },
+    /// A number of a fault is impossible.
+    #[error("rig.faults, number {number}: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Fault {
+        /// Which fault, from 1 on.
+        number: usize,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// A fault does not say how much.
+    #[error("rig.faults, number {number}: `{key}` is missing: add it, or change `kind`")]
+    FaultKeyMissing {
+        /// Which fault, from 1 on.
+        number: usize,
+        /// The key that is missing.
+        key: &'static str,
+    },
+    /// A fault states what it has no use for.
+    #[error(
+        "rig.faults, number {number}: `{key}` says nothing about this kind of fault of this instrument: leave it out"
+    )]
+    FaultKeyIdle {
+        /// Which fault, from 1 on.
+        number: usize,
+        /// The key.
+        key: &'static str,
+    },
+    /// More faults than a rig takes.
+    #[error("rig.faults are {got}: at most {} are taken", super::MOST_FAULTS)]
+    TooManyFaults {
+        /// How many there are.
+        got: usize,
+    },
+}
+
+/// What drives the arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exciter {
+    /// A force or torque that acts as it is commanded.
+    Ideal(ExciterSpec),
+    /// A shaker at the tip.
+    Shaker(ShakerSpec),
+}
+
+impl Default for Exciter {
+    fn default() -> Exciter {
+        Exciter::Ideal(ExciterSpec::default())
+    }
+}
+
+impl Exciter {
+    pub(super) fn check(&self) -> Result<(), RigError> {
+        match self {
+            Exciter::Ideal(spec) => spec.check(),
+            Exciter::Shaker(spec) => spec.check(),
+        }
+    }
+
+    /// Whether it can produce the load, as far as limits and direction go.
+    pub fn can_produce(&self, load: &Load) -> bool {
+        match self {
+            Exciter::Ideal(spec) => spec.can_produce(load),
+            Exciter::Shaker(spec) => spec.can_produce(load),
+        }
+    }
+
+    /// How large a load is in what the limits are stated in: the largest force along an axis, a shaker's along it,
+    /// N, and the largest torque at a joint, N·m.
+    pub fn size(&self, load: &Load) -> (f64, f64) {
+        let force_n = match self {
+            Exciter::Ideal(_) => load.force_n.amax(),
+            Exciter::Shaker(spec) => spec.along_n(load).abs(),
+        };
+        (force_n, load.torque_nm.amax())
+    }
+
+    /// The largest force, N, and torque, N·m.
+    pub fn limits(&self) -> (f64, f64) {
+        match self {
+            Exciter::Ideal(spec) => (spec.force_limit_n, spec.torque_limit_nm),
+            Exciter::Shaker(spec) => (spec.force_limit_n(), 0.0),
+        }
+    }
+}
+
+/// An ideal exciter: what is commanded acts on the arm at once and exactly, up to a limit an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExciterSpec {
+    /// Largest force along each axis, N, positive.
+    pub force_limit_n: f64,
+    /// Largest torque at each joint, N·m, positive.
+    pub torque_limit_nm: f64,
+}
+
+impl Default for ExciterSpec {
+    /// 600 N, 1600 N·m: just inside what the wire's classic profile can say.
+    fn default() -> ExciterSpec {
+        ExciterSpec { force_limit_n: 600.0, torque_limit_nm: 1600.0 }
+    }
+}
+
+impl ExciterSpec {
+    pub(super) fn check(&self) -> Result<(), RigError> {
+        for (name, got) in [("force_limit_n", self.force_limit_n), ("torque_limit_nm", self.torque_limit_nm)] {
+            if !(got.is_finite() && got > 0.0) {
+                return Err(RigError::Spec { instrument: "rig.exciter", name, got, expected: "a positive number" });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the exciter can produce the load.
+    pub fn can_produce(&self, load: &Load) -> bool {
+        load.force_n.iter().all(|force| force.abs() <= self.force_limit_n)
+            && load.torque_nm.iter().all(|torque| torque.abs() <= self.torque_limit_nm)
+    }
+}

@@ -1,0 +1,341 @@
+//! Faults of instruments at stated times.
+//!
+//! Drift, noise and spike are added between delay and converter, which rounds and clips them; a stuck or dropped-out
+//! axis says what it says whatever the converter does. Several faults of an axis act in the order in which they are
+//! stated.
+
+use alloc::boxed::Box;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Reading, RigError};
+use resonarm_numeric::noise::Noise;
+
+/// The most faults of a rig.
+pub const MOST_FAULTS: usize = 64;
+
+/// The first stream of the faults' noise; those before are the instruments'.
+const FIRST_STREAM: u64 = 1 << 32;
+
+/// An instrument, by its key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InstrumentName {
+    /// The accelerometer at B.
+    AccelerometerB,
+    /// The accelerometer at C.
+    AccelerometerC,
+    /// The force side of the impedance head.
+    ImpedanceHead,
+}
+
+/// Which axes of an instrument have a fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultAxis {
+    /// Along x.
+    X,
+    /// Along y.
+    Y,
+    /// Both.
+    #[default]
+    Both,
+}
+
+/// What is wrong with an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// It says what it said at the sample before the fault.
+    Stuck,
+    /// It says zero.
+    Dropout,
+    /// An offset grows evenly from zero.
+    Drift,
+    /// Noise of a cable, Gaussian and white, is added.
+    Noise,
+    /// A constant is added, for one sample unless the fault's end says otherwise.
+    Spike,
+}
+
+/// A fault as a scenario states it. A drift has a rate, noise its standard deviation, a spike its amplitude, each in
+/// the key of the instrument's unit; stuck axes and dropouts have none.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaultSpec {
+    /// The instrument.
+    pub instrument: InstrumentName,
+    /// The axes.
+    #[serde(default)]
+    pub axis: FaultAxis,
+    /// What is wrong.
+    pub kind: FaultKind,
+    /// Begin, s of simulated time from sample 0, not negative: the first sample is ⌈`from_s` · rate⌉.
+    pub from_s: f64,
+    /// End, s, at least a sample later: from sample ⌈`to_s` · rate⌉ on it is over. `None` lasts to the end of the run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_s: Option<f64>,
+    /// Rate of a drift, (m/s²)/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_m_s2_per_s: Option<f64>,
+    /// Rate of a drift, N/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_n_per_s: Option<f64>,
+    /// Standard deviation of noise, m/s², not negative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_m_s2: Option<f64>,
+    /// Standard deviation of noise, N, not negative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_n: Option<f64>,
+    /// Amplitude of a spike, m/s².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplitude_m_s2: Option<f64>,
+    /// Amplitude of a spike, N.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplitude_n: Option<f64>,
+}
+
+impl FaultSpec {
+    /// The key of the number that says how much, if the kind has one: in the unit of the instrument.
+    fn key(&self) -> Option<&'static str> {
+        let force = self.instrument == InstrumentName::ImpedanceHead;
+        match self.kind {
+            FaultKind::Stuck | FaultKind::Dropout => None,
+            FaultKind::Drift => Some(if force { "rate_n_per_s" } else { "rate_m_s2_per_s" }),
+            FaultKind::Noise => Some(if force { "rms_n" } else { "rms_m_s2" }),
+            FaultKind::Spike => Some(if force { "amplitude_n" } else { "amplitude_m_s2" }),
+        }
+    }
+
+    /// How much, of a kind that has it.
+    fn size(&self, number: usize) -> Result<f64, RigError> {
+        let stated = [
+            ("rate_m_s2_per_s", self.rate_m_s2_per_s),
+            ("rate_n_per_s", self.rate_n_per_s),
+            ("rms_m_s2", self.rms_m_s2),
+            ("rms_n", self.rms_n),
+            ("amplitude_m_s2", self.amplitude_m_s2),
+            ("amplitude_n", self.amplitude_n),
+        ];
+        let wanted = self.key();
+        let mut size = None;
+        for (key, value) in stated {
+            match value {
+                Some(got) if wanted == Some(key) => size = Some((key, got)),
+                Some(_) => return Err(RigError::FaultKeyIdle { number, key }),
+                None => {}
+            }
+        }
+        match (wanted, size) {
+            (None, _) => Ok(0.0),
+            (Some(key), None) => Err(RigError::FaultKeyMissing { number, key }),
+            (Some(_), Some((name, got))) => {
+                let negative = self.kind == FaultKind::Noise && got < 0.0;
+                let expected = if self.kind == FaultKind::Noise { "zero or a positive number" } else { "a number" };
+                let error = RigError::Fault { number, name, got, expected };
+                if got.is_finite() && !negative { Ok(got) } else { Err(error) }
+            }
+        }
+    }
+}
+
+/// A fault at work on one instrument.
+#[derive(Clone, Debug)]
+pub(super) struct Fault {
+    axes: [bool; 2],
+    /// The first sample that has it, and the first that hasn't any more.
+    first: u64,
+    end: u64,
+    effect: Effect,
+}
+
+#[derive(Clone, Debug)]
+enum Effect {
+    Stuck,
+    Dropout,
+    /// A sample's share of the drift.
+    Drift(f64),
+    /// Standard deviation, and a stream for each axis.
+    Noise(f64, Box<[Noise; 2]>),
+    Spike(f64),
+}
+
+impl Fault {
+    /// The fault that stands at `index` among those of the rig.
+    pub fn new(spec: &FaultSpec, index: usize, rate_hz: f64, seed: u64) -> Result<Fault, RigError> {
+        let number = index + 1;
+        if !(spec.from_s.is_finite() && spec.from_s >= 0.0) {
+            let (name, expected) = ("from_s", "zero or a positive number");
+            return Err(RigError::Fault { number, name, got: spec.from_s, expected });
+        }
+        let size = spec.size(number)?;
+        let first = sample_at(spec.from_s, rate_hz);
+        let end = match (spec.to_s, spec.kind) {
+            (Some(got), _) if got.is_nan() || sample_at(got, rate_hz) <= first => {
+                let expected = "at least a sample later than `from_s`";
+                return Err(RigError::Fault { number, name: "to_s", got, expected });
+            }
+            (Some(to_s), _) => sample_at(to_s, rate_hz),
+            (None, FaultKind::Spike) => first.saturating_add(1),
+            (None, _) => u64::MAX,
+        };
+        let stream = FIRST_STREAM + 2 * index as u64;
+        let effect = match spec.kind {
+            FaultKind::Stuck => Effect::Stuck,
+            FaultKind::Dropout => Effect::Dropout,
+            FaultKind::Drift => Effect::Drift(size / rate_hz),
+            FaultKind::Noise => {
+                Effect::Noise(size, Box::new([stream, stream + 1].map(|stream| Noise::new(seed, stream))))
+            }
+            FaultKind::Spike => Effect::Spike(size),
+        };
+        let axes = [spec.axis != FaultAxis::Y, spec.axis != FaultAxis::X];
+        Ok(Fault { axes, first, end, effect })
+    }
+
+    fn acts(&self, sample: u64, axis: usize) -> bool {
+        self.axes[axis] && (self.first..self.end).contains(&sample)
+    }
+
+    /// What comes to the converter.
+    pub fn disturbed(&mut self, sample: u64, axis: usize, value: f64) -> f64 {
+        if !self.acts(sample, axis) {
+            return value;
+        }
+        match &mut self.effect {
+            Effect::Stuck | Effect::Dropout => value,
+            Effect::Drift(step) => value + *step * (sample - self.first) as f64,
+            Effect::Noise(rms, noise) => value + *rms * noise[axis].next(),
+            Effect::Spike(amplitude) => value + *amplitude,
+        }
+    }
+
+    /// What is said in place of `reading`, `last` having been said at the sample before.
+    pub fn said(&self, sample: u64, axis: usize, reading: Reading, last: Reading) -> Reading {
+        match self.effect {
+            Effect::Stuck if self.acts(sample, axis) => last,
+            Effect::Dropout if self.acts(sample, axis) => Reading::default(),
+            _ => reading,
+        }
+    }
+}
+
+/// The first sample at `time_s` or later. Times that are a whole number of samples but for rounding count as one:
+/// 2.007 s at 1 kHz is 2007.0000000000002 samples.
+fn sample_at(time_s: f64, rate_hz: f64) -> u64 {
+    const ROUNDING: f64 = 1e-12;
+    libm::ceil(time_s * rate_hz * (1.0 - ROUNDING)) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::{Measurement, Rig, RigSpec};
+    use alloc::format;
+    use alloc::string::{String, ToString};
+    use alloc::vec::Vec;
+
+    const QUIET: &str = "accelerometer_b = { noise_rms_m_s2 = 0, resolution_m_s2 = 0, range_m_s2 = 100 }\n\
+        impedance_head = { noise_rms_n = 0, resolution_n = 0 }\n";
+
+    fn spec(faults: &str) -> RigSpec {
+        toml::from_str(&format!("{QUIET}{faults}")).unwrap()
+    }
+
+    /// Readings at 10 Hz of an acceleration of 1, 2, 3 … m/s² along x of B, and twice that along y.
+    fn readings(spec: &RigSpec, samples: u64) -> Vec<Measurement> {
+        let mut rig = Rig::new(spec, 10.0, 5).unwrap();
+        let sampled = |sample: u64| {
+            let x = sample as f64 + 1.0;
+            [3.0, 4.0, x, 2.0 * x, 0.0, 0.0]
+        };
+        (0..samples).map(|sample| rig.measure(sample, &sampled(sample))).collect()
+    }
+
+    fn b(faults: &str, axis: usize) -> Vec<f64> {
+        readings(&spec(faults), 8).iter().map(|sample| sample.acceleration_b_m_s2[axis].value).collect()
+    }
+
+    #[test]
+    fn faults_act_on_their_axes_at_their_samples() {
+        let fault = |rest: &str| format!("[[faults]]\ninstrument = 'accelerometer_b'\n{rest}");
+        let stuck = fault("axis = 'x'\nkind = 'stuck'\nfrom_s = 0.25\nto_s = 0.6");
+        assert_eq!(b(&stuck, 0), [1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 7.0, 8.0]);
+        assert_eq!(b(&stuck, 1), b("", 1));
+        let dropout = fault("kind = 'dropout'\nfrom_s = 0.5");
+        assert_eq!(b(&dropout, 0), [1.0, 2.0, 3.0, 4.0, 5.0, 0.0, 0.0, 0.0]);
+        assert_eq!(b(&dropout, 1), [2.0, 4.0, 6.0, 8.0, 10.0, 0.0, 0.0, 0.0]);
+        let drift = fault("axis = 'y'\nkind = 'drift'\nrate_m_s2_per_s = -10\nfrom_s = 0.1\nto_s = 0.5");
+        assert_eq!(b(&drift, 1), [2.0, 4.0, 5.0, 6.0, 7.0, 12.0, 14.0, 16.0]);
+        let spike = fault("axis = 'x'\nkind = 'spike'\namplitude_m_s2 = 50\nfrom_s = 0.2");
+        assert_eq!(b(&spike, 0), [1.0, 2.0, 53.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+        let both = format!("{spike}\n{}", fault("axis = 'x'\nkind = 'stuck'\nfrom_s = 0.3"));
+        assert_eq!(b(&both, 0)[2..], [53.0; 6]);
+    }
+
+    #[test]
+    fn an_axis_stuck_from_the_start_says_what_it_says_at_rest() {
+        let stuck = "[[faults]]\ninstrument = 'impedance_head'\nkind = 'stuck'\nfrom_s = 0";
+        let readings = readings(&spec(stuck), 3);
+        assert!(readings.iter().all(|sample| sample.head_force_n == [Reading::default(); 2]));
+    }
+
+    #[test]
+    fn what_is_added_is_rounded_and_clipped_by_the_converter() {
+        let spike = "[[faults]]\ninstrument = 'accelerometer_b'\naxis = 'x'\nkind = 'spike'\namplitude_m_s2 = 1e4\n\
+            from_s = 0.1\nto_s = 0.3";
+        let clipped: Vec<_> = readings(&spec(spike), 4).iter().map(|sample| sample.acceleration_b_m_s2[0]).collect();
+        let reading = |value, clipped| Reading { value, clipped };
+        let beyond = reading(100.0, true);
+        assert_eq!(clipped, [reading(1.0, false), beyond, beyond, reading(4.0, false)]);
+    }
+
+    #[test]
+    fn noise_of_a_cable_is_seeded_and_leaves_the_others_as_they_were() {
+        let noise = "[[faults]]\ninstrument = 'accelerometer_b'\nkind = 'noise'\nrms_m_s2 = 0.5\nfrom_s = 0.2\n\
+            [accelerometer_c]\nnoise_rms_m_s2 = 3.0";
+        let [noisy, again] = [(); 2].map(|()| readings(&spec(noise), 2000));
+        assert_eq!(noisy, again);
+        let clean = readings(&spec("[accelerometer_c]\nnoise_rms_m_s2 = 3.0"), 2000);
+        let mut squares = [0.0; 2];
+        for (noisy, clean) in noisy.iter().zip(&clean).take(90) {
+            assert_eq!(noisy.acceleration_c_m_s2, clean.acceleration_c_m_s2);
+            for (axis, squares) in squares.iter_mut().enumerate() {
+                let added = noisy.acceleration_b_m_s2[axis].value - clean.acceleration_b_m_s2[axis].value;
+                assert!(noisy.sample >= 2 || added == 0.0);
+                *squares += if clean.acceleration_b_m_s2[axis].value < 90.0 { added * added } else { 0.0 };
+            }
+        }
+        // Along x of 88 samples, along y of the 42 within the range; four standard errors of a variance, √(2/n).
+        assert!((squares[0] / 87.0 / 0.25 - 1.0).abs() < 0.62, "{squares:?}");
+        assert!((squares[1] / 42.0 / 0.25 - 1.0).abs() < 0.88, "{squares:?}");
+    }
+
+    #[test]
+    fn times_are_rounded_up_to_samples_but_for_their_last_bits() {
+        for (time_s, rate_hz, sample) in
+            [(2.007, 1000.0, 2007), (0.0, 1e3, 0), (0.0001, 1e3, 1), (2.0001, 1e3, 2001), (0.3, 1000.0, 300)]
+        {
+            assert_eq!(sample_at(time_s, rate_hz), sample, "{time_s}");
+        }
+    }
+
+    #[test]
+    fn says_what_is_wrong_with_a_fault() {
+        let says = |rest: &str| {
+            let good = "[[faults]]\ninstrument = 'accelerometer_c'\nkind = 'stuck'\nfrom_s = 1\n";
+            Rig::new(&spec(&format!("{good}[[faults]]\n{rest}")), 1000.0, 0).unwrap_err().to_string()
+        };
+        let c = |rest: &str| says(&format!("instrument = 'accelerometer_c'\n{rest}"));
+        insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = -1"), @"rig.faults, number 2: `from_s` is -1: it must be zero or a positive number");
+        insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = 1\nto_s = 0.9999"), @"rig.faults, number 2: `to_s` is 0.9999: it must be at least a sample later than `from_s`");
+        insta::assert_snapshot!(c("kind = 'drift'\nfrom_s = 1"), @"rig.faults, number 2: `rate_m_s2_per_s` is missing: add it, or change `kind`");
+        insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_n = 2"), @"rig.faults, number 2: `rms_n` says nothing about this kind of fault of this instrument: leave it out");
+        insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_m_s2 = -2"), @"rig.faults, number 2: `rms_m_s2` is -2: it must be zero or a positive number");
+        insta::assert_snapshot!(says("instrument = 'impedance_head'\nkind = 'spike'\nfrom_s = 1\namplitude_n = nan"), @"rig.faults, number 2: `amplitude_n` is NaN: it must be a number");
+        let many: String = (0..MOST_FAULTS)
+            .map(|_| "[[faults]]\ninstrument = 'impedance_head'\nkind = 'dropout'\nfrom_s = 1\n")
+            .collect();
+        insta::assert_snapshot!(says(&many.replacen("[[faults]]", "", 1)), @"rig.faults are 65: at most 64 are taken");
+    }
+}

@@ -1,0 +1,183 @@
+//! An electrodynamic shaker, bolted through the impedance head to the tip and pushing along one direction.
+//!
+//! The armature, of mass m on a suspension k, c, moves with the tip by s along the direction; the coil pushes it by
+//! Bl·i. What the head reads, and what shakes the arm, is what is left of it (G. F. Lang, "Electrodynamic Shaker
+//! Fundamentals", Sound and Vibration, 1997):
+//!
+//! ```text
+//! H = Bl·i − m s̈ − c ṡ − k s
+//! L di/dt + R i + Bl ṡ = V
+//! ```
+//!
+//! Near a resonance m s̈ takes most of Bl·i, and H drops out. A command is the force of the blocked shaker: F = Bl·i of
+//! an amplifier in current mode, which holds the current whatever the armature does, and F = Bl·V/R of one in voltage
+//! mode, where the current then follows from the coil and its back-electromotive force.
+
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+use super::RigError;
+use resonarm_dynamics::arm::{Attachment, Load};
+
+/// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, which is how sines
+/// and cosines are rounded by hand.
+const ACROSS_N: f64 = 0.04;
+const ACROSS_SHARE: f64 = 1e-3;
+
+/// What the amplifier holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Amplifier {
+    /// The current: a command F is the current F/Bl.
+    #[default]
+    Current,
+    /// The voltage: a command F is the voltage F·R/Bl.
+    Voltage,
+}
+
+/// An electrodynamic shaker with its amplifier, as a scenario states it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShakerSpec {
+    /// Direction in which it pushes the tip, against the x axis of the base frame, degrees.
+    #[serde(default)]
+    pub direction_deg: f64,
+    /// What the amplifier holds.
+    #[serde(default)]
+    pub amplifier: Amplifier,
+    /// Mass of the armature, with the stinger and what is bolted to it, kg, not negative.
+    pub moving_mass_kg: f64,
+    /// Stiffness of the suspension, N/m, not negative.
+    pub stiffness_n_m: f64,
+    /// Viscous damping of the suspension, N·s/m, not negative.
+    pub damping_n_s_m: f64,
+    /// Force factor Bl, N/A, positive.
+    pub force_factor_n_a: f64,
+    /// Resistance R of the coil, Ω, positive.
+    pub resistance_ohm: f64,
+    /// Inductance L of the coil, H, not negative.
+    pub inductance_h: f64,
+    /// Largest displacement of the armature from rest, m, positive.
+    pub stroke_m: f64,
+    /// Largest current, A, positive.
+    pub current_limit_a: f64,
+    /// Largest voltage of the amplifier, V, positive.
+    pub voltage_limit_v: f64,
+}
+
+/// What trips the amplifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShakerLimit {
+    /// The displacement of the armature.
+    Stroke,
+    /// The current in the coil.
+    Current,
+    /// The voltage that the amplifier would need.
+    Voltage,
+}
+
+impl ShakerLimit {
+    /// What it is called, its unit, and the key of its limit in a scenario.
+    pub const fn names(self) -> [&'static str; 3] {
+        match self {
+            ShakerLimit::Stroke => ["armature's displacement", "m", "stroke_m"],
+            ShakerLimit::Current => ["current", "A", "current_limit_a"],
+            ShakerLimit::Voltage => ["amplifier's voltage", "V", "voltage_limit_v"],
+        }
+    }
+}
+
+impl ShakerSpec {
+    pub(super) fn check(&self) -> Result<(), RigError> {
+        let spec = |name, got, expected| Err(RigError::Spec { instrument: "rig.shaker", name, got, expected });
+        if !(-360.0..=360.0).contains(&self.direction_deg) {
+            return spec("direction_deg", self.direction_deg, "from -360 to 360 degrees");
+        }
+        let not_negative = [
+            ("moving_mass_kg", self.moving_mass_kg),
+            ("stiffness_n_m", self.stiffness_n_m),
+            ("damping_n_s_m", self.damping_n_s_m),
+            ("inductance_h", self.inductance_h),
+        ];
+        for (name, got) in not_negative {
+            if !(got.is_finite() && got >= 0.0) {
+                return spec(name, got, "zero or a positive number");
+            }
+        }
+        let positive = [
+            ("force_factor_n_a", self.force_factor_n_a),
+            ("resistance_ohm", self.resistance_ohm),
+            ("stroke_m", self.stroke_m),
+            ("current_limit_a", self.current_limit_a),
+            ("voltage_limit_v", self.voltage_limit_v),
+        ];
+        for (name, got) in positive {
+            if !(got.is_finite() && got > 0.0) {
+                return spec(name, got, "a positive number");
+            }
+        }
+        Ok(())
+    }
+
+    /// The unit vector in which it pushes.
+    pub fn direction(&self) -> Vector2<f64> {
+        let (sine, cosine) = libm::sincos(self.direction_deg.to_radians());
+        Vector2::new(cosine, sine)
+    }
+
+    /// The armature on its suspension.
+    pub fn armature(&self) -> Attachment {
+        Attachment {
+            mass_kg: self.moving_mass_kg,
+            stiffness_n_m: self.stiffness_n_m,
+            damping_n_s_m: self.damping_n_s_m,
+            direction_deg: self.direction_deg,
+        }
+    }
+
+    /// The largest force of the blocked shaker, N: Bl times the largest current, in voltage mode also Bl/R times the
+    /// largest voltage.
+    pub fn force_limit_n(&self) -> f64 {
+        let by_voltage_a = self.voltage_limit_v / self.resistance_ohm;
+        self.force_factor_n_a * self.current_limit_a.min(by_voltage_a)
+    }
+
+    /// The part of a command along the shaker, N.
+    pub fn along_n(&self, load: &Load) -> f64 {
+        self.direction().dot(&load.force_n)
+    }
+
+    /// Whether a load points along the shaker, but for rounding.
+    pub fn is_along(&self, load: &Load) -> bool {
+        let direction = self.direction();
+        let across_n = direction.x * load.force_n.y - direction.y * load.force_n.x;
+        let rounding_n = ACROSS_N + ACROSS_SHARE * load.force_n.norm();
+        across_n.abs() <= rounding_n && load.torque_nm == Vector2::zeros()
+    }
+
+    /// Whether a command can be carried out as far as amplifier and direction go.
+    pub fn can_produce(&self, load: &Load) -> bool {
+        self.is_along(load) && self.along_n(load).abs() <= self.force_limit_n()
+    }
+
+    /// The first limit that is exceeded, with what there is and what may be: at a current, a displacement and a
+    /// velocity of the armature. In current mode the amplifier needs R i + Bl ṡ; what a step of the current takes
+    /// through L is left to it.
+    pub fn exceeded(
+        &self,
+        current_a: f64,
+        (displacement_m, velocity_m_s): (f64, f64),
+    ) -> Option<(ShakerLimit, f64, f64)> {
+        let needed_v = match self.amplifier {
+            Amplifier::Current => self.resistance_ohm * current_a + self.force_factor_n_a * velocity_m_s,
+            Amplifier::Voltage => 0.0,
+        };
+        let all = [
+            (ShakerLimit::Stroke, displacement_m, self.stroke_m),
+            (ShakerLimit::Current, current_a, self.current_limit_a),
+            (ShakerLimit::Voltage, needed_v, self.voltage_limit_v),
+        ];
+        let beyond = |(_, got, limit): &(ShakerLimit, f64, f64)| got.is_nan() || got.abs() > *limit;
+        all.into_iter().find(beyond).map(|(which, got, limit)| (which, got.abs(), limit))
+    }
+}

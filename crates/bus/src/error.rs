@@ -1,0 +1,207 @@
+//! What can go wrong with a bus, each with the way to mend it.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+use std::io;
+
+use thiserror::Error;
+
+/// Why a bus could not be opened or used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum BusError {
+    /// The bus was closed by this end.
+    #[error("the bus is closed")]
+    Closed,
+    /// The address is not one that any backend understands.
+    #[error(
+        "`{address}` is not a bus: {reason}. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"
+    )]
+    Address {
+        /// What was given.
+        address: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A memory bus was asked for by its address.
+    #[error(
+        "a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter \
+         together on one; between processes use vcan0 or another CAN interface"
+    )]
+    MemoryIsNotShared,
+    /// The program was built without python-can.
+    #[error("this build has no python-can; `cargo build --release --features python-can` makes one that has")]
+    NoPythonCan,
+    /// The kernel has no SocketCAN raw sockets and could not load them.
+    #[error(
+        "this kernel has no SocketCAN ({source}). `sudo modprobe -a can can_raw vcan` loads it (in a container: on its \
+         host); a kernel built without CAN needs another. `resonarm demo` needs none"
+    )]
+    NoSocketCan {
+        /// What the kernel answered.
+        source: io::Error,
+    },
+    /// There is no network interface of this name.
+    #[error("there is no interface {interface} ({}). {}", list(.present), creation(.interface))]
+    InterfaceMissing {
+        /// What was asked for.
+        interface: String,
+        /// The CAN interfaces there are.
+        present: Vec<String>,
+    },
+    /// The network interface is of another kind.
+    #[error(
+        "{interface} is a network interface, but not a CAN one; `ip -brief link show type vcan` and `type can` list those"
+    )]
+    NotCan {
+        /// What was asked for.
+        interface: String,
+    },
+    /// The interface is down, or went down.
+    #[error("{interface} is down. {}", bring_up(.interface))]
+    InterfaceDown {
+        /// Its name.
+        interface: String,
+    },
+    /// The interface was removed while it was in use.
+    #[error("{interface} has been removed: an adapter unplugged, or `ip link del`")]
+    InterfaceGone {
+        /// Its name.
+        interface: String,
+    },
+    /// The CAN controller has left the bus after too many transmit errors (ISO 11898-1, bus-off).
+    #[error(
+        "the controller of {interface} is bus-off: too many transmit errors. Check bit rate, wiring and the two \
+         terminations of 120 Ω; {}", restart(.interface)
+    )]
+    BusOff {
+        /// Its name.
+        interface: String,
+    },
+    /// A CAN FD frame was sent on an interface that carries classical frames only.
+    #[error("{interface} does not carry CAN FD frames. {}", enable_fd(.interface))]
+    FdNotEnabled {
+        /// Its name.
+        interface: String,
+    },
+    /// The process may not do this.
+    #[error(
+        "{interface}: {action} is not permitted ({source}). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
+    )]
+    Permission {
+        /// The interface.
+        interface: String,
+        /// What was being done.
+        action: &'static str,
+        /// What the kernel answered.
+        source: io::Error,
+    },
+    /// Another answer of the operating system.
+    #[error("{interface}: {action} failed: {source}")]
+    Os {
+        /// The interface.
+        interface: String,
+        /// What was being done.
+        action: &'static str,
+        /// What the kernel answered.
+        source: io::Error,
+    },
+    /// python-can, or the Python it needs, stands in the way.
+    #[error(transparent)]
+    PythonCan(Box<dyn core::error::Error + Send + Sync>),
+}
+
+impl BusError {
+    /// Whether the bus may work again without being opened anew: it is down, or its controller is bus-off.
+    pub const fn is_recoverable(&self) -> bool {
+        matches!(self, BusError::InterfaceDown { .. } | BusError::BusOff { .. })
+    }
+}
+
+fn is_virtual(interface: &str) -> bool {
+    interface.starts_with("vcan")
+}
+
+fn list(present: &[String]) -> String {
+    match present {
+        [] => "there are no CAN interfaces".into(),
+        _ => format!("CAN interfaces: {}", present.join(", ")),
+    }
+}
+
+fn creation(interface: &str) -> String {
+    if is_virtual(interface) {
+        format!("`sudo ip link add {interface} type vcan && sudo ip link set {interface} mtu 72 up` makes it")
+    } else {
+        format!("Is the adapter plugged in and its driver loaded? {}", bring_up(interface))
+    }
+}
+
+fn bring_up(interface: &str) -> String {
+    if is_virtual(interface) {
+        format!("`sudo ip link set {interface} up` mends it")
+    } else {
+        format!("`sudo ip link set {interface} up type can bitrate 1000000` starts it at 1 Mbit/s")
+    }
+}
+
+fn restart(interface: &str) -> String {
+    if interface.starts_with("python-can:") {
+        "an adapter that does not come back by itself does when it is opened anew".into()
+    } else {
+        format!("`sudo ip link set {interface} type can restart-ms 100` lets it come back by itself")
+    }
+}
+
+fn enable_fd(interface: &str) -> String {
+    let options = if is_virtual(interface) { "mtu 72" } else { "type can bitrate 1000000 dbitrate 5000000 fd on" };
+    format!("`sudo ip link set {interface} down && sudo ip link set {interface} up {options}` lets it")
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::string::ToString;
+
+    use insta::assert_snapshot;
+
+    use super::*;
+
+    fn source(errno: i32) -> io::Error {
+        io::Error::from_raw_os_error(errno)
+    }
+
+    #[test]
+    fn bus_messages_say_how_to_go_on() {
+        assert_snapshot!(BusError::Closed, @"the bus is closed");
+        assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+        assert_snapshot!(BusError::NoPythonCan, @"this build has no python-can; `cargo build --release --features python-can` makes one that has");
+    }
+
+    #[test]
+    fn kernel_messages_say_how_to_mend() {
+        assert_snapshot!(BusError::NoSocketCan { source: source(libc::EAFNOSUPPORT) }, @"this kernel has no SocketCAN (Address family not supported by protocol (os error 97)). `sudo modprobe -a can can_raw vcan` loads it (in a container: on its host); a kernel built without CAN needs another. `resonarm demo` needs none");
+        let (interface, action) = ("can0".to_string(), "opening the socket");
+        assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)");
+        let interface = "can0".to_string();
+        assert_snapshot!(BusError::Os { interface, action: "sending", source: source(libc::EIO) }, @"can0: sending failed: Input/output error (os error 5)");
+    }
+
+    #[test]
+    fn interface_messages_name_the_command() {
+        let missing = |interface: &str, present: &[&str]| BusError::InterfaceMissing {
+            interface: interface.into(),
+            present: present.iter().map(|name| name.to_string()).collect(),
+        };
+        assert_snapshot!(missing("vcan0", &[]), @"there is no interface vcan0 (there are no CAN interfaces). `sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes it");
+        assert_snapshot!(missing("can1", &["can0", "vcan0"]), @"there is no interface can1 (CAN interfaces: can0, vcan0). Is the adapter plugged in and its driver loaded? `sudo ip link set can1 up type can bitrate 1000000` starts it at 1 Mbit/s");
+        assert_snapshot!(BusError::NotCan { interface: "lo".into() }, @"lo is a network interface, but not a CAN one; `ip -brief link show type vcan` and `type can` list those");
+        assert_snapshot!(BusError::InterfaceDown { interface: "vcan0".into() }, @"vcan0 is down. `sudo ip link set vcan0 up` mends it");
+        assert_snapshot!(BusError::InterfaceDown { interface: "can0".into() }, @"can0 is down. `sudo ip link set can0 up type can bitrate 1000000` starts it at 1 Mbit/s");
+        assert_snapshot!(BusError::InterfaceGone { interface: "can0".into() }, @"can0 has been removed: an adapter unplugged, or `ip link del`");
+        assert_snapshot!(BusError::BusOff { interface: "can0".into() }, @"the controller of can0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; `sudo ip link set can0 type can restart-ms 100` lets it come back by itself");
+        assert_snapshot!(BusError::BusOff { interface: "python-can:interface=gs_usb,channel=0".into() }, @"the controller of python-can:interface=gs_usb,channel=0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; an adapter that does not come back by itself does when it is opened anew");
+        assert_snapshot!(BusError::FdNotEnabled { interface: "vcan0".into() }, @"vcan0 does not carry CAN FD frames. `sudo ip link set vcan0 down && sudo ip link set vcan0 up mtu 72` lets it");
+        assert_snapshot!(BusError::FdNotEnabled { interface: "can0".into() }, @"can0 does not carry CAN FD frames. `sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 dbitrate 5000000 fd on` lets it");
+    }
+}

@@ -1,0 +1,168 @@
+//! Error frames (`linux/can/error.h`): messages of the local controller, which were never on the bus.
+
+use libc::{
+    CAN_ERR_ACK, CAN_ERR_BUSERROR, CAN_ERR_BUSOFF, CAN_ERR_CRTL, CAN_ERR_CRTL_ACTIVE, CAN_ERR_CRTL_RX_OVERFLOW,
+    CAN_ERR_CRTL_RX_PASSIVE, CAN_ERR_CRTL_RX_WARNING, CAN_ERR_CRTL_TX_OVERFLOW, CAN_ERR_CRTL_TX_PASSIVE,
+    CAN_ERR_CRTL_TX_WARNING, CAN_ERR_FLAG, CAN_ERR_PROT, CAN_ERR_RESTARTED,
+};
+
+use super::frame::RawFrame;
+use crate::{ControllerErrors, ControllerState};
+
+/// The classes that are asked for. Lost arbitration is no error: it is how a bus decides.
+pub(super) const ASKED_FOR: u32 =
+    CAN_ERR_CRTL | CAN_ERR_PROT | CAN_ERR_ACK | CAN_ERR_BUSOFF | CAN_ERR_BUSERROR | CAN_ERR_RESTARTED;
+
+/// The byte that tells more of a problem of the controller.
+const CONTROLLER: usize = 1;
+const OVERFLOW: i32 = CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW;
+const WARNING: i32 = CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING;
+const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
+
+/// What the controller has told by error frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate) struct Told {
+    /// How often, by kind.
+    pub errors: ControllerErrors,
+    /// The state that it told last.
+    pub state: ControllerState,
+}
+
+impl Told {
+    /// Takes an error frame in.
+    pub fn note(&mut self, frame: ErrorFrame) {
+        frame.count(&mut self.errors);
+        self.state = frame.state().unwrap_or(self.state);
+    }
+}
+
+/// What an error frame tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate) struct ErrorFrame {
+    /// The classes of errors.
+    class: u32,
+    /// What the controller tells of itself.
+    controller: i32,
+}
+
+impl ErrorFrame {
+    /// What the frame tells, if it is an error frame.
+    pub(super) fn of(frame: &RawFrame) -> Option<ErrorFrame> {
+        let has_class = frame.can_id & CAN_ERR_FLAG != 0;
+        has_class.then(|| ErrorFrame::new(frame.can_id, &frame.data))
+    }
+
+    /// What an error frame of these classes and this content tells.
+    pub fn new(class: u32, content: &[u8]) -> ErrorFrame {
+        ErrorFrame { class, controller: content.get(CONTROLLER).copied().map_or(0, i32::from) }
+    }
+
+    /// Whether the controller has left the bus.
+    pub fn is_bus_off(self) -> bool {
+        self.class & CAN_ERR_BUSOFF != 0
+    }
+
+    /// Counts it.
+    fn count(self, errors: &mut ControllerErrors) {
+        let class = |mask: u32| u64::from(self.class & mask != 0);
+        let controller = |mask: i32| u64::from(self.tells_of_controller(mask));
+        // Drivers tell a fault of the wire by either of two classes, or by both.
+        errors.protocol += class(CAN_ERR_PROT | CAN_ERR_BUSERROR);
+        errors.no_ack += class(CAN_ERR_ACK);
+        errors.overflow += controller(OVERFLOW);
+        errors.warning += controller(WARNING);
+        errors.passive += controller(PASSIVE);
+        errors.bus_off += class(CAN_ERR_BUSOFF);
+        errors.restarted += class(CAN_ERR_RESTARTED);
+    }
+
+    /// The state of the controller, if the frame tells of one: the worst.
+    fn state(self) -> Option<ControllerState> {
+        if self.is_bus_off() {
+            Some(ControllerState::BusOff)
+        } else if self.tells_of_controller(PASSIVE) {
+            Some(ControllerState::Passive)
+        } else if self.tells_of_controller(WARNING) {
+            Some(ControllerState::Warning)
+        } else if self.tells_of_controller(CAN_ERR_CRTL_ACTIVE) || self.class & CAN_ERR_RESTARTED != 0 {
+            Some(ControllerState::Active)
+        } else {
+            None
+        }
+    }
+
+    fn tells_of_controller(self, mask: i32) -> bool {
+        self.class & CAN_ERR_CRTL != 0 && self.controller & mask != 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::frame::KernelFrame;
+    use super::*;
+
+    /// The numbers of `linux/can/error.h`, as they stand there.
+    fn frame(class: u32, controller: u8) -> RawFrame {
+        let mut data = [0; 64];
+        data[1] = controller;
+        RawFrame { can_id: 0x2000_0000 | class, len: 8, data, ..KernelFrame::NONE.raw }
+    }
+
+    fn told(class: u32, controller: u8) -> (ControllerErrors, Option<ControllerState>) {
+        let (error, mut errors) = (ErrorFrame::of(&frame(class, controller)).unwrap(), ControllerErrors::default());
+        error.count(&mut errors);
+        (errors, error.state())
+    }
+
+    #[test]
+    fn each_bit_of_linux_can_error_h_is_counted_as_what_it_is() {
+        const NONE: ControllerErrors = ControllerErrors {
+            protocol: 0,
+            no_ack: 0,
+            overflow: 0,
+            warning: 0,
+            passive: 0,
+            bus_off: 0,
+            restarted: 0,
+            other: 0,
+        };
+        let (warning, passive) = (ControllerErrors { warning: 1, ..NONE }, ControllerErrors { passive: 1, ..NONE });
+        let overflow = ControllerErrors { overflow: 1, ..NONE };
+        let protocol = ControllerErrors { protocol: 1, ..NONE };
+        let cases = [
+            ((0x004, 0x00), (NONE, None)),
+            ((0x004, 0x01), (overflow, None)),
+            ((0x004, 0x02), (overflow, None)),
+            ((0x004, 0x04), (warning, Some(ControllerState::Warning))),
+            ((0x004, 0x08), (warning, Some(ControllerState::Warning))),
+            ((0x004, 0x10), (passive, Some(ControllerState::Passive))),
+            ((0x004, 0x20), (passive, Some(ControllerState::Passive))),
+            ((0x004, 0x30), (passive, Some(ControllerState::Passive))),
+            ((0x004, 0x40), (NONE, Some(ControllerState::Active))),
+            ((0x008, 0x00), (protocol, None)),
+            ((0x080, 0x00), (protocol, None)),
+            ((0x088, 0x00), (protocol, None)),
+            ((0x020, 0x00), (ControllerErrors { no_ack: 1, ..NONE }, None)),
+            ((0x040, 0x00), (ControllerErrors { bus_off: 1, ..NONE }, Some(ControllerState::BusOff))),
+            ((0x100, 0x00), (ControllerErrors { restarted: 1, ..NONE }, Some(ControllerState::Active))),
+            // The byte means nothing without the class; a driver may tell several things in one frame.
+            ((0x008, 0x20), (protocol, None)),
+            (
+                (0x0AC, 0x20),
+                (ControllerErrors { protocol: 1, no_ack: 1, passive: 1, ..NONE }, Some(ControllerState::Passive)),
+            ),
+            // Transmit timeout and lost arbitration.
+            ((0x003, 0x00), (NONE, None)),
+        ];
+        for ((class, controller), expected) in cases {
+            assert_eq!(told(class, controller), expected, "class {class:#x}, byte {controller:#x}");
+        }
+        assert_eq!(ASKED_FOR, 0x1EC);
+    }
+
+    #[test]
+    fn other_frames_are_none() {
+        assert_eq!(ErrorFrame::of(&RawFrame { can_id: 0x0000_0040, ..KernelFrame::NONE.raw }), None);
+        assert_eq!(ErrorFrame::of(&RawFrame { can_id: 0x9FFF_FFFF, ..KernelFrame::NONE.raw }), None);
+    }
+}

@@ -1,0 +1,227 @@
+//! A bus on which frames take their time: every bit of a frame, its stuff bits and the intermission, in simulated time.
+//!
+//! - A frame starts when the bus is free. Of those that wait then, the lowest identifier wins; the others try again.
+//! - Each node sends its frames first in, first out, from a few mailboxes; full ones are [`Sent::QueueFull`].
+//! - A frame is received at the end of its last bit, before the three bits of intermission.
+//! - With a bit error rate, a bit that is not what was sent ends a frame with an error frame, and it is sent again.
+//!   Error counters, the passive state, bus-off and recovery follow ISO 11898-1.
+//! - The sender sees the error at its bit and sends an error flag of 6 bits, dominant if it is active. Others see it
+//!   there only if that bit breaks a rule, else by the flag: at the sixth equal bit at the latest. Then come theirs, so
+//!   that the flags together take 6 to 12 bits; the delimiter of 8 bits and the intermission follow.
+//! - A frame that nobody else is there to acknowledge is sent again and again, as on a real bus.
+//!
+//! Nodes see a bit at the same time and alike: the wire has no length, and no error is that of one receiver alone. Bit
+//! rates and sample points have no tolerance.
+//!
+//! The ends share one state behind a lock. In a free run one loop has all ends and doesn't wait for it; in lockstep two
+//! threads do. It is not for a real-time loop.
+
+mod controller;
+mod wire;
+
+use alloc::string::String;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::time::Duration;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use resonarm_protocol::Frame;
+use resonarm_protocol::bits::{BitRates, Bits};
+
+pub use controller::{ErrorCounters, ErrorState};
+
+use self::wire::Wire;
+use super::{Bus, BusError, Filter, Received, Sent, Statistics, VirtualBus};
+use resonarm_realtime::Clock;
+
+/// Mailboxes of the common small controllers (bxCAN).
+pub const MAILBOXES: usize = 3;
+/// Longest sleep between two looks at the inbox in [`Bus::wait`], ns: another thread may send.
+const LOOK_NS: u64 = 100_000;
+
+/// What a bus is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spec {
+    /// Its bit rates.
+    pub rates: BitRates,
+    /// Frames that each node keeps to send.
+    pub mailboxes: usize,
+    /// The probability that a bit is not what was sent, 0 to less than 1.
+    pub bit_error_rate: f64,
+    /// Seed of the bit errors.
+    pub seed: u64,
+}
+
+impl Spec {
+    /// A bus without bit errors, with [`MAILBOXES`].
+    pub const fn new(rates: BitRates) -> Spec {
+        Spec { rates, mailboxes: MAILBOXES, bit_error_rate: 0.0, seed: 0 }
+    }
+}
+
+/// What went over the bus so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Frames sent.
+    pub frames: u64,
+    /// Frames that an error ended.
+    pub error_frames: u64,
+    /// All bits of both, with error frames and intermissions. With [`Bits::time_ns`] it is how long the bus was taken.
+    pub bits: Bits,
+}
+
+/// A bus with `nodes` ends, in the time of `clock`.
+pub fn hub<C: Clock + Clone>(nodes: usize, spec: &Spec, clock: &C) -> Vec<TimedBus<C>> {
+    let wire = Arc::new(Mutex::new(Wire::new(nodes, spec)));
+    (0..nodes).map(|node| TimedBus::new(&wire, node, clock)).collect()
+}
+
+/// A bus with two ends, as [`hub`] makes it.
+pub fn pair<C: Clock + Clone>(spec: &Spec, clock: &C) -> [TimedBus<C>; 2] {
+    let wire = Arc::new(Mutex::new(Wire::new(2, spec)));
+    [0, 1].map(|node| TimedBus::new(&wire, node, clock))
+}
+
+/// One end of the bus that [`hub`] makes.
+pub struct TimedBus<C> {
+    wire: Arc<Mutex<Wire>>,
+    node: usize,
+    clock: C,
+    received: u64,
+    sent: u64,
+    queue_full: u64,
+    is_open: bool,
+}
+
+impl<C: Clock + Clone> TimedBus<C> {
+    fn new(wire: &Arc<Mutex<Wire>>, node: usize, clock: &C) -> TimedBus<C> {
+        let (wire, clock) = (Arc::clone(wire), clock.clone());
+        TimedBus { wire, node, clock, received: 0, sent: 0, queue_full: 0, is_open: true }
+    }
+}
+
+impl<C: Clock> TimedBus<C> {
+    /// What went over the bus so far.
+    pub fn traffic(&self) -> Traffic {
+        self.now().traffic
+    }
+
+    /// The error counters of this end's controller.
+    pub fn error_counters(&self) -> ErrorCounters {
+        self.now().controllers[self.node].counters
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Wire> {
+        // Nothing panics while it is held, and if it did, another end could still go on.
+        self.wire.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The wire as it is now.
+    fn now(&self) -> MutexGuard<'_, Wire> {
+        let mut wire = self.lock();
+        wire.advance(self.clock.now_ns());
+        wire
+    }
+
+    fn check_open(&self) -> Result<(), BusError> {
+        if self.is_open { Ok(()) } else { Err(BusError::Closed) }
+    }
+
+    fn bus_off(&self) -> BusError {
+        BusError::BusOff { interface: self.name_of() }
+    }
+
+    fn name_of(&self) -> String {
+        String::from("timed")
+    }
+}
+
+impl<C: Clock + Send> Bus for TimedBus<C> {
+    fn name(&self) -> String {
+        self.name_of()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        self.check_open()?;
+        let mut wire = self.now();
+        let controller = &mut wire.controllers[self.node];
+        if controller.recovery.is_some() {
+            drop(wire);
+            return Err(self.bus_off());
+        }
+        let is_queued = controller.queue(self.clock.now_ns(), frame);
+        drop(wire);
+        self.sent += u64::from(is_queued);
+        self.queue_full += u64::from(!is_queued);
+        Ok(if is_queued { Sent::Queued } else { Sent::QueueFull })
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        self.check_open()?;
+        let mut wire = self.now();
+        let controller = &mut wire.controllers[self.node];
+        let (next, is_off) = (controller.inbox.pop_front(), controller.recovery.is_some());
+        drop(wire);
+        if next.is_none() && is_off {
+            return Err(self.bus_off());
+        }
+        self.received += u64::from(next.is_some());
+        Ok(next)
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        self.check_open()?;
+        let end_ns = self.clock.now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
+        loop {
+            let mut wire = self.now();
+            if !wire.controllers[self.node].inbox.is_empty() {
+                return Ok(true);
+            }
+            let now_ns = self.clock.now_ns();
+            let next_ns = wire.next_event_ns(now_ns).unwrap_or(u64::MAX);
+            drop(wire);
+            if now_ns >= end_ns {
+                return Ok(false);
+            }
+            self.clock.sleep_until_ns(end_ns.min(next_ns).min(now_ns + LOOK_NS));
+        }
+    }
+
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
+        self.check_open()?;
+        self.now().controllers[self.node].filters = filters.to_vec();
+        Ok(())
+    }
+
+    fn statistics(&self) -> Statistics {
+        let dropped = self.lock().controllers[self.node].dropped;
+        let TimedBus { received, sent, queue_full, .. } = *self;
+        Statistics { received, sent, dropped, queue_full, ..Statistics::default() }
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        self.check_open()?;
+        self.is_open = false;
+        let mut wire = self.now();
+        let controller = &mut wire.controllers[self.node];
+        controller.is_open = false;
+        controller.inbox.clear();
+        Ok(())
+    }
+}
+
+impl<C> Drop for TimedBus<C> {
+    /// Nobody acknowledges at an end that is gone.
+    fn drop(&mut self) {
+        self.wire.lock().unwrap_or_else(PoisonError::into_inner).controllers[self.node].is_open = false;
+    }
+}
+
+impl<C: Clock + Send> VirtualBus for TimedBus<C> {
+    fn next_event_ns(&mut self) -> Option<u64> {
+        self.lock().next_event_ns(self.clock.now_ns())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,162 @@
+//! The counters of a node's messages: each message has its own, from 0 at the boot, which steps by 1.
+
+use alloc::format;
+use alloc::string::String;
+
+use super::exciter_role;
+use super::plant_role::meet;
+use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, wrong};
+use resonarm_protocol::e2e::Protection;
+use resonarm_protocol::{DecodeError, Frame, Message, MessageKind, Network, NodeState, OperatorRequest};
+
+/// How often a node is made to say what it says rarely.
+const ROUNDS: u32 = 4;
+
+/// A frame of a message, with the sample that it is of or answers.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    counter: u8,
+    sample: Option<u16>,
+}
+
+/// The steps of the counter of one message.
+#[derive(Clone, Debug, Default)]
+struct Steps {
+    last: Option<Last>,
+    /// Whether the next one is the first since the node's boot was heard.
+    is_first: bool,
+    all: u32,
+    /// Those that are not 1, which may be due to frames lost.
+    wrong: u32,
+    /// The first wrong one, in words.
+    text: String,
+    /// What no loss explains.
+    proof: Option<String>,
+}
+
+/// The counters of a node's messages.
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    steps: [Steps; MessageKind::COUNT],
+}
+
+impl Counters {
+    /// Takes in a frame of the node, and what a receiver says of it.
+    pub fn note(&mut self, network: Network, frame: &Frame, said: &Result<Option<Message>, DecodeError>) {
+        let (kind, sample) = match said {
+            Ok(Some(Message::Heartbeat(heartbeat))) => {
+                if heartbeat.state == NodeState::BootUp {
+                    self.boot();
+                }
+                return;
+            }
+            Ok(Some(message)) => (message.kind(), sample(message)),
+            Err(DecodeError::Counter { kind, .. }) => (*kind, None),
+            Ok(None) | Err(_) => return,
+        };
+        let (data, protection) = (frame.data(), kind.form(network.profile()).and_then(|form| form.protection));
+        match protection {
+            Some(Protection::Profile11) => self.step(kind, Protection::Profile11, data[1] & 0xF, sample),
+            Some(Protection::Profile5) => self.step(kind, Protection::Profile5, data[2], sample),
+            None => {}
+        }
+    }
+
+    fn boot(&mut self) {
+        for steps in &mut self.steps {
+            (steps.last, steps.is_first) = (None, true);
+        }
+    }
+
+    fn step(&mut self, kind: MessageKind, protection: Protection, counter: u8, sample: Option<u16>) {
+        let steps = &mut self.steps[kind as usize];
+        let is_first = core::mem::take(&mut steps.is_first);
+        let Some(last) = steps.last.replace(Last { counter, sample }) else {
+            if is_first && counter != 0 {
+                let text = format!("the first {kind} after its boot has the counter {counter}, not 0");
+                steps.proof.get_or_insert(text);
+            }
+            return;
+        };
+        let counters = u16::from(protection.counter_max()) + 1;
+        let step = (u16::from(counter) + counters - u16::from(last.counter)) % counters;
+        steps.all += 1;
+        if step == 1 {
+            return;
+        }
+        steps.wrong += 1;
+        if steps.text.is_empty() {
+            steps.text = format!("the counter of {kind} is {counter} after {}, a step of {step}, not 1", last.counter);
+        }
+        // Each sample has one frame of the message at most: a larger step than that of the samples is no loss.
+        let samples = sample.zip(last.sample).map(|(sample, last)| (last, sample, sample.wrapping_sub(last)));
+        if let Some((from, to, between)) = samples.filter(|(.., between)| *between < counters && step > *between) {
+            let text = format!(
+                "the counter of {kind} is {counter} for sample {to} after {} for sample {from}: a step of {step}, not \
+                 {between}",
+                last.counter
+            );
+            steps.proof.get_or_insert(text);
+        }
+    }
+
+    /// What is wrong with them: more than single frames lost explain.
+    fn fault(&self) -> Option<String> {
+        let proof = self.steps.iter().find_map(|steps| steps.proof.clone());
+        proof.or_else(|| {
+            let steps = self.steps.iter().find(|steps| steps.wrong >= 2 && 2 * steps.wrong > steps.all)?;
+            Some(format!("{}; {} of its {} steps are not 1", steps.text, steps.wrong, steps.all))
+        })
+    }
+}
+
+/// The sample of which a message is, or that it answers.
+fn sample(message: &Message) -> Option<u16> {
+    match message {
+        Message::Head(head) => Some(head.sample),
+        Message::AccelerometerB(a) | Message::AccelerometerC(a) => Some(a.sample),
+        Message::Sensors(sensors) => Some(sensors.sample),
+        Message::Force(command) => Some(command.sample),
+        Message::Torque(command) => Some(command.sample),
+        _ => None,
+    }
+}
+
+/// Those of a plant, which is made to say hello and to refuse to arm.
+pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    for _ in 0..ROUNDS {
+        t.boot()?;
+        t.request(OperatorRequest::Arm)?;
+        t.wait_for(MARGIN_NS, |message| emergency(message).is_some())?;
+        t.send_hello()?;
+        t.wait_for(MARGIN_NS, |message| matches!(message, Message::PlantHello(_)))?;
+    }
+    t.run_ns(300 * MS)?;
+    judge(t)
+}
+
+/// Those of an exciter, which is made to say hello and to arm.
+pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
+    exciter_role::greet(t)?;
+    for _ in 0..ROUNDS {
+        t.boot()?;
+        t.send_hello()?;
+        t.wait_for(MARGIN_NS, |message| matches!(message, Message::ExciterHello(_)))?;
+    }
+    exciter_role::begin(t)?;
+    t.run_ns(300 * MS)?;
+    judge(t)
+}
+
+fn judge(t: &mut Tester) -> Result<(), Stop> {
+    if let Some(text) = t.counters.fault() {
+        return wrong(text);
+    }
+    let (kinds, steps) = t.counters.steps.iter().filter(|steps| steps.all > 0).fold((0, 0), |sum, steps| {
+        let (kinds, all) = sum;
+        (kinds + 1, all + steps.all)
+    });
+    t.note(format!("{steps} steps of {kinds} messages"));
+    Ok(())
+}

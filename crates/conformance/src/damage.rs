@@ -1,0 +1,148 @@
+//! Commands that a plant must refuse, and samples that an exciter must.
+
+use resonarm_protocol::e2e::{profile5, profile11};
+use resonarm_protocol::{
+    DEFAULT_BASE, Frame, FrameError, FrameFormat, Id, MessageKind, Network, Node, Profile, Transmitter,
+};
+
+/// What is wrong with a frame that is right otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Damage {
+    /// One bit, another one in each frame: the CRC doesn't fit.
+    Bit,
+    /// The counter of the frame before.
+    Repeated,
+    /// Four frames left out before it.
+    Jump,
+    /// It is another network's, by its data id.
+    DataId,
+    /// A CAN FD frame in place of a classical one, or the other way round.
+    Format,
+    /// A byte less, or in CAN FD the next shorter length.
+    Length,
+    /// A bit is set that belongs to no signal.
+    ReservedBit,
+    /// Its first value is not available, or not a number.
+    NotAvailable,
+    /// A 29-bit identifier.
+    Extended,
+    /// The identifier of a network with another base; everything else is right.
+    Base,
+}
+
+impl Damage {
+    pub const ALL: [Damage; 10] = [
+        Damage::Bit,
+        Damage::Repeated,
+        Damage::Jump,
+        Damage::DataId,
+        Damage::Format,
+        Damage::Length,
+        Damage::ReservedBit,
+        Damage::NotAvailable,
+        Damage::Extended,
+        Damage::Base,
+    ];
+
+    /// The frame with the damage. `make` makes it with a transmitter, `n` counts the damaged ones.
+    pub fn apply(self, ends: &mut Ends, n: u64, make: impl Fn(&mut Transmitter) -> Option<Frame>) -> Option<Frame> {
+        match self {
+            Damage::Repeated => return make(&mut ends.before.clone()),
+            Damage::Jump => {
+                // Five frames further than the one before: 2 to 4 are taken as losses.
+                for _ in 0..4 {
+                    make(&mut ends.transmitter)?;
+                }
+                return make(&mut ends.transmitter);
+            }
+            Damage::DataId => {
+                ends.other.get_or_insert_with(|| Transmitter::new(other_network(ends.transmitter.network())));
+                return make(ends.other.as_mut()?);
+            }
+            _ => {}
+        }
+        let frame = make(&mut ends.transmitter)?;
+        self.spoil(ends.transmitter.network(), &frame, n).ok()
+    }
+
+    fn spoil(self, network: Network, frame: &Frame, n: u64) -> Result<Frame, FrameError> {
+        let (mut data, is_classic) = (frame.data().to_vec(), frame.format() == FrameFormat::Classic);
+        let bits = 8 * data.len() as u64;
+        match self {
+            Damage::Bit => {
+                let bit = (n % bits) as usize;
+                data[bit / 8] ^= 1 << (bit % 8);
+            }
+            Damage::ReservedBit if is_classic => data[1] |= 0x80,
+            Damage::ReservedBit => data[3] |= 0x80,
+            Damage::NotAvailable if is_classic => data[2..4].copy_from_slice(&i16::MIN.to_le_bytes()),
+            Damage::NotAvailable => data[8..12].copy_from_slice(&f32::NAN.to_le_bytes()),
+            Damage::Length => data.truncate(if is_classic { 7 } else { 12 }),
+            Damage::Extended => return Frame::new(Id::Extended(frame.id().raw()), frame.format(), &data),
+            Damage::Base => {
+                return Frame::new(Id::Standard(frame.id().raw() as u16 ^ base_bits(network)), frame.format(), &data);
+            }
+            Damage::Format if is_classic => {
+                return Frame::new(
+                    frame.id(),
+                    FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false },
+                    &data,
+                );
+            }
+            Damage::Format => return Frame::classic(frame.id(), &data[..8]),
+            Damage::Repeated | Damage::Jump | Damage::DataId => {}
+        }
+        if let (Damage::ReservedBit | Damage::NotAvailable, Some(data_id)) = (self, data_id(network, frame)) {
+            protect(&mut data, data_id);
+        }
+        Frame::new(frame.id(), frame.format(), &data)
+    }
+}
+
+fn data_id(network: Network, frame: &Frame) -> Option<u16> {
+    MessageKind::from_id(network, frame.id())?.data_id(network)
+}
+
+/// The bits in which the identifiers of a network with another base differ: the default one, or that beside it. A node
+/// that takes any base, and one that takes the default one besides its own, takes it.
+fn base_bits(network: Network) -> u16 {
+    let other = if network.base() == DEFAULT_BASE { DEFAULT_BASE + 0x10 } else { DEFAULT_BASE };
+    network.base() ^ other
+}
+
+/// Writes the CRC that fits the rest.
+pub(super) fn protect(data: &mut [u8], data_id: u16) {
+    if let Ok(eight) = <[u8; 8]>::try_from(&*data) {
+        data[0] = profile11::crc(data_id, &eight);
+    } else {
+        let crc = profile5::crc(data_id, data);
+        data[..2].copy_from_slice(&crc.to_le_bytes());
+    }
+}
+
+/// The transmitters of what the tester sends.
+#[derive(Clone, Debug)]
+pub(super) struct Ends {
+    pub transmitter: Transmitter,
+    /// As it was before the last frame that can be repeated.
+    pub before: Transmitter,
+    other: Option<Transmitter>,
+}
+
+impl Ends {
+    pub fn new(network: Network) -> Ends {
+        Ends { transmitter: Transmitter::new(network), before: Transmitter::new(network), other: None }
+    }
+}
+
+/// The same identifiers of commands and samples with other data ids: the plant's node id is another.
+fn other_network(network: Network) -> Network {
+    let [plant, exciter] = [network.node_id(Node::Plant), network.node_id(Node::Exciter)];
+    let free = (1..=3).find(|id| *id != plant && *id != exciter).unwrap_or(plant);
+    network.with_node_ids(free, exciter).unwrap_or(network)
+}
+
+/// Whether the damaged frame is one that a classical interface can't send.
+pub(super) fn needs_fd(damage: Damage, profile: Profile) -> bool {
+    damage == Damage::Format && profile == Profile::Classic
+}

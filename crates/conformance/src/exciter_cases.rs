@@ -1,0 +1,347 @@
+//! What an exciter must do: samples answered, faults. The tester plays the plant.
+
+use alloc::format;
+
+use super::damage::{Damage, needs_fd};
+use super::exciter_role::{begin, commands, commands_of, greet, is_arm};
+use super::plant_role::period_ns;
+use super::source::{FRAMES, Samples};
+use super::tester::{
+    GONE_NS, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, not_at_once, skipped,
+};
+use resonarm_protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
+use resonarm_protocol::{
+    EmergencyCode, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorCommand, OperatorRequest, Profile,
+};
+
+/// A heartbeat that must come at once and is later than this, ns, is late. No bit of the protocol says how long a node
+/// may take to send it: this is less than the 80 ms after which the next one is due in most nodes, and more than what
+/// a machine stops a process for as a rule. A node is failed only if it is so late three times.
+const AT_ONCE_NS: u64 = 75 * MS;
+/// For so long samples may be answered before the heartbeat that says so, ns: that a controller sends frames of low
+/// identifiers first is no fault.
+const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;
+/// An exciter that is still there when its work has been over for this time stays, ns.
+const STAYS_NS: u64 = 3 * GONE_NS;
+
+/// It doesn't begin without a hello, and faults at one that doesn't fit.
+pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    // No hello: it comes below.
+    t.source.samples = Samples::Steady;
+    t.send_state(NodeState::Operational)?;
+    let from = t.heard.len();
+    t.run_ns(2 * MARGIN_NS)?;
+    refuse_begin(t, from, "without a hello of the plant")?;
+    t.hello = Hello { dbc_hash: t.hello.dbc_hash ^ 1, ..t.hello };
+    t.send_hello()?;
+    match t.wait_for_emergency(MARGIN_NS)? {
+        Some((_, e)) if (e.code, e.detail) == (EmergencyCode::Incompatible, Mismatch::DbcHash as u16) => {}
+        Some((_, e)) => return failed(format!("at a hello with another DBC hash it says: {e}")),
+        None => return late("it doesn't mind a hello with another DBC hash"),
+    }
+    t.run_ns(MARGIN_NS)?;
+    refuse_begin(t, from, "for a hello that doesn't fit")
+}
+
+fn refuse_begin(t: &Tester, from: usize, why: &str) -> Result<(), Stop> {
+    let began = t.heard[from..].iter().any(|heard| is_state(&heard.message, NodeState::Operational));
+    if began || !commands(t, from).is_empty() { failed(format!("it begins {why}")) } else { Ok(()) }
+}
+
+/// A plant in fault is asked for the reset first, and then to arm.
+pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    t.send_state(NodeState::Fault)?;
+    t.send_hello()?;
+    let request = |message: &Message| match message {
+        Message::Operator(OperatorCommand { request, target: Node::Plant }) => Some(*request),
+        _ => None,
+    };
+    let first = t.wait_for(t.settings.patience_ns, |message| request(message).is_some())?;
+    match first.and_then(|heard| request(&heard.message)) {
+        Some(OperatorRequest::Reset) => {}
+        Some(_) => return failed("what it asks a plant in fault for first is not the reset"),
+        None => return t.unready("it asks nothing of a plant in fault: is it started again after each case?"),
+    }
+    t.send_state(NodeState::PreOperational)?;
+    match t.wait_for(MARGIN_NS + 100 * MS, is_arm)? {
+        Some(_) => Ok(()),
+        None => late("it doesn't ask the plant to arm after the reset"),
+    }
+}
+
+/// Each whole sample is answered once, with its index.
+pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let (from, first) = (t.heard.len(), t.source.index);
+    t.run_ns(300 * MS)?;
+    let sent = t.source.index.wrapping_sub(first);
+    t.check_frames()?;
+    let answered = commands(t, from);
+    if answered.windows(2).any(|pair| pair[1] == pair[0]) {
+        return failed("it answers a sample twice");
+    }
+    if let Some(sample) = t.source.unsent {
+        return failed(format!("it answers sample {sample} before that is sent"));
+    }
+    t.note(format!("{} of {sent} samples answered", answered.len()));
+    if usize::from(sent) > answered.len() + answered.len() / 4 + 2 {
+        return late(format!("it answers {} of {sent} samples", answered.len()));
+    }
+    t.source.samples = Samples::Off;
+    t.run_ns(MARGIN_NS)?;
+    match (commands(t, from).last(), t.source.index.wrapping_sub(1)) {
+        (Some(answered), sent) if *answered == sent => Ok(()),
+        (Some(answered), sent) => late(format!("of the samples up to {sent} the last that it answers is {answered}")),
+        (None, sent) => late(format!("it answers none of the samples up to {sent}")),
+    }
+}
+
+/// Samples that aren't whole, or damaged, are not answered; those after them are.
+fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
+    let (from, bad) = (t.heard.len(), t.source.index);
+    let period_ns = sample_period_ns(t.hello.rate_hz);
+    t.source.samples = samples;
+    while t.source.index.wrapping_sub(bad) < 3 {
+        t.run_ns(period_ns)?;
+    }
+    t.source.samples = Samples::Steady;
+    let good = t.source.index;
+    t.run_ns(MARGIN_NS + 10 * period_ns)?;
+    if let Some(e) = t.heard[from..].iter().find_map(|heard| emergency(&heard.message)) {
+        return failed(format!("it faults: {e}"));
+    }
+    let answered = commands(t, from);
+    let (n_bad, now) = (good.wrapping_sub(bad), t.source.index);
+    if let Some(wrong) = answered.iter().find(|sample| sample.wrapping_sub(bad) < n_bad) {
+        return failed(format!("it answers sample {wrong}"));
+    }
+    match answered.iter().any(|sample| sample.wrapping_sub(good) < now.wrapping_sub(good)) {
+        true => Ok(()),
+        false => late("it doesn't go on with the samples after them"),
+    }
+}
+
+/// The frames of a network with another base are none for it.
+pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    let from = t.heard.len();
+    t.send_at_other_base(&Message::PlantHello(t.hello))?;
+    t.run_ns(2 * MARGIN_NS)?;
+    if t.heard[from..].iter().any(|heard| is_arm(&heard.message)) {
+        return failed("it arms the plant for a hello with another base");
+    }
+    begin(t)?;
+    unanswered(t, Samples::Damaged(Damage::Base))
+}
+
+pub(super) fn incomplete(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let frames = match t.network.profile() {
+        Profile::Classic => FRAMES,
+        Profile::Fd => 1,
+    };
+    (0..frames).try_for_each(|lost| unanswered(t, Samples::Without(lost)))
+}
+
+pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
+    begin(t)?;
+    match unanswered(t, Samples::Damaged(damage)) {
+        Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
+            skipped(format!("the bus can't send a CAN FD frame: {error}"))
+        }
+        other => other,
+    }
+}
+
+/// A sample that comes again is answered once; ten make a fault.
+pub(super) fn repeated_samples(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let (from, index) = (t.heard.len(), t.source.index);
+    t.source.samples = Samples::Standing;
+    faults(t, HEARTBEAT_TIMEOUT_NS, EmergencyCode::SampleSequence)?;
+    match commands(t, from).iter().filter(|sample| **sample == index).count() {
+        0 | 1 => Ok(()),
+        n => failed(format!("it answers sample {index} {n} times")),
+    }
+}
+
+/// An index outside the window is a fault.
+pub(super) fn outside_window(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.index = t.source.index.wrapping_add(0x4000);
+    faults(t, MARGIN_NS + 50 * MS, EmergencyCode::SampleSequence)
+}
+
+/// No new sample: fault in 350 ms, not before.
+pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.samples = Samples::Off;
+    let silent_ns = t.now_ns();
+    let period_ns = sample_period_ns(t.hello.rate_hz);
+    let most_ns = HEARTBEAT_TIMEOUT_NS + period_ns + MARGIN_NS;
+    let from = t.heard.len();
+    let text = format!("no emergency {} after the last sample", ms(most_ns));
+    let (heard, e) = t.expect_emergency(most_ns, EmergencyCode::SensorTimeout, text)?;
+    let after_ns = heard.at_ns - silent_ns;
+    if e.code != EmergencyCode::SensorTimeout {
+        return failed(format!("without samples it says: {e}"));
+    }
+    // The last sample was sent up to a period, and what the tester was held up, before.
+    if after_ns + 2 * period_ns + t.held_up_ns < HEARTBEAT_TIMEOUT_NS {
+        return failed(format!(
+            "it faults {} after the last sample, not after {}",
+            ms(after_ns),
+            ms(HEARTBEAT_TIMEOUT_NS)
+        ));
+    }
+    t.note(format!("fault after {}", ms(after_ns)));
+    ends(t, from, NodeState::Fault)
+}
+
+/// A fault of the plant, and a boot, stop it.
+pub(super) fn plant_faults(t: &mut Tester) -> Result<(), Stop> {
+    stops_at(t, NodeState::Fault)
+}
+
+pub(super) fn plant_boots(t: &mut Tester) -> Result<(), Stop> {
+    stops_at(t, NodeState::BootUp)
+}
+
+fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.send_state(state)?;
+    ends(t, from, NodeState::Fault)?;
+    let at = |holds: &dyn Fn(&Message) -> bool| t.heard[from..].iter().find(|h| holds(&h.message)).map(|h| h.at_ns);
+    let Some(said_ns) = at(&|message| emergency(message).is_some()) else { return Ok(()) };
+    let told_ns = at(&|message| is_state(message, NodeState::Fault)).unwrap_or(said_ns);
+    match told_ns.checked_sub(said_ns) {
+        None => failed("its heartbeat fault comes before its emergency"),
+        Some(late_ns) if late_ns > AT_ONCE_NS => {
+            not_at_once(format!("its heartbeat fault comes {} after its emergency, not at once", ms(late_ns)))
+        }
+        Some(_) => Ok(()),
+    }
+}
+
+/// It says at once that it becomes operational, by what it answers before, and that it no longer is.
+pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let place = |holds: &dyn Fn(&Message) -> bool, from: usize| {
+        t.heard[from..].iter().position(|heard| holds(&heard.message)).map_or(t.heard.len(), |place| from + place)
+    };
+    let armed = place(&is_arm, 0);
+    let told = place(&|message| is_state(message, NodeState::Operational), armed);
+    let (early, most) = (commands_of(&t.heard[armed..told]).count(), ANSWERS_AT_ONCE_NS / period_ns(t) + 4);
+    t.note(format!("{early} samples answered before its heartbeat operational"));
+    if early as u64 > most {
+        return failed(format!("it answers {early} samples before its heartbeat operational, which comes at once"));
+    }
+    t.source.obeys = false;
+    let asked_ns = t.now_ns();
+    t.send_state(NodeState::PreOperational)?;
+    let text = format!("no heartbeat pre-operational within {}", ms(MARGIN_NS));
+    t.expect_state(MARGIN_NS, NodeState::PreOperational, text)?;
+    let last = t.heard.iter().rfind(|heard| is_state(&heard.message, NodeState::PreOperational));
+    let late_ns = last.map_or(0, |heard| heard.at_ns - asked_ns);
+    t.note(format!("pre-operational after {}", ms(late_ns)));
+    if late_ns > AT_ONCE_NS {
+        return not_at_once(format!(
+            "its heartbeat pre-operational comes {} after the plant's, not at once",
+            ms(late_ns)
+        ));
+    }
+    Ok(())
+}
+
+/// When it has ended, it says that it leaves, before it boots again or is gone.
+pub(super) fn leaves(t: &mut Tester) -> Result<(), Stop> {
+    leaves_after(t, NodeState::PreOperational)
+}
+
+pub(super) fn leaves_faulted(t: &mut Tester) -> Result<(), Stop> {
+    leaves_after(t, NodeState::Fault)
+}
+
+fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.send_state(state)?;
+    let give_up_ns = t.now_ns() + STAYS_NS;
+    while t.now_ns() < give_up_ns {
+        let word =
+            t.wait_for(GONE_NS, |message| emergency(message).is_some() || is_state(message, NodeState::BootUp))?;
+        match word.map(|heard| heard.message) {
+            Some(Message::Emergency(e)) if e.code == EmergencyCode::Leaving => return Ok(()),
+            Some(Message::Emergency(_)) => {}
+            Some(_) => return failed("it boots again, and did not say before that it leaves"),
+            None if t.heard[from..].iter().all(|heard| heard.at_ns + GONE_NS < t.now_ns()) => {
+                return failed(format!("it is silent for {}, and did not say before that it leaves", ms(GONE_NS)));
+            }
+            None => {}
+        }
+    }
+    skipped("it stays on the bus when its work is over, so that it need not say that it leaves")
+}
+
+/// The plant was disarmed.
+pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.send_state(NodeState::PreOperational)?;
+    ends(t, from, NodeState::PreOperational)
+}
+
+/// The plant leaves.
+pub(super) fn plant_leaves(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.obeys = false;
+    let from = t.heard.len();
+    t.is_alive = false;
+    t.send_emergency(EmergencyCode::Leaving, 0)?;
+    ends(t, from, NodeState::PreOperational)
+}
+
+/// Another node with the exciter's identifiers.
+pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let hello = Message::ExciterHello(t.hello);
+    let Ok(frame) = t.stranger().frame(&hello) else { return inconclusive("the tester can't make a hello") };
+    t.send_frame(&frame)?;
+    faults(t, MARGIN_NS, EmergencyCode::SecondSender)?;
+    let identifier = MessageKind::ExciterHello.id(t.network);
+    match t.heard.iter().find_map(|heard| emergency(&heard.message)) {
+        Some(e) if e.detail != identifier => failed(format!("the detail is not the identifier {identifier:#x}: {e}")),
+        _ => Ok(()),
+    }
+}
+
+/// It says the code, and then that it is in fault, and commands no more.
+fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Stop> {
+    let from = t.heard.len();
+    let text = format!("no emergency within {}: {code} was to come", ms(within_ns));
+    match t.expect_emergency(within_ns, code, text)? {
+        (_, e) if e.code == code => ends(t, from, NodeState::Fault),
+        (_, e) => failed(format!("in place of {code} it says: {e}")),
+    }
+}
+
+/// It says this state, from a place in the log on, and after it commands no more.
+fn ends(t: &mut Tester, from: usize, state: NodeState) -> Result<(), Stop> {
+    t.run_ns(MARGIN_NS)?;
+    let Some(place) = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)) else {
+        return late(format!("no heartbeat {state} within {}", ms(MARGIN_NS)));
+    };
+    match commands(t, from + place).first() {
+        Some(sample) => failed(format!("it commands for sample {sample} after its heartbeat {state}")),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,73 @@
+//! What the cases about an exciter do again and again: meet it, let it begin, read what it commands.
+
+use alloc::format;
+use alloc::vec::Vec;
+
+use super::source::Samples;
+use super::tester::{Heard, MS, Stop, Tester, inconclusive, is_state};
+use resonarm_protocol::{Hello, Message, MessageKind, Node, NodeState, OperatorCommand, OperatorRequest};
+
+/// Waits for an exciter and its hello; the tester then speaks at its rate.
+pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
+    let give_up_ns = t.now_ns() + t.settings.patience_ns;
+    while t.now_ns() < give_up_ns && !t.refuses(MessageKind::ExciterHello) {
+        let within_ns = (give_up_ns - t.now_ns()).min(1000 * MS);
+        if t.wait_for(within_ns, |message| matches!(message, Message::ExciterHello(_)))?.is_some() {
+            break;
+        }
+    }
+    let Some(theirs) = t.last_hello() else {
+        let instead = t.traffic.in_place_of(MessageKind::ExciterHello);
+        return inconclusive(format!(
+            "no hello of an exciter came: is it on this bus, and started again after each case? Instead came: {instead}"
+        ));
+    };
+    t.hello = Hello::new(t.network.profile(), theirs.rate_hz);
+    Ok(theirs)
+}
+
+/// Lets an exciter arm the tester, and waits until it is operational.
+pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
+    begin_with(t, Samples::Steady)
+}
+
+/// The same with samples of another kind.
+pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
+    greet(t)?;
+    t.boot()?;
+    t.send_hello()?;
+    t.source.obey_with(samples);
+    // An exciter that was here before and was stopped meanwhile may still say that it is operational; it arms no more.
+    let patience_ns = t.settings.patience_ns;
+    if t.wait_for(patience_ns, is_arm)?.is_none() {
+        return t.unready("it doesn't arm the plant: is it started again after each case?");
+    }
+    if t.wait_for_state(patience_ns, NodeState::Operational)?.is_none() {
+        return t.unready("it doesn't become operational when the plant does");
+    }
+    t.run_ns(100 * MS)?;
+    // Nor do its answers count.
+    (t.source.unsent, t.source.wrong) = (None, None);
+    Ok(())
+}
+
+/// Whether a message asks the plant to arm.
+pub(super) fn is_arm(message: &Message) -> bool {
+    matches!(message, Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant }))
+}
+
+/// The samples that were answered, from a place in the log on, until it boots: then it is another exciter.
+pub(super) fn commands(t: &Tester, from: usize) -> Vec<u16> {
+    let heard = &t.heard[from..];
+    let boot = heard.iter().position(|heard| is_state(&heard.message, NodeState::BootUp)).unwrap_or(heard.len());
+    commands_of(&heard[..boot]).collect()
+}
+
+/// The samples that were answered.
+pub(super) fn commands_of(heard: &[Heard]) -> impl Iterator<Item = u16> {
+    heard.iter().filter_map(|heard| match heard.message {
+        Message::Force(command) => Some(command.sample),
+        Message::Torque(command) => Some(command.sample),
+        _ => None,
+    })
+}

@@ -1,0 +1,103 @@
+//! A bus that others use as well: foreign frames, so many that all frames together take 70 % of it.
+
+use resonarm_numeric::noise::Noise;
+use resonarm_protocol::bits::{self, BitRates};
+use resonarm_protocol::{Frame, FrameError, Id};
+
+use super::tester::{MS, Stop, Tester};
+
+/// The share of the bus that is filled.
+pub(super) const SHARE: f64 = 0.7;
+
+/// Foreign frames for which there was no time, as the tester was held up, are left out beyond this time, ns.
+const MOST_BEHIND_NS: u64 = 2 * MS;
+
+/// How often the load is looked at, ns.
+const LOOK_NS: u64 = MS;
+
+/// Which stream of random numbers of a seed is the load's.
+const STREAM: u64 = 1;
+
+/// What is on the bus, in bits of the frames themselves.
+#[derive(Debug)]
+pub(super) struct Load {
+    rates: BitRates,
+    noise: Noise,
+    /// When it began, ns; later if frames were left out.
+    start_ns: u64,
+    /// How long the frames since then take, ns.
+    busy_ns: u64,
+    next_ns: u64,
+}
+
+impl Load {
+    pub fn new(bit_rate_hz: u32, seed: u64, now_ns: u64) -> Load {
+        let rates = BitRates::classical(bit_rate_hz);
+        Load { rates, noise: Noise::new(seed, STREAM), start_ns: now_ns, busy_ns: 0, next_ns: now_ns }
+    }
+
+    /// A frame is on the bus, whoever sends it.
+    pub fn count(&mut self, frame: &Frame) {
+        self.busy_ns += bits::of(frame).time_ns(self.rates);
+    }
+
+    /// When it is looked at next, ns.
+    pub fn next_ns(&self) -> u64 {
+        self.next_ns
+    }
+
+    /// The share of the bus that was taken.
+    pub fn share(&self, now_ns: u64) -> f64 {
+        self.busy_ns as f64 / now_ns.saturating_sub(self.start_ns).max(1) as f64
+    }
+
+    /// The foreign frame that is due, if one is.
+    fn due(&mut self, now_ns: u64) -> Option<Result<Frame, FrameError>> {
+        let allowed_ns = (now_ns - self.start_ns) as f64 * SHARE;
+        let behind_ns = allowed_ns - self.busy_ns as f64;
+        if behind_ns > MOST_BEHIND_NS as f64 * SHARE {
+            self.start_ns += (behind_ns / SHARE) as u64 - MOST_BEHIND_NS;
+        }
+        if behind_ns <= 0.0 {
+            self.next_ns = now_ns + LOOK_NS;
+            return None;
+        }
+        Some(foreign(&mut self.noise))
+    }
+}
+
+/// A frame that is nobody's by SPEC.md and CiA 301: below or above all identifiers in use.
+fn foreign(noise: &mut Noise) -> Result<Frame, FrameError> {
+    let (choice, data) = (noise.bits(), noise.bits().to_le_bytes());
+    let id = if choice & 1 == 0 { 0x001 + (choice >> 1) % 0x7F } else { 0x7F0 + (choice >> 1) % 0x10 };
+    Frame::classic(Id::Standard(id as u16), &data)
+}
+
+impl Tester<'_> {
+    /// Fills the bus up to its share.
+    pub(super) fn send_load(&mut self, now_ns: u64) -> Result<(), Stop> {
+        while let Some(frame) = self.load.as_mut().and_then(|load| load.due(now_ns)) {
+            match frame {
+                Ok(frame) => self.send_frame(&frame)?,
+                Err(error) => return Err(Stop::Inconclusive(alloc::string::ToString::to_string(&error))),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs a script while the bus is loaded.
+pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
+    let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
+        return Err(Stop::Skipped(alloc::string::String::from(
+            "no bit rate is given (--bit-rate-hz), so that nobody knows what 70 % of the bus is",
+        )));
+    };
+    t.load = Some(Load::new(bit_rate_hz, t.settings.seed, t.now_ns()));
+    let result = script(t);
+    let now_ns = t.now_ns();
+    if let Some(load) = t.load.take() {
+        t.note(alloc::format!("{:.0} % of {bit_rate_hz} bit/s", 100.0 * load.share(now_ns)));
+    }
+    result
+}

@@ -1,0 +1,91 @@
+//! Two samples a frame, in the FD profile: both nodes must be able to, and say so.
+
+use alloc::format;
+use alloc::vec::Vec;
+
+use super::exciter_role::{begin_with, commands, greet};
+use super::plant_role::{arm, forces, hold, meet};
+use super::source::Samples;
+use super::tester::{Answers, MS, Stop, Tester, failed, late, skipped};
+use resonarm_protocol::{Message, SamplesPerFrame};
+
+/// Skipped, unless the last capabilities of the node under test say that it can.
+fn can(t: &Tester) -> Result<(), Stop> {
+    let said = t.heard.iter().rev().find_map(|heard| match heard.message {
+        Message::Capabilities(capabilities) => Some(capabilities.samples_per_frame),
+        _ => None,
+    });
+    match said {
+        Some(SamplesPerFrame::Two) => Ok(()),
+        _ => skipped("its capabilities don't say that it can"),
+    }
+}
+
+/// A plant that can, armed by an exciter that can, sends pairs without a gap, and takes the answer to the second.
+pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
+    t.samples_per_frame = SamplesPerFrame::Two;
+    meet(t)?;
+    can(t)?;
+    arm(t, Answers::Force(t.settings.force_n))?;
+    let from = t.heard.len();
+    hold(t)?;
+    hold(t)?;
+    t.check_frames()?;
+    let frames: Vec<(u16, SamplesPerFrame)> = t.heard[from..].iter().filter_map(|h| indices(&h.message)).collect();
+    let Some(first) = frames.iter().position(|(_, samples)| *samples == SamplesPerFrame::Two) else {
+        return failed("armed by an exciter that takes two samples a frame it sends one");
+    };
+    let start = frames[first].0;
+    if !start.is_multiple_of(2) {
+        return failed(format!("a pair begins with sample {start}, which is odd"));
+    }
+    for (n, frame) in frames[first..].iter().enumerate() {
+        let wanted = (start.wrapping_add(2 * n as u16), SamplesPerFrame::Two);
+        if *frame != wanted {
+            let (index, samples) = (frame.0, frame.1 as u8);
+            let wanted = wanted.0;
+            return failed(format!(
+                "a frame of {samples} samples from {index} on came where the pair from {wanted} on was to come"
+            ));
+        }
+    }
+    t.note(format!("{} pairs", frames.len() - first));
+    match forces(t, from).last() {
+        Some((_, read_n)) if (read_n - t.settings.force_n).abs() < 0.2 * t.settings.force_n => Ok(()),
+        Some((_, read_n)) => failed(format!("commanded {} N, the head reads {read_n:.2} N", t.settings.force_n)),
+        None => failed("no force is measured"),
+    }
+}
+
+fn indices(message: &Message) -> Option<(u16, SamplesPerFrame)> {
+    match message {
+        Message::SensorPair(pair) => Some((pair.sample, SamplesPerFrame::Two)),
+        Message::Sensors(sensors) => Some((sensors.sample, SamplesPerFrame::One)),
+        _ => None,
+    }
+}
+
+/// An exciter that can answers the second of a pair, once.
+pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
+    t.samples_per_frame = SamplesPerFrame::Two;
+    greet(t)?;
+    // Its capabilities follow its hello.
+    t.run_ns(100 * MS)?;
+    can(t)?;
+    begin_with(t, Samples::Pairs)?;
+    let (from, first) = (t.heard.len(), t.source.index);
+    t.run_ns(300 * MS)?;
+    t.check_frames()?;
+    let (answered, pairs) = (commands(t, from), usize::from(t.source.index.wrapping_sub(first) / 2));
+    if let Some(sample) = answered.iter().find(|sample| sample.is_multiple_of(2)) {
+        return failed(format!("it answers sample {sample}, the first of a pair"));
+    }
+    if answered.windows(2).any(|two| two[0] == two[1]) {
+        return failed("it answers a pair twice");
+    }
+    t.note(format!("{} of {pairs} pairs answered", answered.len()));
+    match pairs > answered.len() + answered.len() / 4 + 2 {
+        true => late(format!("it answers {} of {pairs} pairs", answered.len())),
+        false => Ok(()),
+    }
+}

@@ -1,0 +1,186 @@
+//! Commands that a plant must refuse: they neither act nor keep it operational.
+
+use alloc::format;
+use alloc::vec::Vec;
+
+use super::damage::{Damage, needs_fd};
+use super::plant_role::{arm, drive, forces, instead, meet, run_samples, samples, timeout_ns};
+use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, skipped};
+use resonarm_protocol::timing::COMMAND_AGE_NS;
+use resonarm_protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
+
+/// What is beyond the limit that a plant states, as a multiple of it: a plant that takes it all the same is driven
+/// hardly more than it can be.
+const BEYOND_STATED: f64 = 1.01;
+
+/// In this time the force rises that drives a plant beyond its travel, ns: short, for a process that is stopped
+/// meanwhile ends the try.
+const SLOPE_NS: u64 = 250 * MS;
+/// How long a plant is driven so until it should be beyond it, ns.
+const TRAVEL_NS: u64 = 5_000 * MS;
+
+/// Damaged frames in place of commands.
+pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
+    drive(t)?;
+    let from = t.heard.len();
+    t.answers = Answers::Damaged(-t.settings.force_n, damage);
+    let faulted = starves(t, from);
+    match faulted {
+        Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
+            skipped(format!("the bus can't send a CAN FD frame: {error}"))
+        }
+        other => other.map(|_| ()),
+    }
+}
+
+/// Commands that answer an older sample than they may, from arming on.
+pub(super) fn old(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    let limit = samples(t, COMMAND_AGE_NS) as i16;
+    shifted(t, -(limit + 1))
+}
+
+/// Commands that answer a sample still to come, from arming on.
+pub(super) fn early(t: &mut Tester) -> Result<(), Stop> {
+    meet(t)?;
+    // Further than the plant gets on while a command is on its way.
+    shifted(t, 1000)
+}
+
+fn shifted(t: &mut Tester, by: i16) -> Result<(), Stop> {
+    let from = t.heard.len();
+    arm(t, Answers::Shifted(-t.settings.force_n, by))?;
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::Late])
+}
+
+/// Further commands for the sample that was answered.
+pub(super) fn same_sample(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    let from = t.heard.len();
+    t.answers = Answers::Always(-t.settings.force_n, t.answered.unwrap_or(0));
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::Repeated, Refusal::Late])
+}
+
+/// Commands for the sample before the one that was answered.
+pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
+    drive(t)?;
+    let from = t.heard.len();
+    t.answers = Answers::Always(-t.settings.force_n, t.answered.unwrap_or(0).wrapping_sub(1));
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::OutOfOrder, Refusal::Late])
+}
+
+/// Commands larger than the plant's exciter can produce. Without a force that is given, little more than the limit that
+/// the plant states in the FD profile.
+pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
+    let none = "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it";
+    if t.settings.beyond_n.is_none() && t.network.profile() == Profile::Classic {
+        return skipped(none);
+    }
+    drive(t)?;
+    let stated_n = t.heard.iter().rev().find_map(|heard| match heard.message {
+        Message::Capabilities(capabilities) => Some(BEYOND_STATED * capabilities.force_limit_n),
+        _ => None,
+    });
+    let Some(beyond_n) = t.settings.beyond_n.or(stated_n).filter(|force_n| *force_n <= f64::from(f32::MAX)) else {
+        return skipped(none);
+    };
+    t.note(format!("{beyond_n} N"));
+    let from = t.heard.len();
+    t.answers = Answers::Force(-beyond_n);
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::OutOfRange])
+}
+
+/// Commands that change the load in a sample period by more than the plant takes.
+pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
+    let Some(beyond_n_per_s) = t.settings.beyond_n_per_s else {
+        return skipped("no rate of change is given that the plant must refuse (--beyond-n-per-s)");
+    };
+    drive(t)?;
+    let (force_n, jump_n) = (t.settings.force_n, beyond_n_per_s / f64::from(t.hello.rate_hz));
+    if jump_n < 2.0 * force_n {
+        let least = 2.0 * force_n * f64::from(t.hello.rate_hz);
+        return skipped(format!(
+            "--beyond-n-per-s must be at least {least}: from sample to sample the other cases command --force-n both \
+             ways"
+        ));
+    }
+    if !t.can_command(force_n - jump_n) {
+        return skipped(format!(
+            "at {} samples a second --beyond-n-per-s asks for a command of {} N, which profile {} can't carry",
+            t.hello.rate_hz,
+            force_n - jump_n,
+            t.network.profile()
+        ));
+    }
+    let from = t.heard.len();
+    t.answers = Answers::Force(force_n - jump_n);
+    let emergency = starves(t, from)?;
+    says(&emergency, &[Refusal::RateOfChange])
+}
+
+/// A slope to a force with which the arm goes beyond the plant's travel.
+pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
+    let Some(beyond_n) = t.settings.beyond_travel_n else {
+        return skipped("no force is given that drives the plant beyond a travel (--beyond-travel-n)");
+    };
+    meet(t)?;
+    let (from, force_n) = (t.heard.len(), t.settings.force_n);
+    // An arm that still rings from an earlier try may be beyond the travel at once.
+    arm(t, Answers::Force(force_n))?;
+    let word = |heard: &Heard| emergency(&heard.message);
+    let mut tripped = None;
+    let slope = samples(t, SLOPE_NS);
+    for part in 1..=slope {
+        t.answers = Answers::Force(force_n + (beyond_n - force_n) * f64::from(part) / f64::from(slope));
+        run_samples(t, 1)?;
+        tripped = t.heard[from..].iter().find_map(word);
+        if tripped.is_some() {
+            break;
+        }
+    }
+    let text = format!("it doesn't trip within {}", ms(TRAVEL_NS));
+    let tripped = match tripped {
+        Some(emergency) => emergency,
+        None => t.expect_emergency(TRAVEL_NS, EmergencyCode::ExciterTripped, text)?.1,
+    };
+    if (tripped.code, tripped.detail) != (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
+        return failed(format!("in place of a trip at its travel it says: {tripped}"));
+    }
+    run_samples(t, 12)?;
+    // What was held at the sample that is named may still be read: a converter with a filter reads up to five holds.
+    let is_after = |sample: u16| (6..1 << 15).contains(&sample.wrapping_sub(tripped.sample));
+    match forces(t, from).find(|(sample, read_n)| is_after(*sample) && read_n.abs() > 0.2 * force_n) {
+        Some((sample, read_n)) => failed(format!("it goes on: the head reads {read_n:.2} N at sample {sample}")),
+        None => Ok(()),
+    }
+}
+
+/// The plant faults for want of commands, and what it is sent meanwhile doesn't act.
+fn starves(t: &mut Tester, from: usize) -> Result<Emergency, Stop> {
+    let within_ns = timeout_ns(t);
+    let text = format!("it feeds the timeout: no fault within {}", ms(within_ns));
+    let word = t.expect_emergency(within_ns, EmergencyCode::CommandTimeout, text);
+    let acted = forces(t, from).find(|(_, read_n)| *read_n < -0.5 * t.settings.force_n);
+    if let Some((sample, read_n)) = acted {
+        return failed(format!("it acts: the head reads {read_n:.2} N at sample {sample}"));
+    }
+    match word? {
+        (_, e) if e.code == EmergencyCode::CommandTimeout => Ok(e),
+        (_, e) => instead(&e, "in place of a command timeout"),
+    }
+}
+
+/// The reason in the emergency.
+fn says(emergency: &Emergency, reasons: &[Refusal]) -> Result<(), Stop> {
+    match Refusal::from_detail(emergency.detail) {
+        (1.., Some(reason)) if reasons.contains(&reason) => Ok(()),
+        _ => {
+            let right = reasons.iter().map(|reason| format!("{} ({reason})", *reason as u8)).collect::<Vec<_>>();
+            failed(format!("the reason in its emergency must be {}: {emergency}", right.join(" or ")))
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! Readings that were clipped: a plant marks them, and an exciter takes the samples that have them.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use super::exciter_role::{begin, commands};
+use super::plant_role::drive;
+use super::source::Samples;
+use super::tester::{MARGIN_NS, Stop, Tester, emergency, failed, late};
+use resonarm_protocol::{Message, OperatorCommand, OperatorRequest, SensorValues};
+
+/// The ends of the ranges of the classic profile.
+pub(super) const FORCE_END_N: f64 = 32_767.0 / 50.0;
+pub(super) const ACCELERATION_END_M_S2: f64 = 32_767.0 / 20.0;
+/// The end of the range of the FD profile.
+const SINGLE_END: f64 = f32::MAX as f64;
+/// What a reading at the end is at least, as a share of it: half a count less.
+const AT_THE_END: f64 = 1.0 - 0.5 / 32_767.0;
+
+/// A reading, the end of its range, and its flag.
+type Marked = (f64, f64, bool);
+
+/// A reading at the end of its range has its flag.
+pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
+    let from = t.heard.len();
+    drive(t)?;
+    let (mut marked, mut unmarked) = (0, 0);
+    for heard in &t.heard[from..] {
+        for (value, end, is_saturated) in readings(&heard.message) {
+            marked += usize::from(is_saturated);
+            unmarked += usize::from(value.abs() >= end * AT_THE_END && !is_saturated);
+        }
+    }
+    match (marked, unmarked) {
+        (0, 0) => Err(Stop::Skipped(String::from("no reading was clipped"))),
+        (_, 0) => {
+            t.note(format!("{marked} clipped readings"));
+            Ok(())
+        }
+        (_, n) => failed(format!("{n} readings are at the end of their range without their flag")),
+    }
+}
+
+fn readings(message: &Message) -> Vec<Marked> {
+    let ends = |[x, y]: [(f64, bool); 2], end| [(x.0, end, x.1), (y.0, end, y.1)].to_vec();
+    match message {
+        Message::Head(head) => {
+            ends([(head.force_x_n, head.x_saturated), (head.force_y_n, head.y_saturated)], FORCE_END_N)
+        }
+        Message::AccelerometerB(a) | Message::AccelerometerC(a) => ends(
+            [(a.acceleration_x_m_s2, a.x_saturated), (a.acceleration_y_m_s2, a.y_saturated)],
+            ACCELERATION_END_M_S2,
+        ),
+        Message::Sensors(sensors) => singles(&sensors.values),
+        Message::SensorPair(pair) => pair.values.iter().flat_map(singles).collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn singles(values: &SensorValues) -> Vec<Marked> {
+    let SensorValues { force_n, acceleration_b_m_s2, acceleration_c_m_s2 } = values;
+    let all = [force_n, acceleration_b_m_s2, acceleration_c_m_s2].into_iter().flatten();
+    all.map(|measured| (measured.value, SINGLE_END, measured.saturated)).collect()
+}
+
+/// Samples whose readings are clipped are whole: they are answered, or the plant is disarmed.
+pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    let (from, first) = (t.heard.len(), t.source.index);
+    t.source.samples = Samples::Clipped;
+    t.run_ns(2 * MARGIN_NS)?;
+    if let Some(e) = t.heard[from..].iter().find_map(|heard| emergency(&heard.message)) {
+        return failed(format!("it faults at clipped readings: {e}"));
+    }
+    if t.heard[from..].iter().any(|heard| is_disarm(&heard.message)) {
+        t.note(String::from("it disarms"));
+        return Ok(());
+    }
+    let sent = usize::from(t.source.index.wrapping_sub(first));
+    let answered = commands(t, from).iter().filter(|sample| sample.wrapping_sub(first) < 0x8000).count();
+    t.note(format!("{answered} of {sent} samples answered"));
+    match sent > answered + answered / 4 + 2 {
+        true => late(format!("it answers {answered} of {sent} samples with clipped readings, and doesn't disarm")),
+        false => Ok(()),
+    }
+}
+
+fn is_disarm(message: &Message) -> bool {
+    matches!(message, Message::Operator(OperatorCommand { request: OperatorRequest::Disarm, .. }))
+}

@@ -1,0 +1,499 @@
+//! The tester: the other side of the node under test, one case at a time.
+
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+
+use super::counters::Counters;
+use super::damage::{Damage, Ends};
+use super::load::Load;
+use super::settings::Settings;
+use super::soak_cases::Soak;
+use super::traffic::Traffic;
+use super::wire::{BusOff, Stopped, Wire};
+use resonarm_bus::BusError;
+use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
+use resonarm_protocol::{
+    Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node,
+    NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
+};
+
+/// A millisecond, ns.
+pub(super) const MS: u64 = 1_000_000;
+
+/// What a machine may hold a process up for, ns: the margin of everything that is judged on the clock.
+pub const MARGIN_NS: u64 = 150 * MS;
+
+/// No machine stops a process for so long, ns: a node that says nothing for it is gone.
+pub(super) const GONE_NS: u64 = 1000 * MS;
+
+/// After so many frames of a kind that are refused no valid one is waited for.
+const MOST_REFUSED: u64 = 3;
+
+/// The tester looks at least this often, ns.
+const LOOK_NS: u64 = 5 * MS;
+
+/// What ends a case before its end.
+#[derive(Debug)]
+pub(super) enum Stop {
+    /// The node does what it must not, whenever it does it. It may be due to a hold-up of the tester.
+    Failed(String),
+    /// A frame of the node is wrong, whoever was held up.
+    Wrong(String),
+    /// The node doesn't do by the clock what it must: a node that is stopped does so, too.
+    Late(String),
+    /// The node does what it must, but after its time: it may have been stopped often, too briefly to be seen.
+    Slow(String),
+    /// It can't be said.
+    Inconclusive(String),
+    /// It is not to be tried, or can't be here.
+    Skipped(String),
+    /// The bus is gone.
+    Bus(BusError),
+}
+
+impl From<BusError> for Stop {
+    fn from(error: BusError) -> Stop {
+        Stop::Bus(error)
+    }
+}
+
+pub(super) fn failed<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Failed(text.into()))
+}
+
+pub(super) fn wrong<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Wrong(text.into()))
+}
+
+pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Late(text.into()))
+}
+
+/// What must have come, in words, came so much later.
+fn slow<T>(text: impl Into<String>, late_ns: u64) -> Result<T, Stop> {
+    Err(Stop::Slow(format!("{}, but {} later", text.into(), ms(late_ns))))
+}
+
+/// What must have come at once came so much later, in words.
+pub(super) fn not_at_once<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Slow(text.into()))
+}
+
+pub(super) fn skipped<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Skipped(text.into()))
+}
+
+pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Inconclusive(text.into()))
+}
+
+/// A message of the node under test, and when it came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Heard {
+    pub at_ns: u64,
+    pub message: Message,
+}
+
+/// What a look at the bus found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Looked {
+    FrameCame,
+    NothingCame,
+}
+
+/// How the tester, as the exciter, answers the samples of a plant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Answers {
+    None,
+    /// With this force along x, N.
+    Force(f64),
+    /// With this force in a damaged frame.
+    Damaged(f64, Damage),
+    /// With this force, for the sample so many samples later; negative is earlier.
+    Shifted(f64, i16),
+    /// With this force, for this sample.
+    Always(f64, u16),
+    /// With this force, and with what the soak draws before it; samples this much older are too old.
+    Soak(f64, i16),
+}
+
+pub(super) struct Tester<'w> {
+    wire: &'w mut dyn Wire,
+    pub network: Network,
+    pub tested: Node,
+    pub settings: Settings,
+    pub ends: Ends,
+    receiver: Receiver,
+    /// What the tester says of itself in its heartbeats.
+    pub state: NodeState,
+    pub hello: Hello,
+    /// Whether heartbeats and hellos go out by themselves.
+    pub is_alive: bool,
+    heartbeat_at_ns: u64,
+    hello_at_ns: u64,
+    pub answers: Answers,
+    pub soak: Option<Soak>,
+    pub load: Option<Load>,
+    /// What the tester says that it can, in the FD profile.
+    pub samples_per_frame: SamplesPerFrame,
+    damaged: u64,
+    /// The sample that was answered last, and with what.
+    pub answered: Option<u16>,
+    /// When that answer was sent, ns.
+    pub answered_ns: u64,
+    pub heard: Vec<Heard>,
+    /// What came, and what was refused of it.
+    pub traffic: Traffic,
+    pub counters: Counters,
+    looked_at_ns: u64,
+    /// The longest time between two looks beyond what was meant, ns.
+    pub held_up_ns: u64,
+    /// When the node under test was heard last, ns, if it was.
+    heard_at_ns: Option<u64>,
+    /// The longest time between two frames of the node under test, ns.
+    pub silent_ns: u64,
+    /// The tester as a plant: its samples.
+    pub source: super::source::Source,
+    pub notes: Vec<String>,
+}
+
+impl<'w> Tester<'w> {
+    pub fn new(wire: &'w mut dyn Wire, network: Network, tested: Node, settings: Settings) -> Tester<'w> {
+        let now_ns = wire.now_ns();
+        Tester {
+            wire,
+            network,
+            tested,
+            settings,
+            ends: Ends::new(network),
+            receiver: Receiver::new(network),
+            state: NodeState::BootUp,
+            hello: Hello::new(network.profile(), 1000),
+            is_alive: false,
+            heartbeat_at_ns: 0,
+            hello_at_ns: 0,
+            answers: Answers::None,
+            soak: None,
+            load: None,
+            samples_per_frame: SamplesPerFrame::One,
+            damaged: settings.seed,
+            answered: None,
+            answered_ns: 0,
+            heard: Vec::new(),
+            traffic: Traffic::default(),
+            counters: Counters::default(),
+            looked_at_ns: now_ns,
+            held_up_ns: 0,
+            heard_at_ns: None,
+            silent_ns: 0,
+            source: super::source::Source::default(),
+            notes: Vec::new(),
+        }
+    }
+
+    pub fn now_ns(&self) -> u64 {
+        self.wire.now_ns()
+    }
+
+    pub fn note(&mut self, text: String) {
+        self.notes.push(text);
+    }
+
+    /// Sends a message, protected.
+    pub fn send(&mut self, message: &Message) -> Result<(), Stop> {
+        match self.ends.transmitter.frame(message) {
+            Ok(frame) => self.send_frame(&frame),
+            Err(error) => inconclusive(format!("the tester can't say this: {error}")),
+        }
+    }
+
+    pub fn send_frame(&mut self, frame: &Frame) -> Result<(), Stop> {
+        if let Some(load) = &mut self.load {
+            load.count(frame);
+        }
+        Ok(self.wire.send(frame)?)
+    }
+
+    /// Sends a message as one of a network with another base.
+    pub fn send_at_other_base(&mut self, message: &Message) -> Result<(), Stop> {
+        match Damage::Base.apply(&mut self.ends, 0, |transmitter| transmitter.frame(message).ok()) {
+            Some(frame) => self.send_frame(&frame),
+            None => inconclusive("the tester can't say this"),
+        }
+    }
+
+    pub fn request(&mut self, request: OperatorRequest) -> Result<(), Stop> {
+        self.send(&Message::Operator(OperatorCommand { request, target: self.tested }))
+    }
+
+    pub fn send_state(&mut self, state: NodeState) -> Result<(), Stop> {
+        self.state = state;
+        self.heartbeat_at_ns = self.now_ns() + HEARTBEAT_PERIOD_NS / 2;
+        self.send(&Message::Heartbeat(Heartbeat { node: self.tested.partner(), state }))
+    }
+
+    pub fn send_hello(&mut self) -> Result<(), Stop> {
+        self.hello_at_ns = self.now_ns() + HELLO_PERIOD_NS / 2;
+        self.send(&match self.tested {
+            Node::Plant => Message::ExciterHello(self.hello),
+            Node::Exciter => Message::PlantHello(self.hello),
+        })?;
+        if self.network.profile() != Profile::Fd {
+            return Ok(());
+        }
+        let node = self.tested.partner();
+        let limit = f32::MAX.into();
+        self.send(&Message::Capabilities(Capabilities {
+            node,
+            samples_per_frame: self.samples_per_frame,
+            force_limit_n: limit,
+            torque_limit_nm: limit,
+        }))
+    }
+
+    pub fn send_emergency(&mut self, code: EmergencyCode, detail: u16) -> Result<(), Stop> {
+        let sample = self.answered.unwrap_or(0);
+        self.send(&Message::Emergency(Emergency { node: self.tested.partner(), code, detail, sample }))
+    }
+
+    /// The boot-up heartbeat, and counters from 0.
+    pub fn boot(&mut self) -> Result<(), Stop> {
+        self.ends = Ends::new(self.network);
+        self.send_state(NodeState::BootUp)?;
+        self.send_state(NodeState::PreOperational)?;
+        self.is_alive = true;
+        self.hello_at_ns = u64::MAX;
+        Ok(())
+    }
+
+    /// Lets time pass, doing what is due.
+    pub fn run_ns(&mut self, duration_ns: u64) -> Result<(), Stop> {
+        self.wait_for(duration_ns, |_| false).map(|_| ())
+    }
+
+    /// The first message that comes from now on, and for which this holds, within a time. What waits on the bus at the
+    /// end of the time has come within it: the tester may have been stopped.
+    pub fn wait_for(&mut self, within_ns: u64, holds: impl Fn(&Message) -> bool) -> Result<Option<Heard>, Stop> {
+        let end_ns = self.now_ns() + within_ns;
+        let mut seen = self.heard.len();
+        loop {
+            if let Some(heard) = self.heard[seen..].iter().find(|heard| holds(&heard.message)) {
+                return Ok(Some(*heard));
+            }
+            seen = self.heard.len();
+            let is_over = self.now_ns() >= end_ns;
+            if self.look(end_ns)? == Looked::NothingCame && is_over {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// As [`Tester::wait_for`], for the heartbeat of a state.
+    pub fn wait_for_state(&mut self, within_ns: u64, state: NodeState) -> Result<Option<Heard>, Stop> {
+        self.wait_for(within_ns, |message| is_state(message, state))
+    }
+
+    /// As [`Tester::wait_for`], for an emergency other than that a schedule has slipped.
+    pub fn wait_for_emergency(&mut self, within_ns: u64) -> Result<Option<(Heard, Emergency)>, Stop> {
+        let heard = self.wait_for(within_ns, |message| emergency(message).is_some())?;
+        Ok(heard.and_then(|heard| Some((heard, emergency(&heard.message)?))))
+    }
+
+    /// The emergency that must come within a time. Another code may come, for the case to judge; none is late,
+    /// with these words, or slow if this code comes after all.
+    pub fn expect_emergency(
+        &mut self,
+        within_ns: u64,
+        code: EmergencyCode,
+        text: impl Into<String>,
+    ) -> Result<(Heard, Emergency), Stop> {
+        let end_ns = self.now_ns() + within_ns;
+        if let Some(word) = self.wait_for_emergency(within_ns)? {
+            return Ok(word);
+        }
+        match self.wait_for_emergency(GONE_NS)? {
+            Some((heard, e)) if e.code == code => slow(text, heard.at_ns - end_ns),
+            _ => late(text),
+        }
+    }
+
+    /// The heartbeat of a state that must come within a time: none is late, with these words, slow if it comes later.
+    pub fn expect_state(&mut self, within_ns: u64, state: NodeState, text: impl Into<String>) -> Result<(), Stop> {
+        let end_ns = self.now_ns() + within_ns;
+        if self.wait_for_state(within_ns, state)?.is_some() {
+            return Ok(());
+        }
+        match self.wait_for_state(GONE_NS, state)? {
+            Some(heard) => slow(text, heard.at_ns - end_ns),
+            None => late(text),
+        }
+    }
+
+    /// Does what is due, and takes in at most one frame, at the latest at `until_ns`.
+    fn look(&mut self, until_ns: u64) -> Result<Looked, Stop> {
+        let now_ns = self.now_ns();
+        if self.is_alive && now_ns >= self.heartbeat_at_ns {
+            self.send_state(self.state)?;
+        }
+        if self.is_alive && now_ns >= self.hello_at_ns {
+            self.send_hello()?;
+        }
+        self.send_sample(now_ns)?;
+        self.send_load(now_ns)?;
+        let load_ns = self.load.as_ref().map_or(u64::MAX, Load::next_ns);
+        let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns()).min(load_ns);
+        let frame = self.wire.receive(next_ns)?;
+        let now_ns = self.now_ns();
+        self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
+        self.looked_at_ns = now_ns;
+        match frame {
+            Some(frame) => self.take(now_ns, &frame).map(|()| Looked::FrameCame),
+            None => Ok(Looked::NothingCame),
+        }
+    }
+
+    fn take(&mut self, at_ns: u64, frame: &Frame) -> Result<(), Stop> {
+        if let Some(load) = &mut self.load {
+            load.count(frame);
+        }
+        let said = self.receiver.accept(frame);
+        self.traffic.note(self.network, frame, &said);
+        self.counters.note(self.network, frame, &said);
+        let message = match said {
+            Ok(Some(message)) if message.kind().sender() == self.tested => message,
+            Ok(_) | Err(_) => return Ok(()),
+        };
+        self.silent_ns = self.silent_ns.max(at_ns - self.heard_at_ns.unwrap_or(at_ns));
+        self.heard_at_ns = Some(at_ns);
+        self.heard.push(Heard { at_ns, message });
+        match message {
+            Message::AccelerometerC(c) => self.answer(c.sample),
+            Message::Sensors(sensors) => self.answer(sensors.sample),
+            Message::SensorPair(pair) => self.answer(pair.sample.wrapping_add(1)),
+            Message::Force(command) => self.commanded(command.sample),
+            Message::Torque(command) => self.commanded(command.sample),
+            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(request),
+            _ => Ok(()),
+        }
+    }
+
+    /// Answers a sample of the plant.
+    fn answer(&mut self, sample: u16) -> Result<(), Stop> {
+        let Answers::Soak(force_n, limit) = self.answers else { return self.answer_with(self.answers, sample) };
+        let profile = self.network.profile();
+        let drawn = self.soak.as_mut().map_or_else(Vec::new, |soak| soak.answers(force_n, limit, profile));
+        drawn.into_iter().try_for_each(|answers| self.answer_with(answers, sample))
+    }
+
+    pub fn answer_with(&mut self, answers: Answers, sample: u16) -> Result<(), Stop> {
+        let (force_x_n, sample) = match answers {
+            Answers::None | Answers::Soak(..) => return Ok(()),
+            Answers::Force(force_n) | Answers::Damaged(force_n, _) => (force_n, sample),
+            Answers::Shifted(force_n, by) => (force_n, sample.wrapping_add_signed(by)),
+            Answers::Always(force_n, sample) => (force_n, sample),
+        };
+        let message = Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample });
+        let frame = match answers {
+            Answers::Damaged(_, damage) => {
+                let n = self.damaged;
+                self.damaged = n.wrapping_add(1);
+                damage.apply(&mut self.ends, n, |transmitter| transmitter.frame(&message).ok())
+            }
+            _ => {
+                self.ends.before = self.ends.transmitter.clone();
+                self.ends.transmitter.frame(&message).ok()
+            }
+        };
+        if matches!(answers, Answers::Force(_)) {
+            (self.answered, self.answered_ns) = (Some(sample), self.now_ns());
+        }
+        match frame {
+            Some(frame) => self.send_frame(&frame),
+            None => inconclusive(format!("the tester can't command {force_x_n} N")),
+        }
+    }
+
+    /// Whether the profile can carry a force, N.
+    pub fn can_command(&self, force_x_n: f64) -> bool {
+        Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 }).check(self.network).is_ok()
+    }
+
+    /// Has the controller of the node under test go bus-off for a time, where that can be done.
+    pub fn take_off(&mut self, for_ns: u64) -> BusOff {
+        self.wire.take_off(for_ns)
+    }
+
+    /// Stops the process of the node under test for a time, where that can be done.
+    pub fn stop_node(&mut self, for_ns: u64) -> Stopped {
+        self.wire.stop_node(for_ns)
+    }
+
+    /// Whether the node under test says something again, without having booted: it was stopped.
+    pub fn goes_on(&mut self) -> Result<bool, Stop> {
+        let word = self.wait_for(GONE_NS, |_| true)?;
+        Ok(word.is_some_and(|heard| !is_state(&heard.message, NodeState::BootUp)))
+    }
+
+    /// A node that doesn't take part can't be judged. On a loaded bus, though, that is what was to be tried.
+    pub fn unready<T>(&self, text: impl Into<String>) -> Result<T, Stop> {
+        if self.load.is_some() { late(text) } else { inconclusive(text) }
+    }
+
+    /// Another transmitter, of a node that isn't the tester.
+    pub fn stranger(&self) -> Transmitter {
+        Transmitter::new(self.network)
+    }
+
+    /// The frames of the node that the protocol refuses, as a failure.
+    pub fn check_frames(&self) -> Result<(), Stop> {
+        let refused = || self.traffic.refused_of(|kind| kind.sender() == self.tested);
+        match refused().next() {
+            None => Ok(()),
+            Some(first) => {
+                let count: u64 = refused().map(|refused| refused.count).sum();
+                wrong(format!("{count} of its frames are refused: {first}"))
+            }
+        }
+    }
+
+    /// Whether frames of this kind have come again and again, and all were refused.
+    pub fn refuses(&self, kind: MessageKind) -> bool {
+        let refused: u64 = self.traffic.refused_of(|refused| refused == kind).map(|refused| refused.count).sum();
+        refused >= MOST_REFUSED && !self.traffic.taken.contains_key(&kind)
+    }
+
+    /// The state that the node under test said last.
+    pub fn last_state(&self) -> Option<NodeState> {
+        self.heard.iter().rev().find_map(|heard| match heard.message {
+            Message::Heartbeat(heartbeat) => Some(heartbeat.state),
+            _ => None,
+        })
+    }
+
+    /// The hello that came last.
+    pub fn last_hello(&self) -> Option<Hello> {
+        self.heard.iter().rev().find_map(|heard| match heard.message {
+            Message::PlantHello(hello) | Message::ExciterHello(hello) => Some(hello),
+            _ => None,
+        })
+    }
+}
+
+/// The emergency that a message is, other than that a schedule has slipped.
+pub(super) fn emergency(message: &Message) -> Option<Emergency> {
+    match message {
+        Message::Emergency(emergency) if emergency.code != EmergencyCode::ScheduleSlipped => Some(*emergency),
+        _ => None,
+    }
+}
+
+/// Whether a message is the heartbeat of a state.
+pub(super) fn is_state(message: &Message, state: NodeState) -> bool {
+    matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state == state)
+}
+
+/// A time in ms, as a report shows it.
+pub(super) fn ms(ns: u64) -> String {
+    format!("{:.1} ms", ns as f64 / 1e6).replace(".0 ms", " ms").to_string()
+}

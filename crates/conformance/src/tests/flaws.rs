@@ -1,0 +1,455 @@
+//! Nodes with one flaw each: what they hear and say is altered.
+
+use std::collections::VecDeque;
+
+use super::super::damage::protect;
+use super::device::{ExciterDevice, PlantDevice, RATE_HZ};
+use resonarm_dynamics::arm::Load;
+use resonarm_protocol::{
+    Acceleration, Cycle, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Id, ImpedanceHead, Message,
+    MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, StateEvent,
+};
+
+/// What a node does wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flaw {
+    /// Takes frames with a wrong CRC.
+    IgnoresCrc,
+    /// Takes any counter.
+    IgnoresCounters,
+    /// Says its state only when it changes.
+    NoHeartbeats,
+    /// Lets go at once in place of the ramp.
+    NoRamp,
+    /// Commands act when it is not armed.
+    ActsUnarmed,
+    /// Waits for its partner for ever.
+    NoTimeout,
+    /// Waits for its partner for twice as long as it must.
+    SlowTimeout,
+    /// Cuts commands that are too large.
+    Cuts,
+    /// Takes any change of the load.
+    Jumps,
+    /// Takes any travel.
+    Strays,
+    /// Its hello has another hash.
+    WrongHash,
+    /// Believes in any hello, and in one that was never sent.
+    BelievesHellos,
+    /// Arms out of a fault.
+    NoLatch,
+    /// Doesn't hear that its partner leaves.
+    DeafToLeaving,
+    /// Doesn't hear a second sender of its messages.
+    DeafToItself,
+    /// Doesn't hear what its partner's state is, but for operational.
+    DeafToStates,
+    /// Answers the next sample.
+    AnswersNext,
+    /// Answers the sample before.
+    AnswersLast,
+    /// Sets its counters at random.
+    LosesCount,
+    /// Says nothing more when its partner faults.
+    Dies,
+    /// Hears nothing from a frame of another network to its second tick after it.
+    Distracted,
+    /// Hears no command and no sample any more after 200 that it refused.
+    Clogs,
+    /// Numbers every other pair of samples before the one that it comes after.
+    SwapsPairs,
+    /// Answers the first sample of a pair.
+    AnswersFirst,
+    /// Says nothing of it that it lost the bus.
+    HidesBusLoss,
+    /// Doesn't mark readings that were clipped.
+    HidesClipping,
+    /// Doesn't hear samples with readings that were clipped.
+    DeafToClipping,
+    /// The counter of each message steps by so many.
+    StepsBy(u8),
+    /// All messages have one counter.
+    OneCounter,
+    /// Takes commands for samples older than the one answered last.
+    TakesOlder,
+    /// Says 80 ms late that it is in a state.
+    Late(NodeState),
+    /// Takes the frames of any base.
+    AnyBase,
+    /// Ignores a reset.
+    IgnoresReset,
+    /// Counts the time in which it was stopped as listened.
+    CountsWallClock,
+    /// Takes commands beyond the limits that it states.
+    ForgetsLimits,
+    /// Commands more than it states.
+    BeyondLimits,
+    /// Answers a sample when accelerometer C comes, whatever else has.
+    AnswersC,
+    /// Answers a sample when the head comes.
+    AnswersHead,
+    /// Never says that it leaves.
+    NeverLeaves,
+    /// Doesn't say that it leaves after a fault.
+    LeavesUnfaulted,
+    /// Commands forces without the factor of their counts.
+    Unscaled,
+    /// Commands forces with their bytes the other way round.
+    Swapped,
+    /// Commands along y.
+    OtherAxis,
+    /// The CRC of what it sends has a wrong polynomial.
+    OtherPolynomial,
+    /// The CRC of what it sends has a wrong start value.
+    OtherStart,
+    /// The CRC of what it sends has a wrong data id.
+    OtherDataId,
+    /// In lockstep: goes on without an answer.
+    RunsOn,
+    /// In lockstep: takes any command for the answer.
+    TakesOthers,
+    /// In lockstep: waits no longer than in real time.
+    Impatient,
+}
+
+/// What a node has heard that a flaw depends on.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Ears {
+    distracted_ticks: u8,
+    refused: u32,
+    has_heard_pair: bool,
+    /// The newest sample that a command answered.
+    answered: Option<u16>,
+}
+
+/// What a node has said that a flaw depends on.
+#[derive(Clone, Debug, Default)]
+pub struct Mouth {
+    pub now_ns: u64,
+    said_state: Option<NodeState>,
+    counters: [u8; MessageKind::COUNT],
+    /// What is said late, and when.
+    late: VecDeque<(u64, Frame)>,
+}
+
+impl Mouth {
+    /// What is said late, when it is time.
+    pub fn due(&mut self) -> Option<Frame> {
+        let (at_ns, frame) = *self.late.front()?;
+        (self.now_ns >= at_ns).then(|| self.late.pop_front()).flatten().map(|_| frame)
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.late.is_empty()
+    }
+
+    /// What comes on the bus in place of a frame, by a flaw that either node may have.
+    fn alter(&mut self, flaw: Option<Flaw>, network: Network, frame: Frame) -> Option<Frame> {
+        let Some(kind) = kind(network, &frame) else { return Some(frame) };
+        let is_protected = kind.data_id(network).is_some();
+        match flaw {
+            Some(Flaw::StepsBy(by)) if is_protected => {
+                let counter = self.counters[kind as usize];
+                self.counters[kind as usize] = (counter + by) % 15;
+                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | counter))
+            }
+            Some(Flaw::OneCounter) if is_protected => {
+                let counter = self.counters[0];
+                self.counters[0] = (counter + 1) % 15;
+                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | counter))
+            }
+            Some(Flaw::Late(state)) if !is_protected => {
+                let before = self.said_state;
+                let is_late = !says_nothing_new(&frame, network, &mut self.said_state)
+                    && self.said_state == Some(state)
+                    && before.is_some_and(|before| before != NodeState::BootUp);
+                if is_late {
+                    self.late.push_back((self.now_ns + 80_000_000, frame));
+                }
+                (!is_late).then_some(frame)
+            }
+            Some(Flaw::OtherPolynomial) if is_protected => Some(with_crc(network, frame, 0x07, 0x00, 0)),
+            Some(Flaw::OtherStart) if is_protected => Some(with_crc(network, frame, 0x1D, 0xFF, 0)),
+            Some(Flaw::OtherDataId) if is_protected => Some(with_crc(network, frame, 0x1D, 0x00, 0x0100)),
+            Some(Flaw::WrongHash) => Some(hashed_wrongly(network, frame)),
+            Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => None,
+            Some(Flaw::HidesBusLoss) if tells_bus_loss(network, &frame) => None,
+            _ => Some(frame),
+        }
+    }
+}
+
+/// A classical frame with a CRC of another polynomial, start value or data id.
+fn with_crc(network: Network, frame: Frame, polynomial: u8, start: u8, data_id_bits: u16) -> Frame {
+    let kind = MessageKind::from_id(network, frame.id()).unwrap();
+    let mut data = frame.data().to_vec();
+    let [low, high] = (kind.data_id(network).unwrap() ^ data_id_bits).to_le_bytes();
+    let mut crc = start;
+    for byte in [low, high].iter().chain(&data[1..]) {
+        crc ^= byte;
+        for _ in 0..8 {
+            crc = if crc & 0x80 == 0 { crc << 1 } else { crc << 1 ^ polynomial };
+        }
+    }
+    data[0] = crc;
+    Frame::new(frame.id(), frame.format(), &data).unwrap()
+}
+
+/// A frame with the same identifier at the base of the network, if it has one at another.
+fn rebased(network: Network, frame: &Frame) -> Frame {
+    match frame.id() {
+        Id::Standard(id) if (0x180..0x580).contains(&id) && id & 0xF < 12 => {
+            Frame::new(Id::Standard(network.base() | id & 0xF), frame.format(), frame.data()).unwrap()
+        }
+        _ => *frame,
+    }
+}
+
+impl Ears {
+    /// At the next tick.
+    pub fn rested(self) -> Ears {
+        Ears { distracted_ticks: self.distracted_ticks.saturating_sub(1), ..self }
+    }
+
+    /// Whether the flaw has the node miss this frame.
+    fn misses(&mut self, flaw: Option<Flaw>, network: Network, frame: &Frame) -> bool {
+        let (kind, message) = (kind(network, frame), read(network, frame));
+        let is_of_samples = kind.is_some_and(|kind| kind.cycle() == Cycle::Sample);
+        if matches!(frame.id(), Id::Standard(_)) && kind.is_none() {
+            self.distracted_ticks = 2;
+        }
+        self.refused += u32::from(is_of_samples && message.is_none());
+        self.has_heard_pair |= kind == Some(MessageKind::SensorPair);
+        match flaw {
+            Some(Flaw::Distracted) => self.distracted_ticks > 0,
+            Some(Flaw::Clogs) => is_of_samples && self.refused > 200,
+            _ => false,
+        }
+    }
+}
+
+/// A frame with other bytes, and the CRC for them.
+fn rewritten(network: Network, frame: &Frame, change: impl Fn(&mut [u8])) -> Frame {
+    let kind = MessageKind::from_id(network, frame.id()).unwrap();
+    let mut data = frame.data().to_vec();
+    change(&mut data);
+    if let Some(data_id) = kind.data_id(network).filter(|_| matches!(data.len(), 8 | 16 | 32 | 64)) {
+        protect(&mut data, data_id);
+    }
+    Frame::new(frame.id(), frame.format(), &data).unwrap()
+}
+
+/// Only frames that the protocol knows under 11 bits are altered.
+fn kind(network: Network, frame: &Frame) -> Option<MessageKind> {
+    MessageKind::from_id(network, frame.id()).filter(|_| matches!(frame.id(), Id::Standard(_)))
+}
+
+/// What a frame says, whatever its counter.
+fn read(network: Network, frame: &Frame) -> Option<Message> {
+    resonarm_protocol::Receiver::new(network).accept(frame).ok()?
+}
+
+/// A hello with a wrong bit in its hash.
+fn hashed_wrongly(network: Network, frame: Frame) -> Frame {
+    match kind(network, &frame) {
+        Some(MessageKind::PlantHello | MessageKind::ExciterHello) => rewritten(network, &frame, |data| data[3] ^= 1),
+        _ => frame,
+    }
+}
+
+fn says_nothing_new(frame: &Frame, network: Network, said: &mut Option<NodeState>) -> bool {
+    let Some(Message::Heartbeat(Heartbeat { state, .. })) = read(network, frame) else { return false };
+    said.replace(state) == Some(state)
+}
+
+fn tells_bus_loss(network: Network, frame: &Frame) -> bool {
+    matches!(read(network, frame), Some(Message::Emergency(Emergency { code: EmergencyCode::BusLoss, .. })))
+}
+
+impl PlantDevice {
+    /// What the node hears in place of a frame.
+    pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
+        let network = self.network;
+        let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
+        if self.ears.misses(self.flaw, network, frame) {
+            return vec![];
+        }
+        let Some(kind) = kind(network, frame) else { return vec![*frame] };
+        let message = read(network, frame);
+        let frame = match (self.flaw, message) {
+            (Some(Flaw::IgnoresCrc), _) if frame.len() == 8 => rewritten(network, frame, |_| {}),
+            (Some(Flaw::IgnoresCounters), Some(_)) if kind.data_id(network).is_some() => {
+                let counter = &mut self.counters[kind as usize];
+                *counter = (*counter + 1) % 15;
+                rewritten(network, frame, |data| data[1] = data[1] & 0xF0 | *counter)
+            }
+            (Some(Flaw::ActsUnarmed), Some(Message::Force(command))) if !self.node.is_armed() => {
+                self.unarmed_load = Load::force_n(command.force_x_n, command.force_y_n);
+                return vec![];
+            }
+            (Some(Flaw::Cuts), Some(Message::Force(command))) if command.force_x_n < -600.0 => {
+                rewritten(network, frame, |data| data[2..4].copy_from_slice(&(-30_000_i16).to_le_bytes()))
+            }
+            (Some(Flaw::BelievesHellos), Some(Message::Operator(_) | Message::ExciterHello(_))) => {
+                let hello = Message::ExciterHello(Hello::new(network.profile(), RATE_HZ));
+                let hello = self.transmitter.frame(&hello).unwrap();
+                return if kind == MessageKind::Operator { vec![hello, *frame] } else { vec![hello] };
+            }
+            (Some(Flaw::NoLatch), Some(Message::Operator(OperatorCommand { request, .. })))
+                if request.event() == StateEvent::Arm && self.node.state() == NodeState::Fault =>
+            {
+                let reset = rewritten(network, frame, |data| data[2] = OperatorRequest::Reset as u8);
+                return vec![reset];
+            }
+            (Some(Flaw::IgnoresReset), Some(Message::Operator(command)))
+                if command.request == OperatorRequest::Reset =>
+            {
+                return vec![];
+            }
+            (Some(Flaw::TakesOlder), Some(Message::Force(command))) => {
+                let newest = (self.sample as u16).wrapping_sub(1);
+                let is_old = |answered: u16| (1..0x8000).contains(&answered.wrapping_sub(command.sample));
+                match self.ears.answered.filter(|answered| is_old(*answered)) {
+                    Some(_) if newest.wrapping_sub(command.sample) <= 20 => {
+                        rewritten(network, frame, |data| data[6..8].copy_from_slice(&newest.to_le_bytes()))
+                    }
+                    Some(_) => *frame,
+                    None => {
+                        self.ears.answered = Some(command.sample);
+                        *frame
+                    }
+                }
+            }
+            (Some(Flaw::DeafToLeaving), Some(Message::Emergency(Emergency { .. }))) => return vec![],
+            (Some(Flaw::TakesOthers), Some(Message::Force(_))) => {
+                let sample = (self.sample as u16).wrapping_sub(1);
+                rewritten(network, frame, |data| data[6..8].copy_from_slice(&sample.to_le_bytes()))
+            }
+            (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Plant => return vec![],
+            _ => *frame,
+        };
+        vec![frame]
+    }
+
+    pub fn alter_load(&self, load: Load) -> Load {
+        match self.flaw {
+            Some(Flaw::NoRamp) if !self.node.is_armed() => Load::default(),
+            Some(Flaw::ActsUnarmed) if !self.node.is_armed() && !self.node.is_ramping() => self.unarmed_load,
+            _ => load,
+        }
+    }
+
+    /// What comes on the bus in place of a frame.
+    pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
+        let network = self.network;
+        match (self.flaw, kind(network, &frame)) {
+            (Some(Flaw::LosesCount), Some(MessageKind::AccelerometerB)) => {
+                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | (data[1] * 7 % 15) & 0x0F))
+            }
+            (Some(Flaw::HidesClipping), Some(MessageKind::AccelerometerB)) => {
+                Some(rewritten(network, &frame, |data| data[1] &= 0x0F))
+            }
+            (Some(Flaw::SwapsPairs), Some(MessageKind::SensorPair)) => {
+                Some(rewritten(network, &frame, |data| data[4] ^= 2))
+            }
+            (Some(Flaw::ForgetsLimits), Some(MessageKind::PlantCapabilities)) => {
+                Some(rewritten(network, &frame, |data| data[8..12].copy_from_slice(&600_f32.to_le_bytes())))
+            }
+            _ => self.mouth.alter(self.flaw, network, frame),
+        }
+    }
+}
+
+impl ExciterDevice {
+    /// What the node hears in place of a frame.
+    pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
+        let network = self.network;
+        let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
+        if self.ears.misses(self.flaw, network, frame) {
+            return vec![];
+        }
+        let Some(_) = kind(network, frame) else { return vec![*frame] };
+        match (self.flaw, read(network, frame)) {
+            (Some(Flaw::IgnoresCrc), _) if frame.len() == 8 => vec![rewritten(network, frame, |_| {})],
+            (Some(Flaw::BelievesHellos), Some(Message::PlantHello(hello))) => {
+                let own = Hello::new(Profile::Classic, hello.rate_hz);
+                let hash = own.dbc_hash.to_le_bytes();
+                vec![rewritten(network, frame, |data| data[3..6].copy_from_slice(&hash[..3]))]
+            }
+            (Some(Flaw::Dies), Some(Message::Heartbeat(heartbeat))) => {
+                self.is_dead |= heartbeat.state == NodeState::Fault;
+                vec![*frame]
+            }
+            (Some(Flaw::DeafToStates), Some(Message::Heartbeat(heartbeat)))
+                if heartbeat.state != NodeState::Operational =>
+            {
+                vec![]
+            }
+            (Some(Flaw::DeafToLeaving), Some(Message::Emergency(_))) => vec![],
+            (Some(Flaw::DeafToClipping), Some(Message::Head(head))) if head.x_saturated => vec![],
+            (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Exciter => vec![],
+            (Some(Flaw::AnswersC), Some(Message::Head(_) | Message::AccelerometerB(_))) => vec![],
+            (Some(Flaw::AnswersC), Some(Message::AccelerometerC(c))) => self.whole(c.sample),
+            (Some(Flaw::AnswersHead), Some(Message::AccelerometerB(_) | Message::AccelerometerC(_))) => vec![],
+            (Some(Flaw::AnswersHead), Some(Message::Head(head))) => self.whole(head.sample),
+            _ => vec![*frame],
+        }
+    }
+
+    /// A whole sample at rest, as the node believes to have heard it.
+    fn whole(&mut self, sample: u16) -> Vec<Frame> {
+        let (x_saturated, y_saturated) = (false, false);
+        let head = ImpedanceHead { force_x_n: 0.0, force_y_n: 0.0, x_saturated, y_saturated, sample };
+        let [acceleration_x_m_s2, acceleration_y_m_s2] = [0.0; 2];
+        let at_rest = Acceleration { acceleration_x_m_s2, acceleration_y_m_s2, x_saturated, y_saturated, sample };
+        let messages = [Message::Head(head), Message::AccelerometerB(at_rest), Message::AccelerometerC(at_rest)];
+        messages.map(|message| self.transmitter.frame(&message).unwrap()).to_vec()
+    }
+
+    /// What comes on the bus in place of a frame.
+    pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
+        let network = self.network;
+        if self.is_dead {
+            return None;
+        }
+        match (self.flaw, read(network, &frame)) {
+            (Some(Flaw::NeverLeaves), Some(Message::Emergency(e))) if e.code == EmergencyCode::Leaving => None,
+            (Some(Flaw::LeavesUnfaulted), Some(Message::Emergency(e)))
+                if e.code == EmergencyCode::Leaving && self.node.state() == NodeState::Fault =>
+            {
+                None
+            }
+            (Some(Flaw::BeyondLimits), Some(Message::Capabilities(_))) => {
+                Some(rewritten(network, &frame, |data| data[8..12].copy_from_slice(&10_f32.to_le_bytes())))
+            }
+            (Some(_), Some(Message::Force(command))) => self.alter_command(frame, command),
+            _ => self.mouth.alter(self.flaw, network, frame),
+        }
+    }
+
+    fn alter_command(&mut self, frame: Frame, command: ForceCommand) -> Option<Frame> {
+        let network = self.network;
+        let by = match self.flaw {
+            Some(Flaw::AnswersNext) => 1,
+            Some(Flaw::AnswersFirst) if self.ears.has_heard_pair => u16::MAX,
+            Some(Flaw::AnswersLast) => u16::MAX,
+            Some(Flaw::Unscaled) => {
+                let count = command.force_x_n.round() as i16;
+                return Some(rewritten(network, &frame, |data| data[2..4].copy_from_slice(&count.to_le_bytes())));
+            }
+            Some(Flaw::Swapped) => return Some(rewritten(network, &frame, |data| data.swap(2, 3))),
+            Some(Flaw::OtherAxis) => {
+                return Some(rewritten(network, &frame, |data| {
+                    data.copy_within(2..4, 4);
+                    data[2..4].fill(0);
+                }));
+            }
+            _ => return self.mouth.alter(self.flaw, network, frame),
+        };
+        Some(rewritten(network, &frame, |data| {
+            let at = if data.len() == 8 { 6 } else { 4 };
+            data[at..at + 2].copy_from_slice(&command.sample.wrapping_add(by).to_le_bytes());
+        }))
+    }
+}

@@ -1,0 +1,286 @@
+//! Which cases fail a node with a flaw, and what they say.
+
+use super::super::*;
+use super::device::{Device, ExciterDevice, PlantDevice, StartedAgain, Virtual};
+use super::flaws::Flaw;
+use super::{findings, findings_in, settings};
+use resonarm_protocol::{NodeState, Profile};
+
+#[test]
+fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
+    let starved = [
+        "plant-wrong-crc",
+        "plant-repeated-counter",
+        "plant-counter-jump",
+        "plant-data-id",
+        "plant-other-format",
+        "plant-length",
+        "plant-extended-id",
+        "plant-foreign-base",
+        "plant-reserved-bit",
+        "plant-not-available",
+        "plant-old-command",
+        "plant-early-command",
+        "plant-same-sample",
+        "plant-older-command",
+        "plant-too-large",
+        "plant-too-fast",
+        "plant-command-timeout",
+        "plant-load-wrong-crc",
+    ];
+    let table: [(Flaw, &[&str]); 32] = [
+        (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id", "plant-load-wrong-crc", "plant-soak"]),
+        (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump", "plant-soak"]),
+        (Flaw::NoHeartbeats, &["plant-heartbeats"]),
+        (Flaw::NoRamp, &["plant-command-timeout", "plant-disarm"]),
+        (Flaw::ActsUnarmed, &["plant-not-armed", "plant-disarm", "plant-too-far"]),
+        (Flaw::NoTimeout, &starved),
+        (Flaw::Cuts, &["plant-too-large", "plant-too-fast", "plant-too-far"]),
+        (Flaw::Jumps, &["plant-too-fast"]),
+        (Flaw::Strays, &["plant-too-far"]),
+        (Flaw::WrongHash, &["plant-hello", "plant-load-hello"]),
+        (Flaw::BelievesHellos, &["plant-arms-for-a-hello", "plant-foreign-base", "plant-exciter-leaves"]),
+        (Flaw::NoLatch, &["plant-states", "plant-load-states"]),
+        (Flaw::DeafToLeaving, &["plant-exciter-leaves"]),
+        (Flaw::DeafToItself, &["plant-second-sender"]),
+        (Flaw::LosesCount, &["plant-frames", "plant-counters", "plant-soak"]),
+        (Flaw::Distracted, &["plant-foreign-base", "plant-load-wrong-crc", "plant-load-states", "plant-soak"]),
+        (Flaw::Clogs, &["plant-soak"]),
+        (Flaw::HidesBusLoss, &["plant-bus-off"]),
+        (Flaw::HidesClipping, &["plant-saturation"]),
+        (Flaw::StepsBy(2), &["plant-counters"]),
+        (Flaw::StepsBy(4), &["plant-counters"]),
+        (Flaw::OneCounter, &["plant-counters", "plant-foreign-base", "plant-soak"]),
+        (Flaw::TakesOlder, &["plant-older-command"]),
+        (Flaw::Late(NodeState::Operational), &["plant-states", "plant-load-states"]),
+        (Flaw::Late(NodeState::PreOperational), &["plant-states", "plant-disarm", "plant-load-states"]),
+        (Flaw::Late(NodeState::Fault), &["plant-states", "plant-load-states"]),
+        (Flaw::AnyBase, &["plant-foreign-base", "plant-soak"]),
+        (Flaw::IgnoresReset, &["plant-reset"]),
+        (Flaw::CountsWallClock, &["plant-stopped"]),
+        (Flaw::OtherPolynomial, &["plant-hello", "plant-load-hello"]),
+        (Flaw::OtherStart, &["plant-hello", "plant-load-hello"]),
+        (Flaw::OtherDataId, &["plant-hello", "plant-load-hello"]),
+    ];
+    let network = Network::default();
+    let found = table.map(|(flaw, _)| {
+        let plant = || Box::new(PlantDevice::with(network, Some(flaw))) as Box<dyn Device>;
+        (flaw, failed(&findings(Node::Plant, network, plant)))
+    });
+    assert_eq!(found, table.map(|(flaw, expected)| (flaw, expected.to_vec())));
+}
+
+#[test]
+fn a_node_with_a_flaw_in_two_samples_a_frame_is_failed_by_the_case_for_it() {
+    let network = Network::default().with_profile(Profile::Fd);
+    let plant = || Box::new(PlantDevice::with(network, Some(Flaw::SwapsPairs))) as Box<dyn Device>;
+    assert_eq!(failed(&findings(Node::Plant, network, plant)), ["plant-pairs"]);
+    let exciter = || Box::new(ExciterDevice::with(network, Some(Flaw::AnswersFirst))) as Box<dyn Device>;
+    assert_eq!(failed(&findings(Node::Exciter, network, exciter)), ["exciter-pairs"]);
+}
+
+#[test]
+fn a_node_that_forgets_the_limits_it_states_is_failed_by_the_case_for_it() {
+    let network = Network::default().with_profile(Profile::Fd);
+    let exciter = || Box::new(ExciterDevice::with(network, Some(Flaw::BeyondLimits))) as Box<dyn Device>;
+    assert_eq!(failed(&findings(Node::Exciter, network, exciter)), ["exciter-own-limits"]);
+    // No force is given that it must refuse.
+    let case = cases(Node::Plant, Mode::RealTime).find(|case| case.id == "plant-too-large").unwrap();
+    let verdict = |flaw| {
+        let mut wire = Virtual::new(Box::new(PlantDevice::with(network, flaw)));
+        run(&case, &mut wire, network, Settings { beyond_n: None, ..settings() }).unwrap().verdict
+    };
+    assert_eq!(verdict(None), Verdict::Passed);
+    insta::assert_debug_snapshot!(verdict(Some(Flaw::ForgetsLimits)), @r#"
+    Failed(
+        "it acts: the head reads -606.00 N at sample 260",
+    )
+    "#);
+}
+
+/// What a report says of a node with a flaw, by the case for it.
+fn said(flaw: Flaw, case_id: &str) -> String {
+    let network = Network::default();
+    let tested = if case_id.starts_with("plant") { Node::Plant } else { Node::Exciter };
+    let case = cases(tested, Mode::RealTime).find(|case| case.id == case_id).unwrap();
+    let mut wire = Virtual::new(match tested {
+        Node::Plant => Box::new(PlantDevice::with(network, Some(flaw))) as Box<dyn Device>,
+        Node::Exciter => Box::new(ExciterDevice::with(network, Some(flaw))),
+    });
+    let finding = run(&case, &mut wire, network, settings()).unwrap();
+    let mut lines = vec![match finding.verdict {
+        Verdict::Passed => String::from("passed"),
+        Verdict::Failed(text) => format!("failed: {text}"),
+        Verdict::Inconclusive(text) => format!("inconclusive: {text}"),
+        Verdict::Skipped(text) => format!("skipped: {text}"),
+    }];
+    lines.extend(finding.traffic.refused.iter().map(ToString::to_string));
+    lines.join("\n")
+}
+
+#[test]
+fn the_reason_says_what_the_flaw_is() {
+    insta::assert_snapshot!(said(Flaw::StepsBy(2), "plant-counters"), @"failed: the counter of ImpedanceHead is 2 for sample 1 after 0 for sample 0: a step of 2, not 1");
+    insta::assert_snapshot!(said(Flaw::OneCounter, "exciter-counters"), @"failed: the first OperatorCommand after its boot has the counter 2, not 0");
+    insta::assert_snapshot!(said(Flaw::Late(NodeState::PreOperational), "plant-states"), @"failed: its heartbeat pre-operational after the request comes 80 samples late, not at once");
+    insta::assert_snapshot!(said(Flaw::Late(NodeState::Operational), "exciter-state-changes"), @"failed: it answers 80 samples before its heartbeat operational, which comes at once");
+    insta::assert_snapshot!(said(Flaw::IgnoresReset, "plant-reset"), @"failed: in fault it ignores the reset: no heartbeat pre-operational within 150 ms");
+    insta::assert_snapshot!(said(Flaw::CountsWallClock, "plant-stopped"), @"failed: stopped for 400 ms it takes its own silence for its partner's: plant, code 1: no valid command in time (none was refused), at sample 209");
+    insta::assert_snapshot!(said(Flaw::NeverLeaves, "exciter-leaves"), @"failed: it is silent for 1000 ms, and did not say before that it leaves");
+    insta::assert_snapshot!(said(Flaw::WrongHash, "plant-hello"), @"failed: its hello doesn't fit this program's (another DBC): version 1.2, DBC hash 0x066601, profile classic, 1000 Hz, not version 1.2, DBC hash 0x066600, profile classic, 1000 Hz");
+    insta::assert_snapshot!(said(Flaw::NoLatch, "plant-states"), @"failed: in the state fault the request arm makes it pre-operational");
+    insta::assert_snapshot!(said(Flaw::TakesOlder, "plant-older-command"), @"failed: it acts: the head reads -5.00 N at sample 260");
+    insta::assert_snapshot!(said(Flaw::BelievesHellos, "plant-arms-for-a-hello"), @"failed: it arms all the same: no hello seen");
+}
+
+/// No clock but the machine's tells how late it is, so that it is failed at the third time.
+#[test]
+fn an_exciter_whose_heartbeat_is_late_each_time_is_failed() {
+    let network = Network::default();
+    let verdict = |case_id, state| {
+        let case = cases(Node::Exciter, Mode::RealTime).find(|case| case.id == case_id).unwrap();
+        let exciter = ExciterDevice::with(network, Some(Flaw::Late(state)));
+        let mut wire = Virtual::new(Box::new(StartedAgain::new(exciter, 0)));
+        run(&case, &mut wire, network, settings()).unwrap().verdict
+    };
+    insta::assert_debug_snapshot!(verdict("exciter-state-changes", NodeState::PreOperational), @r#"
+    Failed(
+        "its heartbeat pre-operational comes 80 ms after the plant's, not at once",
+    )
+    "#);
+    insta::assert_debug_snapshot!(verdict("exciter-plant-faults", NodeState::Fault), @r#"
+    Failed(
+        "its heartbeat fault comes 80 ms after its emergency, not at once",
+    )
+    "#);
+}
+
+#[test]
+fn a_wrong_crc_is_shown_beside_the_right_one() {
+    insta::assert_snapshot!(said(Flaw::OtherPolynomial, "plant-hello"), @r"
+    failed: its hello is wrong: PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
+    PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
+    ImpedanceHead refused: CRC 0x2E instead of 0xF0: 203#2E00000000000000, with the right CRC 203#F000000000000000 (996 times)
+    AccelerometerB refused: CRC 0x85 instead of 0xE9: 204#8510FF7F00000000, with the right CRC 204#E910FF7F00000000 (997 times)
+    AccelerometerC refused: CRC 0xDC instead of 0x3A: 205#DC00000000000000, with the right CRC 205#3A00000000000000 (997 times)
+    AccelerometerB refused: counter 4 after 9, a step of more than 4: 204#C014FF7F0000F202
+    AccelerometerC refused: counter 11 after 1, a step of more than 4: 205#650B000000001703
+    ImpedanceHead refused: counter 5 after 14, a step of more than 4: 203#C405000000009803
+    ");
+    insta::assert_snapshot!(said(Flaw::OtherStart, "exciter-hello"), @r"
+    failed: its hello is wrong: ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ");
+    insta::assert_snapshot!(said(Flaw::OtherDataId, "exciter-hello"), @r"
+    failed: its hello is wrong: ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ");
+    insta::assert_snapshot!(said(Flaw::OtherDataId, "plant-states"), @r"
+    inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
+    PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
+    ImpedanceHead refused: CRC 0xC1 instead of 0x9E: 203#C10A00000000581B, with the right CRC 203#9E0A00000000581B (2000 times)
+    AccelerometerB refused: CRC 0xD8 instead of 0x87: 204#D81AFF7F0000581B, with the right CRC 204#871AFF7F0000581B (2000 times)
+    AccelerometerC refused: CRC 0x0B instead of 0x54: 205#0B0A00000000581B, with the right CRC 205#540A00000000581B (2000 times)
+    ");
+}
+
+#[test]
+fn a_sine_that_is_not_the_expected_one_is_explained() {
+    insta::assert_snapshot!(said(Flaw::Unscaled, "exciter-sine"), @"failed: it commands 0.4018 N, 0.0201 times the amplitude; expected are 20 N at 15 Hz along force_x_n. Is it sent without the factor of its counts?");
+    insta::assert_snapshot!(said(Flaw::Swapped, "exciter-sine"), @"failed: with the bytes of each value the other way round it commands 20.0012 N; expected are 20 N at 15 Hz along force_x_n. Is its byte order wrong?");
+    insta::assert_snapshot!(said(Flaw::OtherAxis, "exciter-sine"), @"failed: it commands 20.0012 N along force_y_n; expected are 20 N at 15 Hz along force_x_n");
+}
+
+#[test]
+fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
+    // The first good sample is answered as the last bad one.
+    let answers_last = [
+        "exciter-answers",
+        "exciter-incomplete",
+        "exciter-wrong-crc",
+        "exciter-repeated-counter",
+        "exciter-data-id",
+        "exciter-foreign-base",
+        "exciter-not-available",
+        "exciter-load-wrong-crc",
+        "exciter-soak",
+    ];
+    let answers_head = &answers_last[1..];
+    let deaf_to_states = [
+        "exciter-plant-in-fault",
+        "exciter-plant-faults",
+        "exciter-plant-boots",
+        "exciter-plant-disarmed",
+        "exciter-state-changes",
+        "exciter-load-plant-disarmed",
+    ];
+    let table: [(Flaw, &[&str]); 30] = [
+        (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id", "exciter-load-wrong-crc", "exciter-soak"]),
+        (Flaw::NoHeartbeats, &["exciter-heartbeats"]),
+        (Flaw::NoTimeout, &["exciter-sensor-timeout"]),
+        (Flaw::WrongHash, &["exciter-hello", "exciter-load-hello"]),
+        (Flaw::BelievesHellos, &["exciter-begins-for-a-hello"]),
+        (Flaw::DeafToStates, &deaf_to_states),
+        (Flaw::DeafToLeaving, &["exciter-plant-leaves"]),
+        (Flaw::DeafToItself, &["exciter-second-sender"]),
+        (Flaw::Dies, &["exciter-plant-faults", "exciter-leaves-faulted"]),
+        (Flaw::Distracted, &["exciter-load-wrong-crc", "exciter-load-plant-disarmed"]),
+        (Flaw::Clogs, &["exciter-soak"]),
+        (Flaw::HidesBusLoss, &["exciter-bus-off"]),
+        (Flaw::DeafToClipping, &["exciter-saturation"]),
+        (Flaw::AnswersNext, &["exciter-answers", "exciter-soak"]),
+        (Flaw::AnswersLast, &answers_last),
+        (Flaw::StepsBy(2), &["exciter-counters"]),
+        (Flaw::StepsBy(4), &["exciter-counters"]),
+        (Flaw::OneCounter, &["exciter-counters", "exciter-soak"]),
+        (Flaw::Late(NodeState::Operational), &["exciter-state-changes"]),
+        (Flaw::AnyBase, &["exciter-foreign-base", "exciter-soak"]),
+        (Flaw::AnswersC, &["exciter-incomplete", "exciter-repeated-counter", "exciter-soak"]),
+        (Flaw::AnswersHead, answers_head),
+        (Flaw::NeverLeaves, &["exciter-leaves", "exciter-leaves-faulted"]),
+        (Flaw::LeavesUnfaulted, &["exciter-leaves-faulted"]),
+        (Flaw::Unscaled, &["exciter-sine"]),
+        (Flaw::Swapped, &["exciter-sine"]),
+        (Flaw::OtherAxis, &["exciter-sine"]),
+        (Flaw::OtherPolynomial, &["exciter-hello", "exciter-load-hello"]),
+        (Flaw::OtherStart, &["exciter-hello", "exciter-load-hello"]),
+        (Flaw::OtherDataId, &["exciter-hello", "exciter-load-hello"]),
+    ];
+    let network = Network::default();
+    let found = table.map(|(flaw, _)| {
+        let exciter = || Box::new(ExciterDevice::with(network, Some(flaw))) as Box<dyn Device>;
+        (flaw, failed(&findings(Node::Exciter, network, exciter)))
+    });
+    assert_eq!(found, table.map(|(flaw, expected)| (flaw, expected.to_vec())));
+}
+
+#[test]
+fn a_node_with_a_flaw_in_lockstep_is_failed_by_the_cases_for_it() {
+    let network = Network::default();
+    let plants: [(Flaw, &[&str]); 5] = [
+        (Flaw::NoHeartbeats, &["lockstep-plant-heartbeats"]),
+        (Flaw::DeafToLeaving, &["lockstep-plant-refused"]),
+        (Flaw::RunsOn, &["lockstep-plant-waits", "lockstep-plant-other-samples"]),
+        (Flaw::TakesOthers, &["lockstep-plant-other-samples", "lockstep-plant-refused"]),
+        (Flaw::NoTimeout, &["lockstep-plant-timeout"]),
+    ];
+    for (flaw, expected) in plants {
+        let plant = || Box::new(PlantDevice::in_mode(Mode::Lockstep, network, Some(flaw))) as Box<dyn Device>;
+        assert_eq!(failed(&findings_in(Mode::Lockstep, Node::Plant, network, plant)), expected, "{flaw:?}");
+    }
+    let exciters: [(Flaw, &[&str]); 4] = [
+        (Flaw::NoHeartbeats, &["lockstep-exciter-heartbeats"]),
+        (Flaw::AnswersNext, &["lockstep-exciter-answers"]),
+        (Flaw::Impatient, &["lockstep-exciter-waits", "lockstep-exciter-timeout"]),
+        (Flaw::NoTimeout, &["lockstep-exciter-timeout"]),
+    ];
+    for (flaw, expected) in exciters {
+        let exciter = || Box::new(ExciterDevice::in_mode(Mode::Lockstep, network, Some(flaw))) as Box<dyn Device>;
+        assert_eq!(failed(&findings_in(Mode::Lockstep, Node::Exciter, network, exciter)), expected, "{flaw:?}");
+    }
+}
+
+fn failed(found: &[(&'static str, Finding)]) -> Vec<&'static str> {
+    let is_failed = |finding: &Finding| matches!(finding.verdict, Verdict::Failed(_));
+    found.iter().filter(|(_, finding)| is_failed(finding)).map(|(id, _)| *id).collect()
+}

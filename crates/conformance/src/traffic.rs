@@ -1,0 +1,184 @@
+//! What came from the bus during a case: messages taken, frames refused and why, frames of others, commands.
+
+use alloc::collections::BTreeMap;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+use core::mem::discriminant;
+
+use super::damage::protect;
+use resonarm_protocol::{DecodeError, ForceCommand, Frame, Id, Message, MessageKind, Network, TorqueCommand};
+
+/// Identifiers of others that are counted one by one; frames of further ones are counted together.
+const MOST_OTHERS: usize = 16;
+
+/// What came from the bus during a case.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Traffic {
+    /// Frames taken, by message; one of the tester's own kinds comes from a second node in its place.
+    pub taken: BTreeMap<MessageKind, u64>,
+    /// Frames refused, by message and reason.
+    pub refused: Vec<Refused>,
+    /// Frames whose identifiers are none of the network's, by identifier, of the first 16 identifiers.
+    pub others: BTreeMap<Id, u64>,
+    /// Frames of further identifiers.
+    pub further_others: u64,
+    /// What was commanded.
+    pub commands: Commands,
+}
+
+/// Frames of one message that were refused for the same reason.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    /// Why the first of them was.
+    pub error: DecodeError,
+    /// The first of them.
+    pub frame: Frame,
+    /// That frame with the right CRC, if its CRC was wrong.
+    pub expected: Option<Frame>,
+    /// How many there were.
+    pub count: u64,
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.error, self.frame)?;
+        if let Some(expected) = self.expected {
+            write!(f, ", with the right CRC {expected}")?;
+        }
+        if self.count > 1 { write!(f, " ({} times)", self.count) } else { Ok(()) }
+    }
+}
+
+/// The smallest and the largest of some values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// The smallest.
+    pub min: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+/// The ranges of what an exciter commanded; `None` where it commanded nothing of the kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Commands {
+    /// Force along x, N.
+    pub force_x_n: Option<Range>,
+    /// Force along y, N.
+    pub force_y_n: Option<Range>,
+    /// Torque at joint 1, N·m.
+    pub torque1_nm: Option<Range>,
+    /// Torque at joint 2, N·m.
+    pub torque2_nm: Option<Range>,
+}
+
+fn widen(range: &mut Option<Range>, min: f64, max: f64) {
+    *range = Some(range.map_or(Range { min, max }, |r| Range { min: r.min.min(min), max: r.max.max(max) }));
+}
+
+impl Commands {
+    /// Takes in a command.
+    fn note(&mut self, message: &Message) {
+        match *message {
+            Message::Force(ForceCommand { force_x_n, force_y_n, .. }) => {
+                widen(&mut self.force_x_n, force_x_n, force_x_n);
+                widen(&mut self.force_y_n, force_y_n, force_y_n);
+            }
+            Message::Torque(TorqueCommand { torque1_nm, torque2_nm, .. }) => {
+                widen(&mut self.torque1_nm, torque1_nm, torque1_nm);
+                widen(&mut self.torque2_nm, torque2_nm, torque2_nm);
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes in what was commanded in another case.
+    pub fn merge(&mut self, other: &Commands) {
+        for (range, other) in [
+            (&mut self.force_x_n, other.force_x_n),
+            (&mut self.force_y_n, other.force_y_n),
+            (&mut self.torque1_nm, other.torque1_nm),
+            (&mut self.torque2_nm, other.torque2_nm),
+        ] {
+            if let Some(Range { min, max }) = other {
+                widen(range, min, max);
+            }
+        }
+    }
+}
+
+impl Traffic {
+    /// Takes in a frame, and what a receiver says of it.
+    pub(super) fn note(&mut self, network: Network, frame: &Frame, said: &Result<Option<Message>, DecodeError>) {
+        match said {
+            Ok(Some(message)) => {
+                *self.taken.entry(message.kind()).or_default() += 1;
+                self.commands.note(message);
+            }
+            Ok(None) if self.others.len() < MOST_OTHERS || self.others.contains_key(&frame.id()) => {
+                *self.others.entry(frame.id()).or_default() += 1;
+            }
+            Ok(None) => self.further_others += 1,
+            Err(error) => self.refuse(network, frame, *error),
+        }
+    }
+
+    fn refuse(&mut self, network: Network, frame: &Frame, error: DecodeError) {
+        match self.refused.iter_mut().find(|refused| is_alike(&refused.error, &error)) {
+            Some(refused) => refused.count += 1,
+            None => {
+                let expected = matches!(error, DecodeError::Crc { .. })
+                    .then(|| with_right_crc(network, error.kind(), frame))
+                    .flatten();
+                self.refused.push(Refused { error, frame: *frame, expected, count: 1 });
+            }
+        }
+    }
+
+    /// The frames of these messages that were refused.
+    pub(super) fn refused_of(&self, holds: impl Fn(MessageKind) -> bool) -> impl Iterator<Item = &Refused> {
+        self.refused.iter().filter(move |refused| holds(refused.error.kind()))
+    }
+
+    /// What came in place of a message that was waited for.
+    pub(super) fn in_place_of(&self, kind: MessageKind) -> String {
+        if let Some(refused) = self.refused_of(|refused| refused == kind).next() {
+            return format!("{refused}");
+        }
+        let taken: u64 = self.taken.values().sum();
+        let refused: u64 = self.refused.iter().map(|refused| refused.count).sum();
+        if let Some(first) = self.refused.first() {
+            return format!("{taken} frames of the network taken and {refused} refused, the first: {first}");
+        }
+        match (taken, self.others_text()) {
+            (0, others) if others.is_empty() => String::from("nothing"),
+            (0, others) => format!("frames with other identifiers only: {others}"),
+            (taken, _) => format!("{taken} other frames of the network"),
+        }
+    }
+
+    /// The identifiers of others, with how many frames they had.
+    pub fn others_text(&self) -> String {
+        let mut texts: Vec<String> = self.others.iter().map(|(id, count)| format!("{id} ({count})")).collect();
+        if self.further_others > 0 {
+            texts.push(format!("more ({})", self.further_others));
+        }
+        texts.join(", ")
+    }
+}
+
+/// Whether two frames were refused for the same reason.
+fn is_alike(one: &DecodeError, other: &DecodeError) -> bool {
+    let fault = |error: &DecodeError| match error {
+        DecodeError::Counter { fault, .. } => Some(discriminant(fault)),
+        _ => None,
+    };
+    one.kind() == other.kind() && discriminant(one) == discriminant(other) && fault(one) == fault(other)
+}
+
+fn with_right_crc(network: Network, kind: MessageKind, frame: &Frame) -> Option<Frame> {
+    let mut data = frame.data().to_vec();
+    protect(&mut data, kind.data_id(network)?);
+    Frame::new(frame.id(), frame.format(), &data).ok()
+}

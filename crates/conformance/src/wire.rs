@@ -1,0 +1,181 @@
+//! A bus and a clock, as the cases need them.
+
+use core::time::Duration;
+
+use super::inject::{Controller, Process};
+use super::{Case, Evidence, Finding};
+use resonarm_bus::{Bus, BusError, Received, Sent};
+use resonarm_protocol::Frame;
+use resonarm_realtime::{Clock, SystemClock};
+
+/// What came of a wish to take a node off the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusOff {
+    /// Its controller is bus-off.
+    Done,
+    /// Only its own controller can go bus-off.
+    Impossible,
+}
+
+/// What came of a wish to stop the process of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stopped {
+    /// It is stopped, and goes on by itself.
+    Done,
+    /// It can't be stopped, and why.
+    Impossible(String),
+}
+
+/// One end of a bus, with the time on it. In tests it steps a node in virtual time.
+pub trait Wire {
+    /// The time, ns of any clock that only goes forward.
+    fn now_ns(&self) -> u64;
+
+    /// Sends a frame.
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus can't.
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError>;
+
+    /// The next frame, or `None` when it is `until_ns` and none has come.
+    ///
+    /// # Errors
+    /// [`BusError`] if the bus is gone.
+    fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError>;
+
+    /// Has the controller of the node under test go bus-off for a time, ns: on a bus in virtual time, and on a virtual
+    /// interface.
+    fn take_off(&mut self, _for_ns: u64) -> BusOff {
+        BusOff::Impossible
+    }
+
+    /// Stops the process of the node under test, ns: in virtual time, and where the process is known.
+    fn stop_node(&mut self, _for_ns: u64) -> Stopped {
+        Stopped::Impossible(String::from("its process is not known (--pid)"))
+    }
+}
+
+/// A bus in real time.
+pub struct BusWire<'b> {
+    bus: &'b mut dyn Bus,
+    clock: SystemClock,
+    /// What records the frames, if anything does.
+    pub evidence: Option<Evidence>,
+    /// The controller of the interface, if it is a virtual one.
+    controller: Option<Controller>,
+    /// The process of the node under test, if it is known.
+    process: Option<Process>,
+    /// Whether the bus-off that this end says is still to be heard by itself.
+    has_gone_off: bool,
+}
+
+impl<'b> BusWire<'b> {
+    /// The end of a bus, with the monotonic clock.
+    pub fn new(bus: &'b mut dyn Bus, evidence: Option<Evidence>) -> BusWire<'b> {
+        BusWire { bus, clock: SystemClock, evidence, controller: None, process: None, has_gone_off: false }
+    }
+
+    /// With the name of the interface, on which error frames are sent if it is a virtual one, and the process of the
+    /// node under test, if it is known, which is stopped and goes on.
+    pub fn with_means(self, interface: Option<&str>, pid: Option<rustix::process::Pid>) -> BusWire<'b> {
+        BusWire { controller: interface.and_then(Controller::of), process: pid.map(Process::new), ..self }
+    }
+
+    /// Restarts the controller, and lets the process go on, when it is time. A process that has ended meanwhile is
+    /// none of it: the cases say what is missing.
+    fn undo(&mut self) {
+        let now_ns = self.now_ns();
+        if let Some(process) = self.process.as_mut().filter(|p| p.goes_on_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
+            drop(process.go_on());
+        }
+        if let Some(controller) = self.controller.as_mut().filter(|c| c.on_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
+            drop(controller.restart());
+        }
+    }
+
+    /// The next frame, apart from what this end itself says of its controller.
+    fn next(&mut self) -> Result<Option<Received>, BusError> {
+        match self.bus.receive() {
+            Err(BusError::BusOff { .. }) if self.has_gone_off => {
+                self.has_gone_off = false;
+                self.bus.receive()
+            }
+            received => received,
+        }
+    }
+
+    /// Records that a case begins.
+    pub fn begin(&mut self, case: &Case) {
+        if let Some(evidence) = &mut self.evidence {
+            evidence.begin(case);
+        }
+    }
+
+    /// Records that it has ended.
+    pub fn end(&mut self, case: &Case, finding: &Finding) {
+        if let Some(evidence) = &mut self.evidence {
+            evidence.end(case, finding);
+        }
+    }
+}
+
+/// How long a full transmit queue is waited for, ns.
+const FULL_NS: u64 = 100_000_000;
+
+impl Wire for BusWire<'_> {
+    fn now_ns(&self) -> u64 {
+        self.clock.now_ns()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        let give_up_ns = self.now_ns() + FULL_NS;
+        // A frame that can't be sent is lost, as on any bus: the cases say what became of it.
+        while self.bus.send(frame)? == Sent::QueueFull {
+            if self.now_ns() >= give_up_ns {
+                return Ok(());
+            }
+            self.clock.sleep_until_ns(self.now_ns() + 1_000_000);
+        }
+        if let Some(evidence) = &mut self.evidence {
+            evidence.sent(frame);
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError> {
+        loop {
+            self.undo();
+            if let Some(received) = self.next()? {
+                if let Some(evidence) = &mut self.evidence {
+                    evidence.received(received);
+                }
+                return Ok(Some(received.frame));
+            }
+            let left_ns = until_ns.saturating_sub(self.now_ns());
+            if left_ns == 0 {
+                return Ok(None);
+            }
+            self.bus.wait(Duration::from_nanos(left_ns))?;
+        }
+    }
+
+    fn take_off(&mut self, for_ns: u64) -> BusOff {
+        let until_ns = self.now_ns() + for_ns;
+        match self.controller.as_mut().map(|controller| controller.go_off(until_ns)) {
+            Some(Ok(())) => {
+                self.has_gone_off = true;
+                BusOff::Done
+            }
+            Some(Err(_)) | None => BusOff::Impossible,
+        }
+    }
+
+    fn stop_node(&mut self, for_ns: u64) -> Stopped {
+        let until_ns = self.now_ns() + for_ns;
+        match self.process.as_mut().map(|process| process.stop(until_ns)) {
+            Some(Ok(())) => Stopped::Done,
+            Some(Err(error)) => Stopped::Impossible(format!("its process can't be stopped: {error}")),
+            None => Stopped::Impossible(String::from("its process is not known (--pid)")),
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Many motions of one arm under one excitation at once, side by side in the lanes of the processor.
+//!
+//! Every motion goes as if it were alone: the step is the same source as
+//! [`Integrator::step`](crate::integrate::Integrator::step) makes with `dop853`, generic over one number or eight, so
+//! the states are the same bit for bit, whatever the processor offers. The implicit schemes, the default among them,
+//! don't go side by side: the number of iterations, the pivots and the division of a step differ from motion to motion.
+
+use crate::arm::{Arm, Load, State};
+use crate::arm::external::External;
+use crate::arm::kernel::{Coefficients, Motion};
+use crate::arm::real::{Lanes, Real};
+use crate::integrate::{DOP853, explicit};
+
+/// Stages of a step.
+pub const STAGES: usize = DOP853.c.len();
+
+/// Where in a step its stages need the load, as parts of the step.
+pub const NODES: [f64; STAGES] = DOP853.c;
+
+/// The loads of consecutive steps, each at its [`NODES`].
+pub type Stretch = [[Load; STAGES]];
+
+/// Takes a group of motions through a stretch, so many times.
+type Kernel<T> = fn(&Coefficients<f64>, f64, &Stretch, u32, &mut Motion<T>);
+
+/// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers the processor has.
+/// A motion that grows beyond all bounds ends in a state that is not finite.
+pub fn advance(arm: &Arm, h_s: f64, stretch: &Stretch, times: u32, states: &mut [State]) {
+    let arm = &arm.coefficients;
+    #[cfg(target_arch = "x86_64")]
+    {
+        if x86::has_avx512() {
+            return side_by_side(x86::with_avx512, arm, h_s, stretch, times, states);
+        }
+        if x86::has_avx2() {
+            return side_by_side(x86::with_avx2, arm, h_s, stretch, times, states);
+        }
+    }
+    side_by_side(portable::<Lanes>, arm, h_s, stretch, times, states);
+}
+
+/// Groups of `T::WIDTH` motions, one after the other; lanes that are left over repeat the last motion.
+fn side_by_side<T: Real>(
+    kernel: Kernel<T>,
+    arm: &Coefficients<f64>,
+    h_s: f64,
+    stretch: &Stretch,
+    times: u32,
+    states: &mut [State],
+) {
+    for group in states.chunks_mut(T::WIDTH) {
+        let mut together = Motion::gather(|lane| Motion::from(&group[lane.min(group.len() - 1)]));
+        kernel(arm, h_s, stretch, times, &mut together);
+        for (lane, own) in group.iter_mut().enumerate() {
+            *own = State::from(together.lane(lane));
+        }
+    }
+}
+
+/// The kernel as the target at hand compiles it; the ones below are the same source for wider registers.
+#[inline(always)]
+fn portable<T: Real>(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<T>) {
+    let every = Coefficients::<T>::gather(|_lane| arm);
+    for _ in 0..times {
+        for loads in stretch {
+            let external = loads.each_ref().map(|load| External::new(arm, load));
+            *motion = explicit::step(&DOP853, &every, h_s, motion, &external);
+        }
+    }
+}
+
+/// The kernel for wider registers of x86-64. FMA stays off: a·b + c is two roundings everywhere.
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Coefficients, Lanes, Motion, Stretch, portable};
+
+    cpufeatures::new!(avx512_detection, "avx512f");
+    cpufeatures::new!(avx2_detection, "avx2");
+
+    /// Whether processor and operating system have AVX-512 F; asked once.
+    pub fn has_avx512() -> bool {
+        avx512_detection::get()
+    }
+
+    /// Whether they have AVX2.
+    pub fn has_avx2() -> bool {
+        avx2_detection::get()
+    }
+
+    #[allow(unsafe_code)]
+    pub fn with_avx512(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        // SAFETY: `advance` takes this kernel only where the processor says that it has AVX-512 F.
+        unsafe { avx512(arm, h_s, stretch, times, motion) }
+    }
+
+    #[target_feature(enable = "avx512f")]
+    fn avx512(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        portable(arm, h_s, stretch, times, motion);
+    }
+
+    #[allow(unsafe_code)]
+    pub fn with_avx2(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        // SAFETY: `advance` takes this kernel only where the processor says that it has AVX2.
+        unsafe { avx2(arm, h_s, stretch, times, motion) }
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn avx2(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
+        portable(arm, h_s, stretch, times, motion);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::tests::any_arm;
+    use crate::integrate::{Excitation, Integrator, Scheme, Sine};
+    use alloc::vec::Vec;
+    use proptest::prelude::*;
+
+    fn bits(state: &State) -> [u64; 4] {
+        [state.alpha_rad.x, state.alpha_rad.y, state.alpha_dot_rad_s.x, state.alpha_dot_rad_s.y].map(f64::to_bits)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        /// Arms with and without gravity and force, small and large deflections, whole groups and not, with every
+        /// instruction set that the processor has: each motion is that of the integrator alone.
+        #[test]
+        fn every_motion_goes_as_if_it_were_alone(
+            arm in any_arm(),
+            states in prop::collection::vec(
+                (
+                    prop_oneof![
+                        prop::array::uniform2(-1e-3..1e-3),
+                        prop::array::uniform2(-0.4..0.4),
+                        prop::array::uniform2(-1.5..1.5),
+                    ],
+                    prop::array::uniform2(-20.0..20.0),
+                ),
+                1..20,
+            ),
+            torque_nm in prop::array::uniform2(-500.0..500.0),
+            force_n in prop_oneof![Just([0.0, 0.0]), Just([0.0, 30.0]), prop::array::uniform2(-100.0..100.0)],
+        ) {
+            let states: Vec<State> = states.into_iter().map(|(x, v)| State::new(x, v)).collect();
+            let amplitude = Load { torque_nm: torque_nm.into(), force_n: force_n.into() };
+            let (rate_hz, steps, sine) = (16_000.0, 20_u32, Sine { amplitude, frequency_hz: 22.0 });
+            let integrator = Integrator::new(Scheme::Dop853, rate_hz, &arm).unwrap();
+            let h_s = integrator.step_s();
+            let start_s = |k: u32| f64::from(k) * h_s;
+            let alone = |state: &State| {
+                let once = |state| {
+                    (0..steps).try_fold(state, |state, k| integrator.step(&arm, start_s(k), &state, &sine))
+                };
+                once(*state).and_then(once)
+            };
+            let Ok(expected) = states.iter().map(alone).collect::<Result<Vec<State>, _>>() else { return Ok(()) };
+            let expected: Vec<_> = expected.iter().map(bits).collect();
+            let stretch: Vec<_> =
+                (0..steps).map(|k| DOP853.c.map(|part| sine.load(start_s(k) + part * h_s))).collect();
+            let seen = |advance: &dyn Fn(&mut [State])| {
+                let mut states = states.clone();
+                advance(&mut states);
+                states.iter().map(bits).collect::<Vec<_>>()
+            };
+            prop_assert_eq!(seen(&|states| advance(&arm, h_s, &stretch, 2, states)), &expected[..]);
+            let by_portable = |states: &mut [State]| {
+                side_by_side(portable::<Lanes>, &arm.coefficients, h_s, &stretch, 2, states);
+            };
+            prop_assert_eq!(seen(&by_portable), &expected[..]);
+            let singly = |states: &mut [State]| {
+                side_by_side(portable::<f64>, &arm.coefficients, h_s, &stretch, 2, states);
+            };
+            prop_assert_eq!(seen(&singly), &expected[..]);
+        }
+    }
+}

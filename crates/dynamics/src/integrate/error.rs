@@ -1,0 +1,69 @@
+//! Why a step could not be made.
+
+use thiserror::Error;
+
+use super::Scheme;
+use resonarm_numeric::number::short;
+
+/// What keeps an integrator from starting or going on.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum IntegrateError {
+    /// The rate is not a positive number.
+    #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
+    Rate {
+        /// What was given, Hz.
+        got_hz: f64,
+    },
+    /// Steps so short that rounding outweighs what they change.
+    #[error(
+        "integration rate {got_hz:e} Hz: it must be at most {most_hz:e} Hz for this arm; what a shorter step changes is lost in \
+         rounding"
+    )]
+    RateTooHigh {
+        /// What was given, Hz.
+        got_hz: f64,
+        /// The highest rate that would do, Hz.
+        most_hz: f64,
+    },
+    /// The scheme is not stable, or sees less than one step a period, at this rate.
+    #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz", got_hz = short(.got_hz), needed_hz = short(.needed_hz))]
+    RateTooLow {
+        /// The scheme.
+        scheme: Scheme,
+        /// What was given, Hz.
+        got_hz: f64,
+        /// The lowest rate that would do, Hz.
+        needed_hz: f64,
+    },
+    /// Newton's method did not solve the stages of an implicit scheme.
+    #[error(
+        "the stages of the step at t = {t_s} s did not converge in {iterations} Newton iterations (last relative \
+         correction {correction:.1e}): raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s)
+    )]
+    NoConvergence {
+        /// Start of the step, s.
+        t_s: f64,
+        /// Iterations made.
+        iterations: usize,
+        /// The last relative correction of the stage accelerations.
+        correction: f64,
+    },
+    /// A step makes or loses energy that neither load nor dampers account for.
+    #[error(
+        "the step at t = {t_s} s changes the energy by {defect:.1e} of itself beyond the work done, even in the smallest parts: \
+         raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s)
+    )]
+    Unbalanced {
+        /// Start of the part of the step, s.
+        t_s: f64,
+        /// The unaccounted energy over the energy.
+        defect: f64,
+    },
+    /// The new state is infinite or not a number.
+    #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s))]
+    NotFinite {
+        /// End of the step, s.
+        t_s: f64,
+    },
+}

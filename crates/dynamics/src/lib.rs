@@ -1,0 +1,10 @@
+//! The equations of motion of the arm, and the one-step methods that integrate them.
+//!
+//! `no_std`: no clock, no thread, no file, no socket.
+#![cfg_attr(not(test), no_std)]
+
+extern crate alloc;
+
+pub mod arm;
+pub mod ensemble;
+pub mod integrate;

@@ -1,0 +1,140 @@
+//! Stiff and soft: which way the zones bend, read off their backbones.
+
+use super::super::figure::zone_hz;
+use super::super::{Drive, PaperError, Subject};
+use super::cases::{Judgement, Opinion, all_hold, number};
+use super::survey::{Driven, Seen, Survey};
+use resonarm_analysis::{ArmParameter, BackboneOptions, Bending, BranchOptions, ForcedArm, backbone, modes};
+use resonarm_dynamics::arm::Arm;
+
+/// A backbone up to some excitation.
+#[derive(Clone, Debug)]
+pub(super) struct Bent {
+    pub bending: Option<Bending>,
+    /// How far the resonance has moved from small to full excitation, Hz.
+    pub shift_hz: f64,
+}
+
+impl Bent {
+    pub fn words(&self) -> String {
+        let bending = match self.bending {
+            None => "straight",
+            Some(Bending::Hardening) => "stiff",
+            Some(Bending::Softening) => "soft",
+            Some(Bending::HardeningThenSoftening) => "stiff, then soft",
+            Some(Bending::SofteningThenHardening) => "soft, then stiff",
+            Some(Bending::Mixed) => "turning more than once",
+        };
+        format!("{bending} ({} Hz)", format!("{:+.3}", self.shift_hz).replace('-', "−"))
+    }
+
+    fn is(&self, bending: Bending) -> bool {
+        self.bending == Some(bending)
+    }
+
+    fn is_mixed(&self) -> bool {
+        !matches!(self.bending, None | Some(Bending::Hardening | Bending::Softening))
+    }
+}
+
+/// The amplitude at which a backbone begins, rad: at a thousandth of it the frequency is that of the linear arm to
+/// 1e-6.
+const SMALLEST_RAD: f64 = 1e-3;
+
+/// The backbone of a mode (0 or 1) up to an amplitude of the excitation.
+pub(super) fn bent(subject: &Subject, arm: &Arm, mode: usize, drive: (Drive, f64)) -> Result<Bent, PaperError> {
+    let [from, to] = zone_hz(modes(arm)[mode].frequency_hz);
+    let options = BackboneOptions {
+        smallest_rad: SMALLEST_RAD,
+        largest_rad: f64::INFINITY,
+        largest_drive: drive.1,
+        branch: BranchOptions::new(from, to),
+    };
+    let forced = ForcedArm::new(arm.clone(), drive.0.direction(), 0.0);
+    let curve = backbone(forced, mode, ArmParameter::Amplitude, &options).map_err(|source| PaperError::Analysis {
+        preset: subject.preset(),
+        beta2_deg: arm.pose().beta2_deg,
+        drive: format!("backbone of mode {} to {}", mode + 1, drive.0.words(drive.1)),
+        source: source.into(),
+    })?;
+    let ends =
+        [curve.points.first(), curve.points.last()].map(|point| point.map_or(f64::NAN, |point| point.frequency_hz));
+    Ok(Bent { bending: curve.bending(), shift_hz: ends[1] - ends[0] })
+}
+
+/// "Small" are the angles of the first third of the range of Section 4, 0 to 150°, "large" those of the last: 0° and
+/// 30°, 120° and 150° of the poses of Fig. 4.
+const SMALL_DEG: f64 = 50.0;
+const LARGE_DEG: f64 = 100.0;
+
+/// Whether the backbones of a mode, up to the torque, are of a kind at each of the poses of Fig. 4 that are asked for.
+fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn(&Bent) -> bool) -> Judgement {
+    let poses: Vec<f64> = survey.settings.figure4.beta2_deg.iter().copied().filter(|pose| wanted(*pose)).collect();
+    survey.over_torques(mode, |driven| {
+        let holds = all_hold(poses.iter().map(|pose| survey.bent(driven, *pose, mode).map(&kind)))?;
+        let (value, numbers) = listed(survey, driven, mode, &poses);
+        Ok(Opinion::new(holds && !poses.is_empty(), value, numbers))
+    })
+}
+
+/// The backbones at these poses in words and numbers.
+fn listed(survey: &Survey<'_>, driven: Driven, mode: usize, poses: &[f64]) -> (String, Vec<super::Number>) {
+    let (mut words, mut numbers) = (Vec::new(), Vec::new());
+    for beta2_deg in poses {
+        match survey.bent(driven, *beta2_deg, mode) {
+            Ok(bent) => {
+                words.push(format!("{beta2_deg}° {}", bent.words()));
+                numbers.push(number(format!("shift at {beta2_deg}°"), bent.shift_hz, "Hz"));
+            }
+            Err(_) => words.push(format!("{beta2_deg}° not computed")),
+        }
+    }
+    (words.join(", "), numbers)
+}
+
+/// "For small β2 angles, a stiff resonance curve is obtained around the first natural frequency" (Section 4).
+pub(super) fn first_stiff_when_straight(survey: &Survey<'_>) -> Judgement {
+    each(survey, 0, |beta2_deg| beta2_deg <= SMALL_DEG, |bent| bent.is(Bending::Hardening))
+}
+
+/// "Which for large β2 transits into a mixed softening–hardening curve" (Section 4): the backbone turns, in either
+/// order; the words tell which.
+pub(super) fn first_mixed_when_bent(survey: &Survey<'_>) -> Judgement {
+    each(survey, 0, |beta2_deg| beta2_deg >= LARGE_DEG, Bent::is_mixed)
+}
+
+/// "In contrast, for the resonance around the second natural frequency (Figure 4c), soft characteristics are obtained"
+/// (Section 4).
+pub(super) fn second_soft_when_straight(survey: &Survey<'_>) -> Judgement {
+    each(survey, 1, |beta2_deg| beta2_deg <= SMALL_DEG, |bent| bent.is(Bending::Softening))
+}
+
+/// "As the angle β2 increases, the situation changes: the curves shift towards lower frequencies and become stiff
+/// characteristics" (Section 4), the second half.
+pub(super) fn second_stiff_when_bent(survey: &Survey<'_>) -> Judgement {
+    each(survey, 1, |beta2_deg| beta2_deg >= LARGE_DEG, |bent| bent.is(Bending::Hardening))
+}
+
+/// "The dependence of the resonance zones on the position of the arm was demonstrated, and the resonance
+/// characteristics changed from stiff to soft or vice versa" (Section 6): each zone is stiff at one of the poses of
+/// Fig. 4 at least, and soft at another.
+pub(super) fn characters_change(survey: &Survey<'_>) -> Judgement {
+    let poses = &survey.settings.figure4.beta2_deg;
+    survey.over_torques(0, |driven| {
+        let (mut words, mut numbers) = (Vec::new(), Vec::new());
+        let mut zone = |mode: usize| -> Seen<bool> {
+            let all: Vec<Seen<&Bent>> = poses.iter().map(|pose| survey.bent(driven, *pose, mode)).collect();
+            let count = |bending| all.iter().filter(|bent| bent.as_ref().is_ok_and(|bent| bent.is(bending))).count();
+            let [stiff, soft] = [count(Bending::Hardening), count(Bending::Softening)];
+            words.push(format!("zone {}: stiff at {stiff}, soft at {soft} poses", mode + 1));
+            numbers.push(number(format!("stiff poses of zone {}", mode + 1), stiff as f64, ""));
+            numbers.push(number(format!("soft poses of zone {}", mode + 1), soft as f64, ""));
+            match all.iter().find_map(|bent| bent.as_ref().err()) {
+                Some(why) if stiff == 0 || soft == 0 => Err(why.clone()),
+                _ => Ok(stiff > 0 && soft > 0),
+            }
+        };
+        let holds = all_hold([zone(0), zone(1)].into_iter())?;
+        Ok(Opinion::new(holds, words.join("; "), numbers))
+    })
+}

@@ -1,0 +1,198 @@
+//! The paper's statements, each with what was computed for both presets, and whether it holds.
+//!
+//! A statement that depends on what the paper leaves open (the amplitude of an excitation, the line of Fig. 6, the
+//! length of a pulse) is judged once for each value of a stated range, [`Scan`](crate::paper::settings::Scan): these
+//! are its cases.
+
+mod bending;
+mod cases;
+mod linear;
+mod pulse;
+mod report;
+mod statements;
+mod survey;
+mod tip;
+mod torque;
+
+use serde::Serialize;
+
+use super::branch::by_name;
+use super::{PaperError, Settings, Subject};
+use resonarm_dynamics::arm::Preset;
+use resonarm_session::study::on_all_cores;
+use cases::Judgement;
+use survey::Survey;
+
+/// Whether a statement holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// It does in all cases that could be computed, and these are at least two thirds of all.
+    Holds,
+    /// It does in some cases.
+    HoldsInPart,
+    /// It does in none that could be computed, and these are at least two thirds of all.
+    DoesNotHold,
+    /// It does in none that could be computed, but these are fewer.
+    Undecided,
+    /// No case could be computed; the value says why.
+    NotComputed,
+}
+
+impl Verdict {
+    /// In words.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Verdict::Holds => "holds",
+            Verdict::HoldsInPart => "holds in part",
+            Verdict::DoesNotHold => "does not hold",
+            Verdict::Undecided => "undecided",
+            Verdict::NotComputed => "not computed",
+        }
+    }
+}
+
+/// A number behind a verdict.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Number {
+    /// What it is of: a pose, a force, a zone.
+    pub of: String,
+    /// The number, with its unit in its name in `unit`.
+    pub value: f64,
+    /// Its unit; empty for a ratio.
+    pub unit: &'static str,
+}
+
+/// A statement judged for one value of what the paper leaves open.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Case {
+    /// The value; empty if nothing is left open.
+    pub at: String,
+    /// Whether the statement holds there.
+    pub verdict: Verdict,
+    /// What was computed, in words with rounded numbers, or why it could not be.
+    pub value: String,
+    /// The numbers.
+    pub numbers: Vec<Number>,
+}
+
+/// What became of a statement for a preset.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// The preset.
+    #[serde(serialize_with = "by_name")]
+    pub preset: Preset,
+    /// Whether the statement holds, in all cases together.
+    pub verdict: Verdict,
+    /// What the cases vary; empty if nothing is left open.
+    pub over: &'static str,
+    /// Which of the cases is that of the figures.
+    pub own: usize,
+    /// The cases.
+    pub cases: Vec<Case>,
+}
+
+/// A statement of the paper and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Claim {
+    /// A name.
+    pub id: &'static str,
+    /// The section of the paper that makes it.
+    pub section: &'static str,
+    /// What is said, in our words.
+    pub statement: &'static str,
+    /// What is computed, and when it counts as holding.
+    pub rule: &'static str,
+    /// Whether I_S2 of `irb1600-fitted` was chosen so that this statement holds: for that preset it tests nothing then.
+    pub chosen_for: bool,
+    /// For each preset.
+    pub findings: Vec<Finding>,
+}
+
+/// The statements, held against the computed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Each statement.
+    pub claims: Vec<Claim>,
+}
+
+impl Report {
+    /// Whether every statement could be judged, in one of its cases at least.
+    pub fn is_complete(&self) -> bool {
+        self.claims.iter().flat_map(|claim| &claim.findings).all(|finding| finding.verdict != Verdict::NotComputed)
+    }
+}
+
+/// A statement with the function that judges it.
+struct Statement {
+    id: &'static str,
+    section: &'static str,
+    statement: &'static str,
+    rule: &'static str,
+    chosen_for: bool,
+    judge: fn(&Survey<'_>) -> Judgement,
+}
+
+/// Judges every statement for both presets, over all cores. `begin` is told how many computations there are, and `done`
+/// is called after each. What can't be computed is said in the report.
+///
+/// # Errors
+/// [`PaperError::Arm`] if a preset can't be read.
+pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + Sync) -> Result<Report, PaperError> {
+    let subjects = Preset::ALL.map(|preset| Subject::new(preset, settings));
+    let subjects = subjects.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut jobs = Vec::new();
+    for (index, subject) in subjects.iter().enumerate() {
+        jobs.extend(survey::jobs(subject, settings)?.into_iter().map(|job| (index, job)));
+    }
+    let all = &statements::STATEMENTS;
+    begin(jobs.len() + all.len() * subjects.len());
+    let seen = on_all_cores(&jobs, |(index, job)| survey::done(&subjects[*index], settings, *job), &done);
+    let mut seen = seen.into_iter();
+    let surveys: Vec<Survey<'_>> = subjects
+        .iter()
+        .enumerate()
+        .map(|(index, subject)| {
+            let own = jobs.iter().filter(|(of, _)| *of == index).count();
+            Survey::new(subject, settings, seen.by_ref().take(own))
+        })
+        .collect();
+    let pairs: Vec<_> =
+        all.iter().flat_map(|statement| surveys.iter().map(move |survey| (statement, survey))).collect();
+    let findings = on_all_cores(&pairs, |(statement, survey)| finding(survey, (statement.judge)(survey)), &done);
+    let mut findings = findings.into_iter();
+    let claim = |statement: &Statement| Claim {
+        id: statement.id,
+        section: statement.section,
+        statement: statement.statement,
+        rule: statement.rule,
+        chosen_for: statement.chosen_for,
+        findings: findings.by_ref().take(subjects.len()).collect(),
+    };
+    Ok(Report { claims: all.iter().map(claim).collect() })
+}
+
+fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
+    let Judgement { over, own, cases } = judgement;
+    let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict).collect();
+    let verdict = verdict(&verdicts);
+    Finding { preset: survey.subject.preset(), verdict, over, own, cases }
+}
+
+/// Whether enough of some parts could be computed to speak of all of them: two thirds.
+fn enough(computed: usize, all: usize) -> bool {
+    3 * computed >= 2 * all
+}
+
+/// The verdict on a statement from those on its cases.
+fn verdict(cases: &[Verdict]) -> Verdict {
+    let count = |verdict| cases.iter().filter(|case| **case == verdict).count();
+    let (holds, not) = (count(Verdict::Holds), count(Verdict::DoesNotHold));
+    match (holds, not, enough(holds + not, cases.len())) {
+        (0, 0, _) => Verdict::NotComputed,
+        (0, _, true) => Verdict::DoesNotHold,
+        (0, _, false) => Verdict::Undecided,
+        (_, 0, true) => Verdict::Holds,
+        _ => Verdict::HoldsInPart,
+    }
+}

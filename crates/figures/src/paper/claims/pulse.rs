@@ -1,0 +1,105 @@
+//! Section 1: the vibration that a force pulse leaves behind, by integration in time.
+
+use core::f64::consts::PI;
+
+use super::super::PaperError;
+use super::cases::{Judgement, Opinion, number, over};
+use super::survey::Survey;
+use resonarm_dynamics::arm::{Arm, Load, State};
+use resonarm_dynamics::integrate::{Excitation, Integrator, Scheme};
+
+/// F sin(πt/T) for 0 ≤ t ≤ T, along x or y.
+struct HalfSine {
+    force_n: f64,
+    length_s: f64,
+    along: Along,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Along {
+    X,
+    Y,
+}
+
+impl Excitation for HalfSine {
+    fn load(&self, t_s: f64) -> Load {
+        let force_n = if t_s < self.length_s { self.force_n * libm::sin(PI * t_s / self.length_s) } else { 0.0 };
+        match self.along {
+            Along::X => Load::force_n(force_n, 0.0),
+            Along::Y => Load::force_n(0.0, force_n),
+        }
+    }
+}
+
+/// Steps a second: 35 in a period of the fastest mode of both presets, 569 Hz.
+const RATE_HZ: f64 = 20_000.0;
+/// How long the free vibration is watched, s: some ten periods of the slower mode, in which damping takes 1 % away.
+const WATCHED_S: f64 = 0.5;
+
+/// The largest displacement of C after a pulse, m.
+fn amplitude_m(arm: &Arm, pulse: &HalfSine) -> Result<f64, PaperError> {
+    let integrator = Integrator::new(Scheme::Gl6, RATE_HZ, arm)?;
+    let rest = arm.points(&State::default().alpha_rad).c_m;
+    let (mut state, mut largest) = (State::default(), 0.0_f64);
+    for k in 0..((pulse.length_s + WATCHED_S) * RATE_HZ) as u64 {
+        let t_s = k as f64 / RATE_HZ;
+        state = integrator.step(arm, t_s, &state, pulse)?;
+        if t_s >= pulse.length_s {
+            largest = largest.max((arm.points(&state.alpha_rad).c_m - rest).norm());
+        }
+    }
+    Ok(largest)
+}
+
+/// "The amplitude of the vibrations in the robot caused by a force pulse of 100 N is 0.1 mm" (Section 1). A number with
+/// one digit stands for what rounds to it: 0.05 mm or more, less than 0.15 mm.
+pub(super) fn amplitude(survey: &Survey<'_>) -> Judgement {
+    let settings = survey.settings;
+    let mut lengths_s = settings.scan.pulse_length_s.clone();
+    if !lengths_s.contains(&settings.pulse.length_s) {
+        lengths_s.push(settings.pulse.length_s);
+    }
+    let pulses = lengths_s.iter().flat_map(|length_s| [(*length_s, Along::X), (*length_s, Along::Y)]);
+    let words = |(length_s, along): (f64, Along)| {
+        format!("{} ms along {}", length_s * 1e3, if along == Along::X { "x" } else { "y" })
+    };
+    let judge = |(length_s, along): (f64, Along)| {
+        let pulse = HalfSine { force_n: settings.pulse.force_n, length_s, along };
+        let arm = survey.subject.on_line(settings.pulse.beta2_deg);
+        let seen_m = arm.and_then(|arm| amplitude_m(&arm, &pulse)).map_err(|why| why.to_string())?;
+        let holds = (0.5..1.5).contains(&(seen_m / settings.pulse.amplitude_m));
+        Ok(Opinion::new(holds, format!("{:.3} mm", seen_m * 1e3), vec![number("amplitude", seen_m, "m")]))
+    };
+    over("pulses", (settings.pulse.length_s, Along::X), pulses, (words, judge))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_dynamics::arm::Preset;
+    use crate::paper::{Settings, Subject};
+
+    /// A blow much shorter than the modes' periods gives the arm the momentum JᵀF·2T/π at once: α̇ = M⁻¹ of it, and the
+    /// joints swing up with v = J α̇; what follows is linear in the force.
+    #[test]
+    fn a_short_blow_is_a_momentum() {
+        let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();
+        let arm = subject.on_line(120.0).unwrap();
+        let blow = |force_n| HalfSine { force_n, length_s: 1e-3, along: Along::X };
+        let [one, two] = [1.0, 2.0].map(|force_n| amplitude_m(&arm, &blow(force_n)).unwrap());
+        assert!((two / one - 2.0).abs() < 1e-4, "{one} {two}");
+        let j = arm.tip_jacobian(&State::default().alpha_rad);
+        let m = arm.mass_matrix(&State::default().alpha_rad);
+        let momentum = j.transpose() * nalgebra::Vector2::new(2e-3 / PI, 0.0);
+        let rates = m.try_inverse().unwrap() * momentum;
+        let state = State { alpha_dot_rad_s: rates, ..State::default() };
+        let integrator = Integrator::new(Scheme::Gl6, RATE_HZ, &arm).unwrap();
+        let rest = arm.points(&state.alpha_rad).c_m;
+        let (mut state, mut largest) = (state, 0.0_f64);
+        for k in 0..10_000 {
+            state = integrator.step(&arm, f64::from(k) / RATE_HZ, &state, &Load::default()).unwrap();
+            largest = largest.max((arm.points(&state.alpha_rad).c_m - rest).norm());
+        }
+        assert!((one / largest - 1.0).abs() < 0.01, "{one} {largest}");
+    }
+}

@@ -1,0 +1,277 @@
+//! What the statements are judged on: the resonance zones of an arm, over everything that the paper leaves open.
+
+use super::super::figure::zone_hz;
+use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
+use super::bending::{Bent, bent};
+use resonarm_analysis::Maximum;
+use resonarm_analysis::{BifurcationKind, modes};
+use resonarm_dynamics::arm::{Arm, Preset};
+
+/// Something computed, or why it could not be.
+pub(super) type Seen<T> = Result<T, String>;
+
+/// What drives the arm, and where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Driven {
+    /// A torque at joint 1, N·m.
+    Torque { nm: f64 },
+    /// A force along x at the tip, N, which is on a line of this height, m.
+    Force { n: f64, height_m: f64 },
+}
+
+impl Driven {
+    fn drive(self) -> (Drive, f64) {
+        match self {
+            Driven::Torque { nm } => (Drive::Torque1, nm),
+            Driven::Force { n, .. } => (Drive::ForceX, n),
+        }
+    }
+
+    fn arm(self, subject: &Subject, beta2_deg: f64) -> Result<Arm, PaperError> {
+        match self {
+            Driven::Torque { .. } => subject.bent(beta2_deg),
+            Driven::Force { height_m, .. } => subject.on_line_at(beta2_deg, height_m),
+        }
+    }
+}
+
+/// A resonance zone: that of a mode (0 or 1) in a pose, driven.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub driven: Driven,
+    pub beta2_deg: f64,
+    pub mode: usize,
+}
+
+/// What is read off a zone.
+#[derive(Clone, Debug)]
+pub(super) struct Zone {
+    /// Of each link, the highest first.
+    maxima: [Vec<Maximum>; 2],
+    width_hz: [Option<f64>; 2],
+    /// The largest ratio of stable amplitudes of link 1 at one frequency; 1 if there is one motion at each.
+    pub ratio: f64,
+    /// Frequencies of period doublings, folds and Neimark–Sacker bifurcations, Hz.
+    doublings_hz: Vec<f64>,
+    folds_hz: Vec<f64>,
+    tori_hz: Vec<f64>,
+}
+
+impl Zone {
+    fn of(branch: &ForcedBranch) -> Zone {
+        let places = |kind| branch.bifurcations(kind).map(|motion| motion.frequency_hz).collect();
+        Zone {
+            maxima: [0, 1].map(|link| branch.maxima(link)),
+            width_hz: [0, 1].map(|link| branch.half_power_width_hz(link)),
+            ratio: branch.largest_ratio(0).0,
+            doublings_hz: places(BifurcationKind::PeriodDoubling),
+            folds_hz: places(BifurcationKind::Fold),
+            tori_hz: places(BifurcationKind::NeimarkSacker),
+        }
+    }
+
+    /// The highest maximum of a link (0 or 1).
+    pub fn peak(&self, link: usize) -> Seen<Maximum> {
+        self.maxima[link].first().copied().ok_or_else(|| String::from("a zone without a maximum"))
+    }
+
+    /// The maxima of a link, the highest first.
+    pub fn maxima(&self, link: usize) -> &[Maximum] {
+        &self.maxima[link]
+    }
+
+    /// The half-power width of a link, Hz.
+    pub fn width_hz(&self, link: usize) -> Seen<f64> {
+        self.width_hz[link].ok_or_else(|| String::from("a zone without a maximum"))
+    }
+
+    /// How many folds there are.
+    pub fn folds(&self) -> usize {
+        self.folds_hz.len()
+    }
+
+    /// The bifurcations of a kind, Hz.
+    pub fn bifurcations_hz(&self, kind: BifurcationKind) -> &[f64] {
+        match kind {
+            BifurcationKind::Fold => &self.folds_hz,
+            BifurcationKind::PeriodDoubling => &self.doublings_hz,
+            BifurcationKind::NeimarkSacker => &self.tori_hz,
+            BifurcationKind::BranchPoint => &[],
+        }
+    }
+}
+
+/// A place seen.
+#[derive(Clone, Debug)]
+pub(super) struct View {
+    place: Place,
+    zone: Seen<Zone>,
+    bent: Seen<Bent>,
+}
+
+/// A pose of Fig. 5, degrees, and the torques at which its curve folds, N·m.
+pub(super) type Folds = (f64, Seen<Vec<f64>>);
+
+/// A computation of the survey.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Job {
+    Place(Place),
+    Pose5(f64),
+}
+
+/// Its result.
+pub(super) enum Done {
+    View(Box<View>),
+    Folds(Folds),
+}
+
+/// Everything computed for a preset before statements are judged.
+pub(super) struct Survey<'a> {
+    pub subject: &'a Subject,
+    pub settings: &'a Settings,
+    views: Vec<View>,
+    /// Poses of Fig. 5.
+    pub over_torque: Vec<Folds>,
+}
+
+/// `own` among `values`, ascending.
+fn with(values: &[f64], own: &[f64]) -> Vec<f64> {
+    let mut all = [values, own].concat();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// Torques that are scanned, with that of the figure, N·m.
+pub(super) fn torques_nm(settings: &Settings, preset: Preset, mode: usize) -> Vec<f64> {
+    with(&settings.scan.torque_nm, &[own_torque_nm(settings, preset, mode)])
+}
+
+/// The torque of Fig. 4 in a zone, N·m.
+pub(super) fn own_torque_nm(settings: &Settings, preset: Preset, mode: usize) -> f64 {
+    let four = &settings.figure4;
+    *[&four.torque_nm, &four.second_zone_torque_nm][mode].of(preset)
+}
+
+/// Forces that are scanned, with those of Figs. 7 and 9, N.
+pub(super) fn forces_n(settings: &Settings) -> Vec<f64> {
+    with(&settings.scan.force_n, &[settings.figure7.force_n, settings.figure9.force_n])
+}
+
+/// Heights that are scanned, with that of the figures, m.
+pub(super) fn heights_m(settings: &Settings) -> Vec<f64> {
+    with(&settings.scan.height_m, &[settings.line.height_m])
+}
+
+/// What a preset needs.
+pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, PaperError> {
+    let mut driven: Vec<(Driven, Vec<f64>)> = Vec::new();
+    let torques = with(&torques_nm(settings, subject.preset(), 0), &torques_nm(settings, subject.preset(), 1));
+    driven.extend(torques.into_iter().map(|nm| (Driven::Torque { nm }, settings.figure4.beta2_deg.clone())));
+    let seven = &settings.figure7;
+    let positions = with(&seven.beta2_deg, &[seven.detail_beta2_deg, settings.figure9.beta2_deg]);
+    for height_m in heights_m(settings) {
+        let along = |n| (Driven::Force { n, height_m }, positions.clone());
+        driven.extend(forces_n(settings).into_iter().map(along));
+    }
+    let strong = &settings.scan;
+    let torques = strong.strong_torque_nm.iter();
+    driven.extend(torques.map(|nm| (Driven::Torque { nm: *nm }, strong.strong_beta2_deg.clone())));
+    let places = driven.into_iter().flat_map(|(driven, poses)| {
+        let zones = move |beta2_deg| [0, 1].map(|mode| Job::Place(Place { driven, beta2_deg, mode }));
+        poses.into_iter().flat_map(zones)
+    });
+    let mut jobs: Vec<Job> = Vec::new();
+    for place in places {
+        if !jobs.contains(&place) {
+            jobs.push(place);
+        }
+    }
+    jobs.extend(poses_of_figure5(subject, settings)?.into_iter().map(Job::Pose5));
+    Ok(jobs)
+}
+
+/// The poses at which the frequency of Fig. 5 is near to the first natural frequency, degrees.
+fn poses_of_figure5(subject: &Subject, settings: &Settings) -> Result<Vec<f64>, PaperError> {
+    let (step, nearness) = (settings.scan.figure5_step_deg, settings.scan.figure5_nearness);
+    let mut poses = Vec::new();
+    for k in 0..=(180.0 / step) as u32 {
+        let beta2_deg = f64::from(k) * step;
+        let first_hz = modes(&subject.bent(beta2_deg)?)[0].frequency_hz;
+        if (settings.figure5.frequency_hz / first_hz - 1.0).abs() <= nearness {
+            poses.push(beta2_deg);
+        }
+    }
+    Ok(poses)
+}
+
+/// Computes one of the jobs.
+pub(super) fn done(subject: &Subject, settings: &Settings, job: Job) -> Done {
+    match job {
+        Job::Place(place) => Done::View(Box::new(view(subject, place))),
+        Job::Pose5(beta2_deg) => {
+            Done::Folds((beta2_deg, folds_over_torque(subject, settings, beta2_deg).map_err(|why| why.to_string())))
+        }
+    }
+}
+
+fn view(subject: &Subject, place: Place) -> View {
+    let Place { driven, beta2_deg, mode } = place;
+    let zone = || -> Result<Zone, PaperError> {
+        let arm = driven.arm(subject, beta2_deg)?;
+        let range_hz = zone_hz(modes(&arm)[mode].frequency_hz);
+        Ok(Zone::of(&ForcedBranch::over_frequency(subject, &arm, driven.drive(), range_hz)?))
+    };
+    let bent = || bent(subject, &driven.arm(subject, beta2_deg)?, mode, driven.drive());
+    View { place, zone: zone().map_err(|why| why.to_string()), bent: bent().map_err(|why| why.to_string()) }
+}
+
+fn folds_over_torque(subject: &Subject, settings: &Settings, beta2_deg: f64) -> Result<Vec<f64>, PaperError> {
+    let (five, arm) = (&settings.figure5, subject.bent(beta2_deg)?);
+    let drive = (Drive::Torque1, *five.largest_torque_nm.of(subject.preset()));
+    let branch = ForcedBranch::over_amplitude(subject, &arm, drive, five.frequency_hz)?;
+    Ok(branch.bifurcations(BifurcationKind::Fold).map(|fold| fold.excitation).collect())
+}
+
+impl<'a> Survey<'a> {
+    /// Takes in what was computed.
+    pub fn new(subject: &'a Subject, settings: &'a Settings, done: impl Iterator<Item = Done>) -> Survey<'a> {
+        let mut survey = Survey { subject, settings, views: Vec::new(), over_torque: Vec::new() };
+        for done in done {
+            match done {
+                Done::View(view) => survey.views.push(*view),
+                Done::Folds(folds) => survey.over_torque.push(folds),
+            }
+        }
+        survey
+    }
+
+    fn view(&self, place: Place) -> Seen<&View> {
+        self.views.iter().find(|view| view.place == place).ok_or_else(|| format!("not surveyed: {place:?}"))
+    }
+
+    /// What is read off a zone.
+    pub fn zone(&self, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<&Zone> {
+        self.view(Place { driven, beta2_deg, mode })?.zone.as_ref().map_err(String::clone)
+    }
+
+    /// Its backbone up to the excitation.
+    pub fn bent(&self, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<&Bent> {
+        self.view(Place { driven, beta2_deg, mode })?.bent.as_ref().map_err(String::clone)
+    }
+
+    /// All zones that could be computed, with what drives them.
+    pub fn zones(&self) -> impl Iterator<Item = (Place, &Zone)> {
+        self.views.iter().filter_map(|view| Some((view.place, view.zone.as_ref().ok()?)))
+    }
+
+    /// How many zones there are, computed or not.
+    pub fn zone_count(&self) -> usize {
+        self.views.len()
+    }
+
+    /// The torque of Fig. 4 in a zone, N·m.
+    pub fn own_torque_nm(&self, mode: usize) -> f64 {
+        own_torque_nm(self.settings, self.subject.preset(), mode)
+    }
+}

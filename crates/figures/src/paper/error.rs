@@ -1,0 +1,54 @@
+//! Why a figure or a claim could not be computed.
+
+use thiserror::Error;
+
+use super::{MeasuredError, SettingsError};
+use resonarm_analysis::AnalysisError;
+use resonarm_dynamics::arm::{ArmError, Preset};
+use resonarm_dynamics::integrate::IntegrateError;
+use resonarm_numeric::number::{rounded, short};
+
+/// Why a figure or a claim could not be computed.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum PaperError {
+    /// The settings are none, or ask for what can't be.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// What was measured can't be used.
+    #[error(transparent)]
+    Measured(#[from] MeasuredError),
+    /// There is no such arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// A curve could not be followed.
+    #[error("{preset} at β2 = {beta2_deg}°, {drive}: {source}", beta2_deg = short(.beta2_deg))]
+    Analysis {
+        /// The preset.
+        preset: Preset,
+        /// The pose, degrees.
+        beta2_deg: f64,
+        /// What drives the arm.
+        drive: String,
+        /// Why, and what to try.
+        source: AnalysisError,
+    },
+    /// A motion could not be integrated.
+    #[error(transparent)]
+    Integrate(#[from] IntegrateError),
+    /// A curve that a claim is about has no resonance where it should have one.
+    #[error(
+        "{preset} at β2 = {beta2_deg}°: no motion between {from_hz} and {to_hz} Hz",
+        beta2_deg = short(.beta2_deg), from_hz = rounded(.from_hz, 3), to_hz = rounded(.to_hz, 3)
+    )]
+    NoMotion {
+        /// The preset.
+        preset: Preset,
+        /// The pose, degrees.
+        beta2_deg: f64,
+        /// Start of the range, Hz.
+        from_hz: f64,
+        /// End of the range, Hz.
+        to_hz: f64,
+    },
+}

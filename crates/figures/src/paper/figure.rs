@@ -1,0 +1,345 @@
+//! The figures as data: which curves they show, and in which panels.
+
+use serde::Serialize;
+
+use super::branch::by_name;
+use super::{Drive, ForcedBranch, MeasuredPoint, MeasuredZone, MeasuredZones, PaperError, Settings, Subject};
+use resonarm_analysis::modes;
+use resonarm_dynamics::arm::{Arm, Parameters, Preset};
+use resonarm_session::study::on_all_cores;
+
+/// The figures of the paper that show computed curves of forced motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Figure {
+    /// `fig4`: amplitude of link 1 over the frequency of a torque, at several poses.
+    Fig4,
+    /// `fig5`: amplitude of link 1 over the amplitude of a torque.
+    Fig5,
+    /// `fig7`: amplitudes over the frequency of a force at the tip, on the line of Fig. 6.
+    Fig7,
+    /// `fig9`: amplitudes over the frequency in the measured position.
+    Fig9,
+}
+
+impl Figure {
+    /// The name by which it is asked for, and of its files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Figure::Fig4 => "fig4",
+            Figure::Fig5 => "fig5",
+            Figure::Fig7 => "fig7",
+            Figure::Fig9 => "fig9",
+        }
+    }
+}
+
+/// A curve to compute.
+#[derive(Clone, Debug)]
+struct Job {
+    label: String,
+    arm: Arm,
+    drive: Drive,
+    walk: Walk,
+}
+
+/// What varies along a curve.
+#[derive(Clone, Copy, Debug)]
+enum Walk {
+    Frequency { amplitude: f64, range_hz: [f64; 2] },
+    Amplitude { largest: f64, frequency_hz: f64 },
+}
+
+/// Curves that belong into one panel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Panel {
+    /// What it shows.
+    pub title: String,
+    /// Which link's amplitude, 1 or 2.
+    pub link: usize,
+    /// What varies.
+    pub abscissa: Abscissa,
+    /// Whether the amplitude is drawn by its logarithm.
+    pub logarithmic: bool,
+    /// The part of the abscissa that is shown; all of it if none is given.
+    pub range: Option<[f64; 2]>,
+    /// Whether each curve carries its name; else there is one, or the title has all of them.
+    pub names: bool,
+    /// The curves, by their places in [`Curves::curves`].
+    pub curves: Vec<usize>,
+}
+
+/// What varies along the curves of a panel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Abscissa {
+    /// The frequency of the excitation, Hz.
+    FrequencyHz,
+    /// The amplitude of the torque at joint 1, N·m.
+    Torque1Nm,
+}
+
+/// A branch with its name in the figure.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Curve {
+    /// Its name.
+    pub label: String,
+    /// Its motions.
+    #[serde(flatten)]
+    pub branch: ForcedBranch,
+}
+
+/// A figure's data.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Curves {
+    /// Which figure.
+    pub figure: Figure,
+    /// The preset.
+    #[serde(serialize_with = "by_name")]
+    pub preset: Preset,
+    /// The arm, the same in all curves; its pose stands beside each.
+    pub parameters: Parameters,
+    /// What it shows.
+    pub title: String,
+    /// The conditions under which it holds.
+    pub conditions: String,
+    /// Its panels.
+    pub panels: Vec<Panel>,
+    /// Its curves.
+    pub curves: Vec<Curve>,
+    /// What a bench measured, to be drawn over the curves of every panel.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<MeasuredPoint>,
+}
+
+/// A figure before it is computed.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    figure: Figure,
+    subject: Subject,
+    title: &'static str,
+    conditions: String,
+    jobs: Vec<Job>,
+    panels: Vec<Panel>,
+    measured: Vec<MeasuredPoint>,
+}
+
+/// The part of a mode's natural frequency on either side of it in which its resonance zone is looked for. Zones of this
+/// width do not meet, since f2 > 1.4 f1 at all poses of both presets.
+const ZONE: f64 = 0.15;
+
+/// The frequencies of a resonance zone, Hz.
+pub(super) fn zone_hz(natural_hz: f64) -> [f64; 2] {
+    [natural_hz * (1.0 - ZONE), natural_hz * (1.0 + ZONE)]
+}
+
+impl Plan {
+    /// What a figure needs.
+    ///
+    /// # Errors
+    /// [`PaperError`] if the settings ask for a pose that can't be.
+    pub fn new(figure: Figure, preset: Preset, settings: &Settings) -> Result<Plan, PaperError> {
+        let subject = Subject::new(preset, settings)?;
+        let (title, conditions) = match figure {
+            Figure::Fig4 => {
+                ("Amplitude–frequency characteristics of link 1, torque at joint 1", String::from(", curves by β₂"))
+            }
+            Figure::Fig5 => (
+                "Amplitude of link 1 against amplitude of the torque at joint 1",
+                format!(", {} Hz, curves by β₂", settings.figure5.frequency_hz),
+            ),
+            Figure::Fig7 => (
+                "Amplitude–frequency characteristics, force at the tip along x",
+                format!(", tip at the height y = {} m, curves by β₂", settings.line.height_m).replace('-', "−"),
+            ),
+            Figure::Fig9 => (
+                "Amplitude–frequency characteristics in the measured position",
+                format!(", β₂ = {}°, {} N along x at the tip", settings.figure9.beta2_deg, settings.figure9.force_n),
+            ),
+        };
+        let conditions = format!("{}{conditions}", subject.label()?);
+        let mut plan = Plan { figure, subject, title, conditions, jobs: vec![], panels: vec![], measured: vec![] };
+        match figure {
+            Figure::Fig4 => plan.fill_figure4(settings)?,
+            Figure::Fig5 => plan.fill_figure5(settings)?,
+            Figure::Fig7 => plan.fill_figure7(settings)?,
+            Figure::Fig9 => plan.fill_figure9(settings)?,
+        }
+        Ok(plan)
+    }
+
+    /// Fig. 9 of an arm that was measured: a curve for each zone, under its force, and the points over it.
+    pub fn measured(measured: &MeasuredZones) -> Plan {
+        let (pose, zones) = (measured.arm.pose(), &measured.zones);
+        let forces: Vec<String> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
+        let (label, forces) = (&measured.label, forces.join(" and "));
+        let angles = format!("β₁ = {}°, β₂ = {}°", pose.beta1_deg, pose.beta2_deg).replace('-', "−");
+        let mut plan = Plan {
+            figure: Figure::Fig9,
+            subject: Subject::measured(measured),
+            title: "Amplitude–frequency characteristics in the measured position, measured on computed",
+            conditions: format!("{label}, {angles}, {forces} along x at the tip"),
+            jobs: vec![],
+            panels: vec![],
+            measured: zones.iter().flat_map(|zone| zone.points.clone()).collect(),
+        };
+        let add = |zone: &MeasuredZone| {
+            let force = (Drive::ForceX, zone.force_n);
+            plan.over_frequency(format!("{} N", zone.force_n), measured.arm.clone(), force, zone.range_hz)
+        };
+        let curves: Vec<usize> = zones.iter().map(add).collect();
+        plan.panel("(a) Link 1", 1, Some(measured.range_hz()), curves.clone());
+        plan.panel("(b) Link 2", 2, Some(measured.range_hz()), curves);
+        plan
+    }
+
+    /// How many curves it has.
+    pub fn curve_count(&self) -> usize {
+        self.jobs.len()
+    }
+
+    /// Computes the curves over all cores; `done` is called after each.
+    ///
+    /// # Errors
+    /// [`PaperError::Analysis`] says which curve could not be followed, where and why.
+    pub fn compute(self, done: impl Fn() + Sync) -> Result<Curves, PaperError> {
+        let subject = &self.subject;
+        let work = |job: &Job| {
+            let branch = match job.walk {
+                Walk::Frequency { amplitude, range_hz } => {
+                    ForcedBranch::over_frequency(subject, &job.arm, (job.drive, amplitude), range_hz)
+                }
+                Walk::Amplitude { largest, frequency_hz } => {
+                    ForcedBranch::over_amplitude(subject, &job.arm, (job.drive, largest), frequency_hz)
+                }
+            };
+            branch.map(|branch| Curve { label: job.label.clone(), branch })
+        };
+        let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
+        let (figure, preset, title) = (self.figure, self.subject.preset(), self.title.to_string());
+        let (parameters, conditions) = (*self.subject.parameters(), self.conditions);
+        let (panels, measured) = (self.panels, self.measured);
+        Ok(Curves { figure, preset, parameters, title, conditions, panels, curves, measured })
+    }
+
+    /// Adds a curve over the frequency and returns its place.
+    fn over_frequency(&mut self, label: String, arm: Arm, drive: (Drive, f64), range_hz: [f64; 2]) -> usize {
+        let walk = Walk::Frequency { amplitude: drive.1, range_hz };
+        self.jobs.push(Job { label, arm, drive: drive.0, walk });
+        self.jobs.len() - 1
+    }
+
+    fn panel(&mut self, title: impl Into<String>, link: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
+        let (title, abscissa) = (title.into(), Abscissa::FrequencyHz);
+        self.panels.push(Panel { title, link, abscissa, logarithmic: false, range, names: true, curves });
+    }
+
+    fn unnamed(&mut self, title: impl Into<String>, link: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
+        self.panel(title, link, range, curves);
+        self.panels.iter_mut().last().into_iter().for_each(|panel| panel.names = false);
+    }
+
+    fn spectrum(&mut self, title: impl Into<String>, link: usize, range_hz: [f64; 2], curves: Vec<usize>) {
+        self.panel(title, link, Some(range_hz), curves);
+        self.panels.iter_mut().last().into_iter().for_each(|panel| panel.logarithmic = true);
+    }
+
+    fn fill_figure4(&mut self, settings: &Settings) -> Result<(), PaperError> {
+        let (four, preset) = (&settings.figure4, self.subject.preset());
+        let (torque, second) = (*four.torque_nm.of(preset), *four.second_zone_torque_nm.of(preset));
+        let (mut whole, mut zones) = (vec![], vec![]);
+        for &beta2_deg in &four.beta2_deg {
+            let (arm, label) = (self.subject.bent(beta2_deg)?, pose(beta2_deg));
+            let zone = zone_hz(modes(&arm)[1].frequency_hz);
+            whole.push(self.over_frequency(label.clone(), arm.clone(), (Drive::Torque1, torque), settings.range_hz));
+            zones.push(self.over_frequency(label, arm, (Drive::Torque1, second), zone));
+        }
+        self.spectrum(format!("(a) Entire spectrum, {torque} N·m"), 1, settings.range_hz, whole.clone());
+        self.panel(format!("(b) First resonance zone, {torque} N·m"), 1, None, whole);
+        self.panel(format!("(c) Second resonance zone, {second} N·m"), 1, None, zones);
+        Ok(())
+    }
+
+    fn fill_figure5(&mut self, settings: &Settings) -> Result<(), PaperError> {
+        let (five, preset) = (&settings.figure5, self.subject.preset());
+        let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
+        for &beta2_deg in five.beta2_deg.of(preset) {
+            let (arm, walk) = (self.subject.bent(beta2_deg)?, Walk::Amplitude { largest, frequency_hz });
+            self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, walk });
+        }
+        let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
+        let abscissa = Abscissa::Torque1Nm;
+        let (title, logarithmic, names) = (String::new(), false, true);
+        self.panels.push(Panel { title, link: 1, abscissa, logarithmic, range, names, curves });
+        Ok(())
+    }
+
+    fn fill_figure7(&mut self, settings: &Settings) -> Result<(), PaperError> {
+        let (seven, preset) = (&settings.figure7, self.subject.preset());
+        let force = (Drive::ForceX, seven.force_n);
+        let mut whole = vec![];
+        for &beta2_deg in &seven.beta2_deg {
+            let arm = self.subject.on_line(beta2_deg)?;
+            whole.push(self.over_frequency(pose(beta2_deg), arm, force, settings.range_hz));
+        }
+        self.spectrum(format!("(a) Link 1, {} N", force.1), 1, settings.range_hz, whole.clone());
+        self.spectrum(format!("(b) Link 2, {} N", force.1), 2, settings.range_hz, whole);
+        let detail = seven.detail_beta2_deg;
+        let arm = self.subject.on_line(detail)?;
+        let details = [
+            (1, "(c) Link 1, second zone", 1, seven.second_zone_force_n.of(preset)),
+            (0, "(d) Link 2, first zone", 2, seven.first_zone_force_n.of(preset)),
+        ];
+        for (mode, title, link, forces) in details {
+            let zone = zone_hz(modes(&arm)[mode].frequency_hz);
+            let add =
+                |force: &f64| self.over_frequency(format!("{force} N"), arm.clone(), (Drive::ForceX, *force), zone);
+            let curves = forces.iter().map(add).collect();
+            let listed: Vec<String> = forces.iter().map(f64::to_string).collect();
+            // Peaks over each other leave no room for names.
+            let title = format!("{title}, β₂ = {detail}°, from low to high {} N", listed.join(", "));
+            self.unnamed(title, link, None, curves);
+        }
+        Ok(())
+    }
+
+    fn fill_figure9(&mut self, settings: &Settings) -> Result<(), PaperError> {
+        let nine = &settings.figure9;
+        let arm = self.subject.on_line(nine.beta2_deg)?;
+        let force = (Drive::ForceX, nine.force_n);
+        let curve = self.over_frequency(String::new(), arm, force, nine.range_hz);
+        self.unnamed("(a) Link 1", 1, Some(nine.range_hz), vec![curve]);
+        self.unnamed("(b) Link 2", 2, Some(nine.range_hz), vec![curve]);
+        Ok(())
+    }
+}
+
+fn pose(beta2_deg: f64) -> String {
+    format!("{beta2_deg}°")
+}
+
+/// Fig. 3: natural frequencies over β2.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NaturalFrequencies {
+    /// The preset.
+    #[serde(serialize_with = "by_name")]
+    pub preset: Preset,
+    /// The arm.
+    pub parameters: Parameters,
+    /// β2, degrees; β1 is 0.
+    pub beta2_deg: Vec<f64>,
+    /// f1 and f2 at each β2, Hz.
+    pub frequency_hz: Vec<[f64; 2]>,
+}
+
+/// Natural frequencies from β2 = −180° to 180°, a degree apart.
+///
+/// # Errors
+/// As [`Subject::new`].
+pub fn natural_frequencies(preset: Preset, settings: &Settings) -> Result<NaturalFrequencies, PaperError> {
+    let subject = Subject::new(preset, settings)?;
+    let beta2_deg: Vec<f64> = (-180..=180).map(f64::from).collect();
+    let frequencies = |beta2_deg: &f64| Ok(modes(&subject.bent(*beta2_deg)?).map(|mode| mode.frequency_hz));
+    let frequency_hz = beta2_deg.iter().map(frequencies).collect::<Result<_, PaperError>>()?;
+    Ok(NaturalFrequencies { preset, parameters: *subject.parameters(), beta2_deg, frequency_hz })
+}

@@ -1,0 +1,158 @@
+//! What is read off a branch: peaks, widths, and how far its stable motions are apart.
+
+use super::{ForcedBranch, Motion, PaperError};
+use resonarm_analysis::{Maximum, half_power_width_hz, maxima};
+
+impl ForcedBranch {
+    /// The motion with the largest amplitude of a link (0 or 1).
+    ///
+    /// # Errors
+    /// [`PaperError::NoMotion`] if the branch has none in the range.
+    pub fn peak(&self, link: usize, range_hz: [f64; 2]) -> Result<&Motion, PaperError> {
+        let larger = |a: &&Motion, b: &&Motion| a.amplitude_rad[link].total_cmp(&b.amplitude_rad[link]);
+        self.within(range_hz).max_by(larger).ok_or(PaperError::NoMotion {
+            preset: self.preset,
+            beta2_deg: self.beta2_deg,
+            from_hz: range_hz[0],
+            to_hz: range_hz[1],
+        })
+    }
+
+    /// The maxima of a link's amplitude along the branch, its ends excluded, the highest first.
+    pub fn maxima(&self, link: usize) -> Vec<Maximum> {
+        maxima(&self.curve(link))
+    }
+
+    /// The width of a link's resonance, stable or not, as [`half_power_width_hz`] has it.
+    pub fn half_power_width_hz(&self, link: usize) -> Option<f64> {
+        // Bifurcations may lie beyond the steps next to them.
+        let all: Vec<(f64, f64)> =
+            self.motions.iter().map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect();
+        half_power_width_hz(&self.curve(link), &all)
+    }
+
+    /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1
+    /// where there is one motion only.
+    pub fn largest_ratio(&self, link: usize) -> (f64, f64) {
+        let stable: Vec<[(f64, f64); 2]> = self
+            .segments()
+            .filter(|(.., is_stable)| *is_stable)
+            .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])))
+            .collect();
+        let mut largest = (1.0, f64::NAN);
+        for motion in &self.motions {
+            let hz = motion.frequency_hz;
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            for [a, b] in stable.iter().filter(|[a, b]| a.0.min(b.0) <= hz && hz <= a.0.max(b.0) && a.0 != b.0) {
+                let amplitude = a.1 + (b.1 - a.1) * (hz - a.0) / (b.0 - a.0);
+                (least, most) = (least.min(amplitude), most.max(amplitude));
+            }
+            if most / least > largest.0 {
+                largest = (most / least, hz);
+            }
+        }
+        largest
+    }
+
+    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the walk. Bifurcations are left out: one can lie
+    /// so near to a step that the slope between them is rounding.
+    fn curve(&self, link: usize) -> Vec<(f64, f64)> {
+        let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
+        steps.map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Drive;
+    use super::super::branch::{Event, Stability};
+    use super::*;
+    use resonarm_analysis::BifurcationKind;
+    use resonarm_dynamics::arm::Preset;
+
+    fn branch(points: &[(f64, f64, Stability)]) -> ForcedBranch {
+        let motion = |(frequency_hz, amplitude, stability): &(f64, f64, Stability)| Motion {
+            frequency_hz: *frequency_hz,
+            excitation: 1.0,
+            amplitude_rad: [*amplitude; 2],
+            harmonic1_rad: [*amplitude; 2],
+            stability: *stability,
+            bifurcation: None,
+        };
+        let (preset, drive) = (Preset::Irb1600Fitted, Drive::Torque1);
+        let motions = points.iter().map(motion).collect();
+        ForcedBranch { preset, beta1_deg: 0.0, beta2_deg: 0.0, drive, natural_hz: [1.0, 2.0], motions }
+    }
+
+    #[test]
+    fn measures_are_those_of_a_curve_drawn_by_hand() {
+        use Stability::*;
+        // Up to a fold at (4, 3), back below to another at (2, 1), on to (6, 0.5).
+        let s = branch(&[
+            (0.0, 0.0, Stable),
+            (4.0, 3.0, Marginal),
+            (3.0, 2.0, Unstable),
+            (2.0, 1.0, Marginal),
+            (6.0, 0.5, Stable),
+        ]);
+        // At the upper fold: 3 above, 1 − 0.5 · 2/4 below.
+        assert_eq!(s.largest_ratio(0), (4.0, 4.0));
+        assert_eq!(s.peak(0, [0.0, 6.0]).unwrap().frequency_hz, 4.0);
+        assert_eq!(s.peak(0, [0.0, 3.5]).unwrap().frequency_hz, 3.0);
+        assert!(s.peak(0, [7.0, 8.0]).is_err());
+        assert_eq!(branch(&[(0.0, 1.0, Stable), (1.0, 2.0, Stable)]).half_power_width_hz(0), None);
+    }
+
+    #[test]
+    fn prominence_is_how_far_one_must_climb_down() {
+        let waves = [0.0, 2.0, 1.9, 2.5, 1.0, 1.5, 0.0];
+        let points: Vec<_> = waves.iter().enumerate().map(|(i, a)| (i as f64, *a, Stability::Stable)).collect();
+        let prominences: Vec<f64> = branch(&points).maxima(1).iter().map(|top| top.prominence).collect();
+        for (seen, expected) in prominences.iter().zip([1.0, 0.05, 1.0 / 3.0]) {
+            assert!((seen - expected).abs() < 1e-12, "{prominences:?}");
+        }
+        assert_eq!(prominences.len(), 3);
+    }
+
+    /// A peak that leans by a hundred of its widths: its sides run along the same frequencies.
+    #[test]
+    fn the_top_of_a_leaning_peak_is_not_overshot() {
+        for offset in [-0.04, 0.0, 0.013, 0.05] {
+            let points: Vec<_> = (0..31)
+                .map(|k| -1.5 + offset + 0.1 * f64::from(k))
+                .map(|phase| {
+                    (40.0 + 1e-3 * libm::tan(phase) - 0.1 * libm::cos(phase), libm::cos(phase), Stability::Stable)
+                })
+                .collect();
+            let top = branch(&points).maxima(0)[0];
+            assert!(
+                (top.amplitude_rad - 1.0).abs() < 1e-5 && (top.frequency_hz - 39.9).abs() < 1e-5,
+                "{offset} {top:?}"
+            );
+        }
+    }
+
+    /// A linear resonance 1/√(x² + 1), x = (f − f₀)/(ζf₀), is 2ζf₀ wide; sampled every tenth of a radian of its circle,
+    /// and off its top.
+    #[test]
+    fn width_and_peak_of_a_sampled_resonance_are_good_to_1e_5() {
+        let [f0, half_width] = [40.0, 0.035];
+        let points: Vec<_> = (0..31)
+            .map(|k| -1.53 + 0.1 * f64::from(k))
+            .map(|phase| (f0 + half_width * libm::tan(phase), libm::cos(phase), Stability::Stable))
+            .collect();
+        let resonance = branch(&points);
+        let top = resonance.maxima(0)[0];
+        assert!((top.frequency_hz - f0).abs() < 1e-2 * half_width, "{top:?}");
+        assert!((top.amplitude_rad - 1.0).abs() < 1e-5, "{top:?}");
+        let width = resonance.half_power_width_hz(0).unwrap();
+        assert!((width / (2.0 * half_width) - 1.0).abs() < 1e-4, "{width}");
+        // A bifurcation beside the highest step, off by the error of its location, changes nothing.
+        let (mut marked, highest) = (resonance.clone(), 15);
+        let mut fold = marked.motions[highest].clone();
+        fold.amplitude_rad = fold.amplitude_rad.map(|amplitude| amplitude * (1.0 - 1e-6));
+        (fold.frequency_hz, fold.bifurcation) = (fold.frequency_hz - 1e-9, Some(Event(BifurcationKind::Fold)));
+        marked.motions.insert(highest, fold);
+        assert_eq!((marked.maxima(0)[0], marked.half_power_width_hz(0).unwrap()), (top, width));
+    }
+}

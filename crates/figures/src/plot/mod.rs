@@ -1,0 +1,298 @@
+//! Figures of journal quality, as SVG and PNG.
+//!
+//! A [`Figure`] is data: panels, axes, series. It is laid out once into a scene of paths and texts, which is then
+//! written as SVG (vector, text stays text) or drawn as PNG (300 dpi), so that both look the same. The same figure
+//! gives the same bytes.
+
+mod axis;
+mod caption;
+mod clip;
+mod error;
+mod font;
+mod layout;
+mod legend;
+mod notes;
+mod panel;
+mod png;
+mod rows;
+mod scene;
+mod style;
+mod svg;
+mod ticks;
+
+use std::path::{Path, PathBuf};
+
+pub use caption::Subtitle;
+pub use error::PlotError;
+pub use style::{Color, Dash, Marker, Style};
+
+/// A figure: panels under a title.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// The title; broken into lines where it is too long.
+    pub title: String,
+    /// A line below the title: the conditions under which it holds.
+    pub subtitle: Subtitle,
+    /// The panels, row by row. Panels below each other whose x axes are equal share them: one range, labels on the
+    /// lowest.
+    pub panels: Vec<Panel>,
+    /// How many panels stand beside each other, at least 1.
+    pub columns: usize,
+}
+
+impl Figure {
+    /// What [`Figure::write`] appends: SVG, PNG and the caption.
+    pub const ENDINGS: [&'static str; 3] = [".svg", ".png", ".txt"];
+
+    /// A figure without panels, of one column.
+    pub fn new(title: impl Into<String>) -> Self {
+        Self { title: title.into(), subtitle: Subtitle::default(), panels: Vec::new(), columns: 1 }
+    }
+
+    /// The figure with a subtitle.
+    #[must_use]
+    pub fn subtitle(self, subtitle: impl Into<Subtitle>) -> Self {
+        Self { subtitle: subtitle.into(), ..self }
+    }
+
+    /// The figure with one panel more.
+    #[must_use]
+    pub fn with(mut self, panel: Panel) -> Self {
+        self.panels.push(panel);
+        self
+    }
+
+    /// The figure as an SVG document.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the figure can't be drawn.
+    pub fn to_svg(&self) -> Result<String, PlotError> {
+        Ok(svg::document(&layout::scene(self)?))
+    }
+
+    /// The figure as a PNG image of 300 dpi.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the figure can't be drawn.
+    pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
+        png::image(&layout::scene(self)?)
+    }
+
+    /// Writes the figure as SVG to `path`, over what is there.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the figure can't be drawn, or the file can't be written.
+    pub fn write_svg(&self, path: &Path) -> Result<(), PlotError> {
+        write_file(path, self.to_svg()?.as_bytes())
+    }
+
+    /// Writes the figure as PNG of 300 dpi to `path`, over what is there.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the figure can't be drawn, or the file can't be written.
+    pub fn write_png(&self, path: &Path) -> Result<(), PlotError> {
+        write_file(path, &self.to_png()?)
+    }
+
+    /// The caption: title and subtitle in full, and what else the subtitle says, a line each.
+    pub fn caption(&self) -> String {
+        let Subtitle { line, more } = &self.subtitle;
+        let lines = [&self.title, line].into_iter().chain(more).filter(|line| !line.is_empty());
+        lines.fold(String::new(), |text, line| text + line + "\n")
+    }
+
+    /// Writes the figure as both, and its caption as text: to `stem` with [`Figure::ENDINGS`] appended. Returns these
+    /// paths.
+    ///
+    /// # Errors
+    /// [`PlotError`] if the figure can't be drawn, or a file can't be written.
+    pub fn write(&self, stem: &Path) -> Result<[PathBuf; 3], PlotError> {
+        let paths = Self::ENDINGS.map(|ending| beside(stem, ending));
+        let [svg, png, caption] = &paths;
+        self.write_svg(svg)?;
+        self.write_png(png)?;
+        write_file(caption, self.caption().as_bytes())?;
+        Ok(paths)
+    }
+}
+
+/// `stem` with `ending` appended, as `.csv`; what stands after a dot in `stem` stays.
+pub fn beside(stem: &Path, ending: &str) -> PathBuf {
+    let mut path = stem.as_os_str().to_owned();
+    path.push(ending);
+    PathBuf::from(path)
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), PlotError> {
+    std::fs::write(path, bytes).map_err(|source| PlotError::Write { path: path.to_owned(), source })
+}
+
+/// One pair of axes and what is drawn in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// A title of its own, for figures with several panels.
+    pub title: Option<String>,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// What is drawn, the last on top.
+    pub series: Vec<Series>,
+    /// Words near points of the panel; those whose point lies outside of the axes are not drawn.
+    pub notes: Vec<Note>,
+    /// Names of peaks that crowd, each list in a row of its own above its peaks.
+    pub rows: Vec<Vec<Note>>,
+    /// Where the legend stands.
+    pub legend: Legend,
+}
+
+impl Panel {
+    /// An empty panel.
+    pub fn new(x: Axis, y: Axis) -> Self {
+        Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), rows: Vec::new(), legend: Legend::Auto }
+    }
+
+    /// The panel with a title.
+    #[must_use]
+    pub fn title(self, title: impl Into<String>) -> Self {
+        Self { title: Some(title.into()), ..self }
+    }
+
+    /// The panel with one series more, on top of those before.
+    #[must_use]
+    pub fn with(mut self, series: Series) -> Self {
+        self.series.push(series);
+        self
+    }
+
+    /// The panel with names in a row above these points, side by side in the order of the points, each with a line down
+    /// to its own. For peaks too near to each other for [`Panel::notes`]. A name whose point lies outside of the axes
+    /// isn't drawn.
+    #[must_use]
+    pub fn row(mut self, names: Vec<Note>) -> Self {
+        self.rows.push(names);
+        self
+    }
+
+    /// The panel with its legend there.
+    #[must_use]
+    pub fn legend(self, legend: Legend) -> Self {
+        Self { legend, ..self }
+    }
+}
+
+/// Words near a point of a panel, for example the name of a curve at its peak. They stand off the lines and off each
+/// other, if there is room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Note {
+    /// The point (x, y).
+    pub at: (f64, f64),
+    /// The words.
+    pub text: String,
+}
+
+/// Where the legend of a panel stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Legend {
+    /// In the corner of the panel where it covers no data; if there is none, to the right of the panel.
+    #[default]
+    Auto,
+    /// To the right of the panel.
+    Outside,
+    /// Nowhere.
+    None,
+}
+
+/// An axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// What it measures, with the unit, for example `frequency (Hz)`.
+    pub label: String,
+    /// How values lie along it.
+    pub scale: Scale,
+    /// From where to where it goes; `None` takes what the data need.
+    pub range: Option<(f64, f64)>,
+}
+
+impl Axis {
+    /// A linear axis that spans the data.
+    pub fn linear(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Linear, range: None }
+    }
+
+    /// A linear axis for angles in degrees, that spans the data.
+    pub fn degrees(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Degrees, range: None }
+    }
+
+    /// A logarithmic axis that spans the data.
+    pub fn log(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Log, range: None }
+    }
+
+    /// The axis from `low` to `high`; what lies beyond is cut off.
+    #[must_use]
+    pub fn range(self, low: f64, high: f64) -> Self {
+        Self { range: Some((low, high)), ..self }
+    }
+}
+
+/// How values lie along an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Evenly, with ticks at 1, 2 or 5 times a power of ten.
+    Linear,
+    /// Evenly, with ticks at parts of a turn: multiples of 15, 30, 45, 90 or 180, where these are dense enough.
+    Degrees,
+    /// By their logarithm, with ticks at powers of ten; values must be positive.
+    Log,
+}
+
+/// Points drawn in one style.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Its name in the legend; `None` keeps it out.
+    pub label: Option<String>,
+    /// The points (x, y). One with a NaN isn't drawn, and breaks a line.
+    pub points: Vec<(f64, f64)>,
+    /// How they are drawn.
+    pub style: Style,
+}
+
+impl Series {
+    /// A solid line of the usual width.
+    pub fn line(label: impl Into<String>, color: Color, points: Vec<(f64, f64)>) -> Self {
+        Self { label: Some(label.into()), points, style: Style::Line { color, width: 1.6, dash: Dash::Solid } }
+    }
+
+    /// Stable motions of a branch: a solid blue line.
+    pub fn stable(points: Vec<(f64, f64)>) -> Self {
+        Self::line("stable", Color::Stable, points)
+    }
+
+    /// Unstable motions of a branch: a dashed red line, which print without colours tells from a stable one.
+    pub fn unstable(points: Vec<(f64, f64)>) -> Self {
+        let style = Style::Line { color: Color::Unstable, width: 1.6, dash: Dash::Dashed };
+        Self::line("unstable", Color::Unstable, points).style(style)
+    }
+
+    /// Markers of the usual size.
+    pub fn markers(label: impl Into<String>, color: Color, shape: Marker, points: Vec<(f64, f64)>) -> Self {
+        Self { label: Some(label.into()), points, style: Style::Markers { color, shape, size: 6.0, filled: true } }
+    }
+
+    /// The series in another style.
+    #[must_use]
+    pub fn style(self, style: Style) -> Self {
+        Self { style, ..self }
+    }
+
+    /// The series without an entry in the legend.
+    #[must_use]
+    pub fn unlabelled(self) -> Self {
+        Self { label: None, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,188 @@
+//! Tables of comma-separated values (RFC 4180, lines ended by a line feed): a file a part, a row a record.
+//!
+//! Numbers have as few digits as tell them from every other, so that what is read is what was recorded. What the
+//! recording doesn't say is an empty cell.
+
+use core::fmt::{self, Display};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+
+use resonarm_protocol::{FrameFormat, Id};
+
+use super::channels::{Channel, channels, lead, sample_values, state_values};
+use super::{ExportError, ExportedFile, Part, Selection};
+use resonarm_numeric::number::short;
+use resonarm_realtime::OverrunCause;
+use crate::recording::{Direction, Event, Existing, FrameRecord, Origin, Record, Recording, TickRecord};
+use crate::staged::Staged;
+
+/// Names of the columns.
+fn columns(part: Part) -> Vec<&'static str> {
+    let own: &[&str] = match part {
+        Part::States => &["is_end"],
+        Part::Samples => &["clipped"],
+        Part::Frames => {
+            &["bus_unix_ns", "direction", "identifier", "extended", "remote", "fd", "brs", "esi", "length", "data"]
+        }
+        Part::Ticks => &["wakeup_ns", "exec_ns", "overruns", "cause"],
+        Part::Events => &["name", "value"],
+    };
+    let of_channels = channels(part).iter().map(|Channel { name, .. }| *name);
+    ["sample", "time_s"].into_iter().chain(of_channels).chain(own.iter().copied()).collect()
+}
+
+/// A table that is being written.
+struct Table {
+    part: Part,
+    out: BufWriter<File>,
+    staged: Staged,
+    file: ExportedFile,
+}
+
+/// Writes all parts in one pass.
+pub(super) fn write(
+    recording: &Recording,
+    selection: &Selection,
+    files: Vec<(PathBuf, Vec<Part>)>,
+) -> Result<Vec<ExportedFile>, ExportError> {
+    let mut tables = Vec::new();
+    for (path, parts) in files {
+        tables.extend(parts.first().map(|part| Table::create(path, *part)).transpose()?);
+    }
+    for record in recording.records()? {
+        let record = record?;
+        let table = tables.iter_mut().find(|table| table.part == part(&record));
+        if let Some(table) = table.filter(|_| selection.samples.contains(&record.sample())) {
+            table.row(recording.origin(), &record)?;
+        }
+    }
+    tables.iter_mut().try_for_each(Table::flush)?;
+    tables.into_iter().map(Table::publish).collect()
+}
+
+fn part(record: &Record<String>) -> Part {
+    match record {
+        Record::State(_) => Part::States,
+        Record::Sample(_) => Part::Samples,
+        Record::Frame(_) => Part::Frames,
+        Record::Tick(_) => Part::Ticks,
+        Record::Event(_) => Part::Events,
+    }
+}
+
+impl Table {
+    fn create(path: PathBuf, part: Part) -> Result<Table, ExportError> {
+        let (columns, failed) = (columns(part), |source| ExportError::Write { path: path.clone(), source });
+        let (staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
+        let mut out = BufWriter::new(file);
+        writeln!(out, "{}", columns.join(",")).map_err(failed)?;
+        Ok(Table { part, out, staged, file: ExportedFile { path, rows: 0, columns } })
+    }
+
+    fn row(&mut self, origin: &Origin, record: &Record<String>) -> Result<(), ExportError> {
+        self.file.rows += 1;
+        let row = Row { origin, record };
+        writeln!(self.out, "{row}").map_err(|source| ExportError::Write { path: self.file.path.clone(), source })
+    }
+
+    fn flush(&mut self) -> Result<(), ExportError> {
+        self.out.flush().map_err(|source| ExportError::Write { path: self.file.path.clone(), source })
+    }
+
+    fn publish(mut self) -> Result<ExportedFile, ExportError> {
+        match self.staged.publish() {
+            Ok(()) => Ok(self.file),
+            Err(source) => Err(ExportError::Write { path: self.file.path, source }),
+        }
+    }
+}
+
+/// A row of a table.
+struct Row<'a> {
+    origin: &'a Origin,
+    record: &'a Record<String>,
+}
+
+impl Display for Row<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (record, sample) = (self.record, self.record.sample());
+        let time_s = (sample as f64 - lead(part(record), self.origin)) * self.origin.dt_s;
+        match record {
+            Record::State(record) => {
+                write!(f, "{sample},{}", short(&time_s))?;
+                numbers(f, &state_values(record))?;
+                write!(f, ",{}", u8::from(record.is_end))
+            }
+            Record::Sample(record) => {
+                write!(f, "{sample},{}", short(&time_s))?;
+                numbers(f, &sample_values(record))?;
+                write!(f, ",{}", Optional(record.clipped.map(|clipped| clipped.bits())))
+            }
+            Record::Frame(record) => frame(f, record),
+            Record::Tick(TickRecord { wakeup_ns, exec_ns, overruns, cause, .. }) => {
+                let cause = cause.map_or("", OverrunCause::name);
+                write!(f, "{sample},{},{wakeup_ns},{exec_ns},{overruns},{cause}", short(&time_s))
+            }
+            Record::Event(Event { time_ns, name, value, .. }) => {
+                write!(f, "{sample},{},{},{value}", Seconds(*time_ns), Text(name))
+            }
+        }
+    }
+}
+
+fn numbers(f: &mut fmt::Formatter<'_>, values: &[f64]) -> fmt::Result {
+    values.iter().try_for_each(|value| write!(f, ",{}", short(value)))
+}
+
+fn frame(f: &mut fmt::Formatter<'_>, record: &FrameRecord) -> fmt::Result {
+    let FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame } = record;
+    let direction = match direction {
+        Direction::Received => "received",
+        Direction::Sent => "sent",
+    };
+    let is_extended = u8::from(matches!(frame.id(), Id::Extended(_)));
+    let [remote, fd, brs, esi] = match frame.format() {
+        FrameFormat::Classic => [false; 4],
+        FrameFormat::Remote => [true, false, false, false],
+        FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+            [false, true, bit_rate_switch, error_state_indicator]
+        }
+    }
+    .map(u8::from);
+    let (time_s, bus_unix_ns) = (Seconds(*time_ns), Optional(*bus_timestamp_ns));
+    write!(f, "{sample},{time_s},{bus_unix_ns},{direction},{},{is_extended},", frame.id().raw())?;
+    write!(f, "{remote},{fd},{brs},{esi},{},", frame.len())?;
+    frame.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+}
+
+/// Nanoseconds as seconds, to the last digit.
+struct Seconds(u64);
+
+impl Display for Seconds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:09}", self.0 / 1_000_000_000, self.0 % 1_000_000_000)
+    }
+}
+
+/// A cell that may be empty.
+struct Optional<T>(Option<T>);
+
+impl<T: Display> Display for Optional<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.as_ref().map_or(Ok(()), |value| value.fmt(f))
+    }
+}
+
+/// A text, in quotation marks where it needs them.
+struct Text<'a>(&'a str);
+
+impl Display for Text<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.contains([',', '"', '\n', '\r']) {
+            write!(f, "\"{}\"", self.0.replace('"', "\"\""))
+        } else {
+            f.write_str(self.0)
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! What keeps a recording from being exported.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::{ExportFormat, Part};
+use resonarm_numeric::number::short;
+use crate::recording::RecordingError;
+use crate::scenario::ScenarioError;
+
+/// Why a recording can't be exported.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// The recording can't be read, or has a gap where the format needs every sample.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// A file can't be written.
+    #[error("can't write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The format can't hold what was asked for.
+    #[error("{format} holds no {part}, only {}; csv holds all", names(.format.parts()))]
+    Part {
+        /// The format.
+        format: ExportFormat,
+        /// What was asked for.
+        part: Part,
+    },
+    /// The moving arm in a format that has no room for it.
+    #[error("{format} holds no moving arm, only foxglove does")]
+    MovingArm {
+        /// The format.
+        format: ExportFormat,
+    },
+    /// Vibrations can't be drawn so many times as large.
+    #[error("vibrations can't be drawn {} times as large: it must be above 0", short(.got))]
+    Magnification {
+        /// How many times.
+        got: f64,
+    },
+    /// The recording has no scenario with an arm that could be drawn.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// There is nothing to write.
+    #[error("the recording has nothing that {format} holds: {}", names(.format.parts()))]
+    Nothing {
+        /// The format.
+        format: ExportFormat,
+    },
+    /// No sample lies between the two times.
+    #[error(
+        "there is no sample from {} to {} s: the recording has those from {} to {} s",
+        short(.from_s), short(.to_s), short(.first_s), short(.last_s)
+    )]
+    Interval {
+        /// From here, s.
+        from_s: f64,
+        /// To here, s.
+        to_s: f64,
+        /// The recording's first sample, s.
+        first_s: f64,
+        /// Its last, s.
+        last_s: f64,
+    },
+    /// A sound file has a whole number of samples a second.
+    #[error("a sound file has a whole number of samples a second, the recording {}", short(.rate_hz))]
+    Rate {
+        /// Samples a second.
+        rate_hz: f64,
+    },
+    /// A sound file states its length in 32 bits.
+    #[error("{rows} samples of {channels} channels are more than a sound file holds, 4 GiB: choose a time range")]
+    Long {
+        /// Samples.
+        rows: u64,
+        /// Channels.
+        channels: usize,
+    },
+}
+
+fn names(parts: &[Part]) -> String {
+    parts.iter().map(|part| part.name()).collect::<Vec<_>>().join(", ")
+}
+
+/// A text that names no [`ExportFormat`].
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{}", unknown_format(.got))]
+pub struct UnknownExportFormat {
+    /// The text.
+    pub got: String,
+}
+
+fn unknown_format(got: &str) -> String {
+    match got {
+        "parquet" | "mf4" => {
+            format!("the Python package writes it: `python3 -m resonarm export RECORDING --to {got}` (docs/python.md)")
+        }
+        _ => format!("it is one of {}", ExportFormat::ALL.map(ExportFormat::name).join(", ")),
+    }
+}
+
+/// A text that names no [`Part`].
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("it is one of {}", names(&Part::ALL))]
+pub struct UnknownPart {
+    /// The text.
+    pub got: String,
+}

@@ -1,0 +1,158 @@
+//! Recordings in the formats of other tools.
+//!
+//! States, samples, ticks, frames and events become tables; states and samples, which have one instant a sample,
+//! waveforms as well; frames logs. One record after the other is read and written, so that a recording may be longer
+//! than the memory.
+
+mod channels;
+mod csv;
+mod error;
+mod foxglove;
+mod log;
+pub mod scene;
+mod selection;
+mod uff58;
+mod wav;
+
+use core::fmt;
+use core::str::FromStr;
+use std::path::{Path, PathBuf};
+
+use crate::can_log::LogFormat;
+use crate::recording::Recording;
+
+pub use channels::{channels, sample_values, state_values};
+pub use error::{ExportError, UnknownExportFormat, UnknownPart};
+pub use selection::{Part, Selection, samples};
+
+/// What a recording is exported to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportFormat {
+    /// A table of comma-separated values a part, with a line of names.
+    Csv,
+    /// The frames as a log.
+    Log(LogFormat),
+    /// A copy for viewers: an MCAP file with a JSON message for every state and sample, events as `foxglove.Log`,
+    /// and the moving arm as `foxglove.SceneUpdate`.
+    Foxglove,
+    /// States and samples as functions of time: dataset 58 of the Universal File Format in ASCII, SDRC 1988.
+    Uff58,
+    /// States and samples as channels of a sound file of 32-bit floating-point numbers in SI units.
+    Wav,
+}
+
+impl ExportFormat {
+    /// All formats.
+    pub const ALL: [ExportFormat; 7] = [
+        ExportFormat::Csv,
+        ExportFormat::Log(LogFormat::Candump),
+        ExportFormat::Log(LogFormat::Asc),
+        ExportFormat::Log(LogFormat::Blf),
+        ExportFormat::Foxglove,
+        ExportFormat::Uff58,
+        ExportFormat::Wav,
+    ];
+
+    /// The name, as flags have it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ExportFormat::Csv => "csv",
+            ExportFormat::Log(format) => format.name(),
+            ExportFormat::Foxglove => "foxglove",
+            ExportFormat::Uff58 => "uff58",
+            ExportFormat::Wav => "wav",
+        }
+    }
+
+    /// What it can hold.
+    pub const fn parts(self) -> &'static [Part] {
+        match self {
+            ExportFormat::Csv => &Part::ALL,
+            ExportFormat::Log(_) => &[Part::Frames],
+            ExportFormat::Foxglove => &[Part::States, Part::Samples, Part::Events],
+            ExportFormat::Uff58 | ExportFormat::Wav => &[Part::States, Part::Samples],
+        }
+    }
+
+    /// Checks that the format can hold what is selected.
+    ///
+    /// # Errors
+    /// [`ExportError::Part`], [`ExportError::MovingArm`] and [`ExportError::Magnification`].
+    pub fn check(self, selection: &Selection) -> Result<(), ExportError> {
+        if let Some(part) = selection.parts.iter().find(|part| !self.parts().contains(part)) {
+            return Err(ExportError::Part { format: self, part: *part });
+        }
+        match selection.magnification {
+            Some(_) if self != ExportFormat::Foxglove => Err(ExportError::MovingArm { format: self }),
+            Some(got) if !(got.is_finite() && got > 0.0) => Err(ExportError::Magnification { got }),
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// The files that STEM stands for, with what is in each.
+    pub fn files(self, stem: &Path, parts: &[Part]) -> Vec<(PathBuf, Vec<Part>)> {
+        let named = |ending: String| {
+            let mut name = stem.as_os_str().to_owned();
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        let of_each =
+            |ending: &str| parts.iter().map(|part| (named(format!("-{}{ending}", part.name())), vec![*part])).collect();
+        match self {
+            ExportFormat::Csv => of_each(".csv"),
+            ExportFormat::Wav => of_each(".wav"),
+            ExportFormat::Foxglove => vec![(named(String::from("-foxglove.mcap")), parts.to_vec())],
+            ExportFormat::Uff58 => vec![(named(String::from(".uff")), parts.to_vec())],
+            ExportFormat::Log(format) => vec![(named(format.ending().to_owned()), parts.to_vec())],
+        }
+    }
+}
+
+impl fmt::Display for ExportFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for ExportFormat {
+    type Err = UnknownExportFormat;
+
+    fn from_str(text: &str) -> Result<ExportFormat, UnknownExportFormat> {
+        let found = ExportFormat::ALL.into_iter().find(|format| format.name() == text);
+        found.ok_or_else(|| UnknownExportFormat { got: text.to_owned() })
+    }
+}
+
+/// A file that was written.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ExportedFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Rows of a table, samples of a waveform, frames of a log.
+    pub rows: u64,
+    /// Columns of a table, waveforms, in order, with their units; empty for a log.
+    pub columns: Vec<&'static str>,
+}
+
+/// Writes what is selected of a recording to the files that STEM stands for, over what is there: what may be written
+/// over is asked before, by [`ExportFormat::files`].
+///
+/// # Errors
+/// [`ExportError`] if the format can't hold what is selected, there is nothing of it, or a file can't be read or
+/// written.
+pub fn export(
+    recording: &Recording,
+    format: ExportFormat,
+    selection: &Selection,
+    stem: &Path,
+) -> Result<Vec<ExportedFile>, ExportError> {
+    format.check(selection)?;
+    let files = format.files(stem, &selection.parts);
+    match format {
+        ExportFormat::Csv => csv::write(recording, selection, files),
+        ExportFormat::Log(log) => log::write(recording, log, selection, files),
+        ExportFormat::Foxglove => foxglove::write(recording, selection, files),
+        ExportFormat::Uff58 => uff58::write(recording, selection, files),
+        ExportFormat::Wav => wav::write(recording, selection, files),
+    }
+}

@@ -1,0 +1,269 @@
+//! Logs of other tools as recordings.
+//!
+//! An imported recording holds frames alone. It can be replayed; with the scenario of the network that was logged, what
+//! its controller read can be read again ([`replay::responses`](resonarm_session::replay::responses)). It has no states, so that
+//! it can't be simulated again.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use resonarm_protocol::{MessageKind, Network, Node};
+use thiserror::Error;
+
+use crate::can_log::{CanLogError, LogFormat, LoggedFrame, LoggedFrames, read};
+use crate::recording::{
+    Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Naming, Options, Record, Recorder,
+    RecordingError, TimeBase,
+};
+use crate::scenario::{Scenario, ScenarioError};
+use crate::staged::{file_kind, same_file};
+
+/// The key in a recording's configuration of the log that it was imported from.
+pub const IMPORTED_FROM: &str = "imported_from";
+/// Records that wait for the writer at most.
+const CAPACITY: usize = 8192;
+
+/// How a log is imported.
+#[derive(Clone, Debug)]
+pub struct ImportOptions {
+    /// What was logged: network and sample rate; put into the recording. Without one the identifiers are the usual
+    /// ones, and there are 1000 samples a second.
+    pub scenario: Option<Scenario>,
+    /// The interface, or the channel, whose frames are wanted; needed if the log has more than one.
+    pub interface: Option<String>,
+    /// What to do if the recording is there already.
+    pub existing: Existing,
+}
+
+/// What was imported.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Imported {
+    /// The recording.
+    pub path: PathBuf,
+    /// Frames in it.
+    pub frames: u64,
+    /// Frames of other interfaces, left out.
+    pub of_other_interfaces: u64,
+    /// Lines or objects that are no frames, left out: error frames, comments, other events.
+    pub others: u64,
+    /// Time from the first frame to the last, s.
+    pub duration_s: f64,
+}
+
+/// Why a log can't be imported.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// The log can't be read.
+    #[error(transparent)]
+    Log(#[from] CanLogError),
+    /// The recording can't be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The scenario has no network or rate.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The log is a folder, a pipe or a device.
+    #[error("can't read {}: it is {got}, expected a regular file, since a log is read twice", log.display())]
+    NotAFile {
+        /// The log.
+        log: PathBuf,
+        /// What it is.
+        got: &'static str,
+    },
+    /// There is nothing to import.
+    #[error(
+        "{} has no frames{}", log.display(),
+        interface.as_ref().map_or(String::new(), |interface| format!(" of interface {interface}"))
+    )]
+    Empty {
+        /// The log.
+        log: PathBuf,
+        /// The interface that was asked for.
+        interface: Option<String>,
+    },
+    /// The frames of several interfaces.
+    #[error("{} has frames of {first} and of {other}: choose one (--interface)", log.display())]
+    Interfaces {
+        /// The log.
+        log: PathBuf,
+        /// The interface of the first frame.
+        first: String,
+        /// That of another.
+        other: String,
+    },
+    /// A frame that was seen before the first, by more than [`DISORDER_NS`].
+    #[error("{}: frame {frame} is {early_ns} ns earlier than the first: the log is not in order", log.display())]
+    Order {
+        /// The log.
+        log: PathBuf,
+        /// The frame, from 1 on.
+        frame: u64,
+        /// How much earlier, ns.
+        early_ns: u64,
+    },
+}
+
+/// How much earlier than the first frame of a log others may be, ns: a program that logs what it sends and what it
+/// receives stamps frames that waited in a queue with when they came. The earliest is the beginning.
+pub const DISORDER_NS: u64 = 100_000_000;
+
+/// A recording of frames alone, written frame by frame. Sample k begins k sample periods after the beginning. Frames
+/// of the network go the way that their senders have; of others the log says it, or they count as received by the
+/// plant.
+pub struct FrameLog {
+    recorder: Recorder,
+    channel: Channel,
+    log: PathBuf,
+    network: Network,
+    rate_hz: f64,
+    first_ns: u64,
+    frames: u64,
+}
+
+impl FrameLog {
+    /// Begins the recording `path` of the log `log`, whose earliest frame is `first`; that is still to be written. It
+    /// has its name as `naming` says.
+    ///
+    /// # Errors
+    /// [`ImportError`] if the scenario has no network, or the recording can't be begun.
+    pub fn create(
+        log: &Path,
+        format: &str,
+        first: &LoggedFrame,
+        (path, naming): (&Path, Naming),
+        options: &ImportOptions,
+    ) -> Result<FrameLog, ImportError> {
+        let (network, rate_hz) = match &options.scenario {
+            Some(scenario) => (scenario.network()?, scenario.simulation.rate_hz),
+            None => (Network::default(), 1000.0),
+        };
+        let configuration = match &options.scenario {
+            Some(scenario) => scenario.configuration("none")?,
+            None => Configuration::new(),
+        };
+        let configuration = configuration.with(IMPORTED_FROM, log.display()).with("log_format", format);
+        let options = Options {
+            time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
+            flush: FlushPolicy::Samples(1000),
+            existing: options.existing,
+            reading_delay_samples: options.scenario.as_ref().map_or(0.5, |known| known.rig.converter.delay_samples()),
+            naming,
+            ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
+        };
+        let recorder = Recorder::create(path, &configuration, options)?;
+        let channel = recorder.channel("log", CAPACITY)?;
+        Ok(FrameLog { recorder, channel, log: log.to_path_buf(), network, rate_hz, first_ns: first.time_ns, frames: 0 })
+    }
+
+    /// Writes a frame, and returns its time since the beginning, ns.
+    ///
+    /// # Errors
+    /// [`ImportError::Order`] if it is earlier than that; [`ImportError::Recording`].
+    pub fn push(&mut self, logged: &LoggedFrame) -> Result<u64, ImportError> {
+        let time_ns = logged.time_ns.checked_sub(self.first_ns).ok_or_else(|| ImportError::Order {
+            log: self.log.clone(),
+            frame: self.frames + 1,
+            early_ns: self.first_ns - logged.time_ns,
+        })?;
+        self.channel.push_blocking(Record::Frame(record(logged, time_ns, self.rate_hz, self.network)))?;
+        self.frames += 1;
+        Ok(time_ns)
+    }
+
+    /// Ends the recording, and returns how many frames are in it.
+    ///
+    /// # Errors
+    /// [`ImportError::Recording`].
+    pub fn finish(self) -> Result<u64, ImportError> {
+        self.recorder.finish(&[("frames", self.frames.to_string())])?;
+        Ok(self.frames)
+    }
+}
+
+/// Writes the frames of a log into a recording, as [`FrameLog`] has them.
+///
+/// The log is read twice, so that none is half imported: first to see that it is one.
+///
+/// # Errors
+/// [`ImportError`] if the log can't be read, twice, or has no frames, or the recording can't be written: it must not be
+/// the log.
+pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
+    readable_twice(log)?;
+    if same_file(log, path) {
+        return Err(RecordingError::SameFile { path: path.to_path_buf() }.into());
+    }
+    let first = check(log, format, options)?;
+    let mut written = FrameLog::create(log, format.name(), &first, (path, Naming::Whole), options)?;
+    let mut imported =
+        Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, others: 0, duration_s: 0.0 };
+    let mut frames = read(log, format)?;
+    for logged in &mut frames {
+        let logged = logged?;
+        if logged.interface != first.interface {
+            imported.of_other_interfaces += 1;
+            continue;
+        }
+        let time_ns = written.push(&logged)?;
+        imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
+    }
+    imported.others = frames.others();
+    imported.frames = written.finish()?;
+    Ok(imported)
+}
+
+/// Refuses what gives nothing, or waits, when it is read again.
+fn readable_twice(log: &Path) -> Result<(), ImportError> {
+    let found = fs::metadata(log).map_err(|source| CanLogError::Read { path: log.to_path_buf(), source })?;
+    if found.is_file() {
+        return Ok(());
+    }
+    Err(ImportError::NotAFile { log: log.to_path_buf(), got: file_kind(found.file_type()) })
+}
+
+/// The first frame that is wanted, with the time of the earliest, if the whole log can be imported.
+fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<LoggedFrame, ImportError> {
+    let mut first: Option<LoggedFrame> = None;
+    let mut earliest_ns = u64::MAX;
+    for (frame, logged) in (1..).zip(wanted(read(log, format)?, options.interface.as_deref())) {
+        let logged = logged?;
+        let first = first.get_or_insert_with(|| logged.clone());
+        let log = || log.to_path_buf();
+        if first.interface != logged.interface {
+            let [first, other] = [first, &logged].map(|logged| logged.interface.clone().unwrap_or_default());
+            return Err(ImportError::Interfaces { log: log(), first, other });
+        }
+        let early_ns = first.time_ns.saturating_sub(logged.time_ns);
+        if early_ns > DISORDER_NS {
+            return Err(ImportError::Order { log: log(), frame, early_ns });
+        }
+        earliest_ns = earliest_ns.min(logged.time_ns);
+    }
+    let first = first.map(|first| LoggedFrame { time_ns: earliest_ns, ..first });
+    first.ok_or_else(|| ImportError::Empty { log: log.to_path_buf(), interface: options.interface.clone() })
+}
+
+/// The frames of an interface, or all.
+fn wanted(frames: LoggedFrames, interface: Option<&str>) -> impl Iterator<Item = Result<LoggedFrame, CanLogError>> {
+    frames.filter(move |logged| match (interface, logged) {
+        (Some(interface), Ok(logged)) => logged.interface.as_deref() == Some(interface),
+        _ => true,
+    })
+}
+
+/// A logged frame as the plant would have recorded it.
+fn record(logged: &LoggedFrame, time_ns: u64, rate_hz: f64, network: Network) -> FrameRecord {
+    let sender = MessageKind::from_id(network, logged.frame.id()).map(MessageKind::sender);
+    let direction = match (sender, logged.direction) {
+        (Some(Node::Plant), _) => Direction::Sent,
+        (Some(Node::Exciter), _) => Direction::Received,
+        (None, direction) => direction.unwrap_or(Direction::Received),
+    };
+    FrameRecord {
+        sample: libm::floor(time_ns as f64 * 1e-9 * rate_hz) as u64,
+        direction,
+        time_ns,
+        bus_timestamp_ns: None,
+        frame: logged.frame,
+    }
+}

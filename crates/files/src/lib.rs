@@ -1,0 +1,14 @@
+//! What is read from files and written to them: scenarios, recordings, and the logs and formats of other tools.
+
+extern crate alloc;
+
+pub mod can_log;
+pub mod diff;
+pub mod export;
+pub mod import;
+pub mod recording;
+pub mod scenario;
+mod staged;
+pub mod statistics;
+pub mod text_file;
+pub mod toml_error;

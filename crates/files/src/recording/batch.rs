@@ -1,0 +1,281 @@
+//! Rows of consecutive samples gathered into one message, and taken apart again.
+
+use alloc::vec::Vec;
+
+use super::schema::MessageType;
+use super::schema::proto::tick_batch::Cause;
+use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
+use super::{Clipped, SampleRecord, StateRecord, TickRecord};
+use resonarm_realtime::OverrunCause;
+
+/// A message that holds one row for each of a number of consecutive samples, column by column.
+pub trait Batch: prost::Message + Default {
+    /// What one row is made from.
+    type Row: Copy;
+
+    /// What the message is.
+    const TYPE: MessageType;
+
+    /// An empty batch for samples from `first_sample` on.
+    fn begin(&mut self, first_sample: u64, dt_s: f64);
+    /// Index of the first sample.
+    fn first_sample(&self) -> u64;
+    /// Sample of a row.
+    fn sample(row: &Self::Row) -> u64;
+    /// Appends a row. Its sample is the next one: the caller has seen to that.
+    fn append(&mut self, row: &Self::Row);
+    /// Length of every column.
+    fn columns(&self) -> Vec<usize>;
+    /// Row `index`, if every column has it.
+    fn row(&self, index: usize) -> Option<Self::Row>;
+
+    /// Time from sample to sample that it states, s.
+    fn dt_s(&self) -> Option<f64>;
+    /// Whether the row can stand behind those that it has.
+    fn takes(&self, _row: &Self::Row) -> bool {
+        true
+    }
+
+    /// Hands all rows to `visit`, in order. Errors: what is wrong, if columns differ in length or the samples run out
+    /// of range.
+    fn rows(&self, mut visit: impl FnMut(Self::Row)) -> Result<(), String> {
+        let columns = self.columns();
+        let length = columns.iter().copied().max().unwrap_or(0);
+        (0..length)
+            .try_for_each(|index| self.row(index).map(&mut visit))
+            .ok_or_else(|| format!("a batch from sample {} with columns of {columns:?} rows", self.first_sample()))
+    }
+}
+
+/// Gathers rows until a batch is full or the samples stop being consecutive.
+#[derive(Debug)]
+pub struct Batcher<B> {
+    batch: B,
+    rows: u32,
+    limit: u32,
+    dt_s: f64,
+}
+
+impl<B: Batch> Batcher<B> {
+    /// Gathers at most `limit` rows, `dt_s` apart.
+    pub fn new(limit: u32, dt_s: f64) -> Batcher<B> {
+        Batcher { batch: B::default(), rows: 0, limit, dt_s }
+    }
+
+    /// Whether `row` can't be appended before the batch is taken.
+    pub fn must_take_before(&self, row: &B::Row) -> bool {
+        self.rows == self.limit
+            || (self.rows > 0 && !self.batch.takes(row))
+            || (self.rows > 0 && self.batch.first_sample().checked_add(u64::from(self.rows)) != Some(B::sample(row)))
+    }
+
+    /// Appends a row.
+    pub fn append(&mut self, row: &B::Row) {
+        if self.rows == 0 {
+            self.batch.begin(B::sample(row), self.dt_s);
+        }
+        self.batch.append(row);
+        self.rows += 1;
+    }
+
+    /// The batch, if it holds a row; the next row starts another.
+    pub fn take(&mut self) -> Option<&B> {
+        let rows = core::mem::take(&mut self.rows);
+        (rows > 0).then_some(&self.batch)
+    }
+}
+
+impl Batch for StepBatch {
+    type Row = StateRecord;
+    const TYPE: MessageType = MessageType::StepBatch;
+
+    fn begin(&mut self, first_sample: u64, dt_s: f64) {
+        prost::Message::clear(self);
+        self.first_step = first_sample;
+        self.dt_s = dt_s;
+    }
+
+    fn first_sample(&self) -> u64 {
+        self.first_step
+    }
+
+    fn sample(row: &StateRecord) -> u64 {
+        row.sample
+    }
+
+    fn append(&mut self, row: &StateRecord) {
+        self.alpha1_rad.push(row.alpha_rad[0]);
+        self.alpha2_rad.push(row.alpha_rad[1]);
+        self.alpha1_dot_rad_s.push(row.alpha_dot_rad_s[0]);
+        self.alpha2_dot_rad_s.push(row.alpha_dot_rad_s[1]);
+        self.torque1_nm.push(row.torque_nm[0]);
+        self.torque2_nm.push(row.torque_nm[1]);
+        self.force_x_n.push(row.force_n[0]);
+        self.force_y_n.push(row.force_n[1]);
+        self.coil_current_a.extend(row.coil_current_a);
+        self.last_row_is_end = row.is_end;
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        Some(self.dt_s)
+    }
+
+    fn takes(&self, row: &StateRecord) -> bool {
+        !self.last_row_is_end && self.coil_current_a.is_empty() == row.coil_current_a.is_none()
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        let columns = [&self.alpha1_rad, &self.alpha2_rad, &self.alpha1_dot_rad_s, &self.alpha2_dot_rad_s];
+        let loads = [&self.torque1_nm, &self.torque2_nm, &self.force_x_n, &self.force_y_n];
+        let current = (!self.coil_current_a.is_empty()).then_some(self.coil_current_a.len());
+        columns.iter().chain(&loads).map(|column| column.len()).chain(current).collect()
+    }
+
+    fn row(&self, index: usize) -> Option<StateRecord> {
+        let coil_current_a = match self.coil_current_a.as_slice() {
+            [] => None,
+            column => Some(*column.get(index)?),
+        };
+        Some(StateRecord {
+            sample: self.first_step.checked_add(index as u64)?,
+            alpha_rad: [*self.alpha1_rad.get(index)?, *self.alpha2_rad.get(index)?],
+            alpha_dot_rad_s: [*self.alpha1_dot_rad_s.get(index)?, *self.alpha2_dot_rad_s.get(index)?],
+            torque_nm: [*self.torque1_nm.get(index)?, *self.torque2_nm.get(index)?],
+            force_n: [*self.force_x_n.get(index)?, *self.force_y_n.get(index)?],
+            coil_current_a,
+            is_end: self.last_row_is_end && index + 1 == self.force_x_n.len(),
+        })
+    }
+}
+
+impl Batch for SampleBatch {
+    type Row = SampleRecord;
+    const TYPE: MessageType = MessageType::SampleBatch;
+
+    fn begin(&mut self, first_sample: u64, dt_s: f64) {
+        prost::Message::clear(self);
+        self.first_step = first_sample;
+        self.dt_s = dt_s;
+    }
+
+    fn first_sample(&self) -> u64 {
+        self.first_step
+    }
+
+    fn sample(row: &SampleRecord) -> u64 {
+        row.sample
+    }
+
+    fn append(&mut self, row: &SampleRecord) {
+        self.acceleration_b_x_m_s2.push(row.acceleration_b_m_s2[0]);
+        self.acceleration_b_y_m_s2.push(row.acceleration_b_m_s2[1]);
+        self.acceleration_c_x_m_s2.push(row.acceleration_c_m_s2[0]);
+        self.acceleration_c_y_m_s2.push(row.acceleration_c_m_s2[1]);
+        self.head_force_x_n.push(row.head_force_n[0]);
+        self.head_force_y_n.push(row.head_force_n[1]);
+        self.clipped.extend(row.clipped.map(Clipped::bits));
+    }
+
+    fn takes(&self, row: &SampleRecord) -> bool {
+        self.clipped.is_empty() == row.clipped.is_none()
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        Some(self.dt_s)
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        let accelerations = [&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2];
+        let others =
+            [&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2, &self.head_force_x_n, &self.head_force_y_n];
+        // Format 1 has no column of what was clipped.
+        let clipped = (!self.clipped.is_empty()).then_some(self.clipped.len());
+        accelerations.iter().chain(&others).map(|column| column.len()).chain(clipped).collect()
+    }
+
+    fn row(&self, index: usize) -> Option<SampleRecord> {
+        let clipped = match self.clipped.as_slice() {
+            [] => None,
+            column => Some(Clipped::from_bits(*column.get(index)?)?),
+        };
+        let pair = |x: &[f64], y: &[f64]| Some([*x.get(index)?, *y.get(index)?]);
+        Some(SampleRecord {
+            sample: self.first_step.checked_add(index as u64)?,
+            acceleration_b_m_s2: pair(&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2)?,
+            acceleration_c_m_s2: pair(&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2)?,
+            head_force_n: pair(&self.head_force_x_n, &self.head_force_y_n)?,
+            clipped,
+        })
+    }
+}
+
+impl Batch for TickBatch {
+    type Row = TickRecord;
+    const TYPE: MessageType = MessageType::TickBatch;
+
+    fn begin(&mut self, first_sample: u64, _dt_s: f64) {
+        prost::Message::clear(self);
+        self.first_step = first_sample;
+    }
+
+    fn first_sample(&self) -> u64 {
+        self.first_step
+    }
+
+    fn sample(row: &TickRecord) -> u64 {
+        row.sample
+    }
+
+    fn append(&mut self, row: &TickRecord) {
+        self.wakeup_ns.push(row.wakeup_ns);
+        self.exec_ns.push(row.exec_ns);
+        self.overruns.push(row.overruns);
+        self.cause.push(cause_number(row.cause));
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        None
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        // Older recordings have no column of causes.
+        let cause = (!self.cause.is_empty()).then_some(self.cause.len());
+        [self.wakeup_ns.len(), self.exec_ns.len(), self.overruns.len()].into_iter().chain(cause).collect()
+    }
+
+    fn row(&self, index: usize) -> Option<TickRecord> {
+        let cause = match self.cause.as_slice() {
+            [] => None,
+            column => cause_of(*column.get(index)?)?,
+        };
+        Some(TickRecord {
+            sample: self.first_step.checked_add(index as u64)?,
+            wakeup_ns: *self.wakeup_ns.get(index)?,
+            exec_ns: *self.exec_ns.get(index)?,
+            overruns: *self.overruns.get(index)?,
+            cause,
+        })
+    }
+}
+
+/// As in the file.
+fn cause_number(cause: Option<OverrunCause>) -> i32 {
+    let number = match cause {
+        None => Cause::None,
+        Some(OverrunCause::WokeLate) => Cause::WokeLate,
+        Some(OverrunCause::StepLong) => Cause::StepLong,
+        Some(OverrunCause::BusLong) => Cause::BusLong,
+    };
+    number.into()
+}
+
+/// From the file; `None` if there is no such number.
+fn cause_of(number: i32) -> Option<Option<OverrunCause>> {
+    let cause = match Cause::try_from(number).ok()? {
+        Cause::None => return Some(None),
+        Cause::WokeLate => OverrunCause::WokeLate,
+        Cause::StepLong => OverrunCause::StepLong,
+        Cause::BusLong => OverrunCause::BusLong,
+    };
+    Some(Some(cause))
+}

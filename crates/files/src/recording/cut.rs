@@ -1,0 +1,185 @@
+//! A part of a recording as a recording, and parts joined.
+
+use core::ops::RangeInclusive;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::{
+    Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Origin, Record, Recorder, Recording,
+    RecordingError, RunTime, Summary, TimeBase,
+};
+use resonarm_numeric::number::short;
+use crate::staged::same_file;
+
+/// Records that wait for the writer at most.
+const CAPACITY: usize = 8192;
+/// Different names of events that are copied at most; a recorder writes a dozen.
+const NAMES: usize = 1000;
+
+/// Copies the records of some samples into a new recording, which can be replayed and simulated again as the old one
+/// can. What the old one says of the run stays; what it says of its own build goes under the keys `cut.version` and
+/// `cut.git_commit`. Messages for plotting are made anew.
+///
+/// # Errors
+/// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
+/// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and one that
+/// was to be overwritten is kept.
+pub fn cut(
+    recording: &Recording,
+    samples: RangeInclusive<u64>,
+    path: &Path,
+    existing: Existing,
+) -> Result<Summary, RecordingError> {
+    join(&[recording], samples, path, existing)
+}
+
+/// Joins recordings of one run that follow each other, as [`cut`] makes them.
+///
+/// # Errors
+/// As [`cut`]; [`RecordingError::Apart`] if they are not of one run: another sample period, another configuration,
+/// another start, or a sample that is not behind the last of those before.
+pub fn merge(recordings: &[&Recording], path: &Path, existing: Existing) -> Result<Summary, RecordingError> {
+    let mut last = recordings.first().and_then(|first| first.summary().samples);
+    for pair in recordings.windows(2) {
+        let [before, behind] = pair else { continue };
+        check_follows(before, behind, last)?;
+        // Behind a part without a record stands what follows the part before it.
+        last = behind.summary().samples.or(last);
+    }
+    join(recordings, 0..=u64::MAX, path, existing)
+}
+
+/// Refuses a recording that is not of the same run, or has no later samples than `last`.
+fn check_follows(before: &Recording, behind: &Recording, last: Option<(u64, u64)>) -> Result<(), RecordingError> {
+    let (ours, theirs) = (before.origin(), behind.origin());
+    let (expected, got) = match (last, behind.summary().samples) {
+        _ if ours.dt_s.to_bits() != theirs.dt_s.to_bits() => {
+            let period = |dt_s: f64| format!("{} s from sample to sample", short(&dt_s));
+            (period(ours.dt_s), period(theirs.dt_s))
+        }
+        _ if of_the_run(before) != of_the_run(behind) => {
+            (String::from("the same"), String::from("another configuration, which `diff` tells"))
+        }
+        // Without a record a recording does not say when its run began.
+        (Some(_), Some(_)) if before.summary().samples.is_some() && ours.start_unix_ns != theirs.start_unix_ns => {
+            (format!("one that began {}", began(ours)), format!("a run that began {}", began(theirs)))
+        }
+        (Some((_, last)), Some((first, _))) if first <= last => {
+            (format!("later ones than {last}"), format!("samples from {first} on"))
+        }
+        _ => return Ok(()),
+    };
+    Err(RecordingError::Apart { path: behind.path().to_path_buf(), got, expected })
+}
+
+/// When a run began, in words.
+fn began(origin: &Origin) -> String {
+    match origin.start_unix_ns {
+        Some(ns) => format!("{}.{:09} s after the UNIX epoch", ns / 1_000_000_000, ns % 1_000_000_000),
+        None => String::from("at no stated time"),
+    }
+}
+
+/// What two parts of a run have in common.
+fn of_the_run(recording: &Recording) -> Vec<(&str, &str)> {
+    recording.configuration().iter().collect()
+}
+
+fn join(
+    recordings: &[&Recording],
+    samples: RangeInclusive<u64>,
+    path: &Path,
+    existing: Existing,
+) -> Result<Summary, RecordingError> {
+    let Some(first) = recordings.first() else {
+        return Err(RecordingError::Option {
+            option: "recordings",
+            got: String::from("none"),
+            expected: "at least one recording",
+        });
+    };
+    for recording in recordings {
+        if same_file(recording.path(), path) {
+            return Err(RecordingError::SameFile { path: path.to_path_buf() });
+        }
+    }
+    let recorder = Recorder::create(path, &configuration(first), options(first, existing))?;
+    let mut channel = recorder.channel("cut", CAPACITY)?;
+    let (mut names, mut is_empty) = (Names::default(), true);
+    for recording in recordings {
+        for record in recording.records()? {
+            let record = record?;
+            if samples.contains(&record.sample()) {
+                is_empty = false;
+                channel.push_blocking(names.record(record, recording.path())?)?;
+            }
+        }
+    }
+    if is_empty {
+        let sources = recordings.iter().map(|it| (it.path().to_path_buf(), it.integrity().clone())).collect();
+        return Err(RecordingError::NothingToCopy { sources, samples });
+    }
+    let is_whole = recordings.iter().all(|recording| *recording.integrity() == Integrity::Complete);
+    recorder.finish(&[("cut_from_whole_recordings", is_whole.to_string())])
+}
+
+/// What a part says of the run: the same as the whole, and which build recorded it.
+fn configuration(recording: &Recording) -> Configuration {
+    let build = &recording.origin().build;
+    let cut = [("cut.version", &build.version), ("cut.git_commit", &build.git_commit)];
+    let there = recording.configuration().clone();
+    cut.into_iter().fold(there, |configuration, (key, value)| match configuration.get(key) {
+        Some(_) => configuration,
+        None => configuration.with(key, value),
+    })
+}
+
+/// How the part is recorded: as the whole.
+fn options(recording: &Recording, existing: Existing) -> Options {
+    let origin = recording.origin();
+    let clock_epoch_unix_ns = origin.start_unix_ns.unwrap_or(0);
+    Options {
+        time_base: match origin.time {
+            RunTime::Simulated => TimeBase::Simulated,
+            RunTime::Lockstep => TimeBase::Lockstep { clock_epoch_unix_ns },
+            RunTime::RealTime => TimeBase::RealTime { clock_epoch_unix_ns },
+        },
+        flush: FlushPolicy::Samples(1000),
+        existing,
+        naming: Naming::Whole,
+        plot_every_samples: origin.plot_every_samples,
+        reading_delay_samples: origin.reading_delay_samples,
+        ..Options::virtual_time(origin.dt_s, &origin.interface)
+    }
+}
+
+/// The names of events, which a record on its way to the recorder borrows for good: a run has a dozen of them.
+#[derive(Default)]
+struct Names(BTreeSet<&'static str>);
+
+impl Names {
+    /// The record with a name that lives on.
+    fn record(&mut self, record: Record<String>, path: &Path) -> Result<Record, RecordingError> {
+        Ok(match record {
+            Record::State(record) => Record::State(record),
+            Record::Sample(record) => Record::Sample(record),
+            Record::Frame(record) => Record::Frame(record),
+            Record::Tick(record) => Record::Tick(record),
+            Record::Event(Event { sample, time_ns, name, value }) => {
+                Record::Event(Event { sample, time_ns, name: self.name(name, path)?, value })
+            }
+        })
+    }
+
+    fn name(&mut self, name: String, path: &Path) -> Result<&'static str, RecordingError> {
+        if let Some(known) = self.0.get(name.as_str()) {
+            return Ok(known);
+        }
+        if self.0.len() == NAMES {
+            return Err(RecordingError::Names { path: path.to_path_buf(), most: NAMES });
+        }
+        let name: &'static str = name.leak();
+        self.0.insert(name);
+        Ok(name)
+    }
+}

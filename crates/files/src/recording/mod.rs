@@ -1,0 +1,60 @@
+//! Recordings: MCAP files written by a thread of their own, and read back.
+//!
+//! Nothing here knows of the arm: the recorder is handed plain numbers ([`Record`]), and a clock where it needs one.
+//!
+//! ```no_run
+//! use resonarm::recording::{Configuration, Options, Record, Recorder};
+//!
+//! # fn records() -> Vec<Record> { Vec::new() }
+//! let configuration = Configuration::new().with("scenario", "preset = \"irb1600-fitted\"").with("seed", 1);
+//! let recorder = Recorder::create("run.mcap", &configuration, Options::virtual_time(1e-3, "memory"))?;
+//! let mut channel = recorder.channel("plant", 8192)?;
+//! for record in records() {
+//!     channel.push_blocking(record)?;
+//! }
+//! let summary = recorder.finish(&[("overruns", "0".to_string())])?;
+//! println!("{} bytes", summary.bytes);
+//! # Ok::<(), resonarm::recording::RecordingError>(())
+//! ```
+
+mod batch;
+mod build_info;
+mod contents;
+mod cut;
+mod decimate;
+mod decode;
+mod error;
+mod frames;
+mod lengths;
+mod options;
+mod plots;
+mod reader;
+mod record;
+mod recorder;
+mod records;
+mod recover;
+mod salvage;
+mod scan;
+mod schema;
+mod sink;
+mod source;
+mod summary;
+mod walk;
+mod writer;
+
+pub use batch::{Batch, Batcher};
+pub use build_info::{BuildInfo, build_info};
+pub use cut::{cut, merge};
+pub use error::RecordingError;
+pub use frames::FrameBatcher;
+pub use options::{Compression, Configuration, Existing, FlushPolicy, Naming, Options, TimeBase};
+pub use plots::{Plot, Plots};
+pub use reader::Recording;
+pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
+pub use recorder::{Channel, Pushed, Recorder, Summary};
+pub use records::Records;
+pub use recover::{MissingSamples, Recovered, recover};
+pub use salvage::LostChunk;
+pub use schema::Topic;
+pub use schema::{MessageType, proto};
+pub use summary::{Integrity, Origin, RecordedFault, RecordingSummary, RunTime, TopicSummary};

@@ -1,0 +1,223 @@
+//! How to record.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::{RecordingError, RunTime};
+use resonarm_numeric::number::short;
+
+/// Everything that made the run what it is, as keys and values: scenario, seed, scheme, initial state, protocol hash.
+///
+/// It is written before the first record, so that a killed run has it, and once more at the end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Configuration(pub(super) BTreeMap<String, String>);
+
+impl Configuration {
+    /// An empty configuration.
+    pub fn new() -> Configuration {
+        Configuration::default()
+    }
+
+    /// The configuration with `key` set to `value`, which may be a whole document (TOML, JSON).
+    #[must_use]
+    pub fn with(mut self, key: impl Into<String>, value: impl ToString) -> Configuration {
+        self.0.insert(key.into(), value.to_string());
+        self
+    }
+
+    /// The value of `key`, if it is set.
+    pub fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(String::as_str)
+    }
+
+    /// Keys and values, in order of the keys.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(key, value)| (key.as_str(), value.as_str()))
+    }
+}
+
+/// What the times in a recording count from. Log times are simulated time: that of the sample to which a message
+/// belongs. Publish times are those of the machine's clock, if the run went by it.
+///
+/// The run loops have a monotonic clock; `clock_epoch_unix_ns` is the time of the UNIX epoch at which that clock read
+/// 0. With what it read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the moment at
+/// which the run began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeBase {
+    /// Simulated time alone: log times from 0, publish times equal to them, so that the same run gives the same bytes.
+    Simulated,
+    /// Simulated time that waits for a partner: log times from 0, publish times of the UNIX epoch.
+    Lockstep {
+        /// When the run loop's clock read 0, ns of the UNIX epoch.
+        clock_epoch_unix_ns: u64,
+    },
+    /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on,
+    /// publish times of the UNIX epoch.
+    RealTime {
+        /// When the run loop's clock read 0, ns of the UNIX epoch.
+        clock_epoch_unix_ns: u64,
+    },
+}
+
+impl TimeBase {
+    /// When the run began, ns of the UNIX epoch; `None` for simulated time alone.
+    pub(super) const fn start_unix_ns(self, clock_ns: u64) -> Option<u64> {
+        match self {
+            TimeBase::Simulated => None,
+            TimeBase::Lockstep { clock_epoch_unix_ns } | TimeBase::RealTime { clock_epoch_unix_ns } => {
+                Some(clock_epoch_unix_ns.saturating_add(clock_ns))
+            }
+        }
+    }
+
+    /// How it is called in the file.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            TimeBase::Simulated => RunTime::Simulated.name(),
+            TimeBase::Lockstep { .. } => RunTime::Lockstep.name(),
+            TimeBase::RealTime { .. } => RunTime::RealTime.name(),
+        }
+    }
+}
+
+/// When what was recorded goes to the file. A run that is killed loses at most what came after the last flush.
+#[derive(Clone, Copy, Debug)]
+pub enum FlushPolicy {
+    /// As soon as this much time has passed since the last flush, give or take the 5 ms at which the writer polls.
+    Interval {
+        /// The time.
+        interval: Duration,
+        /// A monotonic clock; only differences count.
+        clock: fn() -> Duration,
+    },
+    /// When the first record of a sample this many samples after the last flush comes. The bytes of the file then
+    /// depend on the records alone, provided that they all come through one channel.
+    Samples(u64),
+}
+
+/// How chunks are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// Zstandard (RFC 8878), one frame a chunk.
+    Zstd,
+}
+
+/// What to do if the file is there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Refuse with [`RecordingError::Exists`].
+    Refuse,
+    /// Replace it, at the time that [`Naming`] says; until then it stays as it is. What is no regular file, such as a
+    /// pipe, is written to.
+    Overwrite,
+}
+
+/// When the file has its name. If the recorder is given up before, the file is removed, and what was there stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Naming {
+    /// From the first record on: a run that is killed leaves what was flushed.
+    FirstRecord,
+    /// When it is whole: for recordings made of others, which can be made again.
+    Whole,
+}
+
+/// How to record.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Time from one sample to the next, s; finite and positive.
+    pub dt_s: f64,
+    /// Name of the bus interface, noted with every frame.
+    pub interface: String,
+    /// What times count from.
+    pub time_base: TimeBase,
+    /// When what was recorded goes to the file.
+    pub flush: FlushPolicy,
+    /// How chunks are compressed.
+    pub compression: Compression,
+    /// What to do if the file is there already.
+    pub existing: Existing,
+    /// When the file has its name.
+    pub naming: Naming,
+    /// Samples in a batch, from 1 to 100000.
+    pub batch_samples: u32,
+    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
+    /// From 2 on they are filtered against aliases, as `docs/recording.md` states.
+    pub plot_every_samples: u64,
+    /// How long before its sample a reading was, in samples, 0 or more: noted in the file. By default 0.5.
+    pub reading_delay_samples: f64,
+}
+
+impl Options {
+    /// For a run in real time: `clock` read 0 at `clock_epoch_unix_ns` of the UNIX epoch; flushes every half second of
+    /// it.
+    pub fn real_time(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
+        Options {
+            time_base: TimeBase::RealTime { clock_epoch_unix_ns },
+            flush: FlushPolicy::Interval { interval: Duration::from_millis(500), clock },
+            ..Options::virtual_time(dt_s, interface)
+        }
+    }
+
+    /// For a run in lockstep: as [`Options::real_time`], but log times count from 0.
+    pub fn lockstep(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
+        let time_base = TimeBase::Lockstep { clock_epoch_unix_ns };
+        Options { time_base, ..Options::real_time(dt_s, interface, clock_epoch_unix_ns, clock) }
+    }
+
+    /// For a run of simulated time alone: starts at 0, flushes every 1000 samples; the same run gives the same bytes.
+    pub fn virtual_time(dt_s: f64, interface: &str) -> Options {
+        Options {
+            dt_s,
+            interface: interface.to_string(),
+            time_base: TimeBase::Simulated,
+            flush: FlushPolicy::Samples(1000),
+            compression: Compression::Zstd,
+            existing: Existing::Refuse,
+            naming: Naming::FirstRecord,
+            batch_samples: 500,
+            plot_every_samples: 10,
+            reading_delay_samples: 0.5,
+        }
+    }
+
+    /// When a sample is in simulated time, ns from the start of the run: sample·dt, rounded to the nearest nanosecond.
+    pub(super) fn simulated_ns(&self, sample: u64) -> u64 {
+        libm::round(sample as f64 * self.dt_s * 1e9) as u64
+    }
+
+    /// Refuses values that make no sense.
+    pub(super) fn check(&self) -> Result<(), RecordingError> {
+        // A batch of so many takes some 10 MB, far less than a chunk may.
+        const MOST_IN_A_BATCH: u32 = 100_000;
+        let at_least_one = "at least 1";
+        let dt = self.dt_s.is_finite() && self.dt_s > 0.0;
+        let checks = [
+            ("dt_s", dt, short(&self.dt_s).to_string(), "a finite time above 0 s"),
+            (
+                "batch_samples",
+                (1..=MOST_IN_A_BATCH).contains(&self.batch_samples),
+                self.batch_samples.to_string(),
+                "from 1 to 100000",
+            ),
+            (
+                "plot_every_samples",
+                self.plot_every_samples <= 1000,
+                self.plot_every_samples.to_string(),
+                "at most 1000",
+            ),
+            (
+                "reading_delay_samples",
+                self.reading_delay_samples.is_finite() && self.reading_delay_samples >= 0.0,
+                short(&self.reading_delay_samples).to_string(),
+                "a finite number, 0 or more",
+            ),
+            ("flush", !matches!(self.flush, FlushPolicy::Samples(0)), String::from("every 0 samples"), at_least_one),
+        ];
+        match checks.into_iter().find(|(_, holds, _, _)| !holds) {
+            Some((option, _, got, expected)) => Err(RecordingError::Option { option, got, expected }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! A recording read back.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::records::Records;
+use super::scan::{Scan, scan};
+use super::schema::{DT_S, Topic, metadata};
+use super::{
+    Configuration, Event, FrameRecord, Integrity, Origin, Record, RecordingError, RecordingSummary, SampleRecord,
+    StateRecord, TickRecord,
+};
+use resonarm_numeric::number::short;
+
+/// A recording whose every checksum has been checked.
+///
+/// Only what the file says about itself is held in memory; records are read from the file when they are asked for.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    path: PathBuf,
+    scan: Scan,
+    origin: Origin,
+    configuration: Configuration,
+}
+
+impl Recording {
+    /// Reads the file once from end to end, checks every checksum, and notes what it says about itself.
+    ///
+    /// A truncated or damaged file opens as well: [`Recording::integrity`] says so, and the records before the first
+    /// bad byte can be had.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if the file can't be read, is no recording, or was cut off before anything was in it.
+    pub fn open(path: impl AsRef<Path>) -> Result<Recording, RecordingError> {
+        let path = path.as_ref();
+        let scan = scan(path)?;
+        let origin = Origin::of(path, &scan)?;
+        if scan.tally.dt_s.is_some_and(|dt_s| dt_s.to_bits() != origin.dt_s.to_bits()) {
+            let (path, name, key) = (path.to_path_buf(), metadata::RECORDING, String::from(DT_S));
+            let expected = "what its batches state";
+            return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
+        }
+        let configuration = Configuration(scan.required(path, metadata::CONFIGURATION)?.clone());
+        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether the file is whole.
+    pub fn integrity(&self) -> &Integrity {
+        &self.scan.integrity
+    }
+
+    /// Where the recording comes from.
+    pub fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    /// The configuration of the run.
+    pub fn configuration(&self) -> &Configuration {
+        &self.configuration
+    }
+
+    /// The statistics handed in at the end of the run, if its end is in the file.
+    pub fn statistics(&self) -> Option<&BTreeMap<String, String>> {
+        self.scan.metadata.get(metadata::STATISTICS)
+    }
+
+    /// What the recording holds, in numbers.
+    pub fn summary(&self) -> RecordingSummary {
+        let samples = self.scan.tally.samples;
+        RecordingSummary {
+            path: self.path.clone(),
+            file_bytes: self.scan.file_bytes,
+            integrity: self.scan.integrity.clone(),
+            origin: self.origin.clone(),
+            duration_s: samples.map_or(0.0, |(first, last)| (last - first) as f64 * self.origin.dt_s),
+            samples,
+            clipped_samples: self.scan.tally.clipped_samples,
+            faults: self.scan.tally.faults.clone(),
+            other_sender_frames: self.scan.tally.other_sender_frames,
+            topics: Topic::ALL.map(|topic| (topic.name(), self.scan.tally.topics[topic as usize].summary)).into(),
+            lost: self.scan.lost.clone(),
+            configuration: self.configuration.0.clone(),
+            statistics: self.statistics().cloned().unwrap_or_default(),
+        }
+    }
+
+    /// All records as they stand in the file, gaps and all. Within a topic they are in order; rows of a batch come
+    /// together, so that topics are interleaved only roughly.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if the file can't be opened again.
+    pub fn records(&self) -> Result<Records<Record<String>>, RecordingError> {
+        const ALL: &[Topic] = &[Topic::States, Topic::Samples, Topic::Frames, Topic::Ticks, Topic::Events];
+        Records::new(&self.path, self.scan.readable_bytes, ALL, Some)
+    }
+
+    /// Every state, in order and without a gap.
+    ///
+    /// # Errors
+    /// [`RecordingError::Gap`] before anything is returned if samples are missing; [`RecordingError::MissingTopic`] if
+    /// the file has no such topic.
+    pub fn states(&self) -> Result<Records<StateRecord>, RecordingError> {
+        self.continuous(&[Topic::States], |record| match record {
+            Record::State(state) => Some(state),
+            _ => None,
+        })
+    }
+
+    /// Every sample, in order and without a gap.
+    ///
+    /// # Errors
+    /// As [`Recording::states`].
+    pub fn samples(&self) -> Result<Records<SampleRecord>, RecordingError> {
+        self.continuous(&[Topic::Samples], |record| match record {
+            Record::Sample(sample) => Some(sample),
+            _ => None,
+        })
+    }
+
+    /// Every tick of the real-time loop, in order and without a gap.
+    ///
+    /// # Errors
+    /// As [`Recording::states`].
+    pub fn ticks(&self) -> Result<Records<TickRecord>, RecordingError> {
+        self.continuous(&[Topic::Ticks], |record| match record {
+            Record::Tick(tick) => Some(tick),
+            _ => None,
+        })
+    }
+
+    /// Every frame on the bus, in order.
+    ///
+    /// # Errors
+    /// [`RecordingError::MissingTopic`] if the file has no such topic.
+    pub fn frames(&self) -> Result<Records<FrameRecord>, RecordingError> {
+        self.continuous(&[Topic::Frames], |record| match record {
+            Record::Frame(frame) => Some(frame),
+            _ => None,
+        })
+    }
+
+    /// Every event, in order.
+    ///
+    /// # Errors
+    /// [`RecordingError::MissingTopic`] if the file has no such topic.
+    pub fn events(&self) -> Result<Records<Event<String>>, RecordingError> {
+        self.continuous(&[Topic::Events], |record| match record {
+            Record::Event(event) => Some(event),
+            _ => None,
+        })
+    }
+
+    /// The records of one topic, if it is there and has no gap.
+    fn continuous<T>(
+        &self,
+        topics: &'static [Topic; 1],
+        pick: fn(Record<String>) -> Option<T>,
+    ) -> Result<Records<T>, RecordingError> {
+        let [topic] = *topics;
+        let found = &self.scan.tally.topics[topic as usize];
+        let (path, topic) = (self.path.clone(), topic.name());
+        // A run killed before its first chunk has no topics at all, and nothing in them.
+        if !found.declared && self.scan.tally.topics.iter().any(|topic| topic.declared) {
+            return Err(RecordingError::MissingTopic { path, topic });
+        }
+        match found.first_gap {
+            Some((expected, got)) => Err(RecordingError::Gap { path, topic, expected, got, gaps: found.summary.gaps }),
+            None => Records::new(&self.path, self.scan.readable_bytes, topics, pick),
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What a run hands to the recorder: small values of fixed size, so that they pass through a ring without allocation.
+
+use resonarm_protocol::Frame;
+
+use resonarm_realtime::OverrunCause;
+
+/// One thing worth recording.
+///
+/// `Name` is the type of an event's name: `&'static str` on the way in, so that a record needs no allocation, and
+/// [`String`] when read back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Record<Name = &'static str> {
+    /// The state of the arm at a sample and the load held over it.
+    State(StateRecord),
+    /// What the sensors said at a sample.
+    Sample(SampleRecord),
+    /// A frame on the bus.
+    Frame(FrameRecord),
+    /// How punctual a tick of the real-time loop was.
+    Tick(TickRecord),
+    /// Something that happened: a state change, a fault, an overrun.
+    Event(Event<Name>),
+}
+
+impl<Name> Record<Name> {
+    /// Index of the sample it belongs to.
+    pub const fn sample(&self) -> u64 {
+        match self {
+            Record::State(record) => record.sample,
+            Record::Sample(record) => record.sample,
+            Record::Frame(record) => record.sample,
+            Record::Tick(record) => record.sample,
+            Record::Event(record) => record.sample,
+        }
+    }
+}
+
+/// The arm at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
+///
+/// From these alone the run can be simulated again bit for bit: state, current and load of a sample give state and
+/// current of the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateRecord {
+    /// Index of the sample; sample k is at k times the sample period.
+    pub sample: u64,
+    /// α1, α2: vibration angles, rad.
+    pub alpha_rad: [f64; 2],
+    /// α̇1, α̇2, rad/s.
+    pub alpha_dot_rad_s: [f64; 2],
+    /// Torques at joints 1 and 2, N·m.
+    pub torque_nm: [f64; 2],
+    /// Force at point C along x and y, N; of a shaker, the force that it would exert were it blocked.
+    pub force_n: [f64; 2],
+    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of formats 1 to
+    /// 3, which do not hold it.
+    pub coil_current_a: Option<f64>,
+    /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
+    /// nothing. Recordings of format 1 don't say it of their last.
+    pub is_end: bool,
+}
+
+/// What the sensors said at sample `sample`: after range, noise and quantisation, before the wire's scaling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleRecord {
+    /// Index of the sample.
+    pub sample: u64,
+    /// Acceleration of point B along x and y, m/s².
+    pub acceleration_b_m_s2: [f64; 2],
+    /// Acceleration of point C along x and y, m/s².
+    pub acceleration_c_m_s2: [f64; 2],
+    /// Force in the impedance head at C along x and y, N.
+    pub head_force_n: [f64; 2],
+    /// Which of these were beyond the range of their sensor; `None` in recordings of format 1, which don't say.
+    pub clipped: Option<Clipped>,
+}
+
+/// Which readings of a sample were beyond the range of their sensor, so that the value is the last within it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clipped {
+    /// Acceleration of point B along x and y.
+    pub acceleration_b: [bool; 2],
+    /// Acceleration of point C along x and y.
+    pub acceleration_c: [bool; 2],
+    /// Force in the impedance head along x and y.
+    pub head_force: [bool; 2],
+}
+
+impl Clipped {
+    /// None of them.
+    pub const NONE: Clipped =
+        Clipped { acceleration_b: [false; 2], acceleration_c: [false; 2], head_force: [false; 2] };
+
+    /// One by one: of B, of C, of the head, x before y.
+    pub(crate) fn marks(self) -> [bool; 6] {
+        let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b, self.acceleration_c, self.head_force);
+        [b_x, b_y, c_x, c_y, x, y]
+    }
+
+    /// As in the file: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
+    pub fn bits(self) -> u32 {
+        self.marks().into_iter().enumerate().map(|(bit, clipped)| u32::from(clipped) << bit).sum()
+    }
+
+    /// From the file; what is wrong with it, if there are other bits.
+    pub(super) fn from_bits(bits: u32) -> Option<Clipped> {
+        let pair = |bit: u32| [bits >> bit & 1 == 1, bits >> (bit + 1) & 1 == 1];
+        let clipped = Clipped { acceleration_b: pair(0), acceleration_c: pair(2), head_force: pair(4) };
+        (bits < 64).then_some(clipped)
+    }
+
+    /// Whether there is any.
+    pub fn any(self) -> bool {
+        self != Clipped::NONE
+    }
+}
+
+/// Which way a frame went, seen from the plant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// Came in from the bus.
+    Received,
+    /// Was sent to the bus.
+    Sent,
+}
+
+/// A frame and when it was on the bus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameRecord {
+    /// The sample in which the frame took effect (received) or of which it tells (sent).
+    pub sample: u64,
+    /// Which way it went.
+    pub direction: Direction,
+    /// When the run loop handled it, nanoseconds since the start of the run.
+    pub time_ns: u64,
+    /// When the kernel or the adapter saw it, nanoseconds of the UNIX epoch, where known.
+    pub bus_timestamp_ns: Option<u64>,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// One tick of the real-time loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TickRecord {
+    /// Index of the sample.
+    pub sample: u64,
+    /// How late the loop woke after the tick's deadline, ns.
+    pub wakeup_ns: u64,
+    /// How long the tick's work took, ns.
+    pub exec_ns: u64,
+    /// Deadlines missed since the tick before: 0 when on time.
+    pub overruns: u32,
+    /// Why; `None` if none was missed, and in recordings made before it was recorded.
+    pub cause: Option<OverrunCause>,
+}
+
+/// Something that happened at a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event<Name = &'static str> {
+    /// Index of the sample.
+    pub sample: u64,
+    /// When, nanoseconds since the start of the run.
+    pub time_ns: u64,
+    /// What, as a short stable name, for example `state.fault`.
+    pub name: Name,
+    /// A number that belongs to it (a fault code, a count), 0 where none does.
+    pub value: i64,
+}

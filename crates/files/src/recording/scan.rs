@@ -1,0 +1,207 @@
+//! The first pass through a file: is it whole, and what is in it?
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::contents::Contents;
+use super::decode::decode;
+use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
+use super::summary::format;
+use super::walk::{Part, Walk};
+use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
+use resonarm_numeric::number::short;
+
+/// How many faults are told one by one; what comes after these is in `/events`.
+const MOST_FAULTS: usize = 100;
+
+/// What a pass through a file has shown.
+#[derive(Clone, Debug)]
+pub(super) struct Scan {
+    pub integrity: Integrity,
+    pub file_bytes: u64,
+    /// Everything before this byte is good.
+    pub readable_bytes: u64,
+    /// The library that wrote the file, as its head says.
+    pub library: String,
+    /// The first metadata record of each name.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    pub lost: BTreeMap<String, u64>,
+    pub tally: Tally,
+}
+
+/// What is in the chunks.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tally {
+    /// First and last sample of any record.
+    pub samples: Option<(u64, u64)>,
+    /// Time from sample to sample, s, that the metadata, or else the first batch, state.
+    pub dt_s: Option<f64>,
+    /// Samples with a reading beyond the range of its sensor; `None` if nothing is said of it.
+    pub clipped_samples: Option<u64>,
+    /// The faults of the plant, the first [`MOST_FAULTS`] of them.
+    pub faults: Vec<RecordedFault>,
+    /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
+    pub partner_said: Option<(u64, i64)>,
+    /// Frames under identifiers that only the plant sends, of another network.
+    pub other_sender_frames: u64,
+    /// One for each of [`Topic::ALL`].
+    pub topics: [TopicTally; Topic::ALL.len()],
+}
+
+/// What is in a topic.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TopicTally {
+    /// Whether the file has the topic, be it empty.
+    pub declared: bool,
+    pub summary: TopicSummary,
+    /// The sample expected and the sample that came, at the first gap.
+    pub first_gap: Option<(u64, u64)>,
+    /// The sample after the last.
+    pub expected: Option<u64>,
+    /// The first sample of the chunk taken in last.
+    pub first_of_chunk: Option<u64>,
+}
+
+/// Passes through the file once.
+pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
+    let mut walk = Walk::open(path)?;
+    let mut metadata = BTreeMap::new();
+    let mut library = String::new();
+    let mut tally = Tally::default();
+    let (readable_bytes, end) = loop {
+        let offset = walk.offset();
+        match walk.next() {
+            Ok(Some(Part::Header(name))) => library = name,
+            Ok(Some(Part::Metadata(name, content))) => {
+                if name == metadata::RECORDING && tally.dt_s.is_none() {
+                    // First of all: what a later format means by the rest is not known.
+                    format(path, &content)?;
+                    tally.dt_s = content.get(DT_S).and_then(|value| value.parse().ok());
+                }
+                metadata.entry(name).or_insert(content);
+            }
+            Ok(Some(Part::Chunk)) => match tally.clone().with(walk.contents()) {
+                Ok(with) => tally = with,
+                Err(cause) => break (offset, Err(walk.damaged(offset, cause))),
+            },
+            Ok(Some(Part::Other)) => {}
+            Ok(None) => break (offset, Ok(())),
+            Err(error) => break (offset, Err(error)),
+        }
+    };
+    let file_bytes = walk.file_bytes();
+    let last_sample = tally.samples.map(|(_, last)| last);
+    let integrity = match end {
+        Ok(()) if metadata.contains_key(metadata::LOST) => Integrity::Complete,
+        Ok(()) => Integrity::Unfinished,
+        Err(RecordingError::Truncated { .. }) => Integrity::Truncated { readable_bytes, file_bytes, last_sample },
+        Err(RecordingError::Damaged { cause, .. }) => {
+            Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause }
+        }
+        Err(RecordingError::Schema { .. }) if !metadata.contains_key(metadata::RECORDING) => Integrity::Unfinished,
+        Err(error) => return Err(error),
+    };
+    let lost = lost(path, &metadata)?;
+    Ok(Scan { integrity, file_bytes, readable_bytes, library, metadata, lost, tally })
+}
+
+/// The counts of lost records.
+pub(super) fn lost(
+    path: &Path,
+    metadata: &BTreeMap<String, BTreeMap<String, String>>,
+) -> Result<BTreeMap<String, u64>, RecordingError> {
+    let entries = metadata.get(metadata::LOST).into_iter().flatten();
+    let parsed = entries.map(|(channel, count)| match count.parse() {
+        Ok(count) => Ok((channel.clone(), count)),
+        Err(_) => Err(RecordingError::Metadata {
+            path: path.to_path_buf(),
+            name: metadata::LOST,
+            key: channel.clone(),
+            got: count.clone(),
+            expected: "a count of records",
+        }),
+    });
+    parsed.collect()
+}
+
+impl Scan {
+    /// The metadata record `name`, which must be there.
+    pub fn required(&self, path: &Path, name: &'static str) -> Result<&BTreeMap<String, String>, RecordingError> {
+        self.metadata.get(name).ok_or_else(|| {
+            let path = path.to_path_buf();
+            let ours = self.library.is_empty() || self.library.starts_with(OUR_LIBRARY);
+            let whole = matches!(self.integrity, Integrity::Complete | Integrity::Unfinished);
+            match ours {
+                false => RecordingError::NotARecording { path, name, library: self.library.clone() },
+                true if whole => RecordingError::NotARecording { path, name, library: String::new() },
+                true => RecordingError::NothingLeft { path, name, readable_bytes: self.readable_bytes },
+            }
+        })
+    }
+}
+
+impl Tally {
+    /// The tally with the chunk that was read last. Errors: what is wrong with a message in it.
+    pub fn with(mut self, contents: &Contents) -> Result<Tally, String> {
+        self.topics.iter_mut().for_each(|topic| topic.first_of_chunk = None);
+        contents.types().for_each(|of| self.topics[of.topic() as usize].declared = true);
+        for message in contents.messages() {
+            let topic = message.message_type.topic();
+            let summary = &mut self.topics[topic as usize].summary;
+            summary.messages += 1;
+            summary.bytes += message.bytes.len() as u64;
+            let dt_s = decode(message, &mut |record| self.record(topic, &record))?;
+            self.check_period(dt_s)?;
+        }
+        Ok(self)
+    }
+
+    fn event(&mut self, event: &Event<String>) {
+        match event.name.as_str() {
+            FAULT_EVENT => {
+                let said = self.partner_said.take();
+                if self.faults.len() < MOST_FAULTS {
+                    self.faults.push(RecordedFault::new(event.sample, event.value).with_partner(said));
+                }
+            }
+            PARTNER_EVENT => self.partner_said = Some((event.sample, event.value)),
+            ARMED_EVENT => self.partner_said = None,
+            OTHER_SENDER_EVENT => self.other_sender_frames += 1,
+            _ => {}
+        }
+    }
+
+    /// Refuses a batch of samples that are not as far apart as those of the rest.
+    fn check_period(&mut self, dt_s: Option<f64>) -> Result<(), String> {
+        let Some(got_s) = dt_s else { return Ok(()) };
+        let expected_s = *self.dt_s.get_or_insert(got_s);
+        if got_s.to_bits() == expected_s.to_bits() {
+            return Ok(());
+        }
+        let (got_s, expected_s) = (short(&got_s), short(&expected_s));
+        Err(format!("a batch states {got_s} s from sample to sample, expected {expected_s} s"))
+    }
+
+    /// Takes in one record.
+    fn record(&mut self, topic: Topic, record: &Record<String>) {
+        let sample = record.sample();
+        let (first, last) = self.samples.unwrap_or((sample, sample));
+        self.samples = Some((first.min(sample), last.max(sample)));
+        if let Record::Sample(SampleRecord { clipped: Some(clipped), .. }) = record {
+            *self.clipped_samples.get_or_insert(0) += u64::from(clipped.any());
+        }
+        if let Record::Event(event) = record {
+            self.event(event);
+        }
+        let topic = &mut self.topics[topic as usize];
+        topic.summary.records += 1;
+        if matches!(record, Record::State(_) | Record::Sample(_) | Record::Tick(_)) {
+            if let Some(expected) = topic.expected.filter(|&expected| expected != sample) {
+                topic.summary.gaps += 1;
+                topic.first_gap.get_or_insert((expected, sample));
+            }
+            topic.first_of_chunk.get_or_insert(sample);
+            topic.expected = sample.checked_add(1);
+        }
+    }
+}

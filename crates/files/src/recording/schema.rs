@@ -1,0 +1,202 @@
+//! The topics of a recording and the Protobuf messages in them.
+
+/// Generated from `proto/*.proto`; `tests/recording/schemas.rs` holds it to them.
+#[allow(missing_docs, clippy::doc_markdown)]
+pub mod proto {
+    include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));
+}
+
+/// A topic (MCAP channel) of a recording. Each has one message type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Topic {
+    /// `/plant/steps`: states and loads of every sample, in batches.
+    States,
+    /// `/plant/samples`: readings of every sample, in batches.
+    Samples,
+    /// `/plant/state`: every n-th state, filtered, for plotting.
+    State,
+    /// `/plant/command`: every n-th load, filtered, for plotting.
+    Command,
+    /// `/plant/sensors`: every n-th sample's readings, filtered, for plotting.
+    Sensors,
+    /// `/can/frames`: every frame on the bus, in batches.
+    Frames,
+    /// `/timing/ticks`: how punctual the real-time loop was, in batches.
+    Ticks,
+    /// `/events`: state changes, faults, overruns, losses.
+    Events,
+}
+
+impl Topic {
+    /// All topics; the index of each is its place here.
+    pub const ALL: [Topic; 8] = [
+        Topic::States,
+        Topic::Samples,
+        Topic::State,
+        Topic::Command,
+        Topic::Sensors,
+        Topic::Frames,
+        Topic::Ticks,
+        Topic::Events,
+    ];
+
+    /// Name of the topic in the file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Topic::States => "/plant/steps",
+            Topic::Samples => "/plant/samples",
+            Topic::State => "/plant/state",
+            Topic::Command => "/plant/command",
+            Topic::Sensors => "/plant/sensors",
+            Topic::Frames => "/can/frames",
+            Topic::Ticks => "/timing/ticks",
+            Topic::Events => "/events",
+        }
+    }
+
+    /// Full name of the message type that is written into it.
+    pub const fn schema_name(self) -> &'static str {
+        self.message_type().name()
+    }
+
+    /// The message type that is written into it.
+    pub(super) const fn message_type(self) -> MessageType {
+        match self {
+            Topic::States => MessageType::StepBatch,
+            Topic::Samples => MessageType::SampleBatch,
+            Topic::State => MessageType::State,
+            Topic::Command => MessageType::Command,
+            Topic::Sensors => MessageType::Sensors,
+            Topic::Frames => MessageType::FrameBatch,
+            Topic::Ticks => MessageType::TickBatch,
+            Topic::Events => MessageType::Event,
+        }
+    }
+}
+
+/// What a message is. A topic has messages of one type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MessageType {
+    StepBatch,
+    SampleBatch,
+    State,
+    Command,
+    Sensors,
+    FrameBatch,
+    TickBatch,
+    Event,
+    /// A frame alone, as in formats 1 and 2.
+    CanFrame,
+}
+
+impl MessageType {
+    /// All types; the index of each is its place here.
+    pub const ALL: [MessageType; 9] = [
+        MessageType::StepBatch,
+        MessageType::SampleBatch,
+        MessageType::State,
+        MessageType::Command,
+        MessageType::Sensors,
+        MessageType::FrameBatch,
+        MessageType::TickBatch,
+        MessageType::Event,
+        MessageType::CanFrame,
+    ];
+
+    /// Where its messages are.
+    pub const fn topic(self) -> Topic {
+        match self {
+            MessageType::StepBatch => Topic::States,
+            MessageType::SampleBatch => Topic::Samples,
+            MessageType::State => Topic::State,
+            MessageType::Command => Topic::Command,
+            MessageType::Sensors => Topic::Sensors,
+            MessageType::FrameBatch | MessageType::CanFrame => Topic::Frames,
+            MessageType::TickBatch => Topic::Ticks,
+            MessageType::Event => Topic::Events,
+        }
+    }
+
+    /// Its full name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            MessageType::StepBatch => "resonarm.v1.StepBatch",
+            MessageType::SampleBatch => "resonarm.v1.SampleBatch",
+            MessageType::State => "resonarm.v1.State",
+            MessageType::Command => "resonarm.v1.Command",
+            MessageType::Sensors => "resonarm.v1.Sensors",
+            MessageType::FrameBatch => "resonarm.v1.FrameBatch",
+            MessageType::TickBatch => "resonarm.v1.TickBatch",
+            MessageType::Event => "resonarm.v1.Event",
+            MessageType::CanFrame => "resonarm.v1.CanFrame",
+        }
+    }
+
+    /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
+    pub const fn descriptor(self) -> &'static [u8] {
+        match self {
+            MessageType::StepBatch => include_bytes!("../../proto/descriptors/step_batch.bin"),
+            MessageType::SampleBatch => include_bytes!("../../proto/descriptors/sample_batch.bin"),
+            MessageType::State => include_bytes!("../../proto/descriptors/state.bin"),
+            MessageType::Command => include_bytes!("../../proto/descriptors/command.bin"),
+            MessageType::Sensors => include_bytes!("../../proto/descriptors/sensors.bin"),
+            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin"),
+            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin"),
+            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin"),
+            MessageType::CanFrame => include_bytes!("../../proto/descriptors/can_frame.bin"),
+        }
+    }
+}
+
+/// Names of the metadata records of a recording.
+pub(super) mod metadata {
+    /// What the recorder itself knows: format, time step, interface, build.
+    pub const RECORDING: &str = "resonarm.recording";
+    /// The key of the version of the format in it.
+    pub const FORMAT: &str = "format";
+    /// The key of the version of the program in it.
+    pub const VERSION: &str = "version";
+    /// When the run began, as soon as it has: not in runs of simulated time alone, nor in format 1.
+    pub const START: &str = "resonarm.start";
+    /// The key of the start of the run, ns of the UNIX epoch.
+    pub const START_UNIX_NS: &str = "start_unix_ns";
+    /// The configuration handed in.
+    pub const CONFIGURATION: &str = "resonarm.configuration";
+    /// The statistics handed in at the end.
+    pub const STATISTICS: &str = "resonarm.statistics";
+    /// Records lost in each channel. Last of all: a recording without it was not finished.
+    pub const LOST: &str = "resonarm.lost";
+    /// What was mended in a recovered recording.
+    pub const RECOVERED: &str = "resonarm.recovered";
+}
+
+/// Version of topics, schemas and metadata that is written.
+pub(super) const FORMAT: u32 = 4;
+
+/// The first version; all from it to [`FORMAT`] are read. 1 has no column of clipped readings and no mark at the end of
+/// a run; its plotting topics are not filtered, its publish times are the log times, and the log times of frames and
+/// events are when they were handled. 1 and 2 have a message for every frame. 1 to 3 have no column of the shaker's
+/// current, and their instruments read instants.
+pub(super) const FIRST_FORMAT: u32 = 1;
+
+/// The key of the time from sample to sample in [`metadata::RECORDING`].
+pub(super) const DT_S: &str = "dt_s";
+
+/// The key of the delay of readings in [`metadata::RECORDING`].
+pub(super) const READING_DELAY: &str = "reading_delay_samples";
+
+/// How the name of the library begins in the head of a recording.
+pub(super) const OUR_LIBRARY: &str = "resonarm";
+
+/// Name of the event of a fault; its value is the code.
+pub(super) const FAULT_EVENT: &str = "emergency";
+
+/// Name of the event of what the partner said was wrong; its value is the code.
+pub(super) const PARTNER_EVENT: &str = "partner.emergency";
+
+/// Name of the event of a frame under an identifier that only the node sends, of another network.
+pub(super) const OTHER_SENDER_EVENT: &str = "frame.other_sender";
+
+/// Name of the event of being armed.
+pub(super) const ARMED_EVENT: &str = "state.operational";

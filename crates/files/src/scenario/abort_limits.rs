@@ -1,0 +1,121 @@
+//! The limits that end a run, against the load and the instruments: what contradicts them is refused when it is read.
+
+use super::{Scenario, ScenarioError};
+use resonarm_bench::control::LimitsSpec;
+use resonarm_bench::excitation::Amplitude;
+use resonarm_protocol::scaling::{ACCELERATION, FORCE};
+
+/// The most samples in a row that are counted.
+const MOST_SAMPLES: u32 = 1_000_000;
+
+/// Checks every limit of a scenario.
+pub(super) fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
+    let Some(limits) = &scenario.limits else { return Ok(()) };
+    check_numbers(limits)?;
+    check_instruments(limits, scenario)?;
+    let spec = scenario.excitation.as_ref().map(|spec| &spec.amplitude);
+    let amplitude = spec.or_else(|| scenario.control.as_ref().map(|spec| spec.amplitude()));
+    amplitude.map_or(Ok(()), |amplitude| check_load(limits, amplitude, scenario.control.is_some()))
+}
+
+fn check_numbers(limits: &LimitsSpec) -> Result<(), ScenarioError> {
+    let positive = |got: f64| got.is_finite() && got > 0.0;
+    for (name, value) in [
+        ("limits.force_n", limits.force_n),
+        ("limits.torque_nm", limits.torque_nm),
+        ("limits.acceleration_m_s2", limits.acceleration_m_s2),
+        ("limits.distortion", limits.distortion),
+    ] {
+        refuse_unless(name, value, "a positive number", positive)?;
+    }
+    let most = f64::from(MOST_SAMPLES);
+    let samples = |value: Option<u32>| value.map(f64::from);
+    let (clipped, stuck) = (samples(limits.clipped_samples), samples(limits.stuck_samples));
+    refuse_unless("limits.clipped_samples", clipped, "from 1 to 1000000", |got| (1.0..=most).contains(&got))?;
+    refuse_unless("limits.stuck_samples", stuck, "from 2 to 1000000", |got| (2.0..=most).contains(&got))?;
+    for (name, value) in
+        [("limits.stuck_above_n", limits.stuck_above_n), ("limits.stuck_above_nm", limits.stuck_above_nm)]
+    {
+        refuse_unless(name, value, "zero or a positive number", |got| got.is_finite() && got >= 0.0)?;
+        refuse_unless(name, value, "left out, or `limits.stuck_samples` stated beside it", |_| stuck.is_some())?;
+    }
+    Ok(())
+}
+
+/// A reading ends at its range, the instrument's or the wire's.
+fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), ScenarioError> {
+    let rig = &scenario.rig;
+    let profile = scenario.network.profile;
+    let head_n = rig.impedance_head.range_n.min(FORCE.limit(profile));
+    let expected =
+        "below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read";
+    refuse_unless("limits.force_n", limits.force_n, expected, |got| got < head_n)?;
+    let range_m_s2 =
+        rig.accelerometer_b.range_m_s2.min(rig.accelerometer_c.range_m_s2).min(ACCELERATION.limit(profile));
+    let expected =
+        "below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read";
+    refuse_unless("limits.acceleration_m_s2", limits.acceleration_m_s2, expected, |got| got < range_m_s2)
+}
+
+fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -> Result<(), ScenarioError> {
+    let load = amplitude.load();
+    let crest = load.force_n.amax().max(load.torque_nm.amax());
+    let forces = [("limits.force_n", limits.force_n), ("limits.stuck_above_n", limits.stuck_above_n)];
+    let torques = [("limits.torque_nm", limits.torque_nm), ("limits.stuck_above_nm", limits.stuck_above_nm)];
+    let (own, other) = if amplitude.is_torque() { (torques, forces) } else { (forces, torques) };
+    for (name, value) in other {
+        refuse_unless(name, value, "left out: the load is of the other kind, forces or torques", |_| false)?;
+    }
+    let [(limit_name, limit), (above_name, above)] = own;
+    let expected = "above the amplitude of the load, or the run ends before that is there";
+    refuse_unless(limit_name, limit, expected, |got| got > crest)?;
+    let expected = "below the amplitude of the load, or no axis is ever watched";
+    refuse_unless(above_name, above, expected, |got| got < crest)?;
+    let expected = "left out: the harmonics of the force are watched of a [control] with forces only";
+    refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.is_torque())
+}
+
+/// Refuses a limit that is stated and does not fit.
+fn refuse_unless(
+    name: &'static str,
+    value: Option<f64>,
+    expected: &'static str,
+    fits: impl Fn(f64) -> bool,
+) -> Result<(), ScenarioError> {
+    match value.filter(|got| !fits(*got)) {
+        Some(got) => Err(ScenarioError::Value { name, got, expected }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_that_contradict_are_refused_when_they_are_read() {
+        let forces = "[excitation]\namplitude = { force_x_n = 10, force_y_n = -20 }\n\
+            profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 0.5 }\n";
+        let torques = "[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 10 }\n";
+        let read = |text: &str| Scenario::parse(text, "test");
+        let says = |limits: &str, rest: &str| read(&format!("[limits]\n{limits}\n{rest}")).unwrap_err().to_string();
+        insta::assert_snapshot!(says("force_n = 0", ""), @"limits.force_n is 0: it must be a positive number");
+        insta::assert_snapshot!(says("stuck_samples = 1", ""), @"limits.stuck_samples is 1: it must be from 2 to 1000000");
+        insta::assert_snapshot!(says("clipped_samples = 0", ""), @"limits.clipped_samples is 0: it must be from 1 to 1000000");
+        insta::assert_snapshot!(says("stuck_above_n = 3", forces), @"limits.stuck_above_n is 3: it must be left out, or `limits.stuck_samples` stated beside it");
+        insta::assert_snapshot!(says("force_n = 20", forces), @"limits.force_n is 20: it must be above the amplitude of the load, or the run ends before that is there");
+        insta::assert_snapshot!(says("force_n = 200", "[rig.impedance_head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.accelerometer_c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("torque_nm = 30", forces), @"limits.torque_nm is 30: it must be left out: the load is of the other kind, forces or torques");
+        insta::assert_snapshot!(says("force_n = 30", torques), @"limits.force_n is 30: it must be left out: the load is of the other kind, forces or torques");
+        insta::assert_snapshot!(says("torque_nm = 9", torques), @"limits.torque_nm is 9: it must be above the amplitude of the load, or the run ends before that is there");
+        insta::assert_snapshot!(says("stuck_samples = 9\nstuck_above_nm = 10", torques), @"limits.stuck_above_nm is 10: it must be below the amplitude of the load, or no axis is ever watched");
+        for rest in [forces, torques] {
+            insta::allow_duplicates! {
+                insta::assert_snapshot!(says("distortion = 0.1", rest), @"limits.distortion is 0.1: it must be left out: the harmonics of the force are watched of a [control] with forces only");
+            }
+        }
+        let every = "force_n = 40\nacceleration_m_s2 = 900\nclipped_samples = 1\nstuck_samples = 2\nstuck_above_n = 19";
+        read(&format!("[limits]\n{every}\n{forces}")).unwrap();
+    }
+}

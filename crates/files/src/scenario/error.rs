@@ -1,0 +1,188 @@
+//! What is wrong with a scenario.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use resonarm_dynamics::arm::ArmError;
+use resonarm_bus::fault::FaultError;
+use resonarm_bench::control::ControlError;
+use resonarm_bench::excitation::{ExcitationError, LoadFileError};
+use resonarm_numeric::number::short;
+use resonarm_bench::plant::PlantSpecError;
+use resonarm_protocol::NetworkError;
+use resonarm_protocol::bits::BitRates;
+use crate::toml_error::TomlError;
+
+/// Why a scenario can't be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ScenarioError {
+    /// The file can't be read.
+    #[error("can't read the scenario {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The load file can't be read.
+    #[error("can't read the load file {}: {source}; `excitation.profile.path` counts from the scenario's folder", path.display())]
+    ReadLoad {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The load file holds no load.
+    #[error("load file {}: {source}", path.display())]
+    LoadFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: LoadFileError,
+    },
+    /// The text is no scenario.
+    #[error(transparent)]
+    Parse(#[from] TomlError),
+    /// The scenario can't be written as TOML.
+    #[error("the scenario can't be written as TOML: {reason}")]
+    Write {
+        /// What the TOML writer says.
+        reason: String,
+    },
+    /// The arm's name can't be shown in a line.
+    #[error("arm.name is {got:?}: it must be 1 to {most} characters, none of them a control character")]
+    Name {
+        /// The name.
+        got: String,
+        /// The most characters.
+        most: usize,
+    },
+    /// There is no such arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// The excitation can't be played.
+    #[error(transparent)]
+    Excitation(#[from] ExcitationError),
+    /// The loop can't be closed so.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// An excitation and a control.
+    #[error("the scenario has both [excitation] and [control]: an exciter has one controller; leave one out")]
+    TwoControllers,
+    /// The simulation has impossible steps.
+    #[error("simulation: {0}")]
+    Plant(#[from] PlantSpecError),
+    /// A fault of the network is impossible.
+    #[error(transparent)]
+    Fault(#[from] FaultError),
+    /// The base identifier or the node ids are impossible.
+    #[error("network: {0}")]
+    Network(#[from] NetworkError),
+    /// The sample rate can't be put on the wire.
+    #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535", got_hz = short(.got_hz))]
+    Rate {
+        /// What was given, Hz.
+        got_hz: f64,
+    },
+    /// The bus can't carry the samples.
+    #[error(
+        "simulation.rate_hz is {rate_hz}: with heartbeats that is up to {bits_per_second} bit/s, {percent:.1} % of what {} \
+         lower the rate to {most_hz}{}", carried(*.rates), raised(*.enough)
+    )]
+    Overload {
+        /// Samples a second.
+        rate_hz: u16,
+        /// Bits a second with the most stuff bits that there can be.
+        bits_per_second: u64,
+        /// The bit rates of the bus.
+        rates: BitRates,
+        /// The load, %.
+        percent: f64,
+        /// The largest sample rate that fits, Hz.
+        most_hz: f64,
+        /// The bit rate that alone would have to be larger, if one within its range does, and the least that does, Hz.
+        enough: Option<(&'static str, f64)>,
+    },
+    /// The sample rate is too low for real time.
+    #[error(
+        "simulation.rate_hz is {got_hz}: a run in real time needs at least {} Hz; lockstep and free runs take any rate",
+        resonarm_protocol::timing::REAL_TIME_RATE_MIN_HZ
+    )]
+    RealTimeRate {
+        /// What was given, Hz.
+        got_hz: u16,
+    },
+    /// The excitation is more than the exciter can produce or the wire can carry.
+    #[error("{name} is {got}, beyond {limit_name}, {limit} {unit}: {mend}", got = short(.got), limit = short(.limit))]
+    BeyondLimit {
+        /// The key.
+        name: String,
+        /// What was given, in the unit of the key.
+        got: f64,
+        /// What limits it.
+        limit_name: &'static str,
+        /// The limit, in the same unit.
+        limit: f64,
+        /// The unit of both.
+        unit: &'static str,
+        /// How to mend it.
+        mend: &'static str,
+    },
+    /// A load that does not point along the shaker.
+    #[error(
+        "{section}.amplitude does not point along the shaker, at {direction_deg}° to the x axis: give `force_x_n` and `force_y_n` in \
+         that direction alone, turn the shaker (`rig.shaker.direction_deg`), or leave `[rig.shaker]` out for an ideal exciter, which \
+         takes torques, too", direction_deg = short(.direction_deg)
+    )]
+    AcrossShaker {
+        /// The section.
+        section: String,
+        /// Where the shaker points, degrees.
+        direction_deg: f64,
+    },
+    /// A number is impossible.
+    #[error("{name} is {got}: it must be {expected}", got = short(.got))]
+    Value {
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// The run would be longer than can be counted.
+    #[error(
+        "simulation.duration_s is {}, which is {} samples: at most {most} are simulated; leave it out for a run until it is stopped",
+        short(.duration_s), short(.samples)
+    )]
+    TooLong {
+        /// What was given, s.
+        duration_s: f64,
+        /// The samples that this is.
+        samples: f64,
+        /// The most samples that do.
+        most: u64,
+    },
+    /// An exciter was asked for, and the scenario has nothing to play.
+    #[error(
+        "the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show"
+    )]
+    NoExcitation,
+    /// The recording says nothing of a scenario.
+    #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
+    NotInRecording,
+}
+
+fn carried(BitRates { nominal_hz, data_hz }: BitRates) -> String {
+    if nominal_hz == data_hz {
+        format!("network.bit_rate_hz, {nominal_hz}, carries;")
+    } else {
+        format!("network.bit_rate_hz, {nominal_hz}, and data_bit_rate_hz, {data_hz}, carry;")
+    }
+}
+
+fn raised(enough: Option<(&str, f64)>) -> String {
+    enough.map_or(String::new(), |(name, least_hz)| format!(", or raise {name} to {least_hz}"))
+}

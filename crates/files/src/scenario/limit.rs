@@ -1,0 +1,106 @@
+//! The load that is asked for against what the exciter can produce and the wire can carry.
+
+use super::ScenarioError;
+use resonarm_bench::excitation::Amplitude;
+use resonarm_protocol::Profile;
+use resonarm_protocol::scaling::{FORCE, Scale, TORQUE};
+use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
+
+/// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit
+/// would be refused sample by sample.
+pub(super) fn check(
+    section: &str,
+    amplitude: &Amplitude,
+    exciter: &Exciter,
+    profile: Profile,
+) -> Result<(), ScenarioError> {
+    match exciter {
+        Exciter::Ideal(spec) => check_ideal(section, amplitude, spec, profile),
+        Exciter::Shaker(spec) => check_shaker(section, amplitude, spec, profile),
+    }
+}
+
+fn check_ideal(
+    section: &str,
+    amplitude: &Amplitude,
+    exciter: &ExciterSpec,
+    profile: Profile,
+) -> Result<(), ScenarioError> {
+    let unit = amplitude.unit();
+    let check_axis = |key: &str, got, limit| check_axis((section, key, unit), got, limit, profile);
+    let force = (FORCE, "rig.exciter.force_limit_n", exciter.force_limit_n);
+    let torque = (TORQUE, "rig.exciter.torque_limit_nm", exciter.torque_limit_nm);
+    check_axis("force_x_n", amplitude.force_x_n, force)?;
+    check_axis("force_y_n", amplitude.force_y_n, force)?;
+    check_axis("torque1_nm", amplitude.torque1_nm, torque)?;
+    check_axis("torque2_nm", amplitude.torque2_nm, torque)
+}
+
+/// A shaker takes forces along itself; its limit is that of the force's size, the wire's that of each axis.
+fn check_shaker(
+    section: &str,
+    amplitude: &Amplitude,
+    shaker: &ShakerSpec,
+    profile: Profile,
+) -> Result<(), ScenarioError> {
+    if !shaker.is_along(&amplitude.load()) {
+        return Err(ScenarioError::AcrossShaker { section: section.to_string(), direction_deg: shaker.direction_deg });
+    }
+    let limit = (FORCE, "the shaker's blocked force", shaker.force_limit_n());
+    check_axis((section, "force_x_n", "N"), amplitude.force_x_n, limit, profile)?;
+    check_axis((section, "force_y_n", "N"), amplitude.force_y_n, limit, profile)?;
+    let (got, limit) = (shaker.along_n(&amplitude.load()).abs(), shaker.force_limit_n());
+    if got > limit {
+        let (name, limit_name, unit) = (format!("{section}.amplitude"), "the shaker's blocked force", "N");
+        let mend = "lower it, or raise `current_limit_a` or `voltage_limit_v` of `rig.shaker` if it has more";
+        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, unit, mend });
+    }
+    Ok(())
+}
+
+fn check_axis(
+    (section, key, unit): (&str, &str, &'static str),
+    got: f64,
+    (scale, limit_name, limit): (Scale, &'static str, f64),
+    profile: Profile,
+) -> Result<(), ScenarioError> {
+    let name = || format!("{section}.amplitude.{key}");
+    let sent = match profile {
+        Profile::Classic => {
+            let counts = f64::from(scale.counts_per_unit());
+            libm::rint(got.abs() * counts) / counts
+        }
+        Profile::Fd => f64::from(got.abs() as f32),
+    };
+    if got.abs() > limit || sent > limit {
+        let mend = "lower it, or raise the limit if the exciter has more";
+        return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, unit, mend });
+    }
+    let range = scale.limit(profile);
+    if sent > range {
+        let mend = "lower it, or take `network.profile = \"fd\"`: a command can't say more";
+        return Err(ScenarioError::BeyondLimit {
+            name: name(),
+            got,
+            limit_name: "the range of the wire",
+            limit: range,
+            unit,
+            mend,
+        });
+    }
+    Ok(())
+}
+
+/// The largest load along `amplitude` that the exciter can produce and the wire can carry, N or N·m.
+pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter, profile: Profile) -> f64 {
+    let (force_limit_n, torque_limit_nm) = exciter.limits();
+    let (limit, scale) = if amplitude.is_torque() { (torque_limit_nm, TORQUE) } else { (force_limit_n, FORCE) };
+    let (load, range) = (amplitude.load(), scale.limit(profile));
+    let (size, crest) =
+        (libm::hypot(load.force_n.norm(), load.torque_nm.norm()), load.force_n.amax().max(load.torque_nm.amax()));
+    match exciter {
+        // Each axis has its own limit.
+        Exciter::Ideal(_) => limit.min(range) * size / crest,
+        Exciter::Shaker(_) => limit.min(range * size / crest),
+    }
+}

@@ -1,0 +1,388 @@
+//! Scenarios: everything about a run, in one TOML file.
+//!
+//! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
+//! nearest known one. The whole scenario, defaults written out, goes into the recording.
+
+mod abort_limits;
+mod error;
+mod label;
+mod limit;
+mod load;
+mod network;
+mod provenance;
+
+pub use error::ScenarioError;
+pub use network::NetworkSection;
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use resonarm_analysis::modes;
+use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
+use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
+use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
+use resonarm_dynamics::integrate::Scheme;
+use resonarm_bench::plant::{self, PlantSpec};
+use resonarm_bench::rig::{Converter, RigSpec, Sampling};
+use crate::text_file;
+use crate::toml_error::TomlError;
+
+/// The most samples of a run that has an end: 31 years at 1 kHz.
+pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
+
+/// Everything about a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scenario {
+    /// The arm and how it starts.
+    pub arm: ArmSection,
+    /// The simulation: rate, scheme, seed, length.
+    pub simulation: SimulationSection,
+    /// The CAN network.
+    pub network: NetworkSection,
+    /// The instruments.
+    pub rig: RigSpec,
+    /// What a recording holds.
+    pub recording: RecordingSection,
+    /// What the exciter controller plays, if the scenario says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation: Option<ExcitationSpec>,
+    /// How the exciter controller closes a loop, in place of an excitation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<ControlSpec>,
+    /// Beyond which limits the exciter controller gives up, whatever it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSpec>,
+}
+
+/// The arm and how it starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArmSection {
+    /// What the arm is called in headers and figures, from 1 to 60 characters; without it the preset and what differs
+    /// from it say so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Name of the preset.
+    pub preset: String,
+    /// β1, degrees.
+    pub beta1_deg: f64,
+    /// β2, degrees.
+    pub beta2_deg: f64,
+    /// Initial state: α1, α2 in rad, α̇1, α̇2 in rad/s.
+    pub initial: [f64; 4],
+    /// Parameters that differ from the preset's, by their names.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    pub parameters: toml::Table,
+}
+
+impl Default for ArmSection {
+    /// The default preset at β1 = 0°, β2 = 60°, at rest.
+    fn default() -> ArmSection {
+        ArmSection {
+            name: None,
+            preset: Preset::default().name().to_string(),
+            beta1_deg: 0.0,
+            beta2_deg: 60.0,
+            initial: [0.0; 4],
+            parameters: toml::Table::new(),
+        }
+    }
+}
+
+/// The simulation: rate, scheme, seed, length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulationSection {
+    /// Samples a second, whole Hz from 1 to 65535: the wire states it so. At least 100 in real time.
+    pub rate_hz: f64,
+    /// Integration steps a sample, even, from 2 to [`MOST_STEPS_PER_SAMPLE`](plant::MOST_STEPS_PER_SAMPLE); without it
+    /// [`Scheme::steps_per_sample`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_per_sample: Option<u32>,
+    /// Integration scheme.
+    pub scheme: Scheme,
+    /// Seed of all noise.
+    #[serde(with = "resonarm_numeric::seed")]
+    pub seed: u64,
+    /// Length of the run, s; without it the run goes on until it is stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub duration_s: Option<f64>,
+}
+
+impl Default for SimulationSection {
+    /// 1 kHz, the default scheme with its own steps a sample, seed 0, no end.
+    fn default() -> SimulationSection {
+        let scheme = Scheme::default();
+        SimulationSection { rate_hz: 1000.0, steps_per_sample: None, scheme, seed: 0, duration_s: None }
+    }
+}
+
+impl SimulationSection {
+    /// Integration steps a sample, stated or the scheme's own.
+    pub fn steps_per_sample(&self) -> u32 {
+        self.steps_per_sample.unwrap_or(self.scheme.steps_per_sample())
+    }
+
+    /// Integration steps a second, Hz.
+    pub fn step_rate_hz(&self) -> f64 {
+        self.rate_hz * f64::from(self.steps_per_sample())
+    }
+}
+
+/// What a recording holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecordingSection {
+    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, 0 none.
+    pub plot_every_samples: u64,
+}
+
+impl Default for RecordingSection {
+    /// Every tenth sample.
+    fn default() -> RecordingSection {
+        RecordingSection { plot_every_samples: 10 }
+    }
+}
+
+/// What is wrong with readings of [`Scenario::reads_images`].
+pub const READS_IMAGES: &str = "rig.converter is `instant`: the head reads images of the shaker's held command as well, by \
+    up to 10 % near a resonance; take a converter with a filter (`sinc5`)";
+
+impl Scenario {
+    /// Reads a scenario file, and the load file that it names, which is looked for from the scenario's folder.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario;
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file.
+    pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
+        let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
+        let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
+        scenario.read_load(path.parent().unwrap_or(Path::new("")))?;
+        Ok(scenario)
+    }
+
+    /// Reads the load file of the excitation, if it has one; its path counts from `folder`.
+    ///
+    /// # Errors
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`].
+    pub fn read_load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
+        let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
+        let path = folder.join(path);
+        let text = match text_file::read_numbers(&path) {
+            Ok(text) => text,
+            Err(source) => return Err(ScenarioError::ReadLoad { path, source }),
+        };
+        *load = Some(LoadFile::parse(&text).map_err(|source| ScenarioError::LoadFile { path, source })?);
+        Ok(())
+    }
+
+    /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
+    /// so that an excitation of it can't be played before [`Scenario::read_load`].
+    ///
+    /// # Errors
+    /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.
+    pub fn parse(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+        let scenario = Scenario::parse_unchecked(text, origin)?;
+        scenario.check()?;
+        Ok(scenario)
+    }
+
+    fn parse_unchecked(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+        toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
+    }
+
+    /// Checks what no run can use, whatever its mode: the arm's name, the steps a sample, the timeouts, and the
+    /// excitation against its exciter's limits. What flags of the command line may still replace is checked where it is
+    /// used.
+    ///
+    /// The limits that end a run are checked against the load and the instruments.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Name`] for a name that no line can show, [`ScenarioError::Plant`] for steps a sample that no
+    /// plant can have, [`ScenarioError::Value`] for a timeout that is not positive or longer than an hour and for
+    /// limits that contradict, [`ScenarioError::Fault`] for a fault of the network that can't be,
+    /// [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
+    pub fn check(&self) -> Result<(), ScenarioError> {
+        self.arm.check_name()?;
+        plant::check_steps_per_sample(self.simulation.steps_per_sample())?;
+        self.network.check()?;
+        abort_limits::check(self)?;
+        match (&self.excitation, &self.control) {
+            (Some(_), Some(_)) => Err(ScenarioError::TwoControllers),
+            (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile),
+            (None, Some(_)) if self.network.samples_per_frame != 1 => Err(ScenarioError::Value {
+                name: "network.samples_per_frame",
+                got: self.network.samples_per_frame.into(),
+                expected: "1 with [control]: a loop that is closed answers every sample",
+            }),
+            (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive(), self.network.profile),
+            (None, None) => Ok(()),
+        }
+    }
+
+    /// The scenario as TOML, with every default written out.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Write`] if a parameter of the arm can't be written.
+    pub fn to_toml(&self) -> Result<String, ScenarioError> {
+        let mut whole = self.clone();
+        whole.simulation.steps_per_sample = Some(self.simulation.steps_per_sample());
+        toml::to_string(&whole).map_err(|error| ScenarioError::Write { reason: error.to_string() })
+    }
+
+    /// The arm's parameters: the preset's, with the scenario's own in their place.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter.
+    pub fn parameters(&self) -> Result<Parameters, ScenarioError> {
+        let preset = self.arm.preset.parse::<Preset>()?.parameters()?;
+        let mut table =
+            toml::Table::try_from(preset).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
+        table.extend(self.arm.parameters.clone());
+        table.try_into().map_err(|error: toml::de::Error| TomlError::new("[arm.parameters]", &error).into())
+    }
+
+    /// The pose.
+    pub fn pose(&self) -> Pose {
+        Pose { beta1_deg: self.arm.beta1_deg, beta2_deg: self.arm.beta2_deg }
+    }
+
+    /// The arm in its pose.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if there is no such arm.
+    pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
+        Ok(Arm::new(self.parameters()?, self.pose())?)
+    }
+
+    /// Everything that makes the plant.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if the arm's parameters can't be had.
+    pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
+        let [x1, x2, v1, v2] = self.arm.initial;
+        Ok(PlantSpec {
+            parameters: self.parameters()?,
+            pose: self.pose(),
+            initial: State::new([x1, x2], [v1, v2]),
+            scheme: self.simulation.scheme,
+            sample_rate_hz: self.simulation.rate_hz,
+            steps_per_sample: self.simulation.steps_per_sample(),
+            rig: self.rig.clone(),
+            seed: self.simulation.seed,
+        })
+    }
+
+    /// The sample rate as the wire states it.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Rate`] if it is not a whole number of hertz from 1 to 65535.
+    pub fn wire_rate_hz(&self) -> Result<u16, ScenarioError> {
+        let got_hz = self.simulation.rate_hz;
+        let rate_hz = got_hz as u16;
+        if f64::from(rate_hz) == got_hz && rate_hz > 0 { Ok(rate_hz) } else { Err(ScenarioError::Rate { got_hz }) }
+    }
+
+    /// The length of the run in samples, if it has an end.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] if the length is not a positive number, [`ScenarioError::TooLong`] if it has more than
+    /// [`MOST_SAMPLES`] samples.
+    pub fn duration_samples(&self) -> Result<Option<u64>, ScenarioError> {
+        let samples = |duration_s| {
+            let seconds = positive("simulation.duration_s", duration_s)?;
+            let samples = libm::ceil(seconds * self.simulation.rate_hz);
+            if samples <= MOST_SAMPLES as f64 {
+                Ok(samples as u64)
+            } else {
+                Err(ScenarioError::TooLong { duration_s, samples, most: MOST_SAMPLES })
+            }
+        };
+        self.simulation.duration_s.map(samples).transpose()
+    }
+
+    /// Whether readings have images of the held command in them, at its own frequency: a shaker's force is not held,
+    /// and converters without a filter fold them there.
+    pub fn reads_images(&self) -> bool {
+        self.rig.shaker.is_some() && self.rig.converter == Converter::Instant
+    }
+
+    /// How the instruments sample.
+    pub fn sampling(&self) -> Sampling {
+        Sampling { rate_hz: self.simulation.rate_hz, converter: self.rig.converter }
+    }
+
+    /// The exciter's controller, with the limits, at sample 0.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Control`] if a loop can't be closed so, [`ScenarioError::TwoControllers`] if the scenario has
+    /// an excitation as well, and without a control as [`Scenario::profile`].
+    pub fn controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
+        self.check()?;
+        Ok(self.limited(self.unlimited_controller()?))
+    }
+
+    /// The same controller with the limits, if the scenario has some.
+    pub fn limited(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
+        match self.limits {
+            Some(limits) => Box::new(Limited::new(controller, limits, self.simulation.rate_hz)),
+            None => controller,
+        }
+    }
+
+    fn unlimited_controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
+        match &self.control {
+            None => Ok(Box::new(OpenLoop::new(self.profile()?, self.rig.converter))),
+            Some(spec) => {
+                let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
+                let arm = match &self.rig.shaker {
+                    Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
+                    None => self.build_arm()?,
+                };
+                Ok(spec.controller(&arm, self.sampling(), limit)?)
+            }
+        }
+    }
+
+    /// A controller that is steered, along the load of the scenario's control or excitation.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NoExcitation`] if it has neither.
+    pub fn steered(&self) -> Result<Steered, ScenarioError> {
+        self.check()?;
+        let control = self.control.as_ref().map(ControlSpec::amplitude);
+        let excitation = self.excitation.as_ref().map(|excitation| &excitation.amplitude);
+        let amplitude = control.or(excitation).ok_or(ScenarioError::NoExcitation)?;
+        let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
+        let load = amplitude.load();
+        let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
+        let [first, _] = modes(&self.build_arm()?);
+        // Away from the resonance, where the arm would ring.
+        Ok(Steered::new(direction, limit, self.sampling(), 0.8 * first.frequency_hz))
+    }
+
+    /// What the exciter plays.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NoExcitation`] if the scenario has none, [`ScenarioError::Excitation`] if it can't be played,
+    /// [`ScenarioError::BeyondLimit`] if it is more than the exciter can produce or the wire can carry.
+    pub fn profile(&self) -> Result<Profile, ScenarioError> {
+        let spec = self.excitation.as_ref().ok_or(ScenarioError::NoExcitation)?;
+        limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile)?;
+        Ok(Profile::new(spec, self.simulation.rate_hz)?)
+    }
+}
+
+fn positive(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
+    if got.is_finite() && got > 0.0 {
+        Ok(got)
+    } else {
+        Err(ScenarioError::Value { name, got, expected: "a positive number" })
+    }
+}
+
+#[cfg(test)]
+mod tests;

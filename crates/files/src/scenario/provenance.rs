@@ -1,0 +1,45 @@
+//! A scenario's way into a recording and back.
+
+use super::{Scenario, ScenarioError};
+use resonarm_protocol::{PROTOCOL_VERSION, dbc};
+use crate::recording::Configuration;
+use resonarm_bench::rig::Converter;
+
+/// The key of the scenario in a recording's configuration.
+const SCENARIO: &str = "scenario";
+
+impl Scenario {
+    /// What a recording says about the run: the whole scenario, the run loop, the protocol.
+    ///
+    /// # Errors
+    /// As [`Scenario::to_toml`].
+    pub fn configuration(&self, run_loop: &str) -> Result<Configuration, ScenarioError> {
+        Ok(Configuration::new()
+            .with(SCENARIO, self.to_toml()?)
+            .with("run_loop", run_loop)
+            .with("protocol_version", format!("{}.{}", PROTOCOL_VERSION >> 4, PROTOCOL_VERSION & 0xF))
+            .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(self.network.profile))))
+    }
+
+    /// The scenario that a recording was made with.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read
+    /// it.
+    pub fn from_configuration(configuration: &Configuration) -> Result<Scenario, ScenarioError> {
+        let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
+        // What was run is not judged again.
+        let mut scenario = Scenario::parse_unchecked(text, "the recording's scenario")?;
+        if !states_a_converter(text) {
+            scenario.rig.converter = Converter::Instant;
+        }
+        Ok(scenario)
+    }
+}
+
+/// Whether the text of a scenario states `rig.converter`. A recording's scenario has every default written out; those
+/// of formats 1 to 3 know no converters, and their instruments read instants.
+fn states_a_converter(text: &str) -> bool {
+    let table = text.parse::<toml::Table>().ok();
+    table.as_ref().and_then(|table| table.get("rig")?.get("converter")).is_some()
+}

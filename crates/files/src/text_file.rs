@@ -1,0 +1,36 @@
+//! Text files of bounded size.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// The largest file of settings that is read, bytes: a scenario has thousands at most, and a device may have no end.
+const LIMIT: u64 = 1 << 20;
+
+/// The largest file of numbers that is read, bytes: millions of them.
+const NUMBERS_LIMIT: u64 = 1 << 26;
+
+/// The text of a file or pipe of settings.
+///
+/// # Errors
+/// What the system says; [`ErrorKind::FileTooLarge`] beyond 1 MiB, [`ErrorKind::InvalidData`] if it is no UTF-8.
+pub fn read(path: &Path) -> Result<String> {
+    read_at_most(path, LIMIT)
+}
+
+/// The text of a file or pipe of numbers.
+///
+/// # Errors
+/// As [`read`], beyond 64 MiB.
+pub fn read_numbers(path: &Path) -> Result<String> {
+    read_at_most(path, NUMBERS_LIMIT)
+}
+
+fn read_at_most(path: &Path, limit: u64) -> Result<String> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        return Err(Error::new(ErrorKind::FileTooLarge, format!("it is larger than {} MiB", limit >> 20)));
+    }
+    String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, format!("it is no text: {error}")))
+}

@@ -1,0 +1,159 @@
+//! What a viewer is told first: what it is that moves here.
+
+use serde::Serialize;
+
+use super::rows::{CHANNELS, CLIPPED_BITS};
+use resonarm_dynamics::arm::Arm;
+use resonarm_files::scenario::Scenario;
+
+/// What a viewer may ask for, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Action {
+    /// Arm the plant.
+    Arm,
+    /// Disarm the plant.
+    Disarm,
+    /// Reset a faulted plant.
+    Reset,
+    /// Lead the sine to a set-point.
+    Set,
+    /// Play, halt and seek a recording.
+    Play,
+}
+
+/// What is shown, as the page is told.
+#[derive(Clone, Debug, Serialize)]
+pub struct About {
+    /// The program's version.
+    pub version: &'static str,
+    /// What runs here: plant, exciter, plant and exciter, recording.
+    pub role: &'static str,
+    /// What it runs on: a bus, or a file.
+    pub place: String,
+    /// The arm, in words.
+    pub arm: String,
+    /// Lengths of the links, m.
+    pub lengths_m: [f64; 2],
+    /// Angles of the pose, rad: β1 against the x axis, β2 against link 1.
+    pub beta_rad: [f64; 2],
+    /// The unit of the load, N or N·m.
+    pub unit: &'static str,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Frequencies of the modes, Hz.
+    pub modes_hz: [f64; 2],
+    /// Names of the numbers of a sample.
+    pub channels: [&'static str; CHANNELS.len()],
+    /// Names of the numbers that a bit stands for where clipped readings are told, the lowest bit first.
+    pub clipped_bits: [&'static str; CLIPPED_BITS.len()],
+    /// What may be asked for with the token.
+    pub actions: Vec<Action>,
+    /// What can be set, if a set-point can.
+    pub steering: Option<Steering>,
+    /// The first and the last sample of the recording, if one is shown.
+    pub samples: Option<(u64, u64)>,
+}
+
+/// The least and the largest that may be set. The page and the server refuse what is beyond, and the controller takes
+/// what is within.
+#[derive(Clone, Debug, Serialize)]
+pub struct Steering {
+    /// Load, N or N·m.
+    pub load: [f64; 2],
+    /// Frequency, Hz.
+    pub frequency_hz: [f64; 2],
+    /// Phase, degrees.
+    pub phase_deg: [f64; 2],
+}
+
+impl Steering {
+    /// Of an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the
+    /// sample rate or a little below would have no more than two samples a period.
+    pub fn new(load_limit: f64, rate_hz: f64) -> Steering {
+        Steering { load: [0.0, load_limit], frequency_hz: [0.01, 0.4995 * rate_hz], phase_deg: [-360.0, 360.0] }
+    }
+}
+
+impl About {
+    /// Of a scenario's arm; nothing can be asked for.
+    pub fn new(role: &'static str, place: String, scenario: &Scenario, arm: &Arm) -> About {
+        let (p, pose) = (arm.parameters(), arm.pose());
+        About {
+            version: env!("CARGO_PKG_VERSION"),
+            role,
+            place,
+            arm: format!(
+                "{}, \u{3b2}1 = {}\u{b0}, \u{3b2}2 = {}\u{b0}",
+                scenario.arm.label(),
+                pose.beta1_deg,
+                pose.beta2_deg
+            ),
+            lengths_m: [p.length1_m, p.length2_m],
+            beta_rad: [pose.beta1_deg.to_radians(), pose.beta2_deg.to_radians()],
+            unit: unit(scenario),
+            rate_hz: scenario.simulation.rate_hz,
+            modes_hz: resonarm_analysis::modes(arm).map(|mode| mode.frequency_hz),
+            channels: CHANNELS,
+            clipped_bits: CLIPPED_BITS,
+            actions: Vec::new(),
+            steering: None,
+            samples: None,
+        }
+    }
+
+    /// Whether this may be asked for.
+    pub fn allows(&self, action: Action) -> bool {
+        self.actions.contains(&action)
+    }
+}
+
+/// The unit of the load that the scenario asks for.
+fn unit(scenario: &Scenario) -> &'static str {
+    let control = scenario.control.as_ref().map(|control| control.amplitude().unit());
+    control.or_else(|| scenario.excitation.as_ref().map(|excitation| excitation.amplitude.unit())).unwrap_or("N")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_dynamics::arm::Load;
+    use resonarm_bench::control::{Controller, SetPoint, Steered};
+    use crate::message::{Order, Wish};
+    use resonarm_session::run::Request;
+
+    /// The page has its limits from here, and so has the server; and the controller takes what they let through.
+    #[test]
+    fn what_is_within_the_limits_is_taken_and_what_is_beyond_is_refused() {
+        let (limit, rate_hz) = (61.7, 333.3);
+        let scenario = Scenario::default();
+        let mut about = About::new("exciter", String::new(), &scenario, &scenario.build_arm().unwrap());
+        about.actions = vec![Action::Set];
+        about.steering = Some(Steering::new(limit, rate_hz));
+        let Steering { load, frequency_hz, phase_deg } = Steering::new(limit, rate_hz);
+        let wish =
+            |[load, frequency_hz, phase_deg]: [f64; 3]| Wish::Set { load, frequency_hz, phase_deg }.order(&about);
+        let mut steered = Steered::new(
+            Load::force_n(1.0, 0.0),
+            limit,
+            resonarm_bench::rig::Sampling { rate_hz, converter: Default::default() },
+            10.0,
+        );
+        let inside = [1.0, 10.0, 0.0];
+        for (place, [least, most]) in [load, frequency_hz, phase_deg].into_iter().enumerate() {
+            for (end, beyond) in [(least, least.next_down()), (most, most.next_up())] {
+                let with = |value| {
+                    let mut numbers = inside;
+                    numbers[place] = value;
+                    numbers
+                };
+                let [load, frequency_hz, phase_deg] = with(end);
+                let set_point = SetPoint { load, frequency_hz, phase_deg };
+                assert_eq!(wish(with(end)), Ok(Order::Run(Request::Set(set_point))));
+                assert!(steered.steer(&set_point), "{set_point:?}");
+                assert_eq!(steered.set_point(), set_point);
+                assert!(wish(with(beyond)).is_err_and(|why| why.contains("it must be from")), "{beyond}");
+            }
+        }
+    }
+}

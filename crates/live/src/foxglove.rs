@@ -1,0 +1,421 @@
+//! The stream as Foxglove, Lichtblick and PlotJuggler take it: the Foxglove WebSocket protocol, with the messages and
+//! schemas of recordings.
+//!
+//! The server says what it is (`serverInfo`) and which channels there are (`advertise`); a client subscribes to
+//! channels, and each message comes as a binary frame: opcode 1, the client's number of the subscription (32 bits), the
+//! time (64 bits, ns), both little-endian, and the payload. The subprotocol has an old name, `foxglove.websocket.v1`,
+//! and a new one, `foxglove.sdk.v1`, for the same messages.
+
+use std::collections::BTreeMap;
+
+use axum::body::Bytes;
+use axum::extract::ws::{Message, Utf8Bytes};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::about::About;
+use super::moving_arm::MovingArm;
+use resonarm_dynamics::arm::Arm;
+use resonarm_files::export::scene;
+use resonarm_files::recording::{Batch, Batcher, Event, FrameBatcher, MessageType, Plot, Plots, Record, proto};
+use resonarm_session::run::{self, CommandRecord};
+
+/// Both names of the subprotocol.
+pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
+/// What may be published; the number of a channel is its place here.
+const CHANNELS: [Channel; 9] = [
+    Channel::Recorded(MessageType::State),
+    Channel::Recorded(MessageType::Command),
+    Channel::Recorded(MessageType::Sensors),
+    Channel::Recorded(MessageType::StepBatch),
+    Channel::Recorded(MessageType::SampleBatch),
+    Channel::Recorded(MessageType::TickBatch),
+    Channel::Recorded(MessageType::Event),
+    Channel::Recorded(MessageType::FrameBatch),
+    Channel::Arm,
+];
+/// Opcode of a message.
+const MESSAGE_DATA: u8 = 1;
+/// Level of a status message that tells an error.
+const ERROR: u8 = 2;
+/// Rows of a batch at most; what is there goes out with each update.
+const BATCH_ROWS: u32 = 500;
+/// Every how many samples a plotting topic has a message.
+const PLOT_EVERY: u64 = 10;
+
+/// What is published under one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Messages as recordings have them.
+    Recorded(MessageType),
+    /// The moving arm, as copies for viewers have it.
+    Arm,
+}
+
+impl Channel {
+    /// How it is advertised.
+    fn advertised(self, id: usize) -> Value {
+        match self {
+            Channel::Recorded(of) => json!({
+                "id": id,
+                "topic": of.topic().name(),
+                "encoding": "protobuf",
+                "schemaName": of.name(),
+                "schema": STANDARD.encode(of.descriptor()),
+                "schemaEncoding": "protobuf",
+            }),
+            Channel::Arm => json!({
+                "id": id,
+                "topic": scene::TOPIC,
+                "encoding": "json",
+                "schemaName": scene::SCHEMA,
+                "schema": scene::schema().to_string(),
+                "schemaEncoding": "jsonschema",
+            }),
+        }
+    }
+}
+
+/// A message for everyone who subscribed to its channel.
+#[derive(Clone, Debug)]
+pub struct Published {
+    channel: u32,
+    time_ns: u64,
+    bytes: Bytes,
+}
+
+/// Makes messages of what is told.
+pub struct Stream {
+    dt_s: f64,
+    /// Time of sample 0, ns of the UNIX epoch.
+    start_unix_ns: u64,
+    states: Batcher<proto::StepBatch>,
+    readings: Batcher<proto::SampleBatch>,
+    ticks: Batcher<proto::TickBatch>,
+    frames: FrameBatcher,
+    plots: Plots,
+    /// `None` where no angles are told.
+    arm: Option<MovingArm>,
+    published: Vec<Published>,
+}
+
+impl Stream {
+    /// Of samples `dt_s` apart, the first of which is taken for `start_unix_ns`, of frames on the bus `interface`, and
+    /// of an arm whose angles are told.
+    pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, arm: Option<Arm>) -> Stream {
+        Stream {
+            dt_s,
+            start_unix_ns,
+            states: Batcher::new(BATCH_ROWS, dt_s),
+            readings: Batcher::new(BATCH_ROWS, dt_s),
+            ticks: Batcher::new(BATCH_ROWS, dt_s),
+            frames: FrameBatcher::new(BATCH_ROWS, interface),
+            arm: arm.map(MovingArm::new),
+            plots: Plots::new(PLOT_EVERY),
+            published: Vec::new(),
+        }
+    }
+
+    /// What is published.
+    pub fn channels(&self) -> &'static [Channel] {
+        match (&self.arm, CHANNELS.as_slice()) {
+            (None, [recorded @ .., Channel::Arm]) => recorded,
+            (_, all) => all,
+        }
+    }
+
+    /// Takes what a loop told.
+    pub fn told(&mut self, told: &run::Told) {
+        match told {
+            run::Told::Record(record) => self.record(record),
+            run::Told::Command(CommandRecord { sample, load }) => {
+                let (t, f) = (load.torque_nm, load.force_n);
+                let (torque1_nm, torque2_nm, force_x_n, force_y_n) = (t.x, t.y, f.x, f.y);
+                if sample.is_multiple_of(PLOT_EVERY) {
+                    let command = proto::Command { step: *sample, torque1_nm, torque2_nm, force_x_n, force_y_n };
+                    self.publish(MessageType::Command, *sample, &command);
+                }
+            }
+            run::Told::Response(_) | run::Told::SetPoint(_) => {}
+        }
+    }
+
+    /// Takes a record.
+    pub fn record<Name: AsRef<str>>(&mut self, record: &Record<Name>) {
+        match record {
+            Record::State(state) => {
+                if self.states.must_take_before(state) {
+                    self.take_batches();
+                }
+                self.states.append(state);
+                self.arm.iter_mut().for_each(|arm| arm.state(state));
+                self.plots.state(state);
+                self.publish_plots();
+            }
+            Record::Sample(readings) => {
+                if self.readings.must_take_before(readings) {
+                    self.take_batches();
+                }
+                self.readings.append(readings);
+                self.plots.reading(readings);
+                self.publish_plots();
+            }
+            Record::Tick(tick) => {
+                if self.ticks.must_take_before(tick) {
+                    self.take_batches();
+                }
+                self.ticks.append(tick);
+            }
+            Record::Event(Event { sample, time_ns, name, value }) => {
+                let (name, step) = (name.as_ref().to_owned(), *sample);
+                self.publish(MessageType::Event, step, &proto::Event { step, time_ns: *time_ns, name, value: *value });
+            }
+            Record::Frame(frame) => {
+                if self.frames.must_take_before(frame) {
+                    self.take_batches();
+                }
+                self.frames.append(frame);
+            }
+        }
+    }
+
+    /// What is to be sent since the last call.
+    pub fn take(&mut self) -> Vec<Published> {
+        self.take_batches();
+        let start_and_dt = (self.start_unix_ns, self.dt_s);
+        if let Some((sample, scene)) =
+            self.arm.as_mut().and_then(|arm| arm.take(|sample| time_ns(start_and_dt, sample)))
+        {
+            self.push(Channel::Arm, sample, scene.to_string().into_bytes());
+        }
+        core::mem::take(&mut self.published)
+    }
+
+    fn take_batches(&mut self) {
+        if let Some(batch) = self.states.take().cloned() {
+            self.publish(MessageType::StepBatch, batch.first_sample(), &batch);
+        }
+        if let Some(batch) = self.readings.take().cloned() {
+            self.publish(MessageType::SampleBatch, batch.first_sample(), &batch);
+        }
+        if let Some(batch) = self.ticks.take().cloned() {
+            self.publish(MessageType::TickBatch, batch.first_sample(), &batch);
+        }
+        if let Some((first, batch)) = self.frames.take().map(|(first, batch)| (first, batch.clone())) {
+            self.publish(MessageType::FrameBatch, first, &batch);
+        }
+    }
+
+    fn publish_plots(&mut self) {
+        for plot in self.plots.ready() {
+            let sample = plot.sample();
+            match plot {
+                Plot::State(state) => self.publish(MessageType::State, sample, &state),
+                Plot::Command(command) => self.publish(MessageType::Command, sample, &command),
+                Plot::Sensors(sensors) => self.publish(MessageType::Sensors, sample, &sensors),
+            }
+        }
+    }
+
+    fn publish(&mut self, message_type: MessageType, sample: u64, message: &impl prost::Message) {
+        self.push(Channel::Recorded(message_type), sample, message.encode_to_vec());
+    }
+
+    fn push(&mut self, channel: Channel, sample: u64, bytes: Vec<u8>) {
+        let Some(channel) = CHANNELS.iter().position(|of| *of == channel) else { return };
+        let time_ns = time_ns((self.start_unix_ns, self.dt_s), sample);
+        self.published.push(Published { channel: channel as u32, time_ns, bytes: Bytes::from(bytes) });
+    }
+}
+
+/// Time of a sample, ns of the UNIX epoch.
+fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
+    start_unix_ns.saturating_add((sample as f64 * dt_s * 1e9) as u64)
+}
+
+/// What a client is told first.
+pub fn introduction(about: &About, channels: &[Channel], session: &str) -> [Message; 2] {
+    let info = json!({
+        "op": "serverInfo",
+        "name": format!("resonarm {} ({}, {})", about.version, about.role, about.place),
+        "capabilities": [],
+        "supportedEncodings": ["protobuf"],
+        "metadata": { "arm": about.arm, "rate_hz": about.rate_hz.to_string() },
+        "sessionId": session,
+    });
+    let channels: Vec<Value> = channels.iter().enumerate().map(|(id, channel)| channel.advertised(id)).collect();
+    [text(&info), text(&json!({ "op": "advertise", "channels": channels }))]
+}
+
+fn text(value: &Value) -> Message {
+    Message::Text(Utf8Bytes::from(value.to_string()))
+}
+
+/// What a client says. What is not for this server is refused by a status message.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "op", rename_all = "camelCase")]
+enum Said {
+    Subscribe {
+        subscriptions: Vec<Subscription>,
+    },
+    #[serde(rename_all = "camelCase")]
+    Unsubscribe {
+        subscription_ids: Vec<u32>,
+    },
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Subscription {
+    id: u32,
+    channel_id: u32,
+}
+
+/// Subscriptions of a client at most: each channel a few times over.
+const SUBSCRIPTIONS: usize = 64;
+
+/// What a client has subscribed to: its own numbers, and the channels.
+#[derive(Debug)]
+pub struct Subscriptions {
+    channels: &'static [Channel],
+    subscribed: BTreeMap<u32, u32>,
+}
+
+impl Subscriptions {
+    /// None yet, of these channels.
+    pub fn new(channels: &'static [Channel]) -> Subscriptions {
+        Subscriptions { channels, subscribed: BTreeMap::new() }
+    }
+
+    /// Takes what the client said; what it is answered, if it is wrong.
+    pub fn said(&mut self, text: &str) -> Option<Message> {
+        match serde_json::from_str(text) {
+            Ok(Said::Subscribe { subscriptions }) => {
+                let refused: Vec<String> = subscriptions.iter().filter_map(|one| self.subscribe(*one).err()).collect();
+                (!refused.is_empty()).then(|| status(&refused.join("; ")))
+            }
+            Ok(Said::Unsubscribe { subscription_ids }) => {
+                self.subscribed.retain(|id, _| !subscription_ids.contains(id));
+                None
+            }
+            Err(error) => Some(status(&format!("resonarm takes subscribe and unsubscribe: {error}"))),
+        }
+    }
+
+    fn subscribe(&mut self, Subscription { id, channel_id }: Subscription) -> Result<(), String> {
+        if channel_id as usize >= self.channels.len() {
+            return Err(format!("there is no channel {channel_id}"));
+        }
+        if self.subscribed.len() >= SUBSCRIPTIONS && !self.subscribed.contains_key(&id) {
+            return Err(format!("more than {SUBSCRIPTIONS} subscriptions"));
+        }
+        self.subscribed.insert(id, channel_id);
+        Ok(())
+    }
+
+    /// The frames of a message for this client: one for each subscription to its channel.
+    pub fn frames(&self, message: &Published) -> impl Iterator<Item = Message> {
+        let subscribed = self.subscribed.iter().filter(|(_, channel)| **channel == message.channel);
+        subscribed.map(|(id, _)| {
+            let head = [&[MESSAGE_DATA][..], &id.to_le_bytes(), &message.time_ns.to_le_bytes()];
+            Message::Binary(Bytes::from([&head.concat()[..], &message.bytes].concat()))
+        })
+    }
+}
+
+/// Says what is wrong with something that a client said.
+pub fn status(text_: &str) -> Message {
+    text(&json!({ "op": "status", "level": ERROR, "message": text_ }))
+}
+
+#[cfg(test)]
+mod tests {
+    use prost::Message as _;
+
+    use super::*;
+    use resonarm_files::recording::{Direction, FrameRecord, StateRecord, TickRecord};
+    use resonarm_files::scenario::Scenario;
+
+    fn frame(sample: u64, direction: Direction, id: u16) -> Record {
+        let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(id), &[1, 2]).unwrap();
+        Record::Frame(FrameRecord { sample, direction, time_ns: 7 * sample, bus_timestamp_ns: None, frame })
+    }
+
+    #[test]
+    fn frames_go_out_as_they_are_recorded() {
+        let mut stream = Stream::new(1e-3, 0, "vcan0", None);
+        assert_eq!(stream.channels().len(), CHANNELS.len() - 1);
+        stream.record(&frame(3, Direction::Received, 0x203));
+        stream.record(&frame(4, Direction::Sent, 0x205));
+        // An exciter counts from each arming on.
+        stream.record(&frame(0, Direction::Sent, 0x205));
+        let published = stream.take();
+        let batches: Vec<_> = published.iter().map(|one| proto::FrameBatch::decode(&*one.bytes).unwrap()).collect();
+        assert_eq!(
+            published.iter().map(|one| (one.channel, one.time_ns)).collect::<Vec<_>>(),
+            [(7, 3_000_000), (7, 0)]
+        );
+        assert_eq!((batches[0].id.as_slice(), batches[0].direction.as_slice()), (&[0x203, 0x205][..], &[1, 2][..]));
+        assert_eq!((batches[0].interface.as_str(), &batches[0].time_difference_ns[..]), ("vcan0", &[21, 7][..]));
+        assert!(stream.take().is_empty());
+    }
+
+    #[test]
+    fn the_arm_goes_out_once_an_update_as_copies_for_viewers_have_it() {
+        let mut stream = Stream::new(1e-3, 1_000, "none", Some(Scenario::default().build_arm().unwrap()));
+        assert_eq!(stream.channels(), CHANNELS);
+        let zero = [0.0; 2];
+        for sample in 5..8 {
+            let (alpha_rad, alpha_dot_rad_s) = ([1e-3, 0.0], zero);
+            let state = StateRecord {
+                sample,
+                alpha_rad,
+                alpha_dot_rad_s,
+                torque_nm: zero,
+                force_n: zero,
+                coil_current_a: None,
+                is_end: false,
+            };
+            stream.record(&Record::<&str>::State(state));
+        }
+        let published = stream.take();
+        let arms: Vec<_> = published.iter().filter(|one| one.channel == 8).collect();
+        let [arm] = arms.as_slice() else { panic!("{arms:?}") };
+        assert_eq!(arm.time_ns, 7_001_000);
+        let update: Value = serde_json::from_slice(&arm.bytes).unwrap();
+        assert_eq!(update["entities"][0]["timestamp"], json!({ "sec": 0, "nsec": 7_001_000 }));
+        assert!(stream.take().is_empty());
+    }
+
+    #[test]
+    fn who_has_subscribed_gets_frames_and_nonsense_is_answered() {
+        let mut stream = Stream::new(1e-3, 1_000, "vcan0", None);
+        let mut subscriptions = Subscriptions::new(stream.channels());
+        let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":5},{"id":8,"channelId":99}]}"#;
+        let Some(Message::Text(refused)) = subscriptions.said(subscribe) else { panic!("nothing refused") };
+        assert_eq!(refused.as_str(), r#"{"level":2,"message":"there is no channel 99","op":"status"}"#);
+        stream.record(&Record::<&str>::Tick(TickRecord {
+            sample: 2,
+            wakeup_ns: 1,
+            exec_ns: 2,
+            overruns: 0,
+            cause: None,
+        }));
+        stream.record(&Record::Event(Event { sample: 3, time_ns: 0, name: "state.fault", value: 0 }));
+        let published = stream.take();
+        assert_eq!(published.len(), 2);
+        let frames: Vec<Message> = published.iter().flat_map(|message| subscriptions.frames(message)).collect();
+        let [Message::Binary(bytes)] = &frames[..] else { panic!("{frames:?}") };
+        assert_eq!(&bytes[..5], [1, 7, 0, 0, 0]);
+        assert_eq!(u64::from_le_bytes(bytes[5..13].try_into().unwrap()), 2_001_000);
+        let batch = proto::TickBatch::decode(&bytes[13..]).unwrap();
+        assert_eq!((batch.first_step, batch.exec_ns), (2, vec![2]));
+        assert!(subscriptions.said(r#"{"op":"unsubscribe","subscriptionIds":[7]}"#).is_none());
+        assert_eq!(published.iter().flat_map(|message| subscriptions.frames(message)).count(), 0);
+        for nonsense in ["", "[]", r#"{"op":"advertise","channels":[]}"#, "{\"op\":\"subscribe\"}"] {
+            assert!(subscriptions.said(nonsense).is_some(), "{nonsense}");
+        }
+    }
+}

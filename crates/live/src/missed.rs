@@ -1,0 +1,131 @@
+//! Missed deadlines by cause, put together from what is told piece by piece.
+//!
+//! A tick says how many deadlines were missed before it, and why as far as the loop knows. If somebody else had the
+//! core, an event of the same sample says so, a little later, or in a recording earlier: it takes the place of the
+//! loop's cause. So the sum of the causes stays.
+
+use std::collections::BTreeMap;
+
+use resonarm_realtime::{OverrunCause, OverrunCauses};
+use resonarm_files::recording::TickRecord;
+
+/// Samples whose other half may come: at 10 kHz those of 100 ms, each a tick late. Events come within 50 ms.
+const HALVES_KEPT: usize = 1024;
+
+/// Missed deadlines.
+#[derive(Debug, Default)]
+pub struct Missed {
+    deadlines: u64,
+    causes: OverrunCauses,
+    /// By sample: what its tick said, and no event.
+    ticks: BTreeMap<u64, (OverrunCause, u64)>,
+    /// By sample: what its event said, and no tick.
+    events: BTreeMap<u64, Taken>,
+}
+
+/// Who had the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Taken {
+    Stolen,
+    Preempted,
+}
+
+impl Missed {
+    /// Takes a tick.
+    pub fn tick(&mut self, tick: &TickRecord) {
+        let missed = u64::from(tick.overruns);
+        self.deadlines += missed;
+        let Some(cause) = tick.cause.filter(|_| missed > 0) else { return };
+        match self.events.remove(&tick.sample) {
+            Some(taken) => *self.of(taken) += missed,
+            None => {
+                self.causes.count(cause, missed);
+                keep(&mut self.ticks, tick.sample, (cause, missed));
+            }
+        }
+    }
+
+    /// Takes an event, which may be one of these.
+    pub fn event(&mut self, sample: u64, name: &str) {
+        let taken = match name {
+            "overrun.stolen" => Taken::Stolen,
+            "overrun.preempted" => Taken::Preempted,
+            _ => return,
+        };
+        match self.ticks.remove(&sample) {
+            Some((cause, missed)) => {
+                *self.causes.of(cause) -= missed;
+                *self.of(taken) += missed;
+            }
+            None => keep(&mut self.events, sample, taken),
+        }
+    }
+
+    fn of(&mut self, taken: Taken) -> &mut u64 {
+        match taken {
+            Taken::Stolen => &mut self.causes.stolen,
+            Taken::Preempted => &mut self.causes.preempted,
+        }
+    }
+
+    /// How many.
+    pub fn deadlines(&self) -> u64 {
+        self.deadlines
+    }
+
+    /// How many by each cause that there was, in words.
+    pub fn in_words(&self) -> Vec<(&'static str, u64)> {
+        self.causes.in_words().into_iter().filter(|(_, missed)| *missed > 0).collect()
+    }
+}
+
+fn keep<T>(halves: &mut BTreeMap<u64, T>, sample: u64, half: T) {
+    halves.insert(sample, half);
+    if halves.len() > HALVES_KEPT {
+        halves.pop_first();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tick(sample: u64, overruns: u32, cause: Option<OverrunCause>) -> TickRecord {
+        TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns, cause }
+    }
+
+    #[test]
+    fn an_event_takes_the_place_of_the_cause_of_its_sample_in_any_order() {
+        let mut missed = Missed::default();
+        missed.tick(&tick(1, 0, None));
+        missed.tick(&tick(5, 2, Some(OverrunCause::WokeLate)));
+        missed.tick(&tick(6, 3, Some(OverrunCause::StepLong)));
+        missed.tick(&tick(7, 1, Some(OverrunCause::BusLong)));
+        assert_eq!(missed.in_words(), [("woke late", 2), ("step long", 3), ("bus long", 1)]);
+        missed.event(6, "overrun.stolen");
+        missed.event(6, "state.fault");
+        missed.event(9, "overrun.preempted");
+        assert_eq!(missed.in_words(), [("while the host had the core", 3), ("woke late", 2), ("bus long", 1)]);
+        missed.tick(&tick(9, 4, Some(OverrunCause::WokeLate)));
+        // Older recordings know no causes.
+        missed.tick(&tick(10, 5, None));
+        let all = [
+            ("while the host had the core", 3),
+            ("while other threads had the core", 4),
+            ("woke late", 2),
+            ("bus long", 1),
+        ];
+        assert_eq!((missed.in_words().as_slice(), missed.deadlines()), (&all[..], 15));
+    }
+
+    #[test]
+    fn halves_whose_other_half_never_comes_are_forgotten() {
+        let mut missed = Missed::default();
+        let most = HALVES_KEPT as u64;
+        (0..=most).for_each(|sample| missed.tick(&tick(sample, 1, Some(OverrunCause::WokeLate))));
+        (0..=most).for_each(|sample| missed.event(2 * most + sample, "overrun.stolen"));
+        assert_eq!((missed.ticks.len(), missed.events.len()), (HALVES_KEPT, HALVES_KEPT));
+        missed.event(0, "overrun.stolen");
+        assert_eq!(missed.in_words(), [("woke late", most + 1)]);
+    }
+}

@@ -1,0 +1,381 @@
+//! What is known of the run: kept for viewers that come later, and told to those that are there.
+
+use std::collections::VecDeque;
+
+use axum::body::Bytes;
+use axum::extract::ws::{Message, Utf8Bytes};
+
+use super::about::About;
+use super::extremes::{Extremes, Stretch};
+use super::message::{
+    BranchLines, EventLine, NodeStatus, PlayerStatus, ReadPoint, SetPointLine, Spectra, Timing, Told, UpdateHead,
+    update,
+};
+use super::missed::Missed;
+use super::rows::{Row, Rows, clipped_bit, clipped_in_either};
+use super::spectrum::Spectrum;
+use resonarm_dynamics::arm::Arm;
+use resonarm_bench::control::{JointAngles, ResponsePoint, SetPoint};
+use resonarm_files::recording::{Event, Record, RecordedFault, TickRecord};
+use resonarm_session::run::{self, CommandRecord};
+
+/// Stretches a second of simulated time.
+const STRETCHES_HZ: f64 = 100.0;
+/// How much of the latest samples is kept for the plots over time, s of simulated time: a screen's width of stretches.
+pub const SHOWN_S: f64 = 8.0;
+/// Stretches that are kept.
+const STRETCHES_KEPT: usize = (SHOWN_S * STRETCHES_HZ) as usize;
+/// Rows that an update carries at most; of a run faster than the clock only the latest are told whole.
+const ROWS_TOLD: usize = 256;
+/// Stretches that an update carries at most, the latest.
+const STRETCHES_TOLD: usize = 64;
+/// Events and responses that are kept.
+const LINES_KEPT: usize = 500;
+
+/// What is known of the run.
+pub struct Model {
+    about: About,
+    arm: Arm,
+    rows: Rows,
+    extremes: Extremes,
+    kept: VecDeque<Stretch>,
+    new: Vec<Stretch>,
+    /// The latest rows, the newest last, and how many of them no update has told.
+    recent: VecDeque<Row>,
+    untold: usize,
+    newest: Option<u64>,
+    /// Whether everything that is kept is to be told with the next update.
+    is_new: bool,
+    /// The sample of a recording that is shown.
+    shown: Option<u64>,
+    spectrum: Spectrum,
+    status: NodeStatus,
+    events: VecDeque<EventLine>,
+    responses: VecDeque<ReadPoint>,
+    branch: Option<BranchLines>,
+    player: Option<PlayerStatus>,
+    /// The set-point that the exciter has.
+    set_point: Option<SetPoint>,
+    ticks: Ticks,
+    missed: Missed,
+    has_ended: bool,
+    /// Messages for all viewers.
+    outgoing: Vec<Message>,
+}
+
+/// Ticks since the last update.
+#[derive(Debug, Default)]
+struct Ticks {
+    count: u64,
+    exec_ns: u64,
+    exec_most_ns: u64,
+    late_ns: u64,
+    late_most_ns: u64,
+}
+
+impl Model {
+    /// Of a run of which nothing is known yet.
+    pub fn new(about: About, arm: Arm) -> Model {
+        let width = (about.rate_hz / STRETCHES_HZ) as u64;
+        Model {
+            rows: Rows::default(),
+            extremes: Extremes::new(width),
+            kept: VecDeque::new(),
+            new: Vec::new(),
+            recent: VecDeque::new(),
+            untold: 0,
+            newest: None,
+            is_new: false,
+            shown: None,
+            spectrum: Spectrum::new(about.rate_hz),
+            status: NodeStatus { state: "unknown", fault: None },
+            events: VecDeque::new(),
+            responses: VecDeque::new(),
+            branch: None,
+            player: None,
+            set_point: None,
+            ticks: Ticks::default(),
+            missed: Missed::default(),
+            has_ended: false,
+            outgoing: Vec::new(),
+            about,
+            arm,
+        }
+    }
+
+    /// What is shown.
+    pub fn about(&self) -> &About {
+        &self.about
+    }
+
+    /// Takes what a loop told.
+    pub fn told(&mut self, told: &run::Told) {
+        match told {
+            run::Told::Record(record) => self.record(record),
+            run::Told::Command(CommandRecord { sample, load }) => self.rows.command(*sample, load),
+            run::Told::Response(point) => self.response(point),
+            run::Told::SetPoint(set_point) => {
+                self.tell(&Told::SetPoint(&SetPointLine::from(*set_point)));
+                self.set_point = Some(*set_point);
+            }
+        }
+    }
+
+    /// Takes a record.
+    pub fn record<Name: AsRef<str>>(&mut self, record: &Record<Name>) {
+        match record {
+            Record::State(state) => self.rows.state(state),
+            Record::Sample(readings) => self.rows.readings(readings),
+            Record::Tick(tick) => {
+                self.ticks.add(tick);
+                self.missed.tick(tick);
+            }
+            Record::Event(event) => self.event(event),
+            Record::Frame(_) => {}
+        }
+    }
+
+    fn event<Name: AsRef<str>>(&mut self, event: &Event<Name>) {
+        let Event { sample, name, value, .. } = event;
+        let name = name.as_ref();
+        self.missed.event(*sample, name);
+        let text = (name == "emergency").then(|| RecordedFault::new(*sample, *value).to_string());
+        let status = match name {
+            "state.boot_up" => Some(("boot-up", None)),
+            "state.pre_operational" => Some(("pre-operational", None)),
+            "state.operational" => Some(("operational", None)),
+            "state.fault" => Some(("fault", self.status.fault.take())),
+            "emergency" => Some((self.status.state, text.clone())),
+            _ => None,
+        };
+        if let Some((state, fault)) = status {
+            self.status = NodeStatus { state, fault };
+            let status = self.status.clone();
+            self.tell(&Told::State(&status));
+        }
+        let line = EventLine { time_s: self.time_s(*sample), name: name.to_owned(), value: *value, text };
+        self.tell(&Told::Event(&line));
+        keep(&mut self.events, line);
+    }
+
+    /// Takes a response that was read.
+    pub fn response(&mut self, point: &ResponsePoint) {
+        let angles = JointAngles::of(point, &self.arm);
+        let read = ReadPoint {
+            frequency_hz: point.frequency_hz,
+            amplitude_rad: angles.amplitude_rad,
+            load: point.load,
+            lag_deg: point.lag_rad.map(f64::to_degrees),
+            settled: point.settled,
+            clipped: angles.clipped,
+        };
+        self.tell(&Told::Response(&read));
+        keep(&mut self.responses, read);
+    }
+
+    /// The lowest and the highest frequency of the responses, Hz.
+    pub fn response_range_hz(&self) -> Option<(f64, f64)> {
+        self.responses
+            .iter()
+            .map(|point| (point.frequency_hz, point.frequency_hz))
+            .reduce(|(low, high), (hz, _)| (low.min(hz), high.max(hz)))
+    }
+
+    /// Takes the computed branch.
+    pub fn branch(&mut self, branch: BranchLines) {
+        self.tell(&Told::Branch(&branch));
+        self.branch = Some(branch);
+    }
+
+    /// Everything is of the past but the branch: what comes now begins elsewhere.
+    pub fn restart(&mut self) {
+        self.rows = Rows::default();
+        self.newest = None;
+        self.forget();
+        self.kept.clear();
+        self.new.clear();
+        self.events.clear();
+        self.responses.clear();
+        (self.ticks, self.missed) = (Ticks::default(), Missed::default());
+        self.status = NodeStatus { state: "unknown", fault: None };
+        self.is_new = true;
+        self.tell(&Told::Restarted);
+    }
+
+    /// This sample of a recording is shown: nothing more comes of it and of those before it.
+    pub fn shown(&mut self, sample: u64) {
+        self.shown = Some(sample);
+        self.rows.settle(sample);
+    }
+
+    /// Takes where a recording is.
+    pub fn player(&mut self, player: PlayerStatus) {
+        self.tell(&Told::Player(&player));
+        self.player = Some(player);
+    }
+
+    /// Nothing more comes.
+    pub fn end(&mut self) {
+        if !core::mem::replace(&mut self.has_ended, true) {
+            self.tell(&Told::Ended);
+        }
+    }
+
+    fn time_s(&self, sample: u64) -> f64 {
+        sample as f64 / self.about.rate_hz
+    }
+
+    fn tell(&mut self, told: &Told) {
+        self.outgoing.extend(text(told));
+    }
+
+    /// Takes in the rows that are whole by now.
+    fn gather(&mut self) {
+        while let Some((sample, row)) = self.rows.pop() {
+            if self.rows.take_restarted() {
+                // An exciter counts from each arming on.
+                self.forget();
+                self.kept.clear();
+                self.new.clear();
+                self.tell(&Told::Restarted);
+            } else if self.newest.is_some_and(|newest| newest + 1 != sample) {
+                self.forget();
+            }
+            self.newest = Some(sample);
+            if let Some(stretch) = self.extremes.push(sample, &row) {
+                self.new.push(stretch);
+                self.kept.push_back(stretch);
+            }
+            self.recent.push_back(row);
+            self.untold += 1;
+        }
+        trim(&mut self.kept, STRETCHES_KEPT);
+        trim(&mut self.recent, self.spectrum.length().max(ROWS_TOLD));
+        let (stretches, rows) = match core::mem::take(&mut self.is_new) {
+            true => (STRETCHES_KEPT, self.recent.len()),
+            false => (STRETCHES_TOLD, ROWS_TOLD.min(self.recent.len())),
+        };
+        self.new.drain(..self.new.len().saturating_sub(stretches));
+        self.untold = self.untold.min(rows);
+    }
+
+    /// Samples are missing: what comes does not follow the latest rows.
+    fn forget(&mut self) {
+        self.recent.clear();
+        self.untold = 0;
+        self.extremes.restart();
+    }
+
+    /// What is to be told to every viewer since the last call: `lost` by the loop, `lost_updates` by viewers.
+    pub fn take(&mut self, lost: u64, lost_updates: u64, viewers: usize) -> Vec<Message> {
+        self.gather();
+        let stretches = core::mem::take(&mut self.new);
+        let rows: Vec<Row> = self.recent.iter().skip(self.recent.len() - self.untold).copied().collect();
+        self.untold = 0;
+        let timing = self.ticks.take(self.about.rate_hz);
+        let head = UpdateHead { timing, lost, lost_updates, viewers, ..self.head(&stretches, &rows) };
+        let mut messages = core::mem::take(&mut self.outgoing);
+        messages.extend(binary(&head, &stretches, &rows));
+        messages
+    }
+
+    /// The head of an update with these stretches and rows, the latest that there are.
+    fn head(&self, stretches: &[Stretch], rows: &[Row]) -> UpdateHead {
+        let sample = self.newest.unwrap_or(0);
+        UpdateHead {
+            sample,
+            time_s: self.time_s(self.shown.unwrap_or(sample)),
+            stretches: stretches.iter().map(|stretch| stretch.first).collect(),
+            width: self.extremes.width(),
+            first: (sample + 1).saturating_sub(rows.len() as u64),
+            rows: rows.len(),
+            stretches_clipped: stretches.iter().map(|stretch| stretch.clipped).collect(),
+            rows_clipped: rows.iter().map(|row| row.clipped).collect(),
+            timing: None,
+            overruns: self.missed.deadlines(),
+            overrun_causes: self.missed.in_words(),
+            lost: 0,
+            lost_updates: 0,
+            viewers: 0,
+        }
+    }
+
+    /// Spectra of the latest samples, if there are enough.
+    pub fn spectra(&self) -> Option<Message> {
+        if self.recent.len() < self.spectrum.length() {
+            return None;
+        }
+        let skipped = self.recent.len() - self.spectrum.length();
+        let recent = || self.recent.iter().skip(skipped);
+        let of = |place: usize| self.spectrum.amplitudes(recent().map(|row| row.numbers[place]));
+        let has = |place: usize| recent().map(|row| row.numbers[place]).any(|value| value != 0.0 && !value.is_nan());
+        let force = [4, 2, 0].into_iter().find(|place| has(*place) || has(*place + 1)).unwrap_or(4);
+        let shown = [force, force + 1, 8, 9].into_iter().filter_map(clipped_bit).sum::<u32>();
+        let (force, acceleration_c) = ([of(force), of(force + 1)], [of(8), of(9)]);
+        let [x, y] = &acceleration_c;
+        let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
+        let peak_hz = self.spectrum.peak_hz(&both);
+        let line_hz = self.spectrum.line_hz();
+        let clipped = recent().map(|row| row.clipped).fold(Some(0), clipped_in_either).map(|bits| bits & shown);
+        text(&Told::Spectrum(&Spectra { line_hz, force, acceleration_c, clipped, peak_hz }))
+    }
+
+    /// What a viewer that comes now is told first: everything that is kept.
+    pub fn introduction(&self, lost: u64) -> Vec<Message> {
+        let told = [Told::About(&self.about), Told::State(&self.status)].into_iter();
+        let told = told.chain(self.branch.as_ref().map(Told::Branch)).chain(self.player.as_ref().map(Told::Player));
+        let set_point = self.set_point.map(SetPointLine::from);
+        let told = told.chain(set_point.as_ref().map(Told::SetPoint));
+        let told = told.chain(self.events.iter().map(Told::Event)).chain(self.responses.iter().map(Told::Response));
+        let told = told.chain(self.has_ended.then_some(Told::Ended));
+        let mut messages: Vec<Message> = told.filter_map(|told| text(&told)).collect();
+        let stretches: Vec<Stretch> = self.kept.iter().copied().collect();
+        let rows: Vec<Row> = self.recent.iter().copied().collect();
+        messages.extend(binary(&UpdateHead { lost, ..self.head(&stretches, &rows) }, &stretches, &rows));
+        messages
+    }
+}
+
+impl Ticks {
+    fn add(&mut self, tick: &TickRecord) {
+        self.count += 1;
+        self.exec_ns = self.exec_ns.saturating_add(tick.exec_ns);
+        self.late_ns = self.late_ns.saturating_add(tick.wakeup_ns);
+        self.exec_most_ns = self.exec_most_ns.max(tick.exec_ns);
+        self.late_most_ns = self.late_most_ns.max(tick.wakeup_ns);
+    }
+
+    /// The figures since the last call, at `rate_hz` samples a second; `None` if there was no tick.
+    fn take(&mut self, rate_hz: f64) -> Option<Timing> {
+        let count = self.count as f64;
+        let timing = Timing {
+            load: self.exec_ns as f64 * 1e-9 * rate_hz / count,
+            load_most: self.exec_most_ns as f64 * 1e-9 * rate_hz,
+            late_us: self.late_ns as f64 * 1e-3 / count,
+            late_most_us: self.late_most_ns as f64 * 1e-3,
+        };
+        let has_ticks = self.count > 0;
+        *self = Ticks::default();
+        has_ticks.then_some(timing)
+    }
+}
+
+fn trim<T>(kept: &mut VecDeque<T>, most: usize) {
+    kept.drain(..kept.len().saturating_sub(most));
+}
+
+fn keep<T>(kept: &mut VecDeque<T>, one: T) {
+    kept.push_back(one);
+    trim(kept, LINES_KEPT);
+}
+
+/// A message as text. None of them can fail to be written as JSON.
+pub fn text(told: &Told) -> Option<Message> {
+    let json = serde_json::to_string(told).inspect_err(|error| tracing::error!("live view: {error}")).ok()?;
+    Some(Message::Text(Utf8Bytes::from(json)))
+}
+
+fn binary(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> Option<Message> {
+    let bytes = update(head, stretches, rows).inspect_err(|error| tracing::error!("live view: {error}")).ok()?;
+    Some(Message::Binary(Bytes::from(bytes)))
+}

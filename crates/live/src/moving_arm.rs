@@ -1,0 +1,124 @@
+//! The moving arm for 3D views: the newest state of each update, its vibration drawn larger so that it is seen.
+//!
+//! With a the largest |α1| or |α1 + α2| of the last second of updates, it is drawn m times as large, m = 1, 2, 5, 10 …
+//! the largest with m·a ≤ [`DRAWN_RAD`], at least 1. Another is chosen only if m·a leaves the range from 0.31 to 1.25
+//! times that angle, as on the page.
+
+use std::collections::VecDeque;
+
+use serde_json::Value;
+
+use resonarm_dynamics::arm::Arm;
+use resonarm_files::export::scene;
+use resonarm_files::recording::StateRecord;
+
+/// The largest vibration as it is drawn, rad.
+const DRAWN_RAD: f64 = 0.22;
+/// How far DRAWN_RAD/a may be from m before another m is chosen, times m.
+const KEPT: core::ops::Range<f64> = 0.8..3.2;
+/// Below this the arm stands still, rad.
+const STILL_RAD: f64 = 1e-9;
+/// Updates over which the largest vibration is looked for: a second of them.
+const UPDATES: usize = 30;
+
+/// Draws the arm.
+pub struct MovingArm {
+    arm: Arm,
+    newest: Option<StateRecord>,
+    /// The largest angle since the last update, and of each before.
+    largest_rad: f64,
+    before_rad: VecDeque<f64>,
+    magnification: f64,
+}
+
+impl MovingArm {
+    /// Draws `arm`, to scale at first.
+    pub fn new(arm: Arm) -> MovingArm {
+        MovingArm { arm, newest: None, largest_rad: 0.0, before_rad: VecDeque::new(), magnification: 1.0 }
+    }
+
+    /// Takes a state.
+    pub fn state(&mut self, state: &StateRecord) {
+        let [a1, a2] = state.alpha_rad;
+        self.largest_rad = self.largest_rad.max(a1.abs()).max((a1 + a2).abs());
+        self.newest = Some(*state);
+    }
+
+    /// The sample and the message of the newest state, if there is one since the last call; `time_ns` is the time of a
+    /// sample.
+    pub fn take(&mut self, time_ns: impl Fn(u64) -> u64) -> Option<(u64, Value)> {
+        let StateRecord { sample, alpha_rad, .. } = self.newest.take()?;
+        self.before_rad.push_back(core::mem::take(&mut self.largest_rad));
+        self.before_rad.drain(..self.before_rad.len().saturating_sub(UPDATES));
+        let largest_rad = self.before_rad.iter().copied().fold(0.0, f64::max);
+        self.magnification = magnification(largest_rad, self.magnification);
+        Some((sample, scene::message(&self.arm, &alpha_rad, self.magnification, time_ns(sample))))
+    }
+}
+
+/// How many times as large vibrations up to `largest_rad` are drawn, if it was `now` times.
+fn magnification(largest_rad: f64, now: f64) -> f64 {
+    if largest_rad.is_nan() || largest_rad < STILL_RAD {
+        return now;
+    }
+    let wanted = DRAWN_RAD / largest_rad;
+    if now > 1.0 && KEPT.contains(&(wanted / now)) {
+        return now;
+    }
+    let power = libm::pow(10.0, libm::floor(libm::log10(wanted)));
+    let chosen = [5.0, 2.0, 1.0].into_iter().map(|digit| digit * power).find(|chosen| *chosen <= wanted);
+    chosen.unwrap_or(power).max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_files::scenario::Scenario;
+
+    fn state(sample: u64, alpha_rad: [f64; 2]) -> StateRecord {
+        let zero = [0.0; 2];
+        StateRecord {
+            sample,
+            alpha_rad,
+            alpha_dot_rad_s: zero,
+            torque_nm: zero,
+            force_n: zero,
+            coil_current_a: None,
+            is_end: false,
+        }
+    }
+
+    #[test]
+    fn it_is_drawn_in_steps_that_stay() {
+        assert_eq!(magnification(0.0, 20.0), 20.0);
+        assert_eq!(magnification(0.5, 1.0), 1.0);
+        assert_eq!(magnification(0.11, 1.0), 2.0);
+        assert_eq!(magnification(0.004, 1.0), 50.0);
+        // 0.22/0.0053 = 41.5 and 0.22/0.0014 = 157 are near enough to 50.
+        assert_eq!(magnification(0.0053, 50.0), 50.0);
+        assert_eq!(magnification(0.0014, 50.0), 50.0);
+        assert_eq!(magnification(0.0056, 50.0), 20.0);
+        assert_eq!(magnification(0.0013, 50.0), 100.0);
+    }
+
+    #[test]
+    fn the_newest_state_of_an_update_is_drawn_where_the_arm_is() {
+        let arm = Scenario::default().build_arm().unwrap();
+        let mut moving = MovingArm::new(arm.clone());
+        assert!(moving.take(|sample| sample).is_none());
+        moving.state(&state(7, [2e-3, 2e-3]));
+        moving.state(&state(8, [1e-3, -2e-3]));
+        let (sample, message) = moving.take(|sample| 1_500_000_000 + sample).unwrap();
+        assert_eq!(sample, 8);
+        let entity = &message["entities"][0];
+        assert_eq!(entity["timestamp"], serde_json::json!({ "sec": 1, "nsec": 500_000_008 }));
+        assert_eq!(entity["metadata"], serde_json::json!([{ "key": "magnification", "value": "50" }]));
+        let points = arm.points(&[5e-2, -0.1].into());
+        let drawn = &entity["lines"][0]["points"];
+        for (point, expected) in [(&drawn[0], [0.0; 2].into()), (&drawn[1], points.b_m), (&drawn[2], points.c_m)] {
+            let found = [&point["x"], &point["y"]].map(|number| number.as_f64().unwrap());
+            assert!((nalgebra::Vector2::from(found) - expected).norm() < 1e-12, "{point} {expected}");
+        }
+        assert!(moving.take(|sample| sample).is_none());
+    }
+}

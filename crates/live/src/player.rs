@@ -1,0 +1,365 @@
+//! Plays a recording: its records in the order of their samples, at the speed of the clock or another.
+//!
+//! A recording is always at some sample, playing or not: that sample is shown, with what the plots show before it.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+use super::LiveError;
+use super::branches::stand_back;
+use super::message::{PlayerOrder, PlayerStatus};
+use super::model::SHOWN_S;
+use super::source::{Played, Player, Source};
+use resonarm_bench::control::ResponsePoint;
+use resonarm_realtime::{Clock, SystemClock};
+use resonarm_files::recording::{Record, Recording, RecordingError, Records, TickRecord};
+use resonarm_session::replay::timed_responses;
+
+/// From one look at the clock to the next.
+const LOOK: Duration = Duration::from_millis(15);
+/// How far beyond the sample that is shown the file is read, samples: topics are interleaved by batches.
+const AHEAD: u64 = 2048;
+/// How much less processor time the threads get than others (nice(2)).
+const NICE: i32 = 10;
+
+/// How a recording is played.
+#[derive(Clone, Copy, Debug)]
+pub struct Play {
+    /// Recorded seconds a second, within [`SPEEDS`](super::message::SPEEDS).
+    pub speed: f64,
+    /// How often from its beginning to its end; `None` is without end. It then stays at its end.
+    pub times: Option<u32>,
+    /// Whether it stays at its first sample until the first viewer has come.
+    pub wait: bool,
+}
+
+/// Starts to play a recording; the threads end when the source is dropped.
+///
+/// # Errors
+/// [`LiveError::Thread`] if a thread can't be started.
+pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
+    let (played, receiver) = mpsc::channel();
+    let (orders, ordered) = mpsc::channel();
+    let (read, responses) = mpsc::channel();
+    let for_responses = recording.clone();
+    spawn("live-responses", move || {
+        match timed_responses(&for_responses) {
+            // Nobody waits for them any more if the player has ended.
+            Ok(found) => drop(read.send(found)),
+            Err(error) => tracing::info!("no responses are shown: {error}"),
+        }
+    })?;
+    let playing = Playing::new(recording, play, played, responses);
+    spawn("live-player", move || playing.run(&ordered))?;
+    Ok(Source::Recording(Player { played: receiver, orders, waits: play.wait }))
+}
+
+fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), LiveError> {
+    let work = || {
+        stand_back(NICE);
+        work();
+    };
+    thread::Builder::new().name(name.to_owned()).spawn(work).map(drop).map_err(LiveError::Thread)
+}
+
+struct Playing {
+    recording: Recording,
+    rate_hz: f64,
+    /// The first and the last sample; of a recording of frames alone the last is not known, and very large.
+    first: u64,
+    last: u64,
+    /// How often it is still to be played from its beginning, this time included.
+    times: Option<u32>,
+    /// What is left to read; `None` at the end.
+    records: Option<Records<Record<String>>>,
+    /// What was read and is not due, by sample.
+    ahead: BTreeMap<u64, Vec<Record<String>>>,
+    newest_read: u64,
+    /// The sample that is shown, and how far the clock is beyond it.
+    position: f64,
+    /// What comes before this sample is told.
+    told_to: u64,
+    is_playing: bool,
+    speed: f64,
+    played: mpsc::Sender<Played>,
+    responses: Vec<(u64, ResponsePoint)>,
+    reading: mpsc::Receiver<Vec<(u64, ResponsePoint)>>,
+}
+
+/// Nobody looks any more.
+#[derive(Debug)]
+struct Gone;
+
+impl Playing {
+    fn new(
+        recording: Recording,
+        play: Play,
+        played: mpsc::Sender<Played>,
+        reading: mpsc::Receiver<Vec<(u64, ResponsePoint)>>,
+    ) -> Playing {
+        let (first, last) = recording.summary().samples.unwrap_or((0, u64::MAX));
+        Playing {
+            rate_hz: 1.0 / recording.origin().dt_s,
+            first,
+            last,
+            times: play.times,
+            recording,
+            records: None,
+            ahead: BTreeMap::new(),
+            newest_read: 0,
+            position: 0.0,
+            told_to: 0,
+            is_playing: !play.wait,
+            speed: play.speed,
+            played,
+            responses: Vec::new(),
+            reading,
+        }
+    }
+
+    fn run(mut self, orders: &mpsc::Receiver<PlayerOrder>) {
+        let mut looked_ns = SystemClock.now_ns();
+        let mut going = self.seek(self.first).and_then(|()| self.tell_status());
+        while going.is_ok() {
+            let order = orders.recv_timeout(LOOK);
+            let now_ns = SystemClock.now_ns();
+            if self.is_playing {
+                self.position += (now_ns - looked_ns) as f64 * 1e-9 * self.speed * self.rate_hz;
+            }
+            looked_ns = now_ns;
+            going = match order {
+                Ok(order) => self.carry_out(core::iter::once(order).chain(orders.try_iter())),
+                Err(RecvTimeoutError::Timeout) => self.advance(),
+                Err(RecvTimeoutError::Disconnected) => Err(Gone),
+            };
+        }
+    }
+
+    fn tell(&self, played: Played) -> Result<(), Gone> {
+        self.played.send(played).map_err(|_nobody| Gone)
+    }
+
+    fn tell_status(&self) -> Result<(), Gone> {
+        self.tell(Played::Status(PlayerStatus { playing: self.is_playing, speed: self.speed, sample: self.shown() }))
+    }
+
+    /// The sample that is shown.
+    fn shown(&self) -> u64 {
+        self.told_to.saturating_sub(1).min(self.last)
+    }
+
+    /// Carries out orders that have come together. Of jumps that have only the last is made: whoever drags the time bar
+    /// over a long recording waits for one.
+    fn carry_out(&mut self, orders: impl Iterator<Item = PlayerOrder>) -> Result<(), Gone> {
+        let mut wanted = None;
+        for order in orders {
+            match order {
+                PlayerOrder::Play => {
+                    if wanted.unwrap_or(self.shown()) >= self.last || self.is_at_end() {
+                        wanted = Some(self.first);
+                    }
+                    self.is_playing = true;
+                }
+                PlayerOrder::Pause => self.is_playing = false,
+                PlayerOrder::Speed { times } => self.speed = times,
+                PlayerOrder::Seek { time_s } => wanted = Some((time_s * self.rate_hz).round() as u64),
+                PlayerOrder::Step { samples } => {
+                    self.is_playing = false;
+                    wanted = Some(wanted.unwrap_or(self.shown()).saturating_add_signed(samples));
+                }
+            }
+        }
+        match wanted.map(|sample| sample.clamp(self.first, self.last)) {
+            Some(sample) if (self.shown()..=self.shown() + self.kept()).contains(&sample) => {
+                self.position = sample as f64;
+            }
+            Some(sample) => self.seek(sample)?,
+            None => {}
+        }
+        self.advance()?;
+        self.tell_status()
+    }
+
+    fn is_at_end(&self) -> bool {
+        self.records.is_none() && self.ahead.is_empty()
+    }
+
+    /// How many samples the plots over time show.
+    fn kept(&self) -> u64 {
+        (SHOWN_S * self.rate_hz) as u64
+    }
+
+    /// Goes on at a sample, with what the plots show before it. Events and missed deadlines before that are told as
+    /// well: they say in which state the node is, and what it has missed.
+    fn seek(&mut self, sample: u64) -> Result<(), Gone> {
+        self.ahead.clear();
+        self.newest_read = 0;
+        self.records = self.recording.records().inspect_err(tell_error).ok();
+        let records = self.take_due(sample + 1, sample.saturating_sub(self.kept()));
+        (self.position, self.told_to) = (sample as f64, sample + 1);
+        self.tell(Played::Moved { sample: self.shown(), records })?;
+        self.take_responses(0)
+    }
+
+    /// Tells what is due by now.
+    fn advance(&mut self) -> Result<(), Gone> {
+        let due = self.position as u64 + 1;
+        if due > self.told_to {
+            let records = self.take_due(due, 0);
+            let from = core::mem::replace(&mut self.told_to, due);
+            self.tell(Played::Records { sample: self.shown(), records })?;
+            self.take_responses(from)?;
+        }
+        if self.is_playing && self.is_at_end() { self.end() } else { Ok(()) }
+    }
+
+    /// Begins anew, as often as it is to be played; then stays at the end.
+    fn end(&mut self) -> Result<(), Gone> {
+        self.times = self.times.map(|times| times.saturating_sub(1));
+        if self.times != Some(0) {
+            return self.seek(self.first);
+        }
+        (self.is_playing, self.times) = (false, Some(1));
+        self.position = self.shown() as f64;
+        self.tell_status()
+    }
+
+    /// The records before sample `due` that are not told, as far as they are of samples from `from` on, or say in which
+    /// state the node is or which deadlines it has missed. Reads on to well beyond `due`.
+    fn take_due(&mut self, due: u64, from: u64) -> Vec<Record<String>> {
+        let mut records = Vec::new();
+        while self.newest_read <= due + AHEAD {
+            let Some(next) = self.records.as_mut().and_then(Iterator::next) else {
+                self.records = None;
+                break;
+            };
+            match next.inspect_err(tell_error) {
+                Ok(record) if record.sample() >= from => {
+                    self.newest_read = self.newest_read.max(record.sample());
+                    self.ahead.entry(record.sample()).or_default().push(record);
+                }
+                Ok(record @ (Record::Event(_) | Record::Tick(TickRecord { overruns: 1.., .. }))) => {
+                    records.push(record)
+                }
+                Ok(_) => {}
+                Err(_) => self.records = None,
+            }
+        }
+        let later = self.ahead.split_off(&due);
+        records.extend(core::mem::replace(&mut self.ahead, later).into_values().flatten());
+        records
+    }
+
+    /// Tells the responses that were read from sample `from` on and before the sample that is due; if they are there
+    /// only now, all before it.
+    fn take_responses(&mut self, from: u64) -> Result<(), Gone> {
+        let new = self.reading.try_iter().last();
+        let from = if new.is_some() { 0 } else { from };
+        self.responses = new.unwrap_or_else(|| core::mem::take(&mut self.responses));
+        let due = self.responses.iter().filter(|(sample, _)| (from..self.told_to).contains(sample));
+        due.map(|(_, response)| *response).try_for_each(|response| self.tell(Played::Response(Box::new(response))))
+    }
+}
+
+fn tell_error(error: &RecordingError) {
+    tracing::error!("the recording can't be read on: {error}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONCE: Play = Play { speed: 1.0, times: Some(1), wait: false };
+    /// The last sample of the recording, at 1 kHz.
+    const LAST: u64 = 900;
+
+    /// A player of a recording, at its first sample, and what it tells.
+    fn playing(play: Play) -> (Playing, mpsc::Receiver<Played>) {
+        let recording = Recording::open("recordings/lockstep-dwell.mcap").unwrap();
+        let ((played, told), (_read, responses)) = (mpsc::channel(), mpsc::channel());
+        let mut playing = Playing::new(recording, play, played, responses);
+        playing.seek(0).unwrap();
+        (playing, told)
+    }
+
+    /// Of all that was told: the samples of which readings were told, and what was shown last; from the last jump on.
+    fn told(told: &mpsc::Receiver<Played>) -> (bool, Vec<u64>, Option<u64>) {
+        let (mut has_moved, mut samples, mut shown) = (false, Vec::new(), None);
+        for played in told.try_iter() {
+            if matches!(played, Played::Moved { .. }) {
+                (has_moved, samples) = (true, Vec::new());
+            }
+            if let Played::Moved { sample, records } | Played::Records { sample, records } = played {
+                shown = Some(sample);
+                samples.extend(records.iter().filter(|one| matches!(one, Record::Sample(_))).map(Record::sample));
+            }
+        }
+        (has_moved, samples, shown)
+    }
+
+    fn status(of: &mpsc::Receiver<Played>) -> Option<PlayerStatus> {
+        let status = |played| if let Played::Status(status) = played { Some(status) } else { None };
+        of.try_iter().filter_map(status).last()
+    }
+
+    fn range(first: u64, last: u64) -> Vec<u64> {
+        (first..=last).collect()
+    }
+
+    #[test]
+    fn a_halted_recording_shows_the_sample_to_which_it_is_set_and_what_was_before() {
+        let (mut playing, receiver) = playing(Play { wait: true, ..ONCE });
+        assert_eq!(told(&receiver), (true, vec![0], Some(0)));
+        playing.carry_out([PlayerOrder::Seek { time_s: 0.3 }].into_iter()).unwrap();
+        assert_eq!(told(&receiver), (false, range(1, 300), Some(300)), "what follows is told without a jump");
+        playing.carry_out([PlayerOrder::Seek { time_s: 0.1 }].into_iter()).unwrap();
+        assert_eq!(told(&receiver), (true, range(0, 100), Some(100)));
+        let seeks = [0.2, 0.05, 0.4].map(|time_s| PlayerOrder::Seek { time_s });
+        playing.carry_out(seeks.into_iter()).unwrap();
+        assert_eq!(told(&receiver), (false, range(101, 400), Some(400)), "of several jumps the last is made");
+        assert!(!playing.is_playing);
+    }
+
+    #[test]
+    fn a_step_halts_and_goes_on_or_back_as_far_as_the_recording_goes() {
+        let (mut playing, receiver) = playing(ONCE);
+        let mut step = |samples| {
+            playing.carry_out([PlayerOrder::Step { samples }].into_iter()).unwrap();
+            let told: Vec<Played> = receiver.try_iter().collect();
+            match told.last() {
+                Some(Played::Status(PlayerStatus { playing: false, sample, .. })) => *sample,
+                _ => panic!("no status"),
+            }
+        };
+        let steps = [1, 1, -1, 500, -500, -1, i64::MAX, 1, -1, i64::MIN];
+        assert_eq!(steps.map(&mut step), [1, 2, 1, 501, 1, 0, LAST, LAST, LAST - 1, 0]);
+    }
+
+    #[test]
+    fn a_recording_stays_at_its_end_and_is_played_again_when_that_is_asked_for() {
+        let (mut playing, receiver) = playing(ONCE);
+        playing.position = 5000.0;
+        playing.advance().unwrap();
+        playing.advance().unwrap();
+        assert_eq!(status(&receiver), Some(PlayerStatus { playing: false, speed: 1.0, sample: LAST }));
+        assert_eq!(playing.position, LAST as f64);
+        playing.carry_out([PlayerOrder::Play].into_iter()).unwrap();
+        assert_eq!(status(&receiver), Some(PlayerStatus { playing: true, speed: 1.0, sample: 0 }));
+    }
+
+    #[test]
+    fn a_recording_is_played_as_often_as_is_asked_for() {
+        let ends = |times, runs: usize| {
+            let (mut playing, _receiver) = playing(Play { times, ..ONCE });
+            (0..runs).for_each(|_| {
+                playing.position = 5000.0;
+                playing.advance().unwrap();
+            });
+            playing.is_playing
+        };
+        assert_eq!([1, 2, 3].map(|runs| ends(Some(3), runs)), [true, true, false]);
+        assert!(ends(None, 5));
+    }
+}

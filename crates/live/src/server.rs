@@ -1,0 +1,290 @@
+//! The server: the page, its updates and the Foxglove stream, on one thread of its own.
+
+use core::time::Duration;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+
+use axum::Router;
+use axum::extract::ws::{Message, WebSocketUpgrade};
+use axum::extract::{Request, State};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use tokio::sync::{broadcast, oneshot};
+use tokio::time::MissedTickBehavior;
+
+use super::admission::{Origins, Token};
+use super::branches::{Branches, ComputeBranch, stand_back};
+use super::connections::{self, LIMITS};
+use super::foxglove::{self, Channel, Published, Stream};
+use super::model::Model;
+use super::source::Source;
+use super::{LiveError, page, viewer};
+use resonarm_dynamics::arm::Arm;
+
+/// From one update to the next: thirty a second.
+const BEAT: Duration = Duration::from_millis(33);
+/// Spectra are told with every so many updates.
+const SPECTRUM_BEATS: u64 = 8;
+/// Messages that wait for a slow viewer: two seconds of updates.
+const WAITING: usize = 128;
+/// How many may look at once.
+const VIEWERS: usize = 256;
+/// How long viewers have to take the last messages.
+const FAREWELL: Duration = Duration::from_millis(300);
+/// How much less processor time the thread gets than others (nice(2)).
+const NICE: i32 = 10;
+/// The longest message that a viewer may send, bytes.
+const LONGEST: usize = 4096;
+
+/// How to serve.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Where to listen; port 0 is a free one.
+    pub address: SocketAddr,
+    /// Origins beyond the server's own from which a browser may connect.
+    pub origins: Origins,
+}
+
+/// What is to be shown.
+pub struct Shown {
+    pub model: Model,
+    pub source: Source,
+    /// Computes the branch on which responses should lie.
+    pub compute: Option<ComputeBranch>,
+    /// Frequencies at which responses will be read, as far as they are known, Hz.
+    pub range_hz: Option<(f64, f64)>,
+    /// Time of sample 0, ns of the UNIX epoch.
+    pub start_unix_ns: u64,
+    /// What recordings call the bus.
+    pub interface: String,
+    /// The arm, if its angles are told.
+    pub arm: Option<Arm>,
+}
+
+/// A server at work; it ends when this is dropped.
+#[derive(Debug)]
+pub struct Live {
+    address: SocketAddr,
+    token: Token,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the server's tasks share.
+pub struct Shared {
+    pub model: Mutex<Model>,
+    pub source: Mutex<Source>,
+    pub updates: broadcast::Sender<Message>,
+    pub published: broadcast::Sender<Arc<Vec<Published>>>,
+    pub token: Token,
+    pub lost_updates: AtomicU64,
+    pub viewers: AtomicUsize,
+    pub session: String,
+    /// What is published for Foxglove.
+    pub channels: &'static [Channel],
+    origins: Origins,
+}
+
+/// Serves what is to be shown, from now on.
+///
+/// # Errors
+/// [`LiveError`] if the address can't be listened on, or the thread can't be started.
+pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
+    let failed = |source| LiveError::Listen { address: options.address, source };
+    let listener = TcpListener::bind(options.address).map_err(failed)?;
+    listener.set_nonblocking(true).map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
+    let token = Token::new()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
+    let branches = shown.compute.map(Branches::start).transpose()?;
+    let dt_s = 1.0 / shown.model.about().rate_hz;
+    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.arm);
+    let shared = Arc::new(Shared {
+        model: Mutex::new(shown.model),
+        source: Mutex::new(shown.source),
+        updates: broadcast::Sender::new(WAITING),
+        published: broadcast::Sender::new(WAITING),
+        token: token.clone(),
+        lost_updates: AtomicU64::new(0),
+        viewers: AtomicUsize::new(0),
+        session: shown.start_unix_ns.to_string(),
+        channels: stream.channels(),
+        origins: options.origins.clone(),
+    });
+    let beats = Beats { shared: Arc::clone(&shared), branches, range_hz: shown.range_hz, stream, count: 0 };
+    let (stop, stopped) = oneshot::channel();
+    let thread = thread::Builder::new()
+        .name(String::from("live"))
+        .spawn(move || {
+            stand_back(NICE);
+            if let Err(error) = runtime.block_on(run(listener, shared, beats, stopped)) {
+                tracing::error!("the live view has ended: {error}");
+            }
+        })
+        .map_err(LiveError::Thread)?;
+    Ok(Live { address, token, stop: Some(stop), thread: Some(thread) })
+}
+
+impl Live {
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Where the page is.
+    pub fn url(&self) -> String {
+        let mut shown = self.address;
+        if shown.ip().is_unspecified() {
+            let loopback = if shown.is_ipv4() { [127, 0, 0, 1].into() } else { std::net::Ipv6Addr::LOCALHOST.into() };
+            shown.set_ip(loopback);
+        }
+        format!("http://{shown}/")
+    }
+
+    /// Where the page is that may change something: behind `#`, which a browser tells nobody, stands the token.
+    pub fn url_with_token(&self) -> String {
+        format!("{}#{}", self.url(), self.token.text())
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        let _ended_before = self.stop.take().map(|stop| stop.send(()));
+        if self.thread.take().is_some_and(|thread| thread.join().is_err()) {
+            tracing::error!("the live view ended in a panic; the message above says where");
+        }
+    }
+}
+
+/// The model and the source are whole between any two calls, so a panic elsewhere does not spoil them.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+async fn run(
+    listener: TcpListener,
+    shared: Arc<Shared>,
+    mut beats: Beats,
+    mut stopped: oneshot::Receiver<()>,
+) -> std::io::Result<()> {
+    let listener = tokio::net::TcpListener::from_std(listener)?;
+    let router = Router::new()
+        .route("/", get(root))
+        .route("/live", get(live))
+        .merge(page::files())
+        .layer(middleware::from_fn_with_state(Arc::clone(&shared), admit))
+        .with_state(shared);
+    let serving = tokio::spawn(connections::serve(listener, router, LIMITS));
+    let mut beat = tokio::time::interval(BEAT);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    loop {
+        tokio::select! {
+            _ = beat.tick() => beats.beat(),
+            _ = &mut stopped => break,
+        }
+    }
+    beats.end();
+    tokio::time::sleep(FAREWELL).await;
+    serving.abort();
+    Ok(())
+}
+
+/// Refuses who may not look, and says what a page of this server may do.
+async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    if let Err(refused) = shared.origins.admit(request.headers()) {
+        return (refused.status(), format!("{refused}\n")).into_response();
+    }
+    let mut response = next.run(request).await;
+    for (name, value) in [
+        (
+            header::CONTENT_SECURITY_POLICY,
+            "default-src 'self'; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'",
+        ),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-store"),
+    ] {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// The page; or the Foxglove stream, if a client asks for a WebSocket here.
+async fn root(
+    State(shared): State<Arc<Shared>>,
+    upgrade: Result<WebSocketUpgrade, axum::extract::ws::rejection::WebSocketUpgradeRejection>,
+) -> Response {
+    let Ok(upgrade) = upgrade else { return page::index() };
+    let upgrade = upgrade.protocols(foxglove::SUBPROTOCOLS);
+    if upgrade.selected_protocol().is_none() {
+        let names = foxglove::SUBPROTOCOLS.join(" or ");
+        return (StatusCode::BAD_REQUEST, format!("a WebSocket here has the subprotocol {names}\n")).into_response();
+    }
+    match viewer::Counted::new(&shared, VIEWERS) {
+        Some(counted) => upgrade.max_message_size(LONGEST).on_upgrade(|socket| viewer::stream(socket, counted)),
+        None => crowded(),
+    }
+}
+
+/// The updates of the page.
+async fn live(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
+    match viewer::Counted::new(&shared, VIEWERS) {
+        Some(counted) => upgrade.max_message_size(LONGEST).on_upgrade(|socket| viewer::view(socket, counted)),
+        None => crowded(),
+    }
+}
+
+fn crowded() -> Response {
+    (StatusCode::SERVICE_UNAVAILABLE, format!("{VIEWERS} viewers are the most\n")).into_response()
+}
+
+/// What is done thirty times a second.
+struct Beats {
+    shared: Arc<Shared>,
+    branches: Option<Branches>,
+    range_hz: Option<(f64, f64)>,
+    stream: Stream,
+    count: u64,
+}
+
+impl Beats {
+    /// Takes in what is new, and tells everybody.
+    fn beat(&mut self) {
+        self.count += 1;
+        let shared = &self.shared;
+        let (mut model, mut source) = (lock(&shared.model), lock(&shared.source));
+        let is_wanted = shared.published.receiver_count() > 0;
+        source.drain(&mut model, is_wanted.then_some(&mut self.stream));
+        if let Some(branches) = &mut self.branches {
+            let responses = model.response_range_hz();
+            let both = responses.into_iter().chain(self.range_hz);
+            let range_hz = both.reduce(|(low, high), (from, to)| (low.min(from), high.max(to)));
+            range_hz.into_iter().for_each(|range_hz| branches.want(range_hz));
+            branches.computed().into_iter().for_each(|branch| model.branch(branch));
+        }
+        let lost_updates = shared.lost_updates.load(Ordering::Relaxed);
+        let viewers = shared.viewers.load(Ordering::Relaxed);
+        source.viewed(viewers);
+        let messages = model.take(source.lost(), lost_updates, viewers);
+        if shared.updates.receiver_count() > 0 {
+            let spectra = self.count.is_multiple_of(SPECTRUM_BEATS).then(|| model.spectra()).flatten();
+            // Nobody there to be told is no error.
+            messages.into_iter().chain(spectra).for_each(|message| drop(shared.updates.send(message)));
+        }
+        let published = if is_wanted { self.stream.take() } else { Vec::new() };
+        if !published.is_empty() {
+            let _nobody = shared.published.send(Arc::new(published));
+        }
+    }
+
+    /// Tells that nothing more comes.
+    fn end(&mut self) {
+        self.beat();
+        lock(&self.shared.model).end();
+        self.beat();
+    }
+}

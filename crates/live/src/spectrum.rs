@@ -1,0 +1,93 @@
+//! Amplitude spectra of the latest samples.
+//!
+//! With a Hann window w(n) = ½ (1 − cos 2πn/N), a sine of amplitude A in the middle of line k has
+//! |X(k)| = |Σ w(n) x(n) e^(−2πikn/N)| = ½ A Σ w, so that line k shows 2 |X(k)|/Σ w: amplitudes in the unit of the
+//! samples, at most 15 % low between two lines.
+
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+use resonarm_numeric::dft::Fft;
+
+/// The time that a spectrum is of, at least, s; twice as much at most.
+const LEAST_S: f64 = 1.5;
+/// Samples of a spectrum at most.
+const MOST: usize = 1 << 13;
+/// Frequencies that are shown, Hz: those of the arm, with a few harmonics.
+const SHOWN_HZ: f64 = 125.0;
+
+/// Computes spectra of one length.
+#[derive(Debug)]
+pub struct Spectrum {
+    fft: Fft,
+    window: Vec<f64>,
+    line_hz: f64,
+}
+
+impl Spectrum {
+    /// Of samples that come `rate_hz` times a second.
+    pub fn new(rate_hz: f64) -> Spectrum {
+        let fft = Fft::at_least(((LEAST_S * rate_hz) as usize).clamp(64, MOST));
+        let n = fft.length();
+        let window = (0..n).map(|k| 0.5 * (1.0 - libm::cos(TAU * k as f64 / n as f64))).collect();
+        Spectrum { line_hz: rate_hz / n as f64, fft, window }
+    }
+
+    /// Samples that a spectrum takes.
+    pub fn length(&self) -> usize {
+        self.window.len()
+    }
+
+    /// From one line to the next, Hz.
+    pub fn line_hz(&self) -> f64 {
+        self.line_hz
+    }
+
+    /// Amplitudes of the lines from 0 to 125 Hz; `samples` are as many as [`Spectrum::length`] says, of which those
+    /// that are not known count as 0. The mean is left out.
+    pub fn amplitudes(&self, samples: impl Iterator<Item = f32>) -> Vec<f32> {
+        let known = |value: f32| if value.is_finite() { f64::from(value) } else { 0.0 };
+        let samples: Vec<f64> = samples.map(known).collect();
+        let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
+        let windowed =
+            samples.iter().zip(&self.window).map(|(value, weight)| Complex::new((value - mean) * weight, 0.0));
+        let mut values: Vec<Complex<f64>> = windowed.collect();
+        self.fft.forward(&mut values);
+        let scale = 2.0 / self.window.iter().sum::<f64>();
+        let lines = ((SHOWN_HZ / self.line_hz) as usize).min(values.len() / 2);
+        values.iter().take(lines).map(|value| (scale * libm::hypot(value.re, value.im)) as f32).collect()
+    }
+
+    /// Where the largest of the lines stands, Hz, between the lines by a parabola through the logarithms of the three
+    /// around it; `None` if all are 0.
+    ///
+    /// δ = ½ (a − c)/(a − 2b + c) with a, b, c the logarithms.
+    pub fn peak_hz(&self, lines: &[f32]) -> Option<f64> {
+        let inner = 1..lines.len().saturating_sub(1);
+        let k = inner.max_by(|a, b| lines[*a].total_cmp(&lines[*b]))?;
+        let [a, b, c] = [lines[k - 1], lines[k], lines[k + 1]].map(|line| libm::log(f64::from(line).max(1e-30)));
+        let curvature = a - 2.0 * b + c;
+        let shift = if curvature < 0.0 { (0.5 * (a - c) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        (lines[k] > 0.0).then_some((k as f64 + shift) * self.line_hz)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sine_has_its_amplitude_and_its_frequency() {
+        let spectrum = Spectrum::new(1000.0);
+        for frequency_hz in [10.0, 22.16, 57.3] {
+            let sine = |n: usize| (3.0 + 2.5 * libm::sin(TAU * frequency_hz * n as f64 / 1000.0)) as f32;
+            let lines = spectrum.amplitudes((0..spectrum.length()).map(sine));
+            let largest = lines.iter().copied().fold(0.0, f32::max);
+            assert!((0.85 * 2.5..1.001 * 2.5).contains(&f64::from(largest)), "{frequency_hz}: {largest}");
+            let peak_hz = spectrum.peak_hz(&lines).unwrap();
+            assert!((peak_hz - frequency_hz).abs() < 0.02, "{frequency_hz}: {peak_hz}");
+        }
+        assert_eq!(spectrum.peak_hz(&spectrum.amplitudes(core::iter::repeat_n(f32::NAN, 2048))), None);
+    }
+}

@@ -1,0 +1,16 @@
+//! Numbers: in messages, at random from a seed, and their discrete Fourier transform; small systems of equations.
+//!
+//! `no_std`: no clock, no thread, no file, no socket.
+#![cfg_attr(not(test), no_std)]
+
+extern crate alloc;
+
+pub mod dft;
+pub mod linear_solve;
+pub mod noise;
+pub mod number;
+pub mod seed;
+
+/// A sinusoid against the drive: `Im(phasor · e^{iφ})`, with the drive at `sin φ`. The real part is in phase with the
+/// drive.
+pub type Phasor = nalgebra::Complex<f64>;

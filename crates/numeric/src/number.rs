@@ -1,0 +1,73 @@
+//! Numbers in messages.
+
+use core::fmt;
+
+/// A number in as few digits as tell it from every other, at most 17, plain or with a power of ten.
+#[derive(Clone, Copy, Debug)]
+pub struct Short(f64);
+
+/// The number for a message.
+pub const fn short(value: &f64) -> Short {
+    Short(*value)
+}
+
+/// A number with `places` digits behind the point, plain or, from 1e9 on, with a power of ten.
+#[derive(Clone, Copy, Debug)]
+pub struct Rounded {
+    value: f64,
+    places: usize,
+}
+
+/// The number, rounded, for a message.
+pub const fn rounded(value: &f64, places: usize) -> Rounded {
+    Rounded { value: *value, places }
+}
+
+impl fmt::Display for Rounded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Rounded { value, places } = *self;
+        if value.abs() < 1e9 { write!(f, "{value:.places$}") } else { write!(f, "{value:.places$e}") }
+    }
+}
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        // Beyond these plain digits go on with zeros: 301 of them for 1e300.
+        if size == 0.0 || !size.is_finite() || (1e-5..1e15).contains(&size) {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:e}", self.0)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::string::ToString;
+    use proptest::prelude::*;
+
+    #[test]
+    fn large_and_small_numbers_have_a_power_of_ten() {
+        let told =
+            [0.0, -1.0, 1.0 / 3.0, 65535.0, 1e300, -2.5e-300, f64::NAN, f64::INFINITY].map(|x| short(&x).to_string());
+        assert_eq!(told, ["0", "-1", "0.3333333333333333", "65535", "1e300", "-2.5e-300", "NaN", "inf"]);
+    }
+
+    #[test]
+    fn rounded_numbers_are_bounded() {
+        let told = [0.0, -1.23456, 999_999_999.25, 1e9, -2.55e300, f64::NAN, f64::INFINITY];
+        let told = told.map(|x| rounded(&x, 3).to_string());
+        assert_eq!(told, ["0.000", "-1.235", "999999999.250", "1.000e9", "-2.550e300", "NaN", "inf"]);
+    }
+
+    proptest! {
+        #[test]
+        fn they_are_bounded_and_exact(value in proptest::num::f64::NORMAL | proptest::num::f64::SUBNORMAL) {
+            let text = short(&value).to_string();
+            prop_assert!(text.len() <= 24, "{}", text);
+            prop_assert_eq!(text.parse::<f64>().unwrap(), value);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! What can go wrong between here and an adapter that python-can drives.
+
+use alloc::string::String;
+use core::time::Duration;
+use std::io;
+use std::path::PathBuf;
+
+use resonarm_bus::BusError;
+use thiserror::Error;
+
+/// Why a bus could not be opened or used through python-can.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum PythonCanError {
+    /// An option of the address is missing, given twice, or not allowed.
+    #[error("python-can option `{key}`: {reason}")]
+    Option {
+        /// The option.
+        key: String,
+        /// What is wrong with it and how to mend it.
+        reason: String,
+    },
+    /// What should be a virtual environment can't be read as one.
+    #[error(
+        "`{path}` is not a Python virtual environment: {reason}; make one with `python3 -m venv {path}`, or unset VIRTUAL_ENV"
+    )]
+    VirtualEnvironment {
+        /// The directory of the environment.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+    },
+    /// The virtual environment belongs to another version of Python than the one built in.
+    #[error(
+        "the virtual environment `{path}` is for Python {environment}, and this program embeds Python {embedded}; \
+         make one with `{python} -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON={path}/bin/python3"
+    )]
+    Version {
+        /// The directory of the environment.
+        path: PathBuf,
+        /// The version of the environment.
+        environment: String,
+        /// The version that is linked into this program.
+        embedded: String,
+        /// An interpreter of the embedded version.
+        python: String,
+    },
+    /// Python is there, the package python-can is not.
+    #[error("python-can is not installed in {environment}; install it with `{command}`")]
+    Missing {
+        /// Where Python looked.
+        environment: String,
+        /// The command that installs it where it will be found.
+        command: String,
+    },
+    /// python-can has no interface of that name.
+    #[error("python-can {version} has no interface `{interface}`; it has: {known}")]
+    UnknownInterface {
+        /// What was asked for.
+        interface: String,
+        /// The version of python-can.
+        version: String,
+        /// The names it knows, separated by commas.
+        known: String,
+    },
+    /// python-can or the driver beneath raised an exception.
+    #[error("python-can could not {operation}: {kind}: {message}")]
+    Exception {
+        /// What was being done.
+        operation: Operation,
+        /// The class of the exception.
+        kind: String,
+        /// Its message.
+        message: String,
+    },
+    /// A bridge thread could not be started.
+    #[error("could not start the thread that talks to python-can: {0}")]
+    Thread(#[source] io::Error),
+    /// The driver holds a bridge thread inside a call.
+    #[error("python-can did not {operation} within {} s: the driver does not return; unplug the adapter or end this program", .waited.as_secs_f64())]
+    Stuck {
+        /// What was being done.
+        operation: Operation,
+        /// How long this end waited.
+        waited: Duration,
+    },
+}
+
+/// What was asked of python-can.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// Finding and importing the package.
+    Import,
+    /// `can.Bus(…)`.
+    Open,
+    /// `send`.
+    Send,
+    /// `recv`.
+    Receive,
+    /// `set_filters`.
+    SetFilters,
+    /// `shutdown`.
+    Close,
+}
+
+impl core::fmt::Display for Operation {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Operation::Import => "be imported",
+            Operation::Open => "open the bus",
+            Operation::Send => "send",
+            Operation::Receive => "receive",
+            Operation::SetFilters => "set the filters",
+            Operation::Close => "close the bus",
+        })
+    }
+}
+
+impl From<PythonCanError> for BusError {
+    fn from(error: PythonCanError) -> BusError {
+        BusError::PythonCan(Box::new(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn says_how_to_mend_it() {
+        let version = PythonCanError::Version {
+            path: "/home/a/.venv".into(),
+            environment: "3.12".into(),
+            embedded: "3.11".into(),
+            python: "/usr/bin/python3.11".into(),
+        };
+        insta::assert_snapshot!(version, @"the virtual environment `/home/a/.venv` is for Python 3.12, and this program embeds Python 3.11; make one with `/usr/bin/python3.11 -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=/home/a/.venv/bin/python3");
+        let missing = PythonCanError::Missing {
+            environment: "the virtual environment `/home/a/.venv` (Python 3.11.2)".into(),
+            command: "/home/a/.venv/bin/python3 -m pip install python-can".into(),
+        };
+        insta::assert_snapshot!(missing, @"python-can is not installed in the virtual environment `/home/a/.venv` (Python 3.11.2); install it with `/home/a/.venv/bin/python3 -m pip install python-can`");
+        let directory = PythonCanError::VirtualEnvironment {
+            path: "/home/a/.venv".into(),
+            reason: "it has no file `pyvenv.cfg`".into(),
+        };
+        insta::assert_snapshot!(directory, @"`/home/a/.venv` is not a Python virtual environment: it has no file `pyvenv.cfg`; make one with `python3 -m venv /home/a/.venv`, or unset VIRTUAL_ENV");
+        let exception = PythonCanError::Exception {
+            operation: Operation::Open,
+            kind: "CanInitializationError".into(),
+            message: "no such device".into(),
+        };
+        insta::assert_snapshot!(exception, @"python-can could not open the bus: CanInitializationError: no such device");
+        let stuck = PythonCanError::Stuck { operation: Operation::Close, waited: Duration::from_millis(2500) };
+        insta::assert_snapshot!(stuck, @"python-can did not close the bus within 2.5 s: the driver does not return; unplug the adapter or end this program");
+    }
+}

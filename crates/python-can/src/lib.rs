@@ -1,0 +1,421 @@
+//! Any CAN adapter that the Python package python-can knows, through an embedded interpreter (feature `python-can`).
+//!
+//! Two bridge threads hold the Python side; between them and the caller stand bounded queues, so that the methods of
+//! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where
+//! there is one. A caller that is no real-time thread can do without the threads: [`Bus::work_on_caller`].
+//!
+//! **Error frames** of `socketcan` and `gs_usb` mean what they do in [`resonarm_bus::socketcan`], and are counted as there;
+//! bus-off comes out of [`Bus::receive`]. What those of another interface say is its maker's: they are counted as
+//! [`ControllerErrors::other`](resonarm_bus::ControllerErrors::other). Where python-can itself has to filter, because the
+//! adapter can't ([`Bus::set_filters`]), it compares their identifiers, too. `can.BusABC.state` is not asked: no
+//! interface of python-can 4.6 that hands over error frames keeps it up to date, and its PASSIVE is that of a listener
+//! for most.
+//!
+//! Of the frames that are lost before python-can has them, those that found the kernel's receive queue of its
+//! `socketcan` full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
+
+extern crate alloc;
+
+mod bridge;
+mod direct;
+mod discovery;
+mod error;
+mod message;
+mod options;
+mod signals;
+
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::sync::atomic::Ordering;
+use core::time::Duration;
+use std::sync::mpsc;
+use std::thread::{self, JoinHandle, Thread};
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyModule};
+use resonarm_protocol::Frame;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use resonarm_bus::socketcan::Told;
+use resonarm_bus::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
+use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
+use direct::Direct;
+pub use error::{Operation, PythonCanError};
+use message::{ErrorFrames, Incoming};
+use options::{Options, Value};
+
+/// Frames and error frames that wait to be received at most; what comes in beyond is lost and counted in
+/// [`Statistics::dropped`].
+pub const RECEIVE_QUEUE: usize = 1024;
+/// Frames that wait to be sent at most; beyond, [`Bus::send`] answers [`Sent::QueueFull`].
+pub const TRANSMIT_QUEUE: usize = 1024;
+/// Failures kept for the caller; the first ones are kept.
+const FAILURE_QUEUE: usize = 16;
+/// How long [`Bus::close`] and [`Bus::set_filters`] wait for the driver.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// One end of a bus behind a python-can interface.
+///
+/// An exception raised while sending or receiving comes out of the next [`Bus::send`], [`Bus::receive`] or
+/// [`Bus::wait`], once; a frame that could not be sent is lost with it. The bridge goes on, so the caller decides
+/// whether to.
+pub struct PythonCan {
+    name: String,
+    outgoing: Producer<Frame>,
+    /// What its controller is called where it tells of itself.
+    controller: String,
+    told: Told,
+    incoming: Consumer<Incoming>,
+    failures: [Consumer<PythonCanError>; 2],
+    requests: mpsc::Sender<FilterRequest>,
+    shared: Arc<Shared>,
+    sender: Thread,
+    receiver: Option<JoinHandle<()>>,
+    outcome: mpsc::Receiver<Result<(), PythonCanError>>,
+    statistics: Statistics,
+    /// What the threads work with, for the caller to go on with; `None` once it does, or after the end.
+    spare: Option<Direct>,
+    /// The bus on the calling thread, once it works there.
+    direct: Option<Direct>,
+}
+
+impl PythonCan {
+    /// Opens `can.Bus(interface=…, channel=…, …)`. `options` are its keyword arguments: `interface` is required,
+    /// `channel` stays text, every other value is read as in python-can's configuration files (integer, float, `true`,
+    /// `false`, else text). python-can fills in what its own configuration files and environment variables say. Blocks
+    /// until the driver has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
+    ///
+    /// Python is looked for in VIRTUAL_ENV, else in a `.venv` in the working directory or above it, else in the
+    /// interpreter this program was built with. Ctrl-C stays with this program: no signal handler of Python is
+    /// installed.
+    ///
+    /// # Errors
+    /// [`BusError::PythonCan`] with every variant of [`PythonCanError`] except [`PythonCanError::Stuck`].
+    pub fn open(options: &[(String, String)]) -> Result<PythonCan, BusError> {
+        let name = BusAddress::PythonCan(options.to_vec()).to_string();
+        let options = Options::parse(options)?;
+        start_python()?;
+        let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
+        let (socket, controller) = match options.interface.as_str() {
+            "socketcan" => (Some(Python::attach(|py| counting_socket(&bus, py))?), options.channel),
+            _ => (None, None),
+        };
+        let mut bus = PythonCan::start(bus, message_class, socket, ErrorFrames::of(&options.interface))?;
+        bus.controller = controller.unwrap_or_else(|| name.clone());
+        bus.name = name;
+        Ok(bus)
+    }
+
+    /// Starts the bridge threads on an open python-can bus; `socket` is what it reads from, if that counts losses.
+    fn start(
+        bus: Py<PyAny>,
+        message_class: Py<PyAny>,
+        socket: Option<Py<PyAny>>,
+        error_frames: ErrorFrames,
+    ) -> Result<PythonCan, PythonCanError> {
+        let shared = Arc::new(Shared::default());
+        let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
+        let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
+        let (send_failed, send_failures) = RingBuffer::new(FAILURE_QUEUE);
+        let (receive_failed, receive_failures) = RingBuffer::new(FAILURE_QUEUE);
+        let (requests, requested) = mpsc::channel();
+        let (ended, outcome) = mpsc::sync_channel(1);
+        let bus = Arc::new(bus);
+        let (class, counted) =
+            Python::attach(|py| (message_class.clone_ref(py), socket.as_ref().map(|s| s.clone_ref(py))));
+        let spare = Direct {
+            bus: Arc::clone(&bus),
+            message_class: class,
+            socket: counted,
+            error_frames,
+            shared: Arc::clone(&shared),
+            came_in: None,
+        };
+        let sender = Sender {
+            bus: Arc::clone(&bus),
+            message_class,
+            outgoing: to_send,
+            failures: send_failed,
+            shared: Arc::clone(&shared),
+            attempts: ATTEMPTS_WHEN_CLOSING,
+        };
+        let receiver = Receiver {
+            bus,
+            socket,
+            error_frames,
+            incoming: came_in,
+            failures: receive_failed,
+            requests: requested,
+            shared: Arc::clone(&shared),
+        };
+        let sender = spawn("python-can-tx", move || sender.run())?;
+        let sender_thread = sender.thread().clone();
+        let receiver = spawn("python-can-rx", move || {
+            let _ = ended.send(receiver.run(sender));
+        });
+        let receiver = receiver.inspect_err(|_| {
+            shared.closing.store(true, Ordering::Release);
+            sender_thread.unpark();
+        })?;
+        Ok(PythonCan {
+            name: String::from("python-can"),
+            controller: String::from("python-can"),
+            told: Told::default(),
+            outgoing,
+            incoming,
+            failures: [send_failures, receive_failures],
+            requests,
+            shared,
+            sender: sender_thread,
+            receiver: Some(receiver),
+            outcome,
+            statistics: Statistics::default(),
+            spare: Some(spare),
+            direct: None,
+        })
+    }
+
+    /// Messages left out so far: those that ISO 11898-1 has no frame for.
+    pub fn discarded(&self) -> u64 {
+        self.shared.discarded.load(Ordering::Relaxed)
+    }
+
+    fn check_open(&self) -> Result<(), BusError> {
+        if self.receiver.is_some() || self.direct.is_some() { Ok(()) } else { Err(BusError::Closed) }
+    }
+
+    /// Ends both threads; `operation` is what they end for.
+    fn end_threads(&mut self, operation: Operation) -> Result<(), BusError> {
+        let receiver = self.receiver.take().ok_or(BusError::Closed)?;
+        self.shared.closing.store(true, Ordering::Release);
+        self.sender.unpark();
+        let Ok(outcome) = self.outcome.recv_timeout(PATIENCE) else {
+            return Err(PythonCanError::Stuck { operation, waited: PATIENCE }.into());
+        };
+        // The thread ends after its outcome, and can't panic on the way.
+        let _ = receiver.join();
+        Ok(outcome?)
+    }
+
+    /// Whether what the threads took in holds something that [`Bus::receive`] gives out. Error frames before that are
+    /// counted.
+    fn has_incoming(incoming: &mut Consumer<Incoming>, told: &mut Told) -> bool {
+        while let Ok(next) = incoming.peek() {
+            if next.is_given_out() {
+                return true;
+            }
+            next.note(told);
+            let _ = incoming.pop();
+        }
+        false
+    }
+
+    /// The oldest failure not yet told.
+    fn check_failures(&mut self) -> Result<(), BusError> {
+        match self.failures.iter_mut().find_map(|failures| failures.pop().ok()) {
+            Some(failure) => Err(failure.into()),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Bus for PythonCan {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        self.check_open()?;
+        self.check_failures()?;
+        if let Some(direct) = &self.direct {
+            let sent = direct.send(frame)?;
+            match sent {
+                Sent::Queued => self.statistics.sent += 1,
+                Sent::QueueFull => self.statistics.queue_full += 1,
+            }
+            return Ok(sent);
+        }
+        if self.outgoing.push(*frame).is_err() {
+            self.statistics.queue_full += 1;
+            return Ok(Sent::QueueFull);
+        }
+        self.statistics.sent += 1;
+        self.sender.unpark();
+        Ok(Sent::Queued)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        self.check_open()?;
+        loop {
+            // What the threads have taken in comes first.
+            let next = match (self.incoming.pop(), &mut self.direct) {
+                (Ok(incoming), _) => Some(incoming),
+                (Err(_), Some(direct)) => direct.receive()?,
+                (Err(_), None) => None,
+            };
+            let Some(next) = next else { return self.check_failures().map(|()| None) };
+            next.note(&mut self.told);
+            if next.is_bus_off() {
+                return Err(BusError::BusOff { interface: self.controller.clone() });
+            }
+            if let Incoming::Frame(received) = next {
+                self.statistics.received += 1;
+                return Ok(Some(received));
+            }
+        }
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
+        self.check_open()?;
+        let PythonCan { incoming, told, failures, shared, direct, .. } = self;
+        if PythonCan::has_incoming(incoming, told) {
+            return Ok(true);
+        }
+        if let Some(direct) = direct {
+            return Ok(direct.wait(timeout, told)?);
+        }
+        let is_idle = || !PythonCan::has_incoming(incoming, told) && failures.iter().all(Consumer::is_empty);
+        shared.wait_while(timeout, is_idle);
+        if PythonCan::has_incoming(incoming, told) {
+            return Ok(true);
+        }
+        self.check_failures().map(|()| false)
+    }
+
+    fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError> {
+        self.check_open()?;
+        if let Some(direct) = &self.direct {
+            return Ok(direct.set_filters(filters)?);
+        }
+        let stuck = PythonCanError::Stuck { operation: Operation::SetFilters, waited: PATIENCE };
+        let (reply, answer) = mpsc::sync_channel(1);
+        let asked = self.requests.send(FilterRequest { filters: filters.to_vec(), reply });
+        match asked.map(|()| answer.recv_timeout(PATIENCE)) {
+            Ok(Ok(outcome)) => Ok(outcome?),
+            Ok(Err(_)) | Err(_) => Err(stuck.into()),
+        }
+    }
+
+    fn statistics(&self) -> Statistics {
+        if let Some(direct) = &self.direct {
+            direct.count_drops();
+        }
+        Statistics { dropped: self.shared.dropped(), errors: self.told.errors, ..self.statistics }
+    }
+
+    fn controller(&self) -> ControllerState {
+        self.told.state
+    }
+
+    fn work_on_caller(&mut self) -> Result<(), BusError> {
+        self.check_open()?;
+        if self.direct.is_some() {
+            return Ok(());
+        }
+        self.shared.keeps_open.store(true, Ordering::Release);
+        self.end_threads(Operation::Receive)?;
+        self.direct = self.spare.take();
+        self.check_failures()
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        match self.direct.take() {
+            Some(direct) => direct.close()?,
+            None => self.end_threads(Operation::Close)?,
+        }
+        self.check_failures()
+    }
+}
+
+impl Drop for PythonCan {
+    fn drop(&mut self) {
+        // Whoever wants to know what goes wrong here calls `close`.
+        let _ = self.close();
+    }
+}
+
+fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, PythonCanError> {
+    thread::Builder::new().name(name.to_string()).spawn(run).map_err(PythonCanError::Thread)
+}
+
+/// The release of the python-can that [`PythonCan::open`] would take, as "4.5.0".
+///
+/// # Errors
+/// [`PythonCanError`] as [`PythonCan::open`] says it: python-can is missing, or the environment doesn't fit.
+pub fn version() -> Result<String, PythonCanError> {
+    start_python()?;
+    Python::attach(|py| {
+        let release = discovery::import_can(py)?.getattr("__version__").and_then(|version| version.extract());
+        release.map_err(|error| exception(py, Operation::Import, error))
+    })
+}
+
+fn start_python() -> Result<(), PythonCanError> {
+    signals::start_python().map_err(|error| Python::attach(|py| exception(py, Operation::Import, error)))
+}
+
+/// Imports python-can and opens the bus: the bus, and the class `can.Message`.
+fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>), PythonCanError> {
+    let can = discovery::import_can(py)?;
+    check_interface(&can, &options.interface)?;
+    let open = || -> PyResult<(Py<PyAny>, Py<PyAny>)> {
+        let arguments = PyDict::new(py);
+        for (key, value) in &options.rest {
+            match value {
+                Value::Integer(integer) => arguments.set_item(key, integer)?,
+                Value::Float(float) => arguments.set_item(key, float)?,
+                Value::Boolean(boolean) => arguments.set_item(key, boolean)?,
+                Value::Text(text) => arguments.set_item(key, text)?,
+            }
+        }
+        arguments.set_item("interface", &options.interface)?;
+        if let Some(channel) = &options.channel {
+            arguments.set_item("channel", channel)?;
+        }
+        let bus = can.getattr("Bus")?.call((), Some(&arguments))?;
+        Ok((bus.unbind(), can.getattr("Message")?.unbind()))
+    };
+    open().map_err(|error| exception(py, Operation::Open, error))
+}
+
+/// The socket that python-can's `socketcan` reads from, once it has told its losses, as it is asked to before each
+/// frame.
+fn counting_socket(bus: &Py<PyAny>, py: Python<'_>) -> Result<Py<PyAny>, PythonCanError> {
+    let told = || -> PyResult<Py<PyAny>> {
+        let socket = bus.getattr(py, "socket")?;
+        kernel_drops(socket.bind(py))?;
+        Ok(socket)
+    };
+    told().map_err(|error| exception(py, Operation::Open, error))
+}
+
+/// `can.VALID_INTERFACES` holds the interfaces of python-can and of its installed plug-ins.
+fn check_interface(can: &Bound<'_, PyModule>, interface: &str) -> Result<(), PythonCanError> {
+    let names = || -> PyResult<(Vec<String>, String)> {
+        let known =
+            can.getattr("VALID_INTERFACES")?.try_iter()?.map(|name| name?.extract()).collect::<PyResult<_>>()?;
+        Ok((known, can.getattr("__version__")?.extract()?))
+    };
+    let (mut known, version) = names().map_err(|error| exception(can.py(), Operation::Open, error))?;
+    if known.iter().any(|name| name == interface) {
+        return Ok(());
+    }
+    known.sort();
+    Err(PythonCanError::UnknownInterface { interface: interface.to_string(), version, known: known.join(", ") })
+}
+
+/// A Python exception: the name of its class, its message, and those of the exception it was raised from if they say
+/// more.
+fn exception(py: Python<'_>, operation: Operation, error: PyErr) -> PythonCanError {
+    let kind = |error: &PyErr| error.get_type(py).name().map_or("Exception".to_string(), |name| name.to_string());
+    let mut message = error.value(py).to_string();
+    if let Some(cause) = error.cause(py)
+        && let reason = cause.value(py).to_string()
+        && !message.contains(&reason)
+    {
+        message = format!("{message} (from {}: {reason})", kind(&cause));
+    }
+    PythonCanError::Exception { operation, kind: kind(&error), message }
+}

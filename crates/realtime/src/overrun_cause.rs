@@ -1,0 +1,81 @@
+//! Why deadlines are missed.
+
+use serde::Serialize;
+
+/// Why deadlines were missed, as the loop itself can tell: what it did when they passed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OverrunCause {
+    /// It slept for an earlier deadline, and was woken too late.
+    WokeLate,
+    /// It worked on the tick before, half of the time or more on something else than the bus.
+    StepLong,
+    /// It worked on the tick before, most of the time on the bus: taking frames in and sending them.
+    BusLong,
+}
+
+impl OverrunCause {
+    /// Every cause.
+    pub const ALL: [Self; 3] = [Self::WokeLate, Self::StepLong, Self::BusLong];
+
+    /// Its name in text.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::WokeLate => "woke-late",
+            Self::StepLong => "step-long",
+            Self::BusLong => "bus-long",
+        }
+    }
+
+    /// The cause if the work took `work_ns`, `bus_ns` of them on the bus.
+    pub(super) const fn of_work(work_ns: u64, bus_ns: u64) -> Self {
+        if bus_ns > work_ns / 2 { Self::BusLong } else { Self::StepLong }
+    }
+}
+
+/// Missed deadlines by cause: each counts once, so that the sum is the number of overruns. The field names are those of
+/// the program's JSON.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct OverrunCauses {
+    /// [`OverrunCause::WokeLate`], and nothing is known of who had the core.
+    pub woke_late: u64,
+    /// [`OverrunCause::StepLong`], likewise.
+    pub step_long: u64,
+    /// [`OverrunCause::BusLong`], likewise.
+    pub bus_long: u64,
+    /// The host of this virtual machine had the core meanwhile.
+    pub stolen: u64,
+    /// Other threads had the core meanwhile, and the loop waited for it.
+    pub preempted: u64,
+}
+
+impl OverrunCauses {
+    /// Counts `missed` deadlines.
+    pub fn count(&mut self, cause: OverrunCause, missed: u64) {
+        *self.of(cause) += missed;
+    }
+
+    /// How many by each cause, with its name in words for people.
+    pub const fn in_words(&self) -> [(&'static str, u64); 5] {
+        [
+            ("while the host had the core", self.stolen),
+            ("while other threads had the core", self.preempted),
+            ("woke late", self.woke_late),
+            ("step long", self.step_long),
+            ("bus long", self.bus_long),
+        ]
+    }
+
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.woke_late + self.step_long + self.bus_long + self.stolen + self.preempted
+    }
+
+    pub fn of(&mut self, cause: OverrunCause) -> &mut u64 {
+        match cause {
+            OverrunCause::WokeLate => &mut self.woke_late,
+            OverrunCause::StepLong => &mut self.step_long,
+            OverrunCause::BusLong => &mut self.bus_long,
+        }
+    }
+}

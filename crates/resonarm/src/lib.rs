@@ -1,0 +1,68 @@
+//! Resonarm: a real-time vibration simulator of a compliant-joint robot arm, on a CAN bus.
+//!
+//! A plant is an arm with its instruments and an integrator. It is measured, given a load to hold, and advanced, sample
+//! by sample; everything else carries the readings out and the loads in.
+//!
+//! ```
+//! use resonarm::analysis::modes;
+//! use resonarm::arm::Load;
+//! use resonarm::plant::Plant;
+//! use resonarm::scenario::Scenario;
+//!
+//! let scenario = Scenario::parse("arm = { preset = 'irb1600-fitted', beta2_deg = 60 }", "here")?;
+//! let [first, _] = modes(&scenario.build_arm()?);
+//! assert!((first.frequency_hz - 22.16).abs() < 0.01);
+//!
+//! let mut plant = Plant::new(&scenario.plant_spec()?)?;
+//! for _ in 0..100 {
+//!     let acceleration_c_m_s2 = plant.measure().acceleration_c_m_s2.map(|reading| reading.value);
+//!     // A controller of your own: the force at the tip answers the acceleration there.
+//!     plant.advance(&Load::force_n(10.0 - 0.5 * acceleration_c_m_s2[0], 0.0))?;
+//! }
+//! assert_eq!(plant.sample(), 100);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The modules, in the order in which they stand on each other:
+//!
+//! | | |
+//! | --- | --- |
+//! | [`arm`] | equations of motion, presets, kinematics, energy |
+//! | [`integrate`] | one-step methods, for one motion or several side by side |
+//! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
+//! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
+//! | [`plant`] | the arm with its instruments, sample by sample |
+//! | [`identify`] | frequency responses, modes and joint angles from what the instruments said |
+//! | [`control`] | exciter controllers: what answers a sample |
+//! | [`node`] | plant and exciter controller as CAN nodes without IO |
+//! | [`protocol`] | the CAN protocol, a crate of its own |
+//! | [`bus`], [`realtime`], [`recording`] | buses; clocks and threads; MCAP files |
+//! | [`scenario`] | everything about a run, in one TOML file |
+//! | [`run`] | runs: a [`Session`](run::Session) puts a scenario, both ends, a bus, a recording and the pace together |
+//! | [`conformance`] | whether a node on a bus keeps the protocol |
+//! | [`replay`] | recordings: their frames sent again, their runs simulated again |
+//! | [`can_log`] | frames in the log files of other tools |
+//! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
+//! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
+//! | [`experiment`] | whole experiments of several runs, scored against what is computed |
+//! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
+//! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
+//! | [`cli`] | the program, with its figures, those of the paper, and the live view |
+//!
+//! [`arm`] to [`node`] are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI
+//! units throughout; a number that is not in a typed quantity carries its unit in its name. A `sample` is one of the
+//! bench's, a `step` one of the integrator's: a sample takes several.
+//!
+//! `README.md` says how to run the program, `DESIGN.md` why things are so.
+
+pub use resonarm_analysis as analysis;
+pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
+pub use resonarm_bus as bus;
+pub use resonarm_conformance as conformance;
+pub use resonarm_dynamics::{arm, integrate};
+pub use resonarm_files::{can_log, diff, export, import, recording, scenario, statistics, text_file, toml_error};
+pub use resonarm_protocol as protocol;
+#[cfg(feature = "python-can")]
+pub use resonarm_python_can as python_can;
+pub use resonarm_realtime as realtime;
+pub use resonarm_session::{experiment, replay, run, study};

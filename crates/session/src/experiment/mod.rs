@@ -1,0 +1,56 @@
+//! Whole experiments: several free runs of plant and controller that together say one thing.
+//!
+//! A [`ZoneExperiment`] goes through a resonance as a bench does: a walk over the whole response and one along the
+//! backbone, then stepped sines up and down at controlled force, dense where the walk has found the resonance.
+//! [`Score`] sets what was measured against what is computed.
+
+mod score;
+mod zone;
+
+pub use score::{Jump, Score, score};
+pub use zone::{Zone, ZoneExperiment, ZoneMeasured};
+
+use resonarm_bench::control::{ControlSpec, ResponsePoint};
+use resonarm_bench::node::Outcome;
+use crate::run::{Mode, Options, RunError, Session, Signals};
+use resonarm_files::scenario::Scenario;
+
+/// What a controller has read in one run.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// The responses, in the order in which they were read.
+    pub points: Vec<ResponsePoint>,
+    /// How the run ended.
+    pub outcome: Option<Outcome>,
+    /// Length of the run, s of simulated time.
+    pub simulated_s: f64,
+}
+
+/// A free run of `scenario` with `control` in place of what its exciter does, without a recording.
+///
+/// # Errors
+/// [`RunError`] if the run can't begin, or an error ends it.
+pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> Result<Measured, RunError> {
+    let session = session(scenario, control)?;
+    let rate_hz = scenario.simulation.rate_hz;
+    let report = session.both(signals, |_| {})?;
+    let outcome = report.exciter_outcome(signals);
+    match report.plant.error.or(report.exciter.error) {
+        Some(error) => Err(error),
+        None => Ok(Measured {
+            points: report.exciter.responses,
+            outcome,
+            simulated_s: report.plant.samples as f64 / rate_hz,
+        }),
+    }
+}
+
+/// The session of such a run, checked.
+fn session(scenario: &Scenario, control: ControlSpec) -> Result<Session, RunError> {
+    let mut scenario = scenario.clone();
+    (scenario.control, scenario.excitation, scenario.simulation.duration_s) = (Some(control), None, None);
+    scenario.check()?;
+    let session = Session::new(scenario, Mode::Free, Options::default())?;
+    session.controller()?;
+    Ok(session)
+}

@@ -1,0 +1,205 @@
+//! A resonance zone, measured: walk, backbone, and stepped sines up and down.
+
+use core::f64::consts::TAU;
+
+use super::{Measured, measure, session};
+use resonarm_analysis::{Mode, modes};
+use resonarm_dynamics::arm::{Arm, ArmError};
+use resonarm_bench::control::{CancelHarmonics, ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
+use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Waveform};
+use resonarm_bench::rig::{Amplifier, ShakerSpec};
+use crate::run::{RunError, Signals};
+use resonarm_files::scenario::{Scenario, ScenarioError};
+use crate::study::on_all_cores;
+
+/// Runs of a zone: walk, backbone, up, down.
+const RUNS: usize = 4;
+
+/// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and
+/// reading. A try leaves e⁻³ of what it changed in the head's force; of the motion it must leave less, as a shaker that
+/// brakes takes many times what the arm does.
+const SETTLE: f64 = 3.0;
+const READ: f64 = 0.6;
+/// How long a reading is at least, periods.
+const LEAST_PERIODS: f64 = 40.0;
+/// How long the force takes from one amplitude to the next, s.
+const RAMP_S: f64 = 0.3;
+/// Frequencies nearer together than this, relative, are one.
+const SAME_FREQUENCY: f64 = 1e-7;
+
+/// A resonance zone and how it is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Zone {
+    /// The mode whose resonance is in it.
+    pub mode_number: ModeNumber,
+    /// Amplitude and direction of the force.
+    pub amplitude: Amplitude,
+    /// Its lowest and its highest frequency, Hz.
+    pub range_hz: [f64; 2],
+    /// Distance of the stepped sine's frequencies apart from the resonance, Hz, at most.
+    pub step_hz: f64,
+    /// Points of the walk, whose frequencies the stepped sines take over.
+    pub walk_points: usize,
+    /// Points of the backbone.
+    pub backbone_points: usize,
+    /// Harmonics of the force that are brought to zero in every run.
+    pub cancel_harmonics: CancelHarmonics,
+}
+
+/// What was measured in a zone.
+#[derive(Clone, Debug)]
+pub struct ZoneMeasured {
+    /// The whole response at constant force, stable or not.
+    pub walk: Measured,
+    /// The motions at a lag of 90°, up to that force.
+    pub backbone: Measured,
+    /// The stepped sine up, and that down at the same frequencies.
+    pub up: Measured,
+    /// From the highest frequency to the lowest.
+    pub down: Measured,
+}
+
+impl Zone {
+    /// The most responses that are read in it.
+    pub fn responses(&self) -> usize {
+        self.walk_points + self.backbone_points + 2 * (self.walk_points + self.steps() + 1)
+    }
+
+    fn steps(&self) -> usize {
+        let [low_hz, high_hz] = self.range_hz;
+        libm::ceil((high_hz - low_hz) / self.step_hz).max(1.0) as usize
+    }
+
+    fn walk(&self) -> ControlSpec {
+        let Zone { mode_number, walk_points: points, cancel_harmonics, .. } = *self;
+        let spec = PhaseWalkSpec::new(self.amplitude);
+        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
+    }
+
+    fn backbone(&self) -> ControlSpec {
+        let Zone { mode_number, backbone_points: points, cancel_harmonics, .. } = *self;
+        let spec = PhaseWalkSpec::backbone(self.amplitude);
+        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
+    }
+
+    /// Evenly over the zone, and where the walk has read the response: there its points crowd where the response turns.
+    fn frequencies_hz(&self, walked: &[ResponsePoint]) -> Vec<f64> {
+        let ([low_hz, high_hz], steps) = (self.range_hz, self.steps());
+        let even = (0..=steps).map(|i| low_hz + (high_hz - low_hz) * (i as f64 / steps as f64));
+        let settled = walked.iter().filter(|point| point.settled).map(|point| point.frequency_hz);
+        let mut all: Vec<f64> =
+            even.chain(settled.filter(|frequency_hz| (low_hz..=high_hz).contains(frequency_hz))).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|next, kept| *next - *kept < SAME_FREQUENCY * *kept);
+        all
+    }
+
+    /// A stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode without and
+    /// with the shaker.
+    fn stepped(&self, frequencies_hz: Vec<f64>, (alone_s, coupled_s): (f64, f64)) -> ControlSpec {
+        let settle_s = (SETTLE + libm::log(alone_s / coupled_s)) * coupled_s;
+        let dwell_s = settle_s + (READ * coupled_s).max(LEAST_PERIODS / self.range_hz[0]);
+        let profile = Waveform::SineList { frequencies_hz, dwell_s, settle_s };
+        let excitation = ExcitationSpec { amplitude: self.amplitude, ramp_s: RAMP_S, profile };
+        let spec = ForceControlSpec::new(&excitation);
+        ControlSpec::ForceControl(ForceControlSpec { cancel_harmonics: self.cancel_harmonics, ..spec })
+    }
+}
+
+/// The longest time constant 1/(ζω) of the arm, s.
+fn longest_time_constant_s(arm: &Arm) -> f64 {
+    let time_constant_s = |mode: &Mode| 1.0 / (mode.damping_ratio * TAU * mode.frequency_hz);
+    modes(arm).iter().map(time_constant_s).fold(0.0, f64::max)
+}
+
+/// The arm with the armature on it. In voltage mode the coil brakes with Bl²/R.
+fn coupled(arm: &Arm, shaker: &ShakerSpec) -> Result<Arm, ArmError> {
+    let mut armature = shaker.armature();
+    if shaker.amplifier == Amplifier::Voltage {
+        armature.damping_n_s_m += shaker.force_factor_n_a * shaker.force_factor_n_a / shaker.resistance_ohm;
+    }
+    arm.clone().with_attachment(armature)
+}
+
+/// Zones to be measured, with what tells how far that is.
+#[derive(Debug)]
+pub struct ZoneExperiment {
+    zones: Vec<Zone>,
+    /// Of each zone's walk and backbone, then of each zone's sines up and down.
+    signals: [Vec<Signals>; 2],
+}
+
+impl ZoneExperiment {
+    /// Of these zones.
+    pub fn new(zones: &[Zone]) -> ZoneExperiment {
+        let signals = || (0..RUNS / 2 * zones.len()).map(|_| Signals::default()).collect();
+        ZoneExperiment { zones: zones.to_vec(), signals: [signals(), signals()] }
+    }
+
+    /// How many responses have been read so far.
+    pub fn responses(&self) -> u64 {
+        self.signals.iter().flatten().map(Signals::responses).sum()
+    }
+
+    /// Asks all runs to end in order.
+    pub fn stop(&self) {
+        self.signals.iter().flatten().for_each(Signals::stop);
+    }
+
+    fn walks(&self) -> impl Iterator<Item = ControlSpec> + '_ {
+        self.zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()])
+    }
+
+    /// Checks that the walks can begin: what is wrong with a scenario or a zone is found before anything runs.
+    ///
+    /// # Errors
+    /// [`RunError`] says what is impossible.
+    pub fn check(&self, scenario: &Scenario) -> Result<(), RunError> {
+        self.walks().try_for_each(|control| session(scenario, control).map(drop))
+    }
+
+    /// Measures the zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then
+    /// the stepped sines, over all cores.
+    ///
+    /// # Errors
+    /// [`RunError`] if a run can't begin, or an error ends it.
+    pub fn measure(&self, scenario: &Scenario) -> Result<Vec<ZoneMeasured>, RunError> {
+        let arm = scenario.build_arm()?;
+        let with_shaker = scenario.rig.shaker.as_ref().map(|shaker| coupled(&arm, shaker)).transpose();
+        let with_shaker = with_shaker.map_err(ScenarioError::from)?;
+        let alone_s = longest_time_constant_s(&arm);
+        let constants_s = (alone_s, with_shaker.as_ref().map_or(alone_s, longest_time_constant_s));
+        let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
+        self.check(scenario)?;
+        let [for_walks, for_sines] = &self.signals;
+        let walks = self.walks().zip(for_walks).collect::<Vec<_>>();
+        let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
+        let sines = self.zones.iter().zip(walks.chunks_exact(2)).flat_map(|(zone, walks)| {
+            let up_hz = zone.frequencies_hz(&walks[0].points);
+            let down_hz = up_hz.iter().rev().copied().collect();
+            [zone.stepped(up_hz, constants_s), zone.stepped(down_hz, constants_s)]
+        });
+        let sines = sines.zip(for_sines).collect::<Vec<_>>();
+        let sines = on_all_cores(&sines, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
+        let (mut walks, mut sines) = (walks.into_iter(), sines.into_iter());
+        let mut measured = Vec::with_capacity(self.zones.len());
+        while let (Some(walk), Some(backbone), Some(up), Some(down)) =
+            (walks.next(), walks.next(), sines.next(), sines.next())
+        {
+            measured.push(ZoneMeasured { walk, backbone, up, down });
+        }
+        Ok(measured)
+    }
+}
+
+impl ZoneMeasured {
+    /// Length of all runs together, s of simulated time.
+    pub fn simulated_s(&self) -> f64 {
+        self.runs().iter().map(|run| run.simulated_s).sum()
+    }
+
+    /// Walk, backbone, up, down.
+    pub fn runs(&self) -> [&Measured; RUNS] {
+        [&self.walk, &self.backbone, &self.up, &self.down]
+    }
+}

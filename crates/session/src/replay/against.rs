@@ -1,0 +1,363 @@
+//! A recorded plant played to a live controller, whose commands are compared with the recorded ones: a test of whether
+//! a change of the controller's firmware has changed what it does.
+//!
+//! A controller is a function of the frames it is told, and answers samples by their indices. So the plant's frames are
+//! sent in their order, and before the next is sent, the controller must have done what the recorded one had done by
+//! then: said hello, asked for the same, answered the same sample. How long it takes does not matter, only that it
+//! comes.
+
+use core::fmt;
+use core::ops::ControlFlow;
+use core::time::Duration;
+
+use alloc::collections::{BTreeMap, VecDeque};
+
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Message, Network, Node, OperatorRequest, Receiver};
+use serde::Serialize;
+
+use super::ReplayError;
+use super::player::{FRAMES_AT_ONCE, LOOK_NS, RETRY_NS, check_speed, due_ns};
+use super::responses::command;
+use resonarm_bus::{Bus, Sent};
+use resonarm_realtime::Clock;
+use resonarm_files::recording::{Direction, Recording};
+use crate::run::Signals;
+use resonarm_files::scenario::Scenario;
+
+/// Answers that are kept until the recording has come to their sample: more than a sample's frames on their way.
+const ANSWERS: usize = 256;
+/// Requests that are kept, until the recording has come to them.
+const REQUESTS: usize = 256;
+
+/// How a controller is tested.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Regression {
+    /// Times the recorded speed, as [`Playback::speed`](super::Playback::speed).
+    pub speed: f64,
+    /// Largest difference of a commanded force that passes, N.
+    pub limit_n: f64,
+    /// Largest difference of a commanded torque that passes, N·m.
+    pub limit_nm: f64,
+    /// How long to wait for what the recorded controller had done.
+    pub patience: Duration,
+}
+
+/// What became of the test.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Compared {
+    /// Frames of the plant sent.
+    pub frames: u64,
+    /// Commands compared.
+    pub commands: u64,
+    /// The largest difference of a force, N.
+    pub largest_force_difference_n: f64,
+    /// The largest difference of a torque, N·m.
+    pub largest_torque_difference_nm: f64,
+    /// The first difference beyond the limits; `None` if the controller passes.
+    pub first_difference: Option<Difference>,
+}
+
+/// Where a controller does something else than the recorded one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Difference {
+    /// The sample of the recording.
+    pub sample: u64,
+    /// What is different.
+    #[serde(flatten)]
+    pub kind: DifferenceKind,
+}
+
+/// What a controller does otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum DifferenceKind {
+    /// It commands something else; forces along x and y, N, and torques at the joints, N·m.
+    Command {
+        /// As recorded.
+        expected: [f64; 4],
+        /// What it commands.
+        got: [f64; 4],
+    },
+    /// It does not answer a sample that was answered.
+    NoAnswer,
+    /// It does not say hello.
+    NoHello,
+    /// It does not ask for what the recorded one asked for.
+    NoRequest {
+        /// What that was: `arm`, `disarm` or `reset`.
+        expected: &'static str,
+    },
+    /// It faults; if it is for want of a plant that goes on, what is expected of it is what is missing.
+    Fault {
+        /// As its emergency says.
+        cause: String,
+        /// What the recorded one did: `hello`, `answer`, `arm`, `disarm` or `reset`.
+        expected: &'static str,
+    },
+}
+
+impl DifferenceKind {
+    /// What the recorded controller did.
+    const fn expected(&self) -> &'static str {
+        match self {
+            DifferenceKind::Command { .. } | DifferenceKind::NoAnswer => "answer",
+            DifferenceKind::NoHello => "hello",
+            DifferenceKind::NoRequest { expected } | DifferenceKind::Fault { expected, .. } => expected,
+        }
+    }
+}
+
+impl fmt::Display for DifferenceKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DifferenceKind::Command { expected, got } => write!(
+                f,
+                "the controller commands {got:?} (force along x, y in N, torques in N\u{b7}m), recorded is {expected:?}"
+            ),
+            DifferenceKind::NoAnswer => f.write_str("the controller does not answer it; the recorded one did"),
+            DifferenceKind::NoHello => f.write_str("the controller does not say hello; the recorded one did"),
+            DifferenceKind::NoRequest { expected } => {
+                write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
+            }
+            DifferenceKind::Fault { cause, expected } => {
+                write!(f, "the controller faults: {cause}; the recorded one went on with: {expected}")
+            }
+        }
+    }
+}
+
+/// Sends the plant's recorded frames to the controller on the bus, and compares what it answers.
+///
+/// # Errors
+/// [`ReplayError::NoController`] if none is heard, [`ReplayError::Empty`] if the recording has no commands, and
+/// [`ReplayError`] if the speed is impossible, or recording or bus fail.
+pub fn play_against<C: Clock>(
+    recording: &Recording,
+    bus: &mut dyn Bus,
+    clock: &C,
+    regression: Regression,
+    signals: &Signals,
+) -> Result<Compared, ReplayError> {
+    check_speed(regression.speed)?;
+    let network = Scenario::from_configuration(recording.configuration())?.network()?;
+    let mut test = Test { bus, clock, regression, signals, live: Live::new(network), compared: Compared::default() };
+    if !test.wait_for(|live| live.is_there)? {
+        let waited_s = regression.patience.as_secs_f64();
+        return if signals.is_stopped() { Ok(test.compared) } else { Err(ReplayError::NoController { waited_s }) };
+    }
+    let mut recorded = Receiver::new(network);
+    let (start_ns, mut first_ns) = (clock.now_ns(), None);
+    for record in recording.frames()? {
+        let record = record?;
+        let time_ns = recording.origin().frame_time_ns(&record);
+        let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
+        let flow = match record.direction {
+            Direction::Sent => test.send(&record.frame, due_ns(start_ns, recorded_ns, regression.speed))?,
+            Direction::Received => match recorded.accept(&record.frame) {
+                Ok(Some(message)) => test.expect(record.sample, message)?,
+                _ => ControlFlow::Continue(()),
+            },
+        };
+        if flow.is_break() {
+            break;
+        }
+    }
+    let ended = test.compared.first_difference.is_some() || signals.is_stopped();
+    if test.compared.commands == 0 && !ended { Err(ReplayError::Empty { what: "commands" }) } else { Ok(test.compared) }
+}
+
+/// What the controller has done.
+struct Live {
+    receiver: Receiver,
+    /// Anything of it has been heard.
+    is_there: bool,
+    has_said_hello: bool,
+    /// What it asked for from what was compared last on, oldest first, each once however often it was repeated.
+    requests: VecDeque<OperatorRequest>,
+    /// Its latest answers, by the index of their sample on the wire.
+    answers: BTreeMap<u16, [f64; 4]>,
+    /// The same indices, as they came.
+    order: VecDeque<u16>,
+    fault: Option<Emergency>,
+}
+
+impl Live {
+    fn new(network: Network) -> Live {
+        Live {
+            receiver: Receiver::new(network),
+            is_there: false,
+            has_said_hello: false,
+            requests: VecDeque::new(),
+            answers: BTreeMap::new(),
+            order: VecDeque::new(),
+            fault: None,
+        }
+    }
+
+    /// Takes in a frame. One that a plant would refuse is none.
+    fn take(&mut self, frame: &Frame) {
+        let Ok(Some(message)) = self.receiver.accept(frame) else { return };
+        if message.kind().sender() == Node::Plant {
+            return;
+        }
+        self.is_there = true;
+        match message {
+            Message::ExciterHello(_) => self.has_said_hello = true,
+            Message::Operator(operator) => self.ask(operator.request),
+            Message::Emergency(emergency) if emergency.code != EmergencyCode::Leaving => {
+                self.fault.get_or_insert(emergency);
+            }
+            message => self.answer(message),
+        }
+    }
+
+    fn ask(&mut self, request: OperatorRequest) {
+        if self.requests.back() != Some(&request) {
+            self.requests.push_back(request);
+        }
+        if self.requests.len() > REQUESTS {
+            self.requests.pop_front();
+        }
+    }
+
+    /// Whether it has asked for that, be it that it has asked for more since.
+    fn has_asked(&self, request: OperatorRequest) -> bool {
+        self.requests.contains(&request)
+    }
+
+    /// Forgets what it asked for before that.
+    fn forget_before(&mut self, request: OperatorRequest) {
+        let before = self.requests.iter().position(|asked| *asked == request).unwrap_or(0);
+        self.requests.drain(..before);
+    }
+
+    fn answer(&mut self, message: Message) {
+        let Some((index, values)) = command(message) else { return };
+        // A plant holds the first command that answers a sample.
+        if self.answers.contains_key(&index) {
+            return;
+        }
+        self.answers.insert(index, values);
+        self.order.push_back(index);
+        if self.order.len() > ANSWERS
+            && let Some(oldest) = self.order.pop_front()
+        {
+            self.answers.remove(&oldest);
+        }
+    }
+}
+
+/// The test as it goes.
+struct Test<'a, C> {
+    bus: &'a mut dyn Bus,
+    clock: &'a C,
+    regression: Regression,
+    signals: &'a Signals,
+    live: Live,
+    compared: Compared,
+}
+
+impl<C: Clock> Test<'_, C> {
+    /// Sends a frame of the plant when it is due.
+    fn send(&mut self, frame: &Frame, due_ns: u64) -> Result<ControlFlow<()>, ReplayError> {
+        loop {
+            self.take_in()?;
+            if self.signals.is_stopped() {
+                return Ok(ControlFlow::Break(()));
+            }
+            let left_ns = due_ns.saturating_sub(self.clock.now_ns());
+            if left_ns > 0 {
+                self.bus.wait(Duration::from_nanos(left_ns.min(LOOK_NS)))?;
+            } else if self.bus.send(frame)? == Sent::QueueFull {
+                self.clock.sleep_until_ns(self.clock.now_ns().saturating_add(RETRY_NS));
+            } else {
+                self.compared.frames += 1;
+                return Ok(ControlFlow::Continue(()));
+            }
+        }
+    }
+
+    /// Waits until the controller has done what the recorded one did, and compares.
+    fn expect(&mut self, sample: u64, message: Message) -> Result<ControlFlow<()>, ReplayError> {
+        let (done, missing) = match message {
+            Message::ExciterHello(_) => (self.wait_for(|live| live.has_said_hello)?, DifferenceKind::NoHello),
+            Message::Operator(operator) => {
+                let expected = name(operator.request);
+                let done = self.wait_for(|live| live.has_asked(operator.request))?;
+                self.live.forget_before(operator.request);
+                (done, DifferenceKind::NoRequest { expected })
+            }
+            message => {
+                let Some((index, expected)) = command(message) else { return Ok(ControlFlow::Continue(())) };
+                // One that disarms the plant has ended.
+                let has_ended = |live: &Live| live.requests.back() == Some(&OperatorRequest::Disarm);
+                self.wait_for(|live| live.answers.contains_key(&index) || has_ended(live))?;
+                let got = self.live.answers.get(&index).copied();
+                if let Some(got) = got {
+                    self.compare(sample, expected, got);
+                }
+                (got.is_some(), DifferenceKind::NoAnswer)
+            }
+        };
+        if done {
+            return Ok(ControlFlow::Continue(()));
+        }
+        if !self.signals.is_stopped() {
+            let kind = match self.live.fault {
+                Some(fault) => DifferenceKind::Fault { cause: fault.to_string(), expected: missing.expected() },
+                None => missing,
+            };
+            self.compared.first_difference.get_or_insert(Difference { sample, kind });
+        }
+        Ok(ControlFlow::Break(()))
+    }
+
+    fn compare(&mut self, sample: u64, expected: [f64; 4], got: [f64; 4]) {
+        let apart = |index: usize| (got[index] - expected[index]).abs();
+        let (force_n, torque_nm) = (apart(0).max(apart(1)), apart(2).max(apart(3)));
+        let compared = &mut self.compared;
+        compared.commands += 1;
+        compared.largest_force_difference_n = compared.largest_force_difference_n.max(force_n);
+        compared.largest_torque_difference_nm = compared.largest_torque_difference_nm.max(torque_nm);
+        if force_n > self.regression.limit_n || torque_nm > self.regression.limit_nm {
+            let kind = DifferenceKind::Command { expected, got };
+            compared.first_difference.get_or_insert(Difference { sample, kind });
+        }
+    }
+
+    /// Waits until something holds of the controller; `false` if it has faulted, patience is at its end, or the test
+    /// was stopped.
+    fn wait_for(&mut self, holds: impl Fn(&Live) -> bool) -> Result<bool, ReplayError> {
+        let patience_ns = u64::try_from(self.regression.patience.as_nanos()).unwrap_or(u64::MAX);
+        let end_ns = self.clock.now_ns().saturating_add(patience_ns);
+        loop {
+            self.take_in()?;
+            if holds(&self.live) {
+                return Ok(true);
+            }
+            let left_ns = end_ns.saturating_sub(self.clock.now_ns());
+            if left_ns == 0 || self.live.fault.is_some() || self.signals.is_stopped() {
+                return Ok(false);
+            }
+            self.bus.wait(Duration::from_nanos(left_ns.min(LOOK_NS)))?;
+        }
+    }
+
+    fn take_in(&mut self) -> Result<(), ReplayError> {
+        for _ in 0..FRAMES_AT_ONCE {
+            match self.bus.receive()? {
+                Some(received) => self.live.take(&received.frame),
+                None => break,
+            }
+        }
+        Ok(())
+    }
+}
+
+fn name(request: OperatorRequest) -> &'static str {
+    match request {
+        OperatorRequest::Arm => "arm",
+        OperatorRequest::Disarm => "disarm",
+        OperatorRequest::Reset => "reset",
+    }
+}

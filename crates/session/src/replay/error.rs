@@ -1,0 +1,127 @@
+//! What keeps a recording from being replayed.
+
+use thiserror::Error;
+
+use super::player::SPEEDS;
+use resonarm_bus::BusError;
+use resonarm_numeric::number::short;
+use resonarm_bench::plant::{PlantError, PlantSpecError};
+use resonarm_protocol::{FrameError, Mismatch};
+use resonarm_files::recording::RecordingError;
+use resonarm_files::scenario::ScenarioError;
+
+/// Why a recording can't be replayed or simulated again.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ReplayError {
+    /// The recording can't be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The recording's scenario can't be used.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The recording's scenario makes no plant.
+    #[error("the recording's scenario makes no plant: {0}")]
+    Plant(#[from] PlantSpecError),
+    /// The simulation failed where the recorded one went on.
+    #[error("simulated again, the run fails at {0}")]
+    Simulation(#[from] PlantError),
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Nobody is there to be tested.
+    #[error("no controller was heard on the bus within {} s (--patience-s)", short(.waited_s))]
+    NoController {
+        /// How long was waited, s.
+        waited_s: f64,
+    },
+    /// An identifier can't take a frame's place.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// There is nothing to replay.
+    #[error("the recording holds no {what}")]
+    Empty {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// The recording was made of a log.
+    #[error(
+        "the recording was imported from {log} and holds frames alone: to be simulated again a run needs its states and \
+         loads (/plant/steps){}; `replay` takes it", if *.has_scenario { "" } else { " and its scenario" }
+    )]
+    Imported {
+        /// The log.
+        log: String,
+        /// Whether the scenario is known.
+        has_scenario: bool,
+    },
+    /// The current of the shaker's coil at the first sample is not known.
+    #[error(
+        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker, as formats 1 \
+         to 3 do not: simulate the whole recording again, from sample 0 on"
+    )]
+    NoCurrent {
+        /// The first sample.
+        sample: u64,
+    },
+    /// The speed is impossible.
+    #[error(
+        "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",
+        SPEEDS.start(), SPEEDS.end(), got = short(.got))]
+    Speed {
+        /// What was given.
+        got: f64,
+    },
+    /// The samples are not those of the scenario.
+    #[error(
+        "the recording states {recorded_s} s from sample to sample, its scenario {configured_s} s \
+         (simulation.rate_hz): it can't be simulated again",
+        recorded_s = short(.recorded_s), configured_s = short(.configured_s)
+    )]
+    SamplePeriod {
+        /// In the recording, s.
+        recorded_s: f64,
+        /// In its scenario, s.
+        configured_s: f64,
+    },
+    /// A load is none that the exciter can have produced.
+    #[error(
+        "the recording's load at sample {sample} is {force_n:?} N, {torque_nm:?} N·m: beyond the exciter's limits in its \
+         scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)",
+        limit_n = short(.limit_n), limit_nm = short(.limit_nm)
+    )]
+    Load {
+        /// The sample.
+        sample: u64,
+        /// Force at C, N.
+        force_n: [f64; 2],
+        /// Torque at the joints, N·m.
+        torque_nm: [f64; 2],
+        /// Largest force, N.
+        limit_n: f64,
+        /// Largest torque, N·m.
+        limit_nm: f64,
+    },
+    /// The recorded plant is none for a controller of this version.
+    #[error(
+        "a controller of this version refuses the recorded plant{}: read it with the version that recorded it",
+        Mismatch::from_detail(*.detail).map_or(String::new(), |mismatch| format!(" ({mismatch})"))
+    )]
+    Incompatible {
+        /// The [`Mismatch`] by its number.
+        detail: u16,
+    },
+    /// Another controller was recorded than that of the scenario in the recording.
+    #[error(
+        "the recorded command at sample {sample} is {got:?} (force along x, y in N, torques in N\u{b7}m), by the scenario in the recording it \
+         is {expected:?}: another controller was recorded; run plant and exciter with the same scenario"
+    )]
+    Command {
+        /// The sample at which it came in.
+        sample: u64,
+        /// Force along x and y, N, and torques at the joints, N·m, as recorded.
+        got: [f64; 4],
+        /// As the scenario's controller commands them.
+        expected: [f64; 4],
+    },
+}

@@ -1,0 +1,169 @@
+//! The run simulated again from its recorded loads, and the verdict.
+
+use super::ReplayError;
+use resonarm_dynamics::arm::{Load, State};
+use resonarm_files::import::IMPORTED_FROM;
+use resonarm_bench::plant::{Plant, PlantSpec};
+use resonarm_files::recording::{Integrity, Recording, StateRecord};
+use resonarm_bench::rig::Amplifier;
+use resonarm_files::scenario::Scenario;
+use crate::study::on_all_cores;
+
+/// Whether a run, simulated again, is the recorded one.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Verdict {
+    /// Whether every state, and the current of a shaker's coil, is the recorded one, bit for bit. Never of a damaged
+    /// recording: there are states that can't be compared. Of one that was cut short it says so of the states that are
+    /// there.
+    pub identical: bool,
+    /// Whether the recording is whole.
+    pub integrity: Integrity,
+    /// States compared, one a sample.
+    pub samples: u64,
+    /// Integration steps made.
+    pub steps: u64,
+    /// The first sample whose state differs.
+    pub first_divergence: Option<u64>,
+    /// The largest difference of a vibration angle, rad.
+    pub max_drift_rad: f64,
+}
+
+/// Samples that are in memory at a time: some MB.
+const BLOCK: usize = 1 << 15;
+/// Samples that a core takes at a time: some milliseconds of work.
+const PART: usize = 1 << 11;
+
+/// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
+///
+/// State and current at a sample follow from state, current and load at the one before alone. So as long as none
+/// differs, all cores simulate parts of the run, each from a recorded state, with the result of one after the other.
+///
+/// # Errors
+/// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes
+/// no plant or not the one that was recorded: other samples, loads beyond its exciter; if it begins in the middle of a
+/// run without the current of its shaker's coil.
+pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
+    let scenario = Scenario::from_configuration(recording.configuration());
+    if let Some(log) = recording.configuration().get(IMPORTED_FROM) {
+        return Err(ReplayError::Imported { log: log.to_owned(), has_scenario: scenario.is_ok() });
+    }
+    let spec = scenario?.plant_spec()?;
+    check(recording, &spec)?;
+    let mut states = recording.states()?;
+    let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;
+    let integrity = recording.integrity().clone();
+    let identical = !matches!(integrity, Integrity::Damaged { .. });
+    let mut verdict =
+        Verdict { identical, integrity, samples: 1, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
+    let mut plant = plant(&spec, &first)?;
+    load(&first, &plant)?;
+    let mut block = vec![first];
+    loop {
+        for record in states.by_ref().take(BLOCK) {
+            block.push(record?);
+        }
+        let [.., last] = block[..] else { return Ok(verdict) };
+        if block.len() == 1 {
+            return Ok(verdict);
+        }
+        if verdict.first_divergence.is_none() && agrees(&spec, &block) {
+            verdict.samples += block.len() as u64 - 1;
+            verdict.steps += u64::from(spec.steps_per_sample) * (block.len() as u64 - 1);
+            plant = self::plant(&spec, &last)?;
+        } else {
+            follow(&mut verdict, &mut plant, &block, spec.steps_per_sample)?;
+        }
+        block.clear();
+        block.push(last);
+    }
+}
+
+/// The plant in a recorded state.
+fn plant(spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
+    let plant = Plant::new(&PlantSpec { initial: state(record), ..spec.clone() })?.at_sample(record.sample);
+    match (spec.rig.shaker, record.coil_current_a) {
+        (None, _) => Ok(plant),
+        (Some(_), Some(current_a)) => Ok(plant.with_coil_current(current_a)),
+        // At sample 0 the coil has none, and an amplifier in current mode sets it with the load.
+        (Some(shaker), None) if record.sample == 0 || shaker.amplifier == Amplifier::Current => Ok(plant),
+        (Some(_), None) => Err(ReplayError::NoCurrent { sample: record.sample }),
+    }
+}
+
+/// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
+/// one after the other tells why.
+fn agrees(spec: &PlantSpec, block: &[StateRecord]) -> bool {
+    let starts: Vec<usize> = (0..block.len() - 1).step_by(PART).collect();
+    let part = |start: &usize| {
+        let records = &block[*start..block.len().min(start + PART + 1)];
+        let mut plant = plant(spec, &records[0]).ok()?;
+        let agree = records.windows(2).all(|pair| {
+            let advanced = load(&pair[0], &plant).is_ok_and(|load| plant.advance(&load).is_ok());
+            advanced && is_recorded(&plant, &pair[1])
+        });
+        agree.then_some(())
+    };
+    on_all_cores(&starts, part, || ()).iter().all(Option::is_some)
+}
+
+/// Advances the plant by the loads of the block, from the first of its records, and compares.
+fn follow(
+    verdict: &mut Verdict,
+    plant: &mut Plant,
+    block: &[StateRecord],
+    steps_per_sample: u32,
+) -> Result<(), ReplayError> {
+    for pair in block.windows(2) {
+        plant.advance(&load(&pair[0], plant)?)?;
+        verdict.steps += u64::from(steps_per_sample);
+        compare(verdict, plant, &pair[1]);
+    }
+    Ok(())
+}
+
+/// Refuses a scenario with other samples than the recorded ones.
+fn check(recording: &Recording, spec: &PlantSpec) -> Result<(), ReplayError> {
+    let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / spec.sample_rate_hz);
+    if recorded_s.to_bits() != configured_s.to_bits() {
+        return Err(ReplayError::SamplePeriod { recorded_s, configured_s });
+    }
+    Ok(())
+}
+
+fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
+    verdict.samples += 1;
+    if !is_recorded(plant, record) {
+        verdict.identical = false;
+        verdict.first_divergence.get_or_insert(record.sample);
+        let drift_rad = (plant.state().alpha_rad - state(record).alpha_rad).amax();
+        verdict.max_drift_rad = verdict.max_drift_rad.max(drift_rad);
+    }
+}
+
+/// Whether state and current are the recorded ones, bit for bit; the current where it is recorded.
+fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
+    let current = |current_a: Option<f64>| current_a.map(f64::to_bits);
+    bits(plant.state()) == bits(&state(record))
+        && (record.coil_current_a.is_none() || current(plant.coil_current_a()) == current(record.coil_current_a))
+}
+
+fn bits(state: &State) -> [u64; 4] {
+    let (x, v) = (state.alpha_rad, state.alpha_dot_rad_s);
+    [x.x, x.y, v.x, v.y].map(f64::to_bits)
+}
+
+fn state(record: &StateRecord) -> State {
+    State::new(record.alpha_rad, record.alpha_dot_rad_s)
+}
+
+/// The recorded load, if the plant's exciter can have produced it.
+fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
+    let load = Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() };
+    let exciter = plant.exciter();
+    if exciter.can_produce(&load) {
+        return Ok(load);
+    }
+    let (limit_n, limit_nm) = exciter.limits();
+    let (sample, force_n, torque_nm) = (record.sample, record.force_n, record.torque_nm);
+    Err(ReplayError::Load { sample, force_n, torque_nm, limit_n, limit_nm })
+}

@@ -1,0 +1,74 @@
+//! The responses that the controller of a recorded run has read, read again from the recorded frames.
+
+use alloc::collections::BTreeMap;
+
+use super::ReplayError;
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::node::{self, Outcome};
+use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
+use resonarm_files::recording::{Direction, Recording};
+use resonarm_files::scenario::Scenario;
+
+/// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the
+/// first fault.
+///
+/// A controller is a function of the frames it is told. Told those of the recording it makes the recorded commands
+/// again, and reads what it read in the run. A command that is another shows that another controller was recorded.
+///
+/// # Errors
+/// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant
+/// speaks another version of the protocol; [`ReplayError`] if the recording can't be read or its scenario makes no
+/// controller.
+pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
+    Ok(timed_responses(recording)?.into_iter().map(|(_, response)| response).collect())
+}
+
+/// The same responses, each with the sample by which it was read.
+///
+/// # Errors
+/// As [`responses`].
+pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
+    let scenario = Scenario::from_configuration(recording.configuration())?;
+    let network = scenario.network()?;
+    let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));
+    let mut exciter =
+        node::carry(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, scenario.controller()?);
+    exciter.start(0);
+    let (mut responses, mut commands) = (Vec::new(), BTreeMap::new());
+    for record in recording.frames()? {
+        let record = record?;
+        match record.direction {
+            Direction::Sent => exciter.handle_frame(record.time_ns, &record.frame),
+            Direction::Received => {
+                let command = recorded.accept(&record.frame).ok().flatten().and_then(command);
+                if let Some((wire_sample, got)) = command
+                    && let Some(expected) = commands.get(&wire_sample).filter(|expected| **expected != got)
+                {
+                    return Err(ReplayError::Command { sample: record.sample, got, expected: *expected });
+                }
+            }
+        }
+        if let Some(Outcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) = exciter.outcome() {
+            return Err(ReplayError::Incompatible { detail });
+        }
+        let read = core::iter::from_fn(|| exciter.controller_mut().poll_response());
+        responses.extend(read.map(|response| (record.sample, response)));
+        while let Some(frame) = exciter.poll_transmit() {
+            commands.extend(made.accept(&frame).ok().flatten().and_then(command));
+        }
+    }
+    Ok(responses)
+}
+
+/// The sample that a command answers, as the wire counts it, and forces and torques of it, N and N·m.
+pub(super) fn command(message: Message) -> Option<(u16, [f64; 4])> {
+    match message {
+        Message::Force(ForceCommand { force_x_n, force_y_n, sample }) => {
+            Some((sample, [force_x_n, force_y_n, 0.0, 0.0]))
+        }
+        Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample }) => {
+            Some((sample, [0.0, 0.0, torque1_nm, torque2_nm]))
+        }
+        _ => None,
+    }
+}

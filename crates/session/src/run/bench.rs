@@ -1,0 +1,413 @@
+//! The plant with its node and its recording: the steps that all run loops share.
+
+use super::event_record::{controller_record, event_record, request_records, sample_record};
+use super::outage::Outage;
+use super::record_sink::RecordSink;
+use super::report::NodeFrames;
+use super::round_trip::RoundTrips;
+use super::{BusCounts, BusLoss, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
+use resonarm_dynamics::arm::Load;
+use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
+use resonarm_bench::node::{NodeEvent, PlantNode};
+use resonarm_bench::plant::{Plant, PlantError};
+use resonarm_protocol::{EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
+use resonarm_realtime::Percentiles;
+use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
+
+/// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
+const FRAMES_AT_ONCE: usize = 256;
+/// Frames given to the bus in one go. More wait only after a jam.
+const FRAMES_SENT_AT_ONCE: usize = 16;
+
+/// The plant, its node and where its records go.
+pub(super) struct Bench<'a> {
+    plant: Plant,
+    node: PlantNode,
+    steps_per_sample: u32,
+    records: RecordSink,
+    watched: Option<Watched>,
+    on_event: &'a mut dyn FnMut(RunEvent),
+    /// Memory for the frames that are sent next.
+    batch: Vec<Frame>,
+    /// While the bus is lost.
+    outage: Option<Outage>,
+    /// How it was lost last.
+    bus_loss: Option<BusLoss>,
+    /// Whether another sender of the plant's messages has been told.
+    other_sender_told: bool,
+    /// What the bus told of its controller last.
+    controller: ControllerState,
+    /// In real time.
+    round_trips: Option<RoundTrips>,
+    samples: u64,
+    was_armed: bool,
+    left_armed: bool,
+    /// The load from the sample before to this one.
+    held: Load,
+}
+
+impl<'a> Bench<'a> {
+    pub fn new(
+        plant: Plant,
+        node: PlantNode,
+        steps_per_sample: u32,
+        records: RecordSink,
+        watched: Option<Watched>,
+        on_event: &'a mut dyn FnMut(RunEvent),
+    ) -> Bench<'a> {
+        Bench {
+            plant,
+            node,
+            steps_per_sample,
+            records,
+            watched,
+            on_event,
+            batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
+            outage: None,
+            bus_loss: None,
+            other_sender_told: false,
+            controller: ControllerState::Active,
+            round_trips: None,
+            samples: 0,
+            was_armed: false,
+            left_armed: false,
+            held: Load::default(),
+        }
+    }
+
+    /// The index of the sample at which the plant stands.
+    pub fn sample(&self) -> u64 {
+        self.plant.sample()
+    }
+
+    /// Samples measured.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// Integration steps made.
+    pub fn steps(&self) -> u64 {
+        self.plant.sample() * u64::from(self.steps_per_sample)
+    }
+
+    pub fn node(&self) -> &PlantNode {
+        &self.node
+    }
+
+    /// What was counted so far, with a bus that has counted `statistics`.
+    pub fn counts(&self, statistics: Statistics) -> BusCounts {
+        BusCounts::new(statistics, NodeFrames::from(&self.node))
+    }
+
+    /// How the bus was lost last, if it was.
+    pub fn bus_loss(&self) -> Option<BusLoss> {
+        self.bus_loss
+    }
+
+    /// Whether the plant was ever armed.
+    pub fn was_armed(&self) -> bool {
+        self.was_armed
+    }
+
+    /// Whether the plant was armed once and has been disarmed or has faulted.
+    pub fn has_left_armed(&self) -> bool {
+        self.left_armed
+    }
+
+    /// Times the round trips of samples from now on.
+    pub fn time_round_trips(&mut self, round_trips: RoundTrips) {
+        self.round_trips = Some(round_trips);
+    }
+
+    /// How long they took, µs.
+    pub fn round_trip_us(&self) -> Option<Percentiles> {
+        self.round_trips.as_ref().and_then(RoundTrips::percentiles)
+    }
+
+    /// Boots the node in a run that began when the loop's clock read `clock_ns`.
+    pub fn start(&mut self, clock_ns: u64, now_ns: u64) {
+        self.records.begin(clock_ns);
+        self.node.start(now_ns);
+        self.tell_events(now_ns);
+        (self.on_event)(RunEvent::Ready);
+    }
+
+    /// Records a record that the loop itself makes.
+    pub fn record(&mut self, record: Record) {
+        self.tell_watcher(record);
+        self.records.record(record);
+    }
+
+    /// Tells those who watch, and not the recording, how punctual a sample in simulated time was.
+    pub fn tell_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
+        self.tell_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
+    }
+
+    /// Shows whoever reads `gauges` the sample, how late it was, its work, and the deadlines missed before it.
+    pub fn show(&self, gauges: &Gauges, late_ns: u64, work_ns: u64, missed: u32) {
+        gauges.count(late_ns, work_ns, missed);
+        gauges.set(&self.held, self.node.state());
+    }
+
+    fn tell_watcher(&mut self, record: Record) {
+        match (&mut self.watched, record) {
+            (Some(watched), Record::Frame(frame)) => watched.tell_frame(|| frame),
+            (Some(watched), record) => watched.tell(Told::Record(record)),
+            (None, _) => {}
+        }
+    }
+
+    /// Does what those who watch ask for, by the node's own gate, and records it.
+    fn obey_watcher(&mut self, now_ns: u64) {
+        while let Some(request) = self.watched.as_mut().and_then(Watched::request) {
+            request_records(&request).into_iter().flatten().for_each(|(name, value)| {
+                self.record_event(now_ns, name, value);
+            });
+            match request {
+                Request::Arm => self.node.obey(now_ns, OperatorRequest::Arm),
+                Request::Disarm => self.node.obey(now_ns, OperatorRequest::Disarm),
+                Request::Reset => self.node.obey(now_ns, OperatorRequest::Reset),
+                Request::Set(_) => {} // the exciter's
+            }
+        }
+    }
+
+    fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) {
+        let sample = self.sample();
+        self.record(Record::Event(Event { sample, time_ns: now_ns, name, value }));
+    }
+
+    /// Faults from outside the node.
+    pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u64) {
+        self.node.fault(now_ns, code, u16::try_from(detail).unwrap_or(u16::MAX));
+    }
+
+    /// The bus has failed.
+    pub fn bus_lost(&mut self, now_ns: u64) {
+        self.node.bus_lost(now_ns);
+    }
+
+    /// The node leaves the bus: an armed plant is disarmed.
+    pub fn leave(&mut self, now_ns: u64) {
+        self.node.leave(now_ns);
+    }
+
+    /// The schedule has moved by `periods`.
+    pub fn slipped(&mut self, periods: u32) {
+        // The node tells its partner, and the recording.
+        self.node.slip(u64::from(periods));
+        let sample = self.sample();
+        (self.on_event)(RunEvent::Slipped { sample, periods });
+    }
+
+    /// Takes in everything that has come over the bus.
+    pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
+        self.obey_watcher(now_ns);
+        let mut outcome = Ok(());
+        for _ in 0..FRAMES_AT_ONCE {
+            match bus.receive() {
+                Ok(Some(received)) => self.take(now_ns, &received),
+                Ok(None) => break,
+                Err(error) => {
+                    outcome = self.lose_bus(now_ns, error);
+                    break;
+                }
+            }
+        }
+        self.heed_controller(now_ns, bus.controller());
+        outcome
+    }
+
+    /// Tells a new state of the controller. By itself it changes nothing: a bus that works goes on.
+    fn heed_controller(&mut self, now_ns: u64, state: ControllerState) {
+        if state == self.controller {
+            return;
+        }
+        self.controller = state;
+        let sample = self.sample();
+        (self.on_event)(RunEvent::Controller { sample, state });
+        self.record_event(now_ns, controller_record(state), 0);
+    }
+
+    /// Takes in one frame.
+    pub fn take(&mut self, now_ns: u64, received: &Received) {
+        let record = FrameRecord {
+            sample: self.sample(),
+            direction: Direction::Received,
+            time_ns: now_ns,
+            bus_timestamp_ns: received.timestamp_ns,
+            frame: received.frame,
+        };
+        self.record(Record::Frame(record));
+        self.outage.iter_mut().for_each(Outage::hear);
+        self.node.handle_frame(now_ns, &received.frame);
+        if let (Some(index), Some(round_trips)) = (self.node.take_echoed(), &mut self.round_trips) {
+            round_trips.arrive(index, now_ns, received.timestamp_ns);
+        }
+    }
+
+    /// Does what is due, and records what happened.
+    pub fn handle_deadline(&mut self, now_ns: u64) {
+        self.node.handle_deadline(now_ns);
+        self.tell_events(now_ns);
+    }
+
+    fn tell_events(&mut self, now_ns: u64) {
+        while let Some(event) = self.node.poll_event() {
+            let (name, value) = event_record(&event);
+            self.record_event(now_ns, name, value);
+            self.tell(&event);
+        }
+    }
+
+    /// Tells what somebody watching the run wants to know.
+    fn tell(&mut self, event: &NodeEvent) {
+        let sample = self.sample();
+        match event {
+            NodeEvent::State { to: NodeState::Operational, .. } => {
+                self.was_armed = true;
+                (self.on_event)(RunEvent::Armed { sample });
+            }
+            NodeEvent::State { from: NodeState::Operational, to } => {
+                self.left_armed = true;
+                if *to == NodeState::PreOperational {
+                    (self.on_event)(RunEvent::Disarmed { sample });
+                }
+            }
+            NodeEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
+                (self.on_event)(RunEvent::NotArmed { fault: Fault::from(emergency) });
+            }
+            NodeEvent::Emergency(emergency) if emergency.code.is_notice() => {}
+            NodeEvent::Emergency(emergency) => {
+                let partner = self.node.fault_reason().as_ref().map(Fault::from);
+                (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency), partner });
+            }
+            NodeEvent::OtherSender(error) if !self.other_sender_told => {
+                self.other_sender_told = true;
+                let identifier = error.kind().id(self.node.network());
+                (self.on_event)(RunEvent::OtherSender { sample, identifier });
+            }
+            NodeEvent::State { .. } | NodeEvent::Refused(_) | NodeEvent::Frame(_) => {}
+            NodeEvent::PartnerEmergency(_) | NodeEvent::OtherSender(_) => {}
+        }
+    }
+
+    /// Measures the sample, records and publishes it.
+    pub fn measure(&mut self) -> Result<(), RunError> {
+        let measurement = self.plant.measure();
+        self.samples += 1;
+        self.record(Record::Sample(sample_record(&measurement)));
+        self.node.set_travel(self.plant.travel_m());
+        Ok(self.node.publish(&measurement)?)
+    }
+
+    /// Advances to the next sample with the command that is held now. If the simulation fails the node faults, and the
+    /// plant stays where it is.
+    pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
+        let load = self.node.load();
+        self.held = load;
+        self.record_state(&load, false);
+        if let Err(error) = self.plant.advance(&load) {
+            let (code, detail) = match error {
+                PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
+                PlantError::Integrate { .. } => (EmergencyCode::SimulationFailed, 0),
+            };
+            self.node.fault(now_ns, code, detail);
+            return Err(RunError::Plant(error));
+        }
+        Ok(())
+    }
+
+    /// Records the last state of the run, from which nothing is advanced.
+    pub fn record_end(&mut self) {
+        self.record_state(&Load::default(), true);
+    }
+
+    /// Records the state at the sample, with the load held from it on.
+    fn record_state(&mut self, load: &Load, is_end: bool) {
+        let state = self.plant.state();
+        let record = StateRecord {
+            sample: self.sample(),
+            alpha_rad: state.alpha_rad.into(),
+            alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
+            torque_nm: load.torque_nm.into(),
+            force_n: load.force_n.into(),
+            coil_current_a: self.plant.coil_current_a(),
+            is_end,
+        };
+        self.record(Record::State(record));
+    }
+
+    fn record_sent(&mut self, now_ns: u64, frame: Frame) {
+        let (sample, direction) = (self.sample(), Direction::Sent);
+        self.record(Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }));
+    }
+
+    /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
+    pub fn transmit(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<bool, RunError> {
+        loop {
+            let mut batch = core::mem::take(&mut self.batch);
+            batch.clear();
+            batch.extend(self.node.waiting_frames().take(FRAMES_SENT_AT_ONCE));
+            let outcome = self.send(now_ns, bus, &batch);
+            let is_more = batch.len() == FRAMES_SENT_AT_ONCE;
+            self.batch = batch;
+            match outcome {
+                Ok(Sent::Queued) if is_more => {}
+                Ok(sent) => return Ok(sent == Sent::Queued),
+                Err(error) => {
+                    self.lose_bus(now_ns, error)?;
+                    return Ok(false);
+                }
+            }
+        }
+    }
+
+    /// As [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
+    pub fn transmit_timed(&mut self, now_ns: u64, unix_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
+        if self.transmit(now_ns, bus)? {
+            let end = self.samples - u64::from(self.node.holds_sample());
+            self.round_trips.iter_mut().for_each(|round_trips| round_trips.depart(end, now_ns, unix_ns));
+        }
+        Ok(())
+    }
+
+    /// Sends the frames that wait, and records those that the bus took.
+    fn send(&mut self, now_ns: u64, bus: &mut dyn Bus, frames: &[Frame]) -> Result<Sent, BusError> {
+        let mut rest = frames;
+        let outcome = bus.send_all(&mut rest);
+        let sent = &frames[..frames.len() - rest.len()];
+        if !sent.is_empty() && self.outage.is_some_and(|outage| outage.is_over(bus.controller())) {
+            self.regain_bus(now_ns);
+        }
+        for frame in sent {
+            self.node.frame_sent();
+            self.record_sent(now_ns, *frame);
+        }
+        outcome
+    }
+
+    /// A bus that is off or down may come back: an armed plant faults, and the run goes on for a while.
+    pub fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
+        if !error.is_recoverable() {
+            return Err(error.into());
+        }
+        if let Some(outage) = &self.outage {
+            return if outage.is_too_long(now_ns) { Err(error.into()) } else { Ok(()) };
+        }
+        let (sample, outage) = (self.sample(), Outage::new(now_ns, &error));
+        let cause = outage.cause;
+        (self.outage, self.bus_loss) = (Some(outage), Some(cause));
+        self.node.bus_lost(now_ns);
+        (self.on_event)(RunEvent::BusLost { sample, cause });
+        self.record_event(now_ns, "bus.lost", i64::from(cause == BusLoss::BusOff));
+        Ok(())
+    }
+
+    fn regain_bus(&mut self, now_ns: u64) {
+        self.outage = None;
+        let sample = self.sample();
+        (self.on_event)(RunEvent::BusBack { sample });
+        self.record_event(now_ns, "bus.back", 0);
+    }
+}

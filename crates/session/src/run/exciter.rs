@@ -1,0 +1,353 @@
+//! The exciter controller on a bus: answers samples as they come, in real time and in lockstep alike.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+
+use super::event_record::{event_record, request_records, sample_record};
+use super::outage::{self, Outage};
+use super::report::NodeFrames;
+use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
+use resonarm_bus::{Bus, BusError, Sent};
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::node::{ExciterNode, Outcome};
+use resonarm_protocol::{Frame, NodeState};
+use resonarm_realtime::Clock;
+use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
+
+/// Longest sleep between two looks at the stop signal, ns.
+const LOOK_NS: u64 = 20_000_000;
+/// How long to wait before a full transmit queue is tried again, ns.
+const RETRY_NS: u64 = 200_000;
+/// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125
+/// kbit/s.
+const SEND_LIMIT_NS: u64 = 500_000_000;
+
+/// How long to wait for a plant, and how often to begin anew after a fault.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patience<'r> {
+    /// How long to wait until a plant is armed; `None` is without end.
+    pub wait: Option<Duration>,
+    /// How often to begin anew.
+    pub rearm: u32,
+    /// Where one process has both: set once the only plant on the bus has ended, and then none is waited for. `None` of
+    /// an exciter alone.
+    pub plant_ended: Option<&'r AtomicBool>,
+}
+
+impl Patience<'_> {
+    /// Whether no plant will come any more. What the plant has sent is on the bus by then.
+    fn has_plant_ended(&self) -> bool {
+        self.plant_ended.is_some_and(|ended| ended.load(Ordering::Acquire))
+    }
+}
+
+/// Runs the exciter on the calling thread until its profile is played, it faults, or it is asked to stop.
+pub(super) fn run<C: Clock>(
+    node: &mut ExciterNode,
+    bus: &mut dyn Bus,
+    clock: &C,
+    patience: Patience<'_>,
+    (signals, watched): (&Signals, Option<Watched>),
+) -> ExciterReport {
+    let start_ns = clock.now_ns();
+    let mut run = Run {
+        node,
+        bus,
+        clock,
+        start_ns,
+        patience,
+        outage: None,
+        jammed_since_ns: None,
+        bus_loss: None,
+        rearmed: 0,
+        signals,
+        watched,
+        responses: Vec::new(),
+    };
+    let answered = run.answer();
+    let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(Outcome::PlantLeft);
+    let error = answered.and_then(|_end| run.send_rest()).err();
+    let Run { bus, responses, rearmed, bus_loss, .. } = run;
+    let counts = BusCounts::new(bus.statistics(), NodeFrames::from(&*node));
+    let report = ExciterReport::new(node, error);
+    ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, bus_loss, ..report }
+}
+
+/// What ended the exciter's loop.
+enum Answered {
+    /// The node's work is done.
+    Node,
+    /// The plant has ended, and was never heard to be armed.
+    PlantEnded,
+}
+
+impl ExciterReport {
+    /// What the work of `node` came to, without its responses and what was counted on the bus.
+    pub(super) fn new(node: &ExciterNode, error: Option<RunError>) -> ExciterReport {
+        ExciterReport {
+            outcome: node.outcome(),
+            partner_fault: node.plant_fault(),
+            bus_loss: None,
+            error,
+            samples_played: node.samples_played(),
+            missed_samples: node.missed_samples(),
+            slipped_periods: node.slipped_periods(),
+            rearmed: 0,
+            bus: BusCounts::default(),
+            responses: Vec::new(),
+        }
+    }
+}
+
+struct Run<'r, C: Clock> {
+    node: &'r mut ExciterNode,
+    bus: &'r mut dyn Bus,
+    clock: &'r C,
+    start_ns: u64,
+    patience: Patience<'r>,
+    /// While the bus is lost.
+    outage: Option<Outage>,
+    /// Since when its transmit queue has taken nothing, ns.
+    jammed_since_ns: Option<u64>,
+    /// How it was lost last.
+    bus_loss: Option<BusLoss>,
+    rearmed: u32,
+    signals: &'r Signals,
+    watched: Option<Watched>,
+    responses: Vec<ResponsePoint>,
+}
+
+impl<C: Clock> Run<'_, C> {
+    fn now_ns(&self) -> u64 {
+        self.clock.now_ns().saturating_sub(self.start_ns)
+    }
+
+    fn answer(&mut self) -> Result<Answered, RunError> {
+        self.node.start(0);
+        loop {
+            let now_ns = self.now_ns();
+            // Looked at before the bus, so that all that the plant has sent is taken in by then.
+            let plant_ended = self.patience.has_plant_ended();
+            let came = self.take_in(now_ns);
+            self.survive(now_ns, came)?;
+            if self.signals.is_stopped() {
+                self.node.leave(now_ns);
+            }
+            self.node.handle_deadline(now_ns);
+            let sent = self.transmit();
+            // What a lost bus did not take waits for the next look.
+            let sent = self.survive(now_ns, sent)?.unwrap_or(true);
+            self.read_responses();
+            self.tell_watcher(now_ns);
+            self.signals.set_responses(self.responses.len());
+            self.signals.set_done(self.node.samples_played());
+            if self.patience.plant_ended.is_none() {
+                self.signals.gauges().set_answered(self.node.samples_played(), self.node.state());
+            }
+            if self.has_ended(now_ns) {
+                return Ok(Answered::Node);
+            }
+            if plant_ended && self.waits_for_plant() {
+                return Ok(Answered::PlantEnded);
+            }
+            self.check_patience(now_ns)?;
+            let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
+            self.wait(due_ns.min(if sent { LOOK_NS } else { RETRY_NS }))?;
+        }
+    }
+
+    /// Whether the work is done. After a fault with a try left it begins anew, once the bus takes frames again: what is
+    /// heard before then can be of before the fault. A bus whose queue takes none for long is given up.
+    fn has_ended(&mut self, now_ns: u64) -> bool {
+        let Some(outcome) = self.node.outcome() else { return false };
+        let begins_anew = matches!(outcome, Outcome::Faulted(_)) && self.rearmed < self.patience.rearm;
+        if !begins_anew || self.signals.is_stopped() {
+            return true;
+        }
+        if let Some(outage) = &self.outage {
+            return outage.is_too_long(now_ns);
+        }
+        if let Some(since_ns) = self.jammed_since_ns {
+            return outage::is_too_long(since_ns, now_ns);
+        }
+        if !self.node.rearm(now_ns) {
+            return true;
+        }
+        self.rearmed += 1;
+        self.responses.clear();
+        false
+    }
+
+    /// Takes in what has come, and answers it.
+    fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
+        while let Some(received) = self.bus.receive()? {
+            self.outage.iter_mut().for_each(Outage::hear);
+            self.tell_frame(Direction::Received, received.timestamp_ns, received.frame);
+            self.node.handle_frame(now_ns, &received.frame);
+            // An answer must not wait for the frames behind the sample.
+            self.transmit()?;
+        }
+        Ok(())
+    }
+
+    /// Sleeps until something comes, `limit_ns` at most.
+    fn wait(&mut self, limit_ns: u64) -> Result<(), RunError> {
+        let Err(error) = self.bus.wait(Duration::from_nanos(limit_ns)) else { return Ok(()) };
+        self.survive::<bool>(self.now_ns(), Err(error))?;
+        self.clock.sleep_until_ns(self.clock.now_ns() + limit_ns);
+        Ok(())
+    }
+
+    /// A bus that is off or down may come back: a controller at work faults, and the run goes on for a while. `None`
+    /// is a bus that is lost.
+    fn survive<T>(&mut self, now_ns: u64, outcome: Result<T, BusError>) -> Result<Option<T>, RunError> {
+        let error = match outcome {
+            Ok(value) => return Ok(Some(value)),
+            Err(error) => error,
+        };
+        if !error.is_recoverable() {
+            return Err(error.into());
+        }
+        let outage = *self.outage.get_or_insert_with(|| Outage::new(now_ns, &error));
+        self.bus_loss = Some(outage.cause);
+        if outage.is_too_long(now_ns) {
+            return Err(error.into());
+        }
+        self.node.bus_lost(now_ns);
+        Ok(None)
+    }
+
+    fn read_responses(&mut self) {
+        while let Some(response) = self.node.controller_mut().poll_response() {
+            self.responses.push(response);
+            self.watched.iter_mut().for_each(|watched| watched.tell(Told::Response(response)));
+        }
+    }
+
+    /// Tells those who watch what happened, and does what they ask for.
+    fn tell_watcher(&mut self, now_ns: u64) {
+        let Some(watched) = &mut self.watched else { return };
+        if watched.end() == End::Exciter {
+            tell_answers(self.node, watched);
+            tell_events(self.node, watched);
+        }
+        if steer(self.node, watched) {
+            self.node.leave(now_ns);
+        }
+    }
+
+    fn check_patience(&self, now_ns: u64) -> Result<(), RunError> {
+        let Some(patience) = self.patience.wait.filter(|patience| u128::from(now_ns) > patience.as_nanos()) else {
+            return Ok(());
+        };
+        let waited_s = patience.as_secs_f64();
+        if !self.node.has_heard_plant() {
+            return Err(RunError::NoPlant { waited_s });
+        }
+        if self.rearmed == 0 && self.waits_for_plant() {
+            return Err(RunError::PlantNotArmed { waited_s });
+        }
+        Ok(())
+    }
+
+    /// Whether the plant was not heard to be armed yet.
+    fn waits_for_plant(&self) -> bool {
+        self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0
+    }
+
+    /// Sends what there is to send; `true` if all is sent.
+    fn transmit(&mut self) -> Result<bool, BusError> {
+        while let Some(frame) = self.node.next_frame() {
+            if self.bus.send(&frame)? == Sent::QueueFull {
+                self.jammed_since_ns.get_or_insert(self.now_ns());
+                return Ok(false);
+            }
+            self.node.frame_sent();
+            self.jammed_since_ns = None;
+            let controller = self.bus.controller();
+            self.outage = self.outage.filter(|outage| !outage.is_over(controller));
+            self.tell_frame(Direction::Sent, None, frame);
+        }
+        Ok(true)
+    }
+
+    /// Tells those who watch an exciter alone of a frame, as it sees it: what comes takes effect in the sample that
+    /// comes next, what is sent tells of the sample before.
+    fn tell_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
+        let (next, start_ns, clock) = (self.node.samples_played(), self.start_ns, self.clock);
+        let Some(watched) = self.watched.as_mut().filter(|watched| watched.end() == End::Exciter) else { return };
+        let sample = match direction {
+            Direction::Received => next,
+            Direction::Sent => next.saturating_sub(1),
+        };
+        watched.tell_frame(|| FrameRecord {
+            sample,
+            direction,
+            time_ns: clock.now_ns().saturating_sub(start_ns),
+            bus_timestamp_ns,
+            frame,
+        });
+    }
+
+    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet. A plant
+    /// that sent no sample may say why.
+    fn send_rest(&mut self) -> Result<(), RunError> {
+        self.node.leave(self.now_ns());
+        let end_ns = self.now_ns() + SEND_LIMIT_NS;
+        let mut lost = None;
+        while self.now_ns() < end_ns {
+            lost = match self.transmit() {
+                Ok(true) if self.node.is_quiet() && !self.node.awaits_reason() => return Ok(()),
+                Ok(_) => None,
+                Err(error) if error.is_recoverable() => Some(error),
+                Err(error) => return Err(error.into()),
+            };
+            let now_ns = self.now_ns();
+            let came = self.take_in(now_ns);
+            self.survive(now_ns, came)?;
+            // Not the bus's own wait, which unread frames end at once.
+            self.clock.sleep_until_ns(self.clock.now_ns() + RETRY_NS);
+        }
+        // The bus is lost still: that says more than the fault that came of it.
+        lost.map_or(Ok(()), |error| Err(error.into()))
+    }
+}
+
+/// The samples that were answered, and the answers.
+fn tell_answers(node: &mut ExciterNode, watched: &mut Watched) {
+    while let Some((measurement, load)) = node.controller_mut().poll_answer() {
+        watched.tell(Told::Record(Record::Sample(sample_record(&measurement))));
+        watched.tell(Told::Command(CommandRecord { sample: measurement.sample, load }));
+    }
+}
+
+fn tell_events(node: &mut ExciterNode, watched: &mut Watched) {
+    while let Some(event) = node.poll_event() {
+        tell_event(node, watched, event_record(&event));
+    }
+}
+
+/// An event at the sample that comes next. When by the clock does not matter to those who watch.
+fn tell_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'static str, i64)) {
+    let event = Event { sample: node.samples_played(), time_ns: 0, name, value };
+    watched.tell(Told::Record(Record::Event(event)));
+}
+
+/// Hands the controller the set-points that are asked for, and tells which it has; whether it is asked to disarm.
+pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
+    let mut disarm = false;
+    while let Some(request) = watched.request() {
+        disarm |= request == Request::Disarm;
+        // A plant beside it records the request.
+        if watched.end() == End::Exciter {
+            request_records(&request).into_iter().flatten().for_each(|record| tell_event(node, watched, record));
+        }
+        if let Request::Set(set_point) = &request
+            && !node.controller_mut().steer(set_point)
+        {
+            tell_event(node, watched, ("request.refused", 0));
+        }
+    }
+    watched.tell_set_point(node.controller().set_point());
+    disarm
+}

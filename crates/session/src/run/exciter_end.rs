@@ -1,0 +1,58 @@
+//! How an exciter ended, in words: one place for everything that runs one.
+
+use serde::Serialize;
+
+use super::{ExciterReport, fault_text};
+use resonarm_bench::node::Outcome;
+
+/// How an exciter ended, as a part of a document.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ExciterEnd {
+    /// In a word: finished, aborted, faulted, plant-left, stopped or failed.
+    pub outcome: &'static str,
+    /// Why it ended before it was finished; none if it was finished or was stopped.
+    pub reason: Option<String>,
+}
+
+impl ExciterEnd {
+    /// The end of a controller's work; without an outcome it was stopped.
+    pub fn of(outcome: Option<&Outcome>) -> ExciterEnd {
+        let (outcome, reason) = match outcome {
+            Some(Outcome::Finished) => ("finished", None),
+            Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
+            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency, None, None))),
+            Some(Outcome::PlantLeft) => {
+                ("plant-left", Some(String::from("the plant left the bus before the excitation was over")))
+            }
+            Some(Outcome::Stopped) | None => ("stopped", None),
+        };
+        ExciterEnd { outcome, reason }
+    }
+
+    /// The same, with what the run knows of a fault; an error of the run is left out.
+    pub fn of_controller(report: &ExciterReport) -> ExciterEnd {
+        let end = ExciterEnd::of(report.outcome.as_ref());
+        let fault = report.fault().map(|fault| fault_text(fault, report.partner_fault.as_ref(), report.bus_loss));
+        ExciterEnd { reason: fault.or(end.reason), ..end }
+    }
+
+    /// Whether it was asked to stop before the controller had finished.
+    pub fn is_stopped(&self) -> bool {
+        self.outcome == "stopped"
+    }
+
+    /// Whether the controller did all it was for.
+    pub fn is_finished(&self) -> bool {
+        self.outcome == "finished"
+    }
+}
+
+impl From<&ExciterReport> for ExciterEnd {
+    /// An error of the run comes before what the controller says.
+    fn from(report: &ExciterReport) -> ExciterEnd {
+        match &report.error {
+            Some(error) => ExciterEnd { outcome: "failed", reason: Some(error.to_string()) },
+            None => ExciterEnd::of_controller(report),
+        }
+    }
+}

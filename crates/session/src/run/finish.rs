@@ -1,0 +1,102 @@
+//! The end of a run, the same on every path: what is held ramps to zero, the partner is told, what is left is sent.
+
+use super::bench::Bench;
+use super::pace::Pace;
+use super::{Outcome, RunError};
+use resonarm_bus::Bus;
+use resonarm_protocol::EmergencyCode;
+use resonarm_realtime::{Clock, PeriodicError};
+
+/// How long to go on sending what is left, ns: several times what a full outbox takes on a wire of 125 kbit/s.
+const SEND_LIMIT_NS: u64 = 500_000_000;
+/// How long to wait before a full transmit queue is tried again, ns.
+pub(super) const RETRY_NS: u64 = 200_000;
+
+/// What ended the loop of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum EndedBy {
+    /// All samples asked for were made.
+    Duration,
+    /// The plant has left the state armed.
+    Disarm,
+    /// Somebody asked for it.
+    Signal,
+    /// Nobody armed the plant in time.
+    Patience,
+}
+
+/// Ends a run that `ended` so, at the sample measured last, and says how it ended. The first error counts.
+///
+/// An armed plant is disarmed, or faults if an error ends it; while its load ramps to zero samples go on at the run's
+/// pace.
+pub(super) fn finish<C: Clock>(
+    bench: &mut Bench,
+    bus: &mut dyn Bus,
+    pace: &mut Pace<'_, C>,
+    ended: Result<EndedBy, RunError>,
+) -> (Outcome, Option<RunError>) {
+    let now_ns = pace.now_ns();
+    match &ended {
+        Ok(_) => {}
+        Err(RunError::Periodic(error)) => bench.fault(now_ns, EmergencyCode::Overrun, missed(error)),
+        Err(RunError::Bus(_)) => bench.bus_lost(now_ns),
+        Err(_) => {}
+    }
+    let outcome = outcome(bench, &ended);
+    bench.leave(now_ns);
+    let simulates = !matches!(ended, Err(RunError::Plant(_)));
+    let ramped = if simulates { ramp(bench, bus, pace) } else { Ok(()) };
+    bench.handle_deadline(pace.now_ns());
+    bench.record_end();
+    let rest = [ramped, send_rest(bench, bus, pace)];
+    let mut errors = ended.err().into_iter().chain(rest.into_iter().filter_map(Result::err));
+    match errors.next() {
+        Some(error) => (Outcome::Failed, Some(error)),
+        None => (outcome, None),
+    }
+}
+
+fn missed(error: &PeriodicError) -> u64 {
+    match error {
+        PeriodicError::Overrun { missed, .. } => u64::from(*missed),
+        PeriodicError::TooFarBehind { .. } => u64::from(u16::MAX),
+    }
+}
+
+pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> Outcome {
+    let nothing_done = !bench.was_armed() && bench.samples() == 0;
+    match ended {
+        Err(_) => Outcome::Failed,
+        Ok(_) if bench.node().latched_fault().is_some() => Outcome::Faulted,
+        Ok(EndedBy::Patience) => Outcome::NotArmed,
+        Ok(_) if nothing_done => Outcome::NotArmed,
+        Ok(EndedBy::Duration) => Outcome::Completed,
+        Ok(EndedBy::Disarm) => Outcome::Disarmed,
+        Ok(EndedBy::Signal) => Outcome::Stopped,
+    }
+}
+
+/// Goes on until the load is zero, also where the bus fails: the first of its errors is told at the end.
+fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) -> Result<(), RunError> {
+    pace.anchor(bench.sample());
+    let mut failed = Ok(());
+    while bench.node().is_ramping() {
+        bench.advance(pace.now_ns())?;
+        pace.sleep(bench.sample());
+        let now_ns = pace.now_ns();
+        failed = failed.and(bench.receive(now_ns, bus));
+        bench.handle_deadline(now_ns);
+        bench.measure()?;
+        failed = failed.and(bench.transmit(now_ns, bus).map(drop));
+    }
+    failed
+}
+
+/// Sends what is left.
+fn send_rest<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &Pace<'_, C>) -> Result<(), RunError> {
+    let end_ns = pace.now_ns() + SEND_LIMIT_NS;
+    while !bench.transmit(pace.now_ns(), bus)? && pace.now_ns() < end_ns {
+        pace.clock().sleep_until_ns(pace.clock().now_ns() + RETRY_NS);
+    }
+    Ok(())
+}

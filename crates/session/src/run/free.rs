@@ -1,0 +1,169 @@
+//! Free: plant and exciter in one loop, in simulated time, with the ends of a virtual bus between them.
+
+use super::bench::Bench;
+use super::exciter::steer;
+use super::finish::{EndedBy, outcome};
+use super::pace::Pace;
+use super::{Ending, Outcome, RunError, Signals, Told, Watched};
+use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::node::ExciterNode;
+use resonarm_realtime::{Clock, SampleRate, VirtualClock};
+
+/// How long frames may still be on their way at the end, ns of simulated time.
+const SEND_LIMIT_NS: u64 = 500_000_000;
+
+/// A run of both nodes in one loop. All times are those of the samples and of the bus between them, so that the same
+/// scenario gives the same recording byte for byte.
+pub(super) struct Free<'r, 'b, 'c, C: Clock> {
+    pub bench: &'r mut Bench<'b>,
+    pub exciter: &'r mut ExciterNode,
+    /// The plant's end of the bus.
+    pub near: &'r mut dyn VirtualBus,
+    /// The exciter's.
+    pub far: &'r mut dyn VirtualBus,
+    /// The time of the bus and of the nodes.
+    pub clock: VirtualClock,
+    pub rate: SampleRate,
+    pub pace: Pace<'c, C>,
+    pub ending: Ending,
+    /// By when the plant must be armed, ns.
+    pub arming_ns: u64,
+    pub signals: &'r Signals,
+    pub watched: Option<Watched>,
+    pub responses: Vec<ResponsePoint>,
+}
+
+impl<C: Clock> Free<'_, '_, '_, C> {
+    /// Runs until the exciter has finished, the duration has passed, or the run is asked to stop.
+    pub fn run(&mut self) -> (Outcome, Option<RunError>) {
+        let ended = self.samples();
+        let outcome = outcome(self.bench, &ended);
+        let simulates = !matches!(ended, Err(RunError::Plant(_)));
+        let rest = self.finish(simulates);
+        match ended.err().or(rest.err()) {
+            Some(error) => (Outcome::Failed, Some(error)),
+            None => (outcome, None),
+        }
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.clock.now_ns()
+    }
+
+    fn samples(&mut self) -> Result<EndedBy, RunError> {
+        self.bench.start(0, 0);
+        self.exciter.start(0);
+        self.exchange()?;
+        loop {
+            if !self.bench.was_armed() && self.now_ns() >= self.arming_ns {
+                return Err(RunError::Stalled { plant: self.bench.node().state(), exciter: self.exciter.state() });
+            }
+            self.measure()?;
+            if let Some(end) = self.ending.reached(self.bench, self.signals, || self.now_ns()) {
+                return Ok(end);
+            }
+            self.pass_sample()?;
+        }
+    }
+
+    fn measure(&mut self) -> Result<(), RunError> {
+        let sample = self.bench.sample();
+        self.pace.sleep(sample);
+        self.pace.note(sample);
+        self.bench.measure()?;
+        self.exchange()?;
+        self.responses.extend(core::iter::from_fn(|| {
+            let response = self.exciter.controller_mut().poll_response()?;
+            self.watched.iter_mut().for_each(|watched| watched.tell(Told::Response(response)));
+            Some(response)
+        }));
+        if let Some(watched) = &mut self.watched {
+            steer(self.exciter, watched);
+        }
+        self.signals.set_responses(self.responses.len());
+        self.bench.show(self.signals.gauges(), self.pace.lag_ns(), 0, 0);
+        self.signals.set_done(sample);
+        Ok(())
+    }
+
+    /// Lets the time to the next sample pass on the bus, then advances the plant with the load that is held by then.
+    fn pass_sample(&mut self) -> Result<(), RunError> {
+        let due_ns = self.rate.offset_ns(self.bench.sample() + 1);
+        self.pass_until(due_ns)?;
+        self.bench.advance(self.now_ns())?;
+        self.clock.advance_to_ns(due_ns);
+        Ok(())
+    }
+
+    /// As [`finish`](super::finish::finish), in simulated time.
+    fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
+        self.bench.leave(self.now_ns());
+        while simulates && self.bench.node().is_ramping() {
+            self.pass_sample()?;
+            self.measure()?;
+        }
+        self.exchange()?;
+        self.pass_until(self.now_ns() + SEND_LIMIT_NS)?;
+        self.bench.record_end();
+        Ok(())
+    }
+
+    /// Lets what is on its way on the bus come, up to `until_ns`.
+    fn pass_until(&mut self, until_ns: u64) -> Result<(), RunError> {
+        loop {
+            let next_ns = [self.near.next_event_ns(), self.far.next_event_ns()].into_iter().flatten().min();
+            let Some(next_ns) = next_ns.filter(|next_ns| *next_ns <= until_ns) else { return Ok(()) };
+            self.clock.advance_to_ns(next_ns);
+            self.exchange()?;
+        }
+    }
+
+    /// Carries frames both ways until nothing more moves at this time.
+    fn exchange(&mut self) -> Result<(), RunError> {
+        let now_ns = self.now_ns();
+        self.bench.handle_deadline(now_ns);
+        self.exciter.handle_deadline(now_ns);
+        loop {
+            let before = self.moved();
+            self.bench.transmit(now_ns, self.near)?;
+            if let Err(error) = self.answer(now_ns) {
+                self.lose_bus(now_ns, error)?;
+            }
+            self.bench.receive(now_ns, self.near)?;
+            self.bench.handle_deadline(now_ns);
+            if self.moved() == before {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The exciter takes in what has come, and sends what it has.
+    fn answer(&mut self, now_ns: u64) -> Result<(), BusError> {
+        while let Some(received) = self.far.receive()? {
+            self.exciter.handle_frame(now_ns, &received.frame);
+        }
+        while let Some(frame) = self.exciter.next_frame() {
+            if self.far.send(&frame)? == Sent::QueueFull {
+                break;
+            }
+            self.exciter.frame_sent();
+        }
+        Ok(())
+    }
+
+    /// A controller that is bus-off comes back.
+    fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
+        if !error.is_recoverable() {
+            return Err(error.into());
+        }
+        self.exciter.bus_lost(now_ns);
+        Ok(())
+    }
+
+    /// How many frames each end has sent and received.
+    fn moved(&self) -> [u64; 4] {
+        let [near, far]: [Statistics; 2] = [self.near.statistics(), self.far.statistics()];
+        [near.sent, near.received, far.sent, far.received]
+    }
+}

@@ -1,0 +1,138 @@
+//! Lockstep: simulated time, advanced by the controller's answers, and held to the clock if a speed is asked for.
+//!
+//! Sample 0 is published when the plant is armed for the first time. From then on an armed plant waits for the command
+//! that answers the sample it published, with the node's own timeout; after a fault or a disarm there is nobody to wait
+//! for, and the plant goes on at the sample rate.
+
+use core::time::Duration;
+
+use super::bench::Bench;
+use super::finish::{EndedBy, RETRY_NS, finish};
+use super::pace::Pace;
+use super::{Ending, Histograms, PlantReport, RunError, Signals, Speed};
+use resonarm_bus::Bus;
+use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
+
+/// Longest sleep between two looks at the stop signal, ns.
+const LOOK_NS: u64 = 20_000_000;
+
+/// Runs the plant in lockstep on the calling thread, until its end or until it is asked to stop.
+pub(super) fn lockstep<C: Clock>(
+    bench: &mut Bench,
+    bus: &mut dyn Bus,
+    clock: &C,
+    (rate, speed): (SampleRate, Speed),
+    ending: Ending,
+    signals: &Signals,
+) -> Result<PlantReport, HistogramError> {
+    let (pace, exec) = (Pace::start(clock, rate, speed)?, LatencyHistogram::new()?);
+    let mut run = Lockstep { bench, bus, pace, rate, ending, signals, exec };
+    let ended = run.samples();
+    let Lockstep { bench, bus, mut pace, exec, .. } = run;
+    let (outcome, error) = finish(bench, bus, &mut pace, ended);
+    Ok(PlantReport {
+        histograms: Histograms { wakeup: None, exec: Some(exec.clone()) },
+        wakeup_us: pace.wakeup_us(),
+        exec_us: exec.percentiles(),
+        pacing: pace.report(),
+        ..PlantReport::new(bench, bench.counts(bus.statistics()), outcome, error)
+    })
+}
+
+struct Lockstep<'r, 'b, 'c, C: Clock> {
+    bench: &'r mut Bench<'b>,
+    bus: &'r mut dyn Bus,
+    pace: Pace<'c, C>,
+    rate: SampleRate,
+    ending: Ending,
+    signals: &'r Signals,
+    exec: LatencyHistogram,
+}
+
+impl<C: Clock> Lockstep<'_, '_, '_, C> {
+    fn ended(&self) -> Option<EndedBy> {
+        self.ending.reached(self.bench, self.signals, || self.pace.now_ns())
+    }
+
+    fn samples(&mut self) -> Result<EndedBy, RunError> {
+        self.bench.start(self.pace.start_ns(), self.pace.now_ns());
+        while !self.bench.node().is_armed() {
+            if let Some(end) = self.ended() {
+                return Ok(end);
+            }
+            self.serve(self.pace.now_ns(), LOOK_NS)?;
+        }
+        self.pace.anchor(0);
+        let mut now_ns = self.pace.now_ns();
+        // An unpaced round is system calls for the most part, and on some machines each look at the clock is one.
+        loop {
+            let begun_ns = self.wait_until_due(now_ns)?;
+            let awaited = self.bench.node().is_armed();
+            self.pace.note(self.bench.sample());
+            self.bench.measure()?;
+            self.bench.transmit(begun_ns, self.bus)?;
+            let published_ns = self.pace.now_ns();
+            let mut answered_ns = published_ns;
+            while awaited && self.waits_for_answer() && self.ended().is_none() {
+                answered_ns = self.serve(answered_ns, LOOK_NS)?;
+            }
+            if !self.bench.node().is_armed() {
+                answered_ns = self.pass_period(published_ns, answered_ns)?;
+            }
+            if let Some(end) = self.ended() {
+                return Ok(end);
+            }
+            self.bench.advance(answered_ns)?;
+            now_ns = self.pace.now_ns();
+            let exec_ns = published_ns - begun_ns + (now_ns - answered_ns);
+            self.exec.record(exec_ns);
+            self.bench.tell_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
+            self.bench.show(self.signals.gauges(), self.pace.lag_ns(), exec_ns, 0);
+            self.signals.set_done(self.bench.sample());
+        }
+    }
+
+    fn waits_for_answer(&self) -> bool {
+        self.bench.node().is_armed() && !self.bench.node().is_answered()
+    }
+
+    /// Waits for the clock, taking in what comes. Returns the time then.
+    fn wait_until_due(&mut self, mut now_ns: u64) -> Result<u64, RunError> {
+        loop {
+            let left_ns = self.pace.left_ns(self.bench.sample());
+            if left_ns == 0 || self.signals.is_stopped() {
+                return Ok(now_ns);
+            }
+            now_ns = self.serve(now_ns, left_ns.min(LOOK_NS))?;
+        }
+    }
+
+    /// Nobody answers: lets one sample period pass, taking in what comes. Returns the time then.
+    fn pass_period(&mut self, published_ns: u64, mut now_ns: u64) -> Result<u64, RunError> {
+        let due_ns = published_ns + self.rate.offset_ns(1);
+        while self.pace.report().is_none() && self.ended().is_none() {
+            let left_ns = due_ns.saturating_sub(now_ns);
+            if left_ns == 0 {
+                break;
+            }
+            now_ns = self.serve(now_ns, left_ns.min(LOOK_NS))?;
+        }
+        Ok(now_ns)
+    }
+
+    /// Sends what there is, sleeps until a frame or a deadline comes, `limit_ns` at most, and takes in what came.
+    /// Returns the time then.
+    fn serve(&mut self, now_ns: u64, limit_ns: u64) -> Result<u64, RunError> {
+        let sent = self.bench.transmit(now_ns, self.bus)?;
+        let limit_ns = if sent { limit_ns } else { limit_ns.min(RETRY_NS) };
+        let due_ns = self.bench.node().next_deadline_ns().saturating_sub(now_ns);
+        if let Err(error) = self.bus.wait(Duration::from_nanos(due_ns.min(limit_ns))) {
+            self.bench.lose_bus(self.pace.now_ns(), error)?;
+            self.pace.clock().sleep_until_ns(self.pace.clock().now_ns() + due_ns.min(limit_ns));
+        }
+        let now_ns = self.pace.now_ns();
+        self.bench.receive(now_ns, self.bus)?;
+        self.bench.handle_deadline(now_ns);
+        Ok(now_ns)
+    }
+}

@@ -1,0 +1,175 @@
+//! Pacing: simulated time held to the clock, by waits of the plant alone.
+//!
+//! At speed v, sample k is due v times as fast as it is sampled:
+//!
+//! ```text
+//!     due(k) = anchor + (k − k₀) / (rate · v)
+//! ```
+//!
+//! A run in simulated time never leaves a sample out or changes one for being late: it is worked on as soon as the
+//! machine gets to it, and how far simulated time lags behind the clock is reported.
+
+use thiserror::Error;
+
+use super::report::Pacing;
+use resonarm_numeric::number::{rounded, short};
+use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, Percentiles, SampleRate};
+
+/// Simulated seconds a second; 0 is as fast as it goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Speed(f64);
+
+impl Speed {
+    /// As fast as it goes.
+    pub const UNPACED: Speed = Speed(0.0);
+    /// As time passes.
+    pub const ACTUAL: Speed = Speed(1.0);
+
+    /// A speed of `times` simulated seconds a second, or 0.
+    ///
+    /// # Errors
+    /// [`SpeedError::Value`] if it is negative or not a finite number.
+    pub fn new(times: f64) -> Result<Speed, SpeedError> {
+        if times.is_finite() && times >= 0.0 { Ok(Speed(times)) } else { Err(SpeedError::Value { got: times }) }
+    }
+
+    /// Simulated seconds a second, or 0.
+    pub const fn times(self) -> f64 {
+        self.0
+    }
+
+    /// Whether the clock is waited for.
+    pub fn is_paced(self) -> bool {
+        self.0 > 0.0
+    }
+
+    /// How long a sample period takes on the clock, s; 0 if it is not waited for.
+    pub(super) fn period_s(self, rate: SampleRate) -> f64 {
+        if self.is_paced() { 1.0 / (rate.rate_hz() * self.0) } else { 0.0 }
+    }
+}
+
+/// A speed that a run can't have.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum SpeedError {
+    /// No speed at all.
+    #[error("the speed is {got}: it must be a number of simulated seconds a second, or 0 for as fast as it goes", got = short(.got))]
+    Value {
+        /// What was given.
+        got: f64,
+    },
+    /// A run in real time has the speed of the clock.
+    #[error("the speed is {got}: a run in real time has the speed of the clock; take the mode lockstep or free", got = short(.got))]
+    RealTime {
+        /// What was given.
+        got: f64,
+    },
+    /// A sample takes so long that the partner would take the plant for lost.
+    #[error(
+        "the speed is {got:e}: a sample would take {period_s} s, and at most half of `network.lockstep_timeout_s` \
+         ({timeout_s} s) is possible, or each end takes the other for lost; the speed must be at least {least:.1e}",
+        period_s = rounded(.period_s, 3), timeout_s = short(.timeout_s)
+    )]
+    TooSlow {
+        /// What was given.
+        got: f64,
+        /// How long a sample would take, s.
+        period_s: f64,
+        /// How long each end waits for the other, s.
+        timeout_s: f64,
+        /// The least speed.
+        least: f64,
+    },
+}
+
+/// Holds simulated time to a clock.
+#[derive(Debug)]
+pub(super) struct Pace<'c, C: Clock> {
+    clock: &'c C,
+    rate: SampleRate,
+    speed: Speed,
+    /// When the run began: its times count from here.
+    start_ns: u64,
+    /// A sample, and when it is due.
+    anchor: (u64, u64),
+    late: LatencyHistogram,
+    lag_ns: u64,
+    longest_lag_ns: u64,
+}
+
+impl<'c, C: Clock> Pace<'c, C> {
+    /// A pace for a run that begins now.
+    pub fn start(clock: &'c C, rate: SampleRate, speed: Speed) -> Result<Self, HistogramError> {
+        Pace::start_at(clock, clock.now_ns(), rate, speed)
+    }
+
+    /// A pace for a run that begins at `start_ns` on the clock.
+    pub fn start_at(clock: &'c C, start_ns: u64, rate: SampleRate, speed: Speed) -> Result<Self, HistogramError> {
+        let late = LatencyHistogram::new()?;
+        Ok(Pace { clock, rate, speed, start_ns, anchor: (0, start_ns), late, lag_ns: 0, longest_lag_ns: 0 })
+    }
+
+    /// The run's time, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.clock.now_ns().saturating_sub(self.start_ns)
+    }
+
+    /// When the run began, on the clock, ns.
+    pub fn start_ns(&self) -> u64 {
+        self.start_ns
+    }
+
+    /// The clock.
+    pub fn clock(&self) -> &'c C {
+        self.clock
+    }
+
+    /// From now on `sample` is due now, and the others as the speed says from there.
+    pub fn anchor(&mut self, sample: u64) {
+        self.anchor = (sample, self.clock.now_ns());
+    }
+
+    /// How long it is until `sample` is due, ns.
+    pub fn left_ns(&self, sample: u64) -> u64 {
+        if !self.speed.is_paced() {
+            return 0;
+        }
+        let offset_ns = self.rate.offset_ns(sample.saturating_sub(self.anchor.0)) as f64 / self.speed.0;
+        self.anchor.1.saturating_add(offset_ns as u64).saturating_sub(self.clock.now_ns())
+    }
+
+    /// Sleeps until `sample` is due.
+    pub fn sleep(&self, sample: u64) {
+        let left_ns = self.left_ns(sample);
+        if left_ns > 0 {
+            self.clock.sleep_until_ns(self.clock.now_ns() + left_ns);
+        }
+    }
+
+    /// Notes that `sample` is worked on now, and how late that is.
+    pub fn note(&mut self, sample: u64) {
+        if !self.speed.is_paced() {
+            return;
+        }
+        let offset_ns = self.rate.offset_ns(sample.saturating_sub(self.anchor.0)) as f64 / self.speed.0;
+        self.lag_ns = self.clock.now_ns().saturating_sub(self.anchor.1.saturating_add(offset_ns as u64));
+        self.longest_lag_ns = self.longest_lag_ns.max(self.lag_ns);
+        self.late.record(self.lag_ns);
+    }
+
+    /// How late the sample noted last was, ns; 0 if the clock is not waited for.
+    pub fn lag_ns(&self) -> u64 {
+        self.lag_ns
+    }
+
+    /// How late the samples were; `None` if the clock was not waited for.
+    pub fn wakeup_us(&self) -> Option<Percentiles> {
+        self.late.percentiles()
+    }
+
+    /// How simulated time kept up with the clock; `None` if that was not waited for.
+    pub fn report(&self) -> Option<Pacing> {
+        let (lag_s, longest_lag_s) = (self.lag_ns as f64 * 1e-9, self.longest_lag_ns as f64 * 1e-9);
+        self.speed.is_paced().then_some(Pacing { speed: self.speed.0, lag_s, longest_lag_s })
+    }
+}

@@ -1,0 +1,40 @@
+//! Where the records of a run go.
+
+use resonarm_files::recording::{Channel, Record};
+
+/// Where the records of a run go.
+#[derive(Debug)]
+pub(super) enum RecordSink {
+    /// Nowhere.
+    Off,
+    /// To a recording that may lose records rather than hold up the loop; losses are counted.
+    Lossy(Channel),
+    /// To a recording that gets every record, for which a loop in virtual time waits.
+    Whole(Channel),
+}
+
+impl RecordSink {
+    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record.
+    pub fn begin(&mut self, clock_ns: u64) {
+        match self {
+            RecordSink::Off => {}
+            RecordSink::Lossy(channel) | RecordSink::Whole(channel) => channel.begin(clock_ns),
+        }
+    }
+
+    /// Records `record`. If the recording has failed, which its recorder tells, what comes goes nowhere: the run goes
+    /// on.
+    pub fn record(&mut self, record: Record) {
+        let failed = match self {
+            RecordSink::Off => false,
+            RecordSink::Lossy(channel) => {
+                channel.push(record);
+                false
+            }
+            RecordSink::Whole(channel) => channel.push_blocking(record).is_err(),
+        };
+        if failed {
+            *self = RecordSink::Off;
+        }
+    }
+}

@@ -1,0 +1,410 @@
+//! What a run came to.
+
+use core::fmt::Write;
+
+use serde::{Serialize, Serializer};
+
+use super::bench::Bench;
+use super::{BusLoss, RunError, Signals};
+use resonarm_bus::{ControllerErrors, Statistics};
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::node::{self, ExciterNode, PlantNode, Refusals};
+use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
+use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
+use resonarm_files::recording::Summary;
+
+/// How a plant's run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// Its duration has passed.
+    Completed,
+    /// The controller disarmed the plant.
+    Disarmed,
+    /// It was asked to stop.
+    Stopped,
+    /// No controller armed the plant: within the patience, or before it was stopped without a single sample.
+    NotArmed,
+    /// A fault was latched at the end.
+    Faulted,
+    /// An error ended it.
+    Failed,
+}
+
+impl Outcome {
+    /// Whether the run did what it was for.
+    pub const fn is_good(self) -> bool {
+        matches!(self, Outcome::Completed | Outcome::Disarmed | Outcome::Stopped)
+    }
+}
+
+/// What a plant's run came to. As JSON it is the document of `resonarm run --json`, which adds the arm as
+/// `configuration`.
+#[derive(Debug, Serialize)]
+pub struct PlantReport {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The fault that was latched at the end, if one was.
+    pub fault: Option<Fault>,
+    /// The same as the protocol has it.
+    #[serde(skip)]
+    pub emergency: Option<Emergency>,
+    /// What the exciter said was wrong, where that is the reason of the fault.
+    #[serde(serialize_with = "as_fault")]
+    pub partner_fault: Option<Emergency>,
+    /// How the bus was lost, the last time that it was.
+    pub bus_loss: Option<BusLoss>,
+    /// What ended it early, if something failed.
+    #[serde(serialize_with = "as_text")]
+    pub error: Option<RunError>,
+    /// Samples measured: samples 0 to `samples` − 1.
+    pub samples: u64,
+    /// Integration steps made.
+    pub steps: u64,
+    /// Real time: deadlines missed.
+    pub overruns: u64,
+    /// The same by cause.
+    pub overrun_causes: OverrunCauses,
+    /// Real time: sample periods by which the schedule moved.
+    pub slipped: u64,
+    /// What the plant's thread got of what it asked of the system; `None` if it asked for nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thread: Option<ThreadReport>,
+    /// Real time: how long the loop spins before a deadline; `None` if it was not to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spin: Option<SpinChoice>,
+    /// How late the samples were, µs; `None` if there was no schedule, as in simulated time as fast as it goes.
+    pub wakeup_us: Option<Percentiles>,
+    /// How long the work of a sample took, µs.
+    pub exec_us: Option<Percentiles>,
+    /// What these two are percentiles of, where a loop has a schedule.
+    #[serde(skip)]
+    pub histograms: Histograms,
+    /// Real time: how long it took from the sending of a sample to the kernel's time stamp of the command that echoes
+    /// its index, µs; `None` where the bus has no time stamps, and without commands.
+    pub round_trip_us: Option<Percentiles>,
+    /// Simulated time: how it kept up with the clock, if that was asked for.
+    pub pacing: Option<Pacing>,
+    /// What the bus and the protocol's checks counted.
+    pub bus: BusCounts,
+    /// Valid commands that did not reach the arm, by reason.
+    pub refused: RefusedCommands,
+    /// The recording, if there is one.
+    #[serde(serialize_with = "as_path")]
+    pub recording: Option<Summary>,
+}
+
+impl PlantReport {
+    /// What a run of `bench` came to, without its timing.
+    pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: Outcome, error: Option<RunError>) -> PlantReport {
+        let emergency = bench.node().latched_fault();
+        PlantReport {
+            outcome,
+            fault: emergency.as_ref().map(Fault::from),
+            emergency,
+            partner_fault: bench.node().fault_reason(),
+            bus_loss: bench.bus_loss(),
+            error,
+            samples: bench.samples(),
+            steps: bench.steps(),
+            overruns: 0,
+            overrun_causes: OverrunCauses::default(),
+            slipped: 0,
+            thread: None,
+            spin: None,
+            histograms: Histograms::default(),
+            wakeup_us: None,
+            exec_us: None,
+            round_trip_us: bench.round_trip_us(),
+            pacing: None,
+            bus,
+            refused: RefusedCommands::from(bench.node().refusals()),
+            recording: None,
+        }
+    }
+}
+
+/// Latencies of all samples of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Histograms {
+    /// How late the samples were.
+    pub wakeup: Option<LatencyHistogram>,
+    /// How long their work took.
+    pub exec: Option<LatencyHistogram>,
+}
+
+/// What the exciter's work came to.
+#[derive(Debug)]
+pub struct ExciterReport {
+    /// How it ended; `None` if an error ended it.
+    pub outcome: Option<node::Outcome>,
+    /// What the plant said was wrong, where that is why the exciter missed its samples.
+    pub partner_fault: Option<Emergency>,
+    /// How the bus was lost, the last time that it was.
+    pub bus_loss: Option<BusLoss>,
+    /// What ended it early, if something failed.
+    pub error: Option<RunError>,
+    /// Samples answered, counted from the start of the profile.
+    pub samples_played: u64,
+    /// Samples that never came in whole.
+    pub missed_samples: u64,
+    /// Sample periods by which the plant said that its schedule has moved.
+    pub slipped_periods: u64,
+    /// How often it began anew after a fault.
+    pub rearmed: u32,
+    /// What the bus and the protocol's checks counted.
+    pub bus: BusCounts,
+    /// The responses read.
+    pub responses: Vec<ResponsePoint>,
+}
+
+impl ExciterReport {
+    /// The fault that ended it, if one did.
+    pub fn fault(&self) -> Option<&Emergency> {
+        match &self.outcome {
+            Some(node::Outcome::Faulted(emergency)) => Some(emergency),
+            _ => None,
+        }
+    }
+}
+
+/// What a run with both ends in one process came to.
+#[derive(Debug)]
+pub struct BothReport {
+    /// The plant's end.
+    pub plant: PlantReport,
+    /// The exciter's end.
+    pub exciter: ExciterReport,
+}
+
+impl BothReport {
+    /// How the exciter ended: where the run was asked to stop, by these signals, it was stopped, although it knows only
+    /// that the plant has left.
+    pub fn exciter_outcome(&self, signals: &Signals) -> Option<node::Outcome> {
+        match self.exciter.outcome {
+            Some(node::Outcome::PlantLeft) if signals.is_stopped() => Some(node::Outcome::Stopped),
+            outcome => outcome,
+        }
+    }
+}
+
+/// How simulated time kept up with the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pacing {
+    /// Simulated seconds a second that were asked for.
+    pub speed: f64,
+    /// How far simulated time was behind the clock at the last sample, s of the clock.
+    pub lag_s: f64,
+    /// How far it was behind at most, s of the clock.
+    pub longest_lag_s: f64,
+}
+
+/// A fault, as numbers and by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// Its number in the protocol's specification, section 9.
+    pub code: u16,
+    /// Its name there.
+    pub name: &'static str,
+    /// More about it; the meaning depends on the code.
+    pub detail: u16,
+    /// The index, modulo 65536, of the sample at which it was found.
+    pub sample: u16,
+}
+
+impl From<&Emergency> for Fault {
+    fn from(emergency: &Emergency) -> Fault {
+        let Emergency { code, detail, sample, .. } = *emergency;
+        Fault { code: code as u16, name: name(code), detail, sample }
+    }
+}
+
+const fn name(code: EmergencyCode) -> &'static str {
+    match code {
+        EmergencyCode::CommandTimeout => "command timeout",
+        EmergencyCode::SensorTimeout => "sensor timeout",
+        EmergencyCode::HeartbeatLost => "heartbeat lost",
+        EmergencyCode::PartnerFault => "partner fault",
+        EmergencyCode::Incompatible => "incompatible",
+        EmergencyCode::CommandOutOfRange => "command out of range",
+        EmergencyCode::SimulationFailed => "simulation failed",
+        EmergencyCode::Overrun => "overrun",
+        EmergencyCode::BusLoss => "bus loss",
+        EmergencyCode::SampleSequence => "sample sequence",
+        EmergencyCode::ScheduleSlipped => "schedule slipped",
+        EmergencyCode::Leaving => "leaving",
+        EmergencyCode::SecondSender => "second sender",
+        EmergencyCode::ExciterTripped => "exciter tripped",
+    }
+}
+
+/// A fault in words, with the way to mend it: where `partner` said what is wrong, that and how to mend it.
+pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: Option<BusLoss>) -> String {
+    let mut text = format!("fault of the {emergency}");
+    if let Some(said) = partner {
+        let _infallible = write!(text, ", because of the {said}");
+    }
+    let is_bus_off = emergency.code == EmergencyCode::BusLoss && bus_loss == Some(BusLoss::BusOff);
+    if is_bus_off {
+        text.push_str(", since its controller was bus-off");
+    }
+    // The plant tells why it refused commands, which is the reason of both.
+    let mend = match (emergency.code, partner) {
+        _ if is_bus_off => {
+            "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
+        }
+        (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => mend(said),
+        _ => mend(emergency),
+    };
+    let _infallible = write!(text, "; to mend it: {mend}");
+    text
+}
+
+/// How to mend a fault.
+fn mend(emergency: &Emergency) -> &'static str {
+    match emergency.code {
+        EmergencyCode::CommandTimeout => match Refusal::from_detail(emergency.detail).1 {
+            Some(Refusal::OutOfRange) => "lower the excitation, or raise rig.exciter's limits",
+            Some(Refusal::RateOfChange) => {
+                "lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change"
+            }
+            _ => {
+                "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s, or \
+                 take --mode lockstep, where time waits"
+            }
+        },
+        EmergencyCode::SensorTimeout | EmergencyCode::HeartbeatLost => {
+            "the partner or the bus has gone: see whether it still runs; raise network.partner_timeout_s if it was held up"
+        }
+        EmergencyCode::PartnerFault => "the partner says why",
+        EmergencyCode::Incompatible => "start both ends with the same scenario and the same version",
+        EmergencyCode::CommandOutOfRange => "lower the excitation's amplitude",
+        EmergencyCode::SimulationFailed => {
+            "lower the excitation: the load is beyond what the arm can be integrated for"
+        }
+        EmergencyCode::Overrun => "lower the rate, give the loop a core of its own, or take --overrun slip",
+        EmergencyCode::BusLoss => "see whether the interface is up: `ip -details link show` has its state",
+        EmergencyCode::SampleSequence => "see whether two plants are on this bus",
+        EmergencyCode::SecondSender => {
+            "end the other node, or give this network another base and other node ids (network.base_id, network.plant_id, \
+             network.exciter_id)"
+        }
+        EmergencyCode::ExciterTripped if Trip::from_detail(emergency.detail) == Some(Trip::Travel) => {
+            "lower the excitation, or raise rig.gate.travel_limit_m"
+        }
+        EmergencyCode::ExciterTripped => {
+            "lower the excitation, or take a larger shaker: the plant's own message names the limit"
+        }
+        EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving => "this is no fault",
+    }
+}
+
+/// Valid commands that did not reach the arm, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RefusedCommands {
+    /// The plant was not armed.
+    pub not_armed: u64,
+    /// The sample answered was too old, or still to come.
+    pub late: u64,
+    /// An older sample was answered after a newer one.
+    pub out_of_order: u64,
+    /// The sample was answered already.
+    pub repeated: u64,
+    /// The exciter can't produce it.
+    pub out_of_range: u64,
+    /// It changes the load too fast.
+    pub rate_of_change: u64,
+    /// The plant was beyond its travel.
+    pub travel: u64,
+}
+
+impl From<&Refusals> for RefusedCommands {
+    fn from(refusals: &Refusals) -> RefusedCommands {
+        RefusedCommands {
+            not_armed: refusals.count(Refusal::NotArmed),
+            late: refusals.count(Refusal::Late),
+            out_of_order: refusals.count(Refusal::OutOfOrder),
+            repeated: refusals.count(Refusal::Repeated),
+            out_of_range: refusals.count(Refusal::OutOfRange),
+            rate_of_change: refusals.count(Refusal::RateOfChange),
+            travel: refusals.count(Refusal::Travel),
+        }
+    }
+}
+
+/// What the bus and the protocol's checks counted, in frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct BusCounts {
+    /// Frames received.
+    pub received: u64,
+    /// Frames sent.
+    pub sent: u64,
+    /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
+    /// time.
+    pub dropped: u64,
+    /// Frames of the protocol refused for their checks (E2E, length, values).
+    pub e2e_errors: u64,
+    /// Those of them that came under identifiers which only this node sends: another network has the same base.
+    pub other_sender: u64,
+    /// Frames that came in and can't be any: of a length that CAN FD does not have.
+    pub malformed: u64,
+    /// What the controller told of errors, on SocketCAN.
+    pub errors: ControllerErrors,
+}
+
+impl BusCounts {
+    pub(super) fn new(statistics: Statistics, frames: NodeFrames) -> BusCounts {
+        BusCounts {
+            received: statistics.received,
+            sent: statistics.sent,
+            dropped: statistics.dropped + frames.unsent,
+            e2e_errors: frames.refused,
+            other_sender: frames.other_sender,
+            malformed: statistics.malformed,
+            errors: statistics.errors,
+        }
+    }
+}
+
+/// What a node counted, in frames.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeFrames {
+    /// Never sent.
+    pub unsent: u64,
+    /// Refused.
+    pub refused: u64,
+    /// Refused under identifiers that only the node sends.
+    pub other_sender: u64,
+}
+
+impl From<&ExciterNode> for NodeFrames {
+    fn from(node: &ExciterNode) -> NodeFrames {
+        NodeFrames {
+            unsent: node.unsent_frames(),
+            refused: node.refused_frames(),
+            other_sender: node.other_sender_frames(),
+        }
+    }
+}
+
+impl From<&PlantNode> for NodeFrames {
+    fn from(node: &PlantNode) -> NodeFrames {
+        NodeFrames {
+            unsent: node.unsent_frames(),
+            refused: node.refused_frames(),
+            other_sender: node.other_sender_frames(),
+        }
+    }
+}
+
+fn as_fault<S: Serializer>(emergency: &Option<Emergency>, serializer: S) -> Result<S::Ok, S::Error> {
+    emergency.as_ref().map(Fault::from).serialize(serializer)
+}
+
+fn as_text<S: Serializer>(error: &Option<RunError>, serializer: S) -> Result<S::Ok, S::Error> {
+    error.as_ref().map(RunError::to_string).serialize(serializer)
+}
+
+fn as_path<S: Serializer>(summary: &Option<Summary>, serializer: S) -> Result<S::Ok, S::Error> {
+    summary.as_ref().map(|summary| summary.path.as_path()).serialize(serializer)
+}

@@ -1,0 +1,490 @@
+//! A scenario put to work: everything of a run put together, in one place.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::thread;
+
+use super::bench::Bench;
+use super::core_watch::CoreWatch;
+use super::exciter::{self, Patience};
+use super::free::Free;
+use super::lockstep::lockstep;
+use super::pace::{Pace, Speed, SpeedError};
+use super::real_time::real_time;
+use super::record_sink::RecordSink;
+use super::report::NodeFrames;
+use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
+use resonarm_bus::fault::Faulty;
+use resonarm_bus::{Bus, VirtualBus, memory, timed};
+use resonarm_bench::control::Controller;
+use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
+use resonarm_bench::plant::Plant;
+use resonarm_protocol::Node;
+use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
+use resonarm_files::recording::{self, Existing, Recorder};
+use resonarm_files::scenario::Scenario;
+
+/// Records on their way to the writer: at 1 kHz about four seconds of everything.
+const RECORDS_CAPACITY: usize = 1 << 15;
+/// Overruns with another cause on their way to the writer.
+const CORE_RECORDS_CAPACITY: usize = 1 << 10;
+/// Frames that fit a memory bus in each direction.
+const BUS_CAPACITY: usize = 1024;
+/// How long a free run on a bus with faults or bit rates may take to arm the plant, ns of simulated time.
+const ARMING_NS: u64 = 10_000_000_000;
+
+/// Where to record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordTo {
+    /// The MCAP file.
+    pub path: PathBuf,
+    /// What to do if it is there already.
+    pub existing: Existing,
+}
+
+/// What it leads to if a run's thread can't have what was asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OnShortfall {
+    /// A warning in the log.
+    #[default]
+    Warn,
+    /// The run does not begin: [`RunError::NoRealTimeThread`].
+    Refuse,
+}
+
+/// How to run a scenario.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Where to record; `None` records nothing.
+    pub record: Option<RecordTo>,
+    /// Simulated time: how fast it goes.
+    pub speed: Speed,
+    /// Real time: what a missed deadline leads to.
+    pub overrun: OverrunPolicy,
+    /// Real time: whether the plant's loop spins before a deadline.
+    pub spin: Spin,
+    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. The report says
+    /// what it got.
+    pub thread: Option<ThreadSetup>,
+    /// What it leads to if the thread can't have something.
+    pub on_shortfall: OnShortfall,
+    /// Whether a run ends when an armed plant is disarmed or faults.
+    pub end_on_disarm: bool,
+    /// How long a plant waits to be armed for the first time, and an exciter for a plant; `None` is without end.
+    pub patience: Option<Duration>,
+    /// How often an exciter begins anew after a fault: resets and arms the plant, and plays its profile from the start.
+    pub rearm: u32,
+}
+
+impl Default for Options {
+    /// No recording, as fast as it goes, the default policy, the thread as it is, no end but the scenario's.
+    fn default() -> Options {
+        Options {
+            record: None,
+            speed: Speed::UNPACED,
+            overrun: OverrunPolicy::default(),
+            spin: Spin::Off,
+            thread: None,
+            on_shortfall: OnShortfall::Warn,
+            end_on_disarm: false,
+            patience: None,
+            rearm: 0,
+        }
+    }
+}
+
+/// What lies between the nodes of a run that has both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Network {
+    /// A bus on which every frame is there at once: each sample is answered before the next.
+    Ideal,
+    /// A bus with faults, or on which frames take their time: the nodes keep the deadlines of real time.
+    Real(Option<timed::Spec>),
+}
+
+/// Makes the controller of a run.
+#[derive(Clone)]
+struct MakeController(Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>);
+
+impl core::fmt::Debug for MakeController {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("MakeController")
+    }
+}
+
+/// A scenario ready to run: plant on a bus, exciter on a bus, or both.
+#[derive(Clone, Debug)]
+pub struct Session {
+    scenario: Scenario,
+    mode: Mode,
+    pub(super) options: Options,
+    rate: SampleRate,
+    pub(super) timing: Timing,
+    pub(super) network: Network,
+    plant: Plant,
+    ending: Ending,
+    /// In place of the scenario's controller.
+    controller: Option<MakeController>,
+    /// To whom the loops tell what they do.
+    watch: Option<Watch>,
+}
+
+impl Session {
+    /// Checks everything, before anything is opened or written.
+    ///
+    /// # Errors
+    /// [`RunError`] says what in scenario or options is impossible.
+    pub fn new(scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
+        scenario.wire_rate_hz()?;
+        if let (Mode::RealTime | Mode::Lockstep, Some(bit_error_rate)) = (mode, scenario.network.bit_error_rate) {
+            return Err(RunError::BitErrors { bit_error_rate, mode });
+        }
+        let network = match (scenario.timed_bus()?, scenario.network.faults.is_empty()) {
+            (None, true) => Network::Ideal,
+            (timed, _) => Network::Real(timed),
+        };
+        let timing = match (mode, network) {
+            (Mode::RealTime, _) | (Mode::Free, Network::Real(_)) => scenario.real_time_timing()?,
+            (Mode::Lockstep, _) | (Mode::Free, Network::Ideal) => scenario.lockstep_timing()?,
+        };
+        scenario.network()?;
+        let plant = Plant::new(&scenario.plant_spec()?)?;
+        let rate = SampleRate::new(scenario.simulation.rate_hz)?;
+        check_speed(options.speed, mode, rate, timing.partner_timeout_ns)?;
+        if mode == Mode::RealTime {
+            options.spin.check(rate)?;
+        }
+        let ending = Ending {
+            after_samples: scenario.duration_samples()?,
+            on_disarm: options.end_on_disarm,
+            patience_ns: options.patience.map(|patience| u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX)),
+        };
+        Ok(Session { scenario, mode, options, rate, timing, network, plant, ending, controller: None, watch: None })
+    }
+
+    /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for
+    /// one.
+    #[must_use]
+    pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
+        Session { controller: Some(MakeController(Arc::new(make))), ..self }
+    }
+
+    /// The same session, watched: its loops tell what they do, and take requests.
+    #[must_use]
+    pub fn watched(self, watch: Watch) -> Session {
+        Session { watch: Some(watch), ..self }
+    }
+
+    /// The exciter's controller, with the scenario's limits, at sample 0.
+    ///
+    /// # Errors
+    /// [`RunError`] if the scenario has none.
+    pub fn controller(&self) -> Result<Box<dyn Controller>, RunError> {
+        match &self.controller {
+            Some(make) => Ok(self.scenario.limited(make.0())),
+            None => Ok(self.scenario.controller()?),
+        }
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Runs the plant on `bus`, on the calling thread, until its end. What happens on the way is told to `on_event`,
+    /// which in real time must not allocate, lock or block.
+    ///
+    /// # Errors
+    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    pub fn plant(
+        &self,
+        bus: &mut dyn Bus,
+        signals: &Signals,
+        mut on_event: impl FnMut(RunEvent),
+    ) -> Result<PlantReport, RunError> {
+        self.leave_core();
+        let recorder = self.recorder(&bus.name())?;
+        let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let bus = &mut self.with_faults(bus, SystemClock, Node::Plant);
+        if self.mode == Mode::Lockstep {
+            bus.work_on_caller()?;
+        }
+        // The threads of the recorder and of the watch are there already, and stay ordinary ones.
+        let watch = self.core_watch(recorder.as_ref())?;
+        let (thread, _awake) = self.become_real_time()?;
+        let report = match self.mode {
+            Mode::RealTime => self.plant_in_real_time(&mut bench, bus, signals, watch)?,
+            Mode::Lockstep => {
+                let how = (self.rate, self.options.speed);
+                lockstep(&mut bench, bus, &SystemClock, how, self.ending, signals)?
+            }
+            Mode::Free => return Err(RunError::FreeHasNoBus),
+        };
+        drop(bench);
+        Ok(finish_recording(recorder, PlantReport { thread, ..report }))
+    }
+
+    /// In real time a thread that looks at who has the core of the calling one.
+    fn core_watch(&self, recorder: Option<&Recorder>) -> Result<Option<CoreWatch>, RunError> {
+        if self.mode != Mode::RealTime {
+            return Ok(None);
+        }
+        let channel = recorder.map(|recorder| recorder.channel("core-watch", CORE_RECORDS_CAPACITY)).transpose()?;
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::CoreWatch));
+        CoreWatch::start(channel, watched).map(Some).map_err(|source| RunError::NoThread { source })
+    }
+
+    fn plant_in_real_time(
+        &self,
+        bench: &mut Bench,
+        bus: &mut dyn Bus,
+        signals: &Signals,
+        mut watch: Option<CoreWatch>,
+    ) -> Result<PlantReport, RunError> {
+        let how = (self.rate, self.options.overrun, self.options.spin);
+        let mut tell = |overrun| watch.iter_mut().for_each(|watch| watch.tell(overrun));
+        let report = real_time(bench, bus, &SystemClock, how, self.ending, (signals, &mut tell))?;
+        let causes = report.overrun_causes;
+        Ok(PlantReport { overrun_causes: watch.map_or(causes, |watch| watch.finish(causes)), ..report })
+    }
+
+    /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked
+    /// to stop.
+    ///
+    /// # Errors
+    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    pub fn exciter(&self, bus: &mut dyn Bus, signals: &Signals) -> Result<ExciterReport, RunError> {
+        if self.mode == Mode::Free {
+            return Err(RunError::FreeHasNoBus);
+        }
+        let mut node = self.exciter_node()?;
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::Exciter));
+        let _awake = self.become_real_time()?;
+        let patience = self.patience(None);
+        let bus = &mut self.with_faults(bus, SystemClock, Node::Exciter);
+        if self.mode == Mode::Lockstep {
+            bus.work_on_caller()?;
+        }
+        Ok(exciter::run(&mut node, bus, &SystemClock, patience, (signals, watched)))
+    }
+
+    /// What a recording of [`Session::both`] calls the bus between them.
+    pub fn interface_of_both(&self) -> &'static str {
+        self.network.interface(self.mode)
+    }
+
+    /// Runs both: in the mode free in one loop, else on a bus inside this process, the plant on the calling thread and
+    /// the exciter on one of its own. The run ends with the exciter's work.
+    ///
+    /// In lockstep frames take their time by the clock if the scenario names the bit rate of its bus.
+    ///
+    /// # Errors
+    /// [`RunError`] if the run can't begin: also in real time with a bit rate. What ends it early is in the report.
+    pub fn both(&self, signals: &Signals, on_event: impl FnMut(RunEvent)) -> Result<BothReport, RunError> {
+        let mut session = self.clone();
+        session.ending.on_disarm = true;
+        match (self.mode, self.network) {
+            (Mode::Free, _) => session.free(session.recorder(self.interface_of_both())?, signals, on_event),
+            (Mode::Lockstep, Network::Real(Some(spec))) => {
+                session.on_threads(timed::pair(&spec, &SystemClock), signals, on_event)
+            }
+            // The ends of a timed bus share a lock, for which a real-time thread must not wait.
+            (Mode::RealTime, Network::Real(Some(timed::Spec { rates, .. }))) => {
+                Err(RunError::TimedInRealTime { bit_rate_hz: rates.nominal_hz })
+            }
+            (Mode::RealTime | Mode::Lockstep, _) => session.on_threads(memory::pair(BUS_CAPACITY), signals, on_event),
+        }
+    }
+
+    /// The plant on the calling thread at the first end, the exciter on a thread of its own at the other.
+    fn on_threads<B: Bus + Send>(
+        &self,
+        [mut near, far]: [B; 2],
+        signals: &Signals,
+        on_event: impl FnMut(RunEvent),
+    ) -> Result<BothReport, RunError> {
+        let mut node = self.exciter_node()?;
+        let mut far = self.with_faults(far, SystemClock, Node::Exciter);
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
+        let plant_ended = AtomicBool::new(false);
+        let patience = self.patience(Some(&plant_ended));
+        thread::scope(|scope| {
+            // Started before this thread becomes a real-time one and leaves the loop's core, so that it stays an
+            // ordinary thread on any: it asks of the kernel only to be woken, and confined it is late more often.
+            // The plant keeps the count of samples; the exciter only listens for the stop.
+            let work = move || exciter::run(&mut node, &mut far, &SystemClock, patience, (signals, watched));
+            let controller = thread::Builder::new()
+                .name(String::from("exciter"))
+                .spawn_scoped(scope, work)
+                .map_err(|source| RunError::NoThread { source })?;
+            let plant = self.plant(&mut near, signals, on_event);
+            if plant.is_err() {
+                signals.stop();
+            }
+            drop(near);
+            plant_ended.store(true, Ordering::Release);
+            let exciter = match controller.join() {
+                Ok(report) => report,
+                Err(panic) => std::panic::resume_unwind(panic),
+            };
+            Ok(BothReport { plant: plant?, exciter })
+        })
+    }
+
+    fn patience<'r>(&self, plant_ended: Option<&'r AtomicBool>) -> Patience<'r> {
+        Patience { wait: self.options.patience, rearm: self.options.rearm, plant_ended }
+    }
+
+    /// Both in one loop, recorded by `recorder`.
+    pub(crate) fn free(
+        &self,
+        recorder: Option<Recorder>,
+        signals: &Signals,
+        mut on_event: impl FnMut(RunEvent),
+    ) -> Result<BothReport, RunError> {
+        let mut exciter = self.exciter_node()?;
+        let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
+        let clock = VirtualClock::default();
+        let [mut near, mut far] = self.virtual_ends(&clock);
+        let mut run = Free {
+            bench: &mut bench,
+            exciter: &mut exciter,
+            near: near.as_mut(),
+            far: far.as_mut(),
+            clock,
+            rate: self.rate,
+            pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
+            ending: self.ending,
+            arming_ns: if self.network == Network::Ideal { 0 } else { ARMING_NS },
+            signals,
+            watched,
+            responses: Vec::new(),
+        };
+        let (outcome, error) = run.run();
+        let Free { pace, responses, .. } = run;
+        let bus = bench.counts(near.statistics());
+        let plant = PlantReport {
+            wakeup_us: pace.wakeup_us(),
+            pacing: pace.report(),
+            ..PlantReport::new(&bench, bus, outcome, error)
+        };
+        let bus = BusCounts::new(far.statistics(), NodeFrames::from(&exciter));
+        let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&exciter, None) };
+        drop(bench);
+        Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
+    }
+
+    /// Both ends of the bus of a free run, the plant's first.
+    fn virtual_ends(&self, clock: &VirtualClock) -> [Box<dyn VirtualBus>; 2] {
+        match self.network {
+            Network::Real(Some(spec)) => self.virtual_pair(timed::pair(&spec, clock), clock),
+            Network::Real(None) | Network::Ideal => self.virtual_pair(memory::pair(BUS_CAPACITY), clock),
+        }
+    }
+
+    fn virtual_pair<B: VirtualBus + 'static>(
+        &self,
+        [near, far]: [B; 2],
+        clock: &VirtualClock,
+    ) -> [Box<dyn VirtualBus>; 2] {
+        if self.scenario.network.faults.is_empty() {
+            return [Box::new(near), Box::new(far)];
+        }
+        [
+            Box::new(self.with_faults(near, clock.clone(), Node::Plant)),
+            Box::new(self.with_faults(far, clock.clone(), Node::Exciter)),
+        ]
+    }
+
+    /// An end with the faults that the scenario gives to `node`.
+    fn with_faults<B: Bus, C: Clock>(&self, bus: B, clock: C, node: Node) -> Faulty<B, C> {
+        Faulty::new(bus, clock, &self.scenario.network.faults, node, self.scenario.simulation.seed)
+    }
+
+    fn exciter_node(&self) -> Result<ExciterNode, RunError> {
+        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        Ok(node::carry(network, rate_hz, self.timing, self.controller()?))
+    }
+
+    pub(super) fn bench<'a>(
+        &self,
+        recorder: Option<&Recorder>,
+        on_event: &'a mut dyn FnMut(RunEvent),
+    ) -> Result<Bench<'a>, RunError> {
+        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        let node = PlantNode::new(network, rate_hz, self.timing, *self.plant.exciter())
+            .with_limits(*self.plant.gate())
+            .with_samples_per_frame(self.scenario.network.samples_per_frame()?);
+        let channel = recorder.map(|recorder| recorder.channel("plant", RECORDS_CAPACITY)).transpose()?;
+        let records = match (channel, self.mode) {
+            (None, _) => RecordSink::Off,
+            (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
+            (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
+        };
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
+        let steps = self.scenario.simulation.steps_per_sample();
+        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
+    }
+
+    /// Creates the recording.
+    pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
+        let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
+        let dt_s = 1.0 / self.scenario.simulation.rate_hz;
+        let mut options = match self.mode {
+            Mode::RealTime => {
+                recording::Options::real_time(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
+            }
+            Mode::Lockstep => {
+                recording::Options::lockstep(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
+            }
+            Mode::Free => recording::Options::virtual_time(dt_s, interface),
+        };
+        options.existing = *existing;
+        options.plot_every_samples = self.scenario.recording.plot_every_samples;
+        options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
+        Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
+    }
+}
+
+/// A paced sample must not take so long that the ends take each other for lost.
+fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> Result<(), SpeedError> {
+    let (got, period_s, timeout_s) = (speed.times(), speed.period_s(rate), timeout_ns as f64 * 1e-9);
+    if mode == Mode::RealTime && speed != Speed::UNPACED {
+        return Err(SpeedError::RealTime { got });
+    }
+    if period_s > 0.5 * timeout_s {
+        let least = 2.0 / (rate.rate_hz() * timeout_s);
+        return Err(SpeedError::TooSlow { got, period_s, timeout_s, least });
+    }
+    Ok(())
+}
+
+/// Closes the recording with the run's figures in it. Its failure counts if nothing failed before.
+fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantReport {
+    let Some(recorder) = recorder else { return report };
+    let statistics = [
+        ("samples", report.samples.to_string()),
+        ("steps", report.steps.to_string()),
+        ("overruns", report.overruns.to_string()),
+        ("overruns_woke_late", report.overrun_causes.woke_late.to_string()),
+        ("overruns_step_long", report.overrun_causes.step_long.to_string()),
+        ("overruns_bus_long", report.overrun_causes.bus_long.to_string()),
+        ("overruns_stolen", report.overrun_causes.stolen.to_string()),
+        ("overruns_preempted", report.overrun_causes.preempted.to_string()),
+        ("slipped", report.slipped.to_string()),
+        ("frames_received", report.bus.received.to_string()),
+        ("frames_sent", report.bus.sent.to_string()),
+        ("frames_dropped", report.bus.dropped.to_string()),
+        ("frames_e2e_errors", report.bus.e2e_errors.to_string()),
+    ];
+    match recorder.finish(&statistics) {
+        Ok(summary) => PlantReport { recording: Some(summary), ..report },
+        Err(error) => {
+            let error = report.error.or(Some(RunError::NotRecorded(error)));
+            PlantReport { error, ..report }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! What a run and the rest of the program tell each other while it runs.
+
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use serde::Serialize;
+
+use super::{Fault, Gauges};
+use resonarm_bus::{BusError, ControllerState};
+
+/// What the run's threads and the rest of the program tell each other.
+#[derive(Debug, Default)]
+pub struct Signals {
+    stop: AtomicBool,
+    done: AtomicU64,
+    responses: AtomicU64,
+    gauges: Gauges,
+}
+
+impl Signals {
+    /// Asks the run to end in order.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the run was asked to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// How far it is: the sample at which a run is, or what else the work counts.
+    pub fn done(&self) -> u64 {
+        self.done.load(Ordering::Relaxed)
+    }
+
+    /// How many responses the exciter has read.
+    pub fn responses(&self) -> u64 {
+        self.responses.load(Ordering::Relaxed)
+    }
+
+    /// What the run's loop shows of itself.
+    pub fn gauges(&self) -> &Gauges {
+        &self.gauges
+    }
+
+    pub fn set_responses(&self, responses: usize) {
+        self.responses.store(responses as u64, Ordering::Relaxed);
+    }
+
+    pub fn set_done(&self, done: u64) {
+        self.done.store(done, Ordering::Relaxed);
+    }
+}
+
+/// How a bus is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BusLoss {
+    /// The controller is bus-off (ISO 11898-1).
+    BusOff,
+    /// The interface is down.
+    Down,
+}
+
+impl BusLoss {
+    /// How an error of a bus that may come back has lost it.
+    pub(super) const fn of(error: &BusError) -> BusLoss {
+        match error {
+            BusError::BusOff { .. } => BusLoss::BusOff,
+            _ => BusLoss::Down,
+        }
+    }
+}
+
+/// Something that happened to a plant during a run. `sample` is the index of the sample at which it was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
+pub enum RunEvent {
+    /// The plant is on its bus and can be armed.
+    Ready,
+    /// It was armed.
+    Armed {
+        /// The sample.
+        sample: u64,
+    },
+    /// It was disarmed.
+    Disarmed {
+        /// The sample.
+        sample: u64,
+    },
+    /// It has faulted.
+    Faulted {
+        /// Why.
+        fault: Fault,
+        /// What the exciter said was wrong, where that is the reason.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        partner: Option<Fault>,
+    },
+    /// It would not be armed.
+    NotArmed {
+        /// Why.
+        fault: Fault,
+    },
+    /// It was behind, and its schedule moved ([`OverrunPolicy::Slip`](resonarm_realtime::OverrunPolicy::Slip)).
+    Slipped {
+        /// The sample.
+        sample: u64,
+        /// By so many sample periods.
+        periods: u32,
+    },
+    /// The bus is lost, perhaps for a while.
+    BusLost {
+        /// The sample.
+        sample: u64,
+        /// How.
+        cause: BusLoss,
+    },
+    /// The bus works again.
+    BusBack {
+        /// The sample.
+        sample: u64,
+    },
+    /// A frame came under an identifier which only the plant sends, and that is not of its network; the first of a run.
+    OtherSender {
+        /// The sample.
+        sample: u64,
+        /// The identifier.
+        identifier: u16,
+    },
+    /// The controller of the plant's end is in another state: by itself that ends nothing.
+    Controller {
+        /// The sample.
+        sample: u64,
+        /// The state.
+        state: ControllerState,
+    },
+}

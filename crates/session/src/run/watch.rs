@@ -1,0 +1,403 @@
+//! A run that is watched while it goes: rings between its loops and whoever watches.
+//!
+//! ```text
+//! run loop ── Watched::tell ──────► rings of records and commands, of responses ──► Watcher::take
+//!          ── Watched::tell_frame ► ring of frames ─────────────────────────────►
+//!          ◄─ Watched::request ──── ring of requests ◄──────────────────────────── Watcher::ask
+//! ```
+//!
+//! A slot of a ring is as large as the largest that it takes, and what a loop writes has to leave the other core's
+//! caches. So the few large responses have a ring of their own.
+//!
+//! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
+//! is watched. Frames are told only as long as those who watch want them.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use resonarm_dynamics::arm::Load;
+use resonarm_bench::control::{ResponsePoint, SetPoint};
+use resonarm_files::recording::{FrameRecord, Record};
+
+/// What waits in a loop's ring at most: at 1 kHz two seconds.
+const TOLD: usize = 1 << 13;
+/// Responses that wait at most.
+const RESPONSES: usize = 1 << 8;
+/// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and three of its own; 1 MiB. They
+/// have a ring of their own, so that a jammed bus crowds out nothing else.
+const FRAMES: usize = 1 << 13;
+/// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
+const TOLD_BESIDE: usize = 1 << 10;
+/// Requests that wait to be taken.
+const REQUESTS: usize = 64;
+
+/// What a run tells those who watch it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
+pub enum Told {
+    /// What is recorded too: states, readings, ticks, events; frames if they are wanted
+    /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
+    Record(Record),
+    /// What an exciter answers a sample with, where no plant tells its state.
+    Command(CommandRecord),
+    /// A response that the controller has read.
+    Response(ResponsePoint),
+    /// The set-point that an exciter goes to or holds: at first, and when it changes.
+    SetPoint(SetPoint),
+}
+
+/// What a loop tells in every sample: [`Told`] without the responses.
+#[derive(Clone, Copy, Debug)]
+enum Often {
+    Record(Record),
+    Command(CommandRecord),
+    SetPoint(SetPoint),
+}
+
+impl From<Often> for Told {
+    fn from(often: Often) -> Told {
+        match often {
+            Often::Record(record) => Told::Record(record),
+            Often::Command(command) => Told::Command(command),
+            Often::SetPoint(set_point) => Told::SetPoint(set_point),
+        }
+    }
+}
+
+/// The load that an exciter commands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandRecord {
+    /// Index of the sample that it answers, counted from arming.
+    pub sample: u64,
+    /// The load, to be held from that sample to the next.
+    pub load: Load,
+}
+
+/// What is asked of a run by somebody who watches it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Request {
+    /// Arm the plant, as by a frame of the exciter.
+    Arm,
+    /// Disarm the plant; of an exciter: disarm the plant and end.
+    Disarm,
+    /// Reset a plant that has faulted.
+    Reset,
+    /// Lead what is played to a set-point.
+    Set(SetPoint),
+}
+
+/// Who is watched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The plant's.
+    Plant,
+    /// The exciter's, of a run that has no plant.
+    Exciter,
+    /// The exciter's, of a run in which the plant tells the samples.
+    ExciterBesidePlant,
+    /// No loop: the thread beside the plant's that looks at who has its core. It takes no requests.
+    CoreWatch,
+}
+
+impl End {
+    /// What waits in its ring at most, and how many frames: of two loops on one bus the plant's tells them.
+    const fn capacities(self) -> (usize, usize) {
+        match self {
+            End::Plant | End::Exciter => (TOLD, FRAMES),
+            End::ExciterBesidePlant => (TOLD, 0),
+            End::CoreWatch => (TOLD_BESIDE, 0),
+        }
+    }
+}
+
+/// What a session is given to be watched: each run of it opens rings of its own.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    opened: mpsc::Sender<Opened>,
+    shared: Arc<Shared>,
+}
+
+/// What both ends have in common.
+#[derive(Debug, Default)]
+struct Shared {
+    lost: AtomicU64,
+    wants_frames: AtomicBool,
+}
+
+#[derive(Debug)]
+struct Opened {
+    end: End,
+    often: Consumer<Often>,
+    responses: Consumer<ResponsePoint>,
+    frames: Consumer<FrameRecord>,
+    requests: Producer<Request>,
+}
+
+impl Opened {
+    /// Whether the loop has ended and all that it told was taken.
+    fn is_over(&self) -> bool {
+        // First whether it has ended: what it tells between two looks is then there.
+        self.often.is_abandoned() && self.often.is_empty() && self.responses.is_empty() && self.frames.is_empty()
+    }
+}
+
+/// A loop's end of its rings.
+#[derive(Debug)]
+pub struct Watched {
+    end: End,
+    often: Producer<Often>,
+    responses: Producer<ResponsePoint>,
+    frames: Producer<FrameRecord>,
+    requests: Consumer<Request>,
+    /// The set-point that was told last.
+    set_point: Option<SetPoint>,
+    shared: Arc<Shared>,
+}
+
+/// The end of those who watch.
+#[derive(Debug)]
+pub struct Watcher {
+    opening: mpsc::Receiver<Opened>,
+    open: Vec<Opened>,
+    shared: Arc<Shared>,
+}
+
+/// Why a request goes nowhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotAsked {
+    /// No loop runs that could take it.
+    #[error("no loop of this program takes it: it has not begun, or has ended")]
+    Nobody,
+    /// The ring of requests is full.
+    #[error("the loop takes no requests at the moment: try again")]
+    Busy,
+}
+
+/// Both ends: one for [`Session::watched`](super::Session::watched), one for those who watch.
+pub fn watch() -> (Watch, Watcher) {
+    let ((opened, opening), shared) = (mpsc::channel(), Arc::<Shared>::default());
+    (Watch { opened, shared: Arc::clone(&shared) }, Watcher { opening, open: Vec::new(), shared })
+}
+
+impl Watch {
+    /// Opens the rings of a loop, before it begins.
+    pub fn open(&self, end: End) -> Watched {
+        let (often, frames) = end.capacities();
+        let ((often, often_reader), (frames, frame_reader)) = (RingBuffer::new(often), RingBuffer::new(frames));
+        let (responses, response_reader) = RingBuffer::new(RESPONSES);
+        let (writer, requests) = RingBuffer::new(REQUESTS);
+        let opened =
+            Opened { end, often: often_reader, responses: response_reader, frames: frame_reader, requests: writer };
+        // If nobody watches any more, what is told is lost, and counted.
+        let _nobody = self.opened.send(opened);
+        Watched { end, often, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
+    }
+}
+
+impl Watched {
+    /// Which loop this is.
+    pub fn end(&self) -> End {
+        self.end
+    }
+
+    /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    #[inline]
+    pub fn tell(&mut self, told: Told) {
+        let is_told = match told {
+            Told::Record(record) => self.often.push(Often::Record(record)).is_ok(),
+            Told::Command(command) => self.often.push(Often::Command(command)).is_ok(),
+            Told::Response(response) => self.responses.push(response).is_ok(),
+            Told::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
+        };
+        if !is_told {
+            self.lose();
+        }
+    }
+
+    /// Tells the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
+    pub fn tell_set_point(&mut self, set_point: Option<SetPoint>) {
+        if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
+            self.set_point = set_point;
+            self.tell(Told::SetPoint(changed));
+        }
+    }
+
+    fn lose(&self) {
+        self.shared.lost.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Whether frames are to be told. Never blocks, locks or allocates.
+    pub fn wants_frames(&self) -> bool {
+        self.end.capacities().1 > 0 && self.shared.wants_frames.load(Ordering::Relaxed)
+    }
+
+    /// Tells the frame that `make` gives, or counts it as lost, if frames are wanted of this loop. Never blocks, locks
+    /// or allocates.
+    pub fn tell_frame(&mut self, make: impl FnOnce() -> FrameRecord) {
+        if self.wants_frames() && self.frames.push(make()).is_err() {
+            self.lose();
+        }
+    }
+
+    /// The next request, if there is one. Never blocks, locks or allocates.
+    pub fn request(&mut self) -> Option<Request> {
+        self.requests.pop().ok()
+    }
+}
+
+impl Watcher {
+    /// Hands over what was told since, at most `most` of each loop, oldest first; then as many responses and as many
+    /// frames likewise.
+    pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Told)) {
+        self.open.extend(self.opening.try_iter());
+        for Opened { end, often, responses, frames, .. } in &mut self.open {
+            drain(often, most, |often| hand(*end, &Told::from(*often)));
+            drain(responses, most, |response| hand(*end, &Told::Response(*response)));
+            drain(frames, most, |frame| hand(*end, &Told::Record(Record::Frame(*frame))));
+        }
+        self.open.retain(|opened| !opened.is_over());
+    }
+
+    /// Loops whose rings are open, as of the last look.
+    #[cfg(test)]
+    pub(super) fn loops(&self) -> usize {
+        self.open.len()
+    }
+
+    /// How much was lost because a ring was full.
+    pub fn lost(&self) -> u64 {
+        self.shared.lost.load(Ordering::Relaxed)
+    }
+
+    /// Says whether the loops are to tell their frames, from now on. At first they don't.
+    pub fn want_frames(&self, wanted: bool) {
+        self.shared.wants_frames.store(wanted, Ordering::Relaxed);
+    }
+
+    /// Asks the loop that the request is for: a set-point goes to the exciter, and to the plant beside it, which
+    /// records it; everything else to the plant, or to an exciter alone.
+    ///
+    /// # Errors
+    /// [`NotAsked`] if there is no such loop, or it does not take requests.
+    pub fn ask(&mut self, request: Request) -> Result<(), NotAsked> {
+        self.open.extend(self.opening.try_iter());
+        let wanted = |end: End| match request {
+            Request::Set(_) => end != End::CoreWatch,
+            Request::Disarm => matches!(end, End::Plant | End::Exciter),
+            Request::Arm | Request::Reset => end == End::Plant,
+        };
+        let mut asked = Err(NotAsked::Nobody);
+        for opened in self.open.iter_mut().filter(|opened| wanted(opened.end) && !opened.requests.is_abandoned()) {
+            opened.requests.push(request).map_err(|_full| NotAsked::Busy)?;
+            asked = Ok(());
+        }
+        asked
+    }
+}
+
+/// Hands over what waits in a ring, at most `most`.
+fn drain<T>(ring: &mut Consumer<T>, most: usize, hand: impl FnMut(&T)) {
+    if let Ok(chunk) = ring.read_chunk(ring.slots().min(most)) {
+        let (first, second) = chunk.as_slices();
+        first.iter().chain(second).for_each(hand);
+        chunk.commit_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_files::recording::TickRecord;
+
+    fn tick(sample: u64) -> Told {
+        Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
+    }
+
+    #[test]
+    fn a_full_ring_loses_and_counts_and_never_waits() {
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::Plant);
+        (0..TOLD as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
+        assert_eq!(watcher.lost(), 100);
+        let mut taken = Vec::new();
+        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
+        assert!(taken.iter().copied().eq((0..TOLD as u64).map(|sample| (End::Plant, tick(sample)))));
+        watched.tell(tick(7));
+        drop(watched);
+        taken.clear();
+        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
+        assert_eq!(taken, [(End::Plant, tick(7))], "what an ended loop has told is there still");
+        assert!(watcher.open.is_empty());
+    }
+
+    #[test]
+    fn frames_are_told_as_long_as_they_are_wanted() {
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::Plant);
+        let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(0x203), &[1, 2]).unwrap();
+        let record = |sample| FrameRecord {
+            sample,
+            direction: resonarm_files::recording::Direction::Sent,
+            time_ns: 0,
+            bus_timestamp_ns: None,
+            frame,
+        };
+        for (sample, wanted) in [(0, None), (1, Some(true)), (2, None), (3, Some(false))] {
+            wanted.into_iter().for_each(|wanted| watcher.want_frames(wanted));
+            watched.tell_frame(|| record(sample));
+        }
+        let mut taken = Vec::new();
+        watcher.take(usize::MAX, |_, told| taken.push(*told));
+        assert_eq!(taken, [1, 2].map(|sample| Told::Record(Record::Frame(record(sample)))));
+    }
+
+    #[test]
+    fn a_slot_is_as_small_as_is_said() {
+        assert!(FRAMES * size_of::<FrameRecord>() <= 1 << 20, "{}", size_of::<FrameRecord>());
+        assert!(size_of::<Often>() <= size_of::<FrameRecord>() + 16, "{}", size_of::<Often>());
+        assert!(2 * size_of::<Often>() <= size_of::<ResponsePoint>(), "{}", size_of::<ResponsePoint>());
+    }
+
+    #[test]
+    fn responses_have_a_ring_of_their_own() {
+        let harmonics = [[resonarm_bench::excitation::Phasor::default(); 3]; 6];
+        let response = |load| Told::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::ExciterBesidePlant);
+        (0..TOLD as u64).for_each(|sample| watched.tell(tick(sample)));
+        (0..=RESPONSES).for_each(|n| watched.tell(response(n as f64)));
+        assert_eq!(watcher.lost(), 1, "the one for which there is no room beside a full ring of records");
+        drop(watched);
+        let mut taken = Vec::new();
+        watcher.take(1, |_, told| taken.push(*told));
+        assert_eq!(taken, [tick(0), response(0.0)]);
+        while !watcher.open.is_empty() {
+            watcher.take(usize::MAX, |_, told| taken.push(*told));
+        }
+        assert_eq!(taken.len(), TOLD + RESPONSES);
+        assert_eq!(taken.last(), Some(&response((RESPONSES - 1) as f64)));
+    }
+
+    #[test]
+    fn requests_reach_the_loops_that_they_are_for() {
+        let set = Request::Set(SetPoint { load: 1.0, frequency_hz: 20.0, phase_deg: 0.0 });
+        let (watch, mut watcher) = watch();
+        assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Nobody));
+        let mut plant = watch.open(End::Plant);
+        let mut exciter = watch.open(End::ExciterBesidePlant);
+        let mut beside = watch.open(End::CoreWatch);
+        for request in [Request::Arm, set, Request::Disarm, Request::Reset] {
+            assert_eq!(watcher.ask(request), Ok(()));
+        }
+        let asked = |watched: &mut Watched| core::iter::from_fn(|| watched.request()).collect::<Vec<_>>();
+        assert_eq!(asked(&mut plant), [Request::Arm, set, Request::Disarm, Request::Reset]);
+        assert_eq!(asked(&mut exciter), [set]);
+        assert_eq!(asked(&mut beside), []);
+        (0..REQUESTS).for_each(|_| assert_eq!(watcher.ask(Request::Arm), Ok(())));
+        assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Busy));
+        drop(plant);
+        assert_eq!(watcher.ask(Request::Arm), Err(NotAsked::Nobody));
+    }
+}

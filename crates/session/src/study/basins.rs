@@ -1,0 +1,258 @@
+//! Basins of attraction over a grid of initial states.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Control, Journal, StudyError, on_all_cores};
+use resonarm_analysis::time_domain::{
+    Outcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
+};
+use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::integrate::Sine;
+
+/// States that are computed side by side, and kept together in the journal.
+const TOGETHER: usize = 64;
+
+/// A grid of initial states in two coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateGrid {
+    /// The coordinates that vary: along a row, and from row to row.
+    pub coordinates: [StateCoordinate; 2],
+    /// First value and last of each.
+    pub ends: [[f64; 2]; 2],
+    /// How many values of each, from 2.
+    pub counts: [usize; 2],
+    /// The state whose other coordinates all have.
+    pub others: State,
+}
+
+impl StateGrid {
+    /// How many states there are.
+    pub fn len(&self) -> usize {
+        self.counts[0] * self.counts[1]
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The values of both coordinates at a place in the grid, counted along the rows.
+    pub fn values(&self, index: usize) -> [f64; 2] {
+        let places = [index % self.counts[0], index / self.counts[0]];
+        [0, 1].map(|axis| {
+            let ([from, to], last) = (self.ends[axis], (self.counts[axis] - 1) as f64);
+            (from * (last - places[axis] as f64) + to * places[axis] as f64) / last
+        })
+    }
+
+    /// The state at a place in the grid.
+    pub fn state(&self, index: usize) -> State {
+        let mut state = self.others;
+        for (coordinate, value) in self.coordinates.iter().zip(self.values(index)) {
+            coordinate.set(&mut state, value);
+        }
+        state
+    }
+}
+
+/// Basins to be computed.
+#[derive(Clone, Debug)]
+pub struct Basins {
+    /// The arm.
+    pub arm: Arm,
+    /// Its excitation.
+    pub sine: Sine,
+    /// The motions that the states may reach.
+    pub motions: Vec<StableMotion>,
+    /// The initial states, at phase 0 of the excitation.
+    pub grid: StateGrid,
+    /// Longest wait, in time constants of the arm's slowest mode.
+    pub time_constants: f64,
+}
+
+/// What became of some neighbours in the grid.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Part {
+    part: usize,
+    outcomes: Vec<Outcome>,
+}
+
+/// Basins as far as they are computed, and where they are kept.
+#[derive(Debug)]
+pub struct BasinWalk {
+    basins: Basins,
+    parts: Vec<Option<Vec<Outcome>>>,
+    journal: Option<Journal>,
+}
+
+impl Basins {
+    /// The computation, with what is in the journal for this configuration.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
+    /// journal that can't be used.
+    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinWalk, StudyError> {
+        StroboscopicMap::new(&self.arm, self.sine)?;
+        let mut parts = vec![None; self.grid.len().div_ceil(TOGETHER)];
+        let journal = match journal {
+            Some((path, configuration)) => {
+                let (journal, known) = Journal::open::<Part>(path, configuration)?;
+                for (k, Part { part, outcomes }) in known.into_iter().enumerate() {
+                    let place = parts.get_mut(part).filter(|_| outcomes.len() == self.states(part).len());
+                    *place.ok_or_else(|| journal.damaged(k + 2, "part of this grid"))? = Some(outcomes);
+                }
+                Some(journal)
+            }
+            None => None,
+        };
+        Ok(BasinWalk { basins: self, parts, journal })
+    }
+
+    fn states(&self, part: usize) -> Vec<State> {
+        let end = ((part + 1) * TOGETHER).min(self.grid.len());
+        (part * TOGETHER..end).map(|index| self.grid.state(index)).collect()
+    }
+
+    fn outcomes(&self, part: usize, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Outcome>>, TimeDomainError> {
+        let map = StroboscopicMap::new(&self.arm, self.sine)?;
+        match outcomes(&map, &self.motions, &self.states(part), self.time_constants, stop) {
+            Ok(outcomes) => Ok(Some(outcomes)),
+            Err(TimeDomainError::Stopped) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+impl BasinWalk {
+    /// What became of the states, in the order of the grid; `None` until all are computed.
+    pub fn outcomes(&self) -> Option<Vec<Outcome>> {
+        let parts: Option<Vec<&Vec<Outcome>>> = self.parts.iter().map(Option::as_ref).collect();
+        parts.map(|parts| parts.into_iter().flatten().copied().collect())
+    }
+
+    /// How many states are computed.
+    pub fn done(&self) -> usize {
+        self.parts.iter().flatten().map(Vec::len).sum()
+    }
+
+    /// How many there are.
+    pub fn total(&self) -> usize {
+        self.basins.grid.len()
+    }
+
+    /// Whether what is computed is kept in a journal.
+    pub fn is_kept(&self) -> bool {
+        self.journal.is_some()
+    }
+
+    /// Computes what is missing, on as many threads as there are cores, until it is stopped.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] if nothing can be computed, [`StudyError::Journal`] if the journal can't be written.
+    pub fn go_on(self, control: &Control<'_>) -> Result<BasinWalk, StudyError> {
+        let done = AtomicU64::new(self.done() as u64);
+        let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
+        let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
+        let compute = |part: usize| -> Result<Option<Vec<Outcome>>, StudyError> {
+            let Some(outcomes) = self.basins.outcomes(part, &stop)? else { return Ok(None) };
+            if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+                journal.append(&Part { part, outcomes: outcomes.clone() })?;
+            }
+            let more = outcomes.len() as u64;
+            (control.done)(done.fetch_add(more, Ordering::Relaxed) + more);
+            Ok(Some(outcomes))
+        };
+        let jobs: Vec<(usize, Option<Vec<Outcome>>)> = self.parts.into_iter().enumerate().collect();
+        let work = |(part, known): &(usize, Option<Vec<Outcome>>)| match known {
+            Some(outcomes) => Ok(Some(outcomes.clone())),
+            None => compute(*part).inspect_err(|_error| failed.store(true, Ordering::Relaxed)),
+        };
+        let parts = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
+        let journal = journal.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(BasinWalk { basins: self.basins, parts, journal })
+    }
+
+    /// To be called when the results are written: there is nothing to go on with any more.
+    ///
+    /// # Errors
+    /// [`StudyError::Journal`] if the journal can't be removed.
+    pub fn finish(self) -> Result<(), StudyError> {
+        Ok(self.journal.map_or(Ok(()), Journal::remove)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_analysis::time_domain::{SettleOptions, settle, stable_motions};
+    use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset};
+
+    /// Between the folds, with five times the damping and an excitation that bends the resonance as far for it.
+    fn basins(counts: [usize; 2]) -> Basins {
+        let parameters = Preset::Irb1600Fitted.parameters().unwrap();
+        let damped = Parameters {
+            damping1_nm_s_rad: 5.0 * parameters.damping1_nm_s_rad,
+            damping2_nm_s_rad: 5.0 * parameters.damping2_nm_s_rad,
+            ..parameters
+        };
+        let arm = Arm::new(damped, Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
+        let sine = Sine { amplitude: Load::torque_nm(600.0, 0.0), frequency_hz: 21.98 };
+        let (motions, early) = stable_motions(&arm, &sine).unwrap();
+        assert!(early.is_empty());
+        let coordinates = [StateCoordinate::Alpha1, StateCoordinate::AlphaDot1];
+        let grid = StateGrid { coordinates, ends: [[-0.6, 0.6], [-80.0, 80.0]], counts, others: State::default() };
+        Basins { arm, sine, motions, grid, time_constants: 40.0 }
+    }
+
+    const QUIET: Control<'static> = Control { stop: &|| false, done: &|_done| () };
+
+    /// Each state reaches the motion that it settles in when it is followed alone, by the rules of a sweep.
+    #[test]
+    fn a_state_reaches_what_it_settles_in() {
+        let basins = basins([9, 8]);
+        assert_eq!(basins.motions.len(), 2, "{:?}", basins.motions);
+        let (arm, sine, grid, motions) = (basins.arm.clone(), basins.sine, basins.grid, basins.motions.clone());
+        let outcomes = basins.begin(None).unwrap().go_on(&QUIET).unwrap().outcomes().unwrap();
+        let map = StroboscopicMap::new(&arm, sine).unwrap();
+        let mut reached = [0; 2];
+        for (index, outcome) in outcomes.iter().enumerate() {
+            let settled = settle(&map, &grid.state(index), &SettleOptions::default(), &|| false).unwrap();
+            match outcome {
+                Outcome::Reaches { motion, .. } => {
+                    let (a, b) = (motions[*motion].amplitude_rad[0], settled.amplitude_rad[0]);
+                    assert!((a / b - 1.0).abs() < 1e-6, "{index}: {a} {b}");
+                    reached[*motion] += 1;
+                }
+                other => assert_eq!((settled.period, *other), (None, Outcome::Undecided), "{index}"),
+            }
+        }
+        assert!(reached.iter().all(|count| *count > 5), "{reached:?}");
+    }
+
+    /// Stopped after any part, it goes on to the same outcomes.
+    #[test]
+    fn goes_on_as_if_never_stopped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let configuration = serde_json::json!({});
+        let whole = basins([10, 20]).begin(Some((&path, &configuration))).unwrap().go_on(&QUIET).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let outcomes = whole.outcomes().unwrap();
+        drop(whole);
+        let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        assert_eq!((lines.len(), outcomes.len()), (5, 200));
+        std::fs::write(&path, lines[..3].concat() + &lines[3][..9]).unwrap();
+        let resumed = basins([10, 20]).begin(Some((&path, &configuration))).unwrap();
+        assert!(resumed.outcomes().is_none() && resumed.done() < 200 && resumed.done() > 0);
+        let resumed = resumed.go_on(&QUIET).unwrap();
+        assert_eq!(resumed.outcomes().unwrap(), outcomes);
+        resumed.finish().unwrap();
+        assert!(!path.exists());
+    }
+}

@@ -1,0 +1,329 @@
+//! Chains of motions, each point begun where the one before ended; several chains at a time, stopped and gone on with.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Control, Journal, StudyError, on_all_cores};
+use resonarm_analysis::Readings;
+use resonarm_analysis::time_domain::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, readings, settle};
+use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::integrate::Sine;
+
+/// One arm under one excitation after the other.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    /// The arm.
+    pub arm: Arm,
+    /// The excitations in their order.
+    pub excitations: Vec<Sine>,
+}
+
+/// Chains that begin in the same state.
+#[derive(Clone, Debug)]
+pub struct Chains {
+    /// The chains.
+    pub chains: Vec<Chain>,
+    /// The state, at phase 0, in which the first motion of each begins.
+    pub start: State,
+    /// How long each motion is waited for, and what is kept of it.
+    pub options: SettleOptions,
+}
+
+/// The motion at one point of a chain, α1, α2, α̇1, α̇2 being a state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Point {
+    /// Which chain, from 0.
+    pub chain: usize,
+    /// Which excitation of the chain, from 0.
+    pub index: usize,
+    /// As [`Settled::amplitude_rad`].
+    pub amplitude_rad: [f64; 2],
+    /// As [`Settled::harmonic1_rad`].
+    pub harmonic1_rad: [f64; 2],
+    /// As [`Settled::period`].
+    pub period: Option<u32>,
+    /// As [`Settled::largest_multiplier`].
+    pub largest_multiplier: Option<f64>,
+    /// As [`Settled::settling_periods`].
+    pub settling_periods: u64,
+    /// As [`Settled::drift`].
+    pub drift: f64,
+    /// As [`Settled::section`].
+    pub section: Vec<[f64; 4]>,
+    end: [f64; 4],
+}
+
+fn numbers(state: &State) -> [f64; 4] {
+    let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+    [x.x, x.y, v.x, v.y]
+}
+
+impl Point {
+    fn new(chain: usize, index: usize, settled: &Settled) -> Point {
+        Point {
+            chain,
+            index,
+            amplitude_rad: settled.amplitude_rad,
+            harmonic1_rad: settled.harmonic1_rad,
+            period: settled.period,
+            largest_multiplier: settled.largest_multiplier,
+            settling_periods: settled.settling_periods,
+            drift: settled.drift,
+            section: settled.section.iter().map(numbers).collect(),
+            end: numbers(&settled.end),
+        }
+    }
+
+    fn end(&self) -> State {
+        let [x1, x2, v1, v2] = self.end;
+        State::new([x1, x2], [v1, v2])
+    }
+}
+
+/// A walk along chains: its points so far, and where they are kept.
+#[derive(Debug)]
+pub struct Walk {
+    chains: Chains,
+    points: Vec<Vec<Point>>,
+    journal: Option<Journal>,
+}
+
+impl Chains {
+    /// A walk along the chains, with the points that are in the journal for this configuration.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
+    /// journal that can't be used.
+    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
+        for chain in &self.chains {
+            for sine in &chain.excitations {
+                StroboscopicMap::new(&chain.arm, *sine)?;
+            }
+        }
+        let (points, journal) = match journal {
+            Some((path, configuration)) => {
+                let (journal, points) = Journal::open(path, configuration)?;
+                (self.sorted(points, &journal)?, Some(journal))
+            }
+            None => (vec![Vec::new(); self.chains.len()], None),
+        };
+        Ok(Walk { chains: self, points, journal })
+    }
+
+    /// The points of a journal by chain; those of one chain follow each other in it.
+    fn sorted(&self, points: Vec<Point>, journal: &Journal) -> Result<Vec<Vec<Point>>, StudyError> {
+        let mut chains = vec![Vec::new(); self.chains.len()];
+        for (k, point) in points.into_iter().enumerate() {
+            let place = chains.get_mut(point.chain).filter(|before| {
+                before.len() == point.index && point.index < self.chains[point.chain].excitations.len()
+            });
+            place.ok_or_else(|| journal.damaged(k + 2, "point that follows"))?.push(point);
+        }
+        Ok(chains)
+    }
+
+    /// Goes on with one chain behind the points known, to its end or until `stop`.
+    fn follow(
+        &self,
+        chain: usize,
+        mut points: Vec<Point>,
+        stop: &dyn Fn() -> bool,
+        finished: &impl Fn(&Point) -> Result<(), StudyError>,
+    ) -> Result<Vec<Point>, StudyError> {
+        let Chain { arm, excitations } = &self.chains[chain];
+        for (index, sine) in excitations.iter().enumerate().skip(points.len()) {
+            let start = points.last().map_or(self.start, Point::end);
+            match StroboscopicMap::new(arm, *sine).and_then(|map| settle(&map, &start, &self.options, stop)) {
+                Ok(settled) => {
+                    let point = Point::new(chain, index, &settled);
+                    finished(&point)?;
+                    points.push(point);
+                }
+                Err(TimeDomainError::Stopped) => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(points)
+    }
+}
+
+impl Walk {
+    /// The points of each chain.
+    pub fn points(&self) -> &[Vec<Point>] {
+        &self.points
+    }
+
+    /// What a bench reads at each point of each chain: over the motion's period, or over 64 periods of the excitation
+    /// where it has none.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] if a step can't be made.
+    pub fn readings(&self) -> Result<Vec<Vec<Readings>>, StudyError> {
+        let at = |chain: &Chain, sine: &Sine, point: &Point| {
+            StroboscopicMap::new(&chain.arm, *sine).and_then(|map| readings(&map, &point.end(), point.period))
+        };
+        let of = |(chain, points): (&Chain, &Vec<Point>)| {
+            chain.excitations.iter().zip(points).map(|(sine, point)| at(chain, sine, point)).collect()
+        };
+        let all: Result<_, TimeDomainError> = self.chains.chains.iter().zip(&self.points).map(of).collect();
+        Ok(all?)
+    }
+
+    /// How many points there are.
+    pub fn done(&self) -> usize {
+        self.points.iter().map(Vec::len).sum()
+    }
+
+    /// How many there are to be.
+    pub fn total(&self) -> usize {
+        self.chains.chains.iter().map(|chain| chain.excitations.len()).sum()
+    }
+
+    /// Whether every point is there.
+    pub fn is_complete(&self) -> bool {
+        self.done() == self.total()
+    }
+
+    /// Whether points are kept in a journal.
+    pub fn is_kept(&self) -> bool {
+        self.journal.is_some()
+    }
+
+    /// Computes the points that are missing, on as many threads as there are cores, until it is stopped.
+    ///
+    /// A chain is the same however often it was stopped, for each point begins with the exact state in which the one
+    /// before ended.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be
+    /// written.
+    pub fn go_on(self, control: &Control<'_>) -> Result<Walk, StudyError> {
+        let done = AtomicU64::new(self.done() as u64);
+        // The first chain that has failed, if one has. Those before it go on, so that the same error is told every
+        // time.
+        let (failed, journal) = (AtomicUsize::new(usize::MAX), Mutex::new(self.journal));
+        let finished = |point: &Point| {
+            if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+                journal.append(point)?;
+            }
+            (control.done)(done.fetch_add(1, Ordering::Relaxed) + 1);
+            Ok(())
+        };
+        let jobs: Vec<(usize, Vec<Point>)> = self.points.into_iter().enumerate().collect();
+        let work = |(chain, known): &(usize, Vec<Point>)| {
+            let stop = || (control.stop)() || failed.load(Ordering::Relaxed) < *chain;
+            let walked = self.chains.follow(*chain, known.clone(), &stop, &finished);
+            walked.inspect_err(|_error| _ = failed.fetch_min(*chain, Ordering::Relaxed))
+        };
+        let points = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
+        Ok(Walk { chains: self.chains, points, journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner) })
+    }
+
+    /// To be called when the results are written: there is nothing to go on with any more.
+    ///
+    /// # Errors
+    /// [`StudyError::Journal`] if the journal can't be removed.
+    pub fn finish(self) -> Result<(), StudyError> {
+        Ok(self.journal.map_or(Ok(()), Journal::remove)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_dynamics::arm::{Load, Pose, Preset};
+    use serde_json::json;
+
+    fn chains() -> Chains {
+        let chain = |beta2_deg, hz: [f64; 5]| Chain {
+            arm: Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg }).unwrap(),
+            excitations: hz.map(|frequency_hz| Sine { amplitude: Load::torque_nm(60.0, 0.0), frequency_hz }).to_vec(),
+        };
+        let mut hz = [22.11, 22.12, 22.13, 22.14, 22.15];
+        let up = chain(60.0, hz);
+        hz.reverse();
+        let chains = vec![up, chain(60.0, hz), chain(90.0, [24.2, 24.22, 24.24, 24.26, 24.28])];
+        Chains { chains, start: State::default(), options: SettleOptions::default() }
+    }
+
+    fn walk(chains: Chains, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
+        chains.begin(journal)?.go_on(&Control { stop: &|| false, done: &|_done| () })
+    }
+
+    /// Killed after any number of points, in the middle of a line: the rest comes out the same, bit for bit.
+    #[test]
+    fn goes_on_as_if_never_stopped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let configuration = json!({});
+        let whole = walk(chains(), Some((&path, &configuration))).unwrap();
+        assert!(whole.is_complete() && whole.points.iter().all(|chain| chain.len() == 5));
+        let unkept = walk(chains(), None).unwrap();
+        assert_eq!(unkept.points, whole.points);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let points = whole.points.clone();
+        drop(whole);
+        let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        assert_eq!(lines.len(), 16);
+        for kept in [1, 7, 15, 16] {
+            let torn = lines.get(kept).map_or("", |line| &line[..line.len() / 2]);
+            std::fs::write(&path, lines[..kept].concat() + torn).unwrap();
+            let resumed = walk(chains(), Some((&path, &configuration))).unwrap();
+            assert_eq!(resumed.points, points, "{kept} lines");
+            assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 16);
+            resumed.finish().unwrap();
+            assert!(!path.exists());
+        }
+    }
+
+    #[test]
+    fn stops_when_it_is_told_to() {
+        let stopped = Control { stop: &|| true, done: &|_done| () };
+        assert_eq!(chains().begin(None).unwrap().go_on(&stopped).unwrap().done(), 0);
+    }
+
+    /// Whichever fails first, the error is that of the first chain.
+    #[test]
+    fn the_same_error_is_told_every_time() {
+        let mut chains = chains();
+        chains.chains.truncate(2);
+        let too_much = |frequency_hz| Sine { amplitude: Load::torque_nm(1e9, 0.0), frequency_hz };
+        chains.chains[0].excitations[1] = too_much(21.0);
+        chains.chains[1].excitations[0] = too_much(23.0);
+        let error = walk(chains, None).unwrap_err().to_string();
+        assert!(error.starts_with("excited at 21 Hz: "), "{error}");
+    }
+
+    #[test]
+    fn refuses_points_that_do_not_follow() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let (mut journal, _) = Journal::open::<Point>(&path, &json!({})).unwrap();
+        let map = chains().chains[0].clone();
+        let map = StroboscopicMap::new(&map.arm, map.excitations[0]).unwrap();
+        let settled = settle(&map, &State::default(), &SettleOptions::default(), &|| false).unwrap();
+        journal.append(&Point::new(0, 1, &settled)).unwrap();
+        drop(journal);
+        let refusal = walk(chains(), Some((&path, &json!({})))).unwrap_err().to_string();
+        insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
+    }
+
+    /// What can't be computed ends everything, with the reason: before anything is computed if that can be told.
+    #[test]
+    fn says_what_can_not_be_computed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let mut bad = chains();
+        bad.chains[1].excitations[4].frequency_hz = -1.0;
+        insta::assert_snapshot!(walk(bad, Some((&path, &json!({})))).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
+        assert!(!path.exists());
+        let mut beyond = chains();
+        beyond.chains[1].excitations[1].amplitude = Load::torque_nm(1e12, 0.0);
+        insta::assert_snapshot!(walk(beyond, None).unwrap_err(), @"excited at 22.14 Hz: the motion grows beyond all bounds, 1.08e-3 s after phase 0; try less excitation");
+    }
+}

@@ -1,0 +1,34 @@
+//! What results depend on, for documents and journals.
+
+use serde_json::{Value, json};
+
+use super::failure::Failure;
+use resonarm::arm::Load;
+use resonarm::scenario::Scenario;
+
+/// The arm with all its parameters, and its pose: what results of every command depend on.
+pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
+    let mut configuration = json!({
+        "preset": scenario.arm.preset,
+        "parameters": scenario.parameters()?,
+        "beta1_deg": scenario.arm.beta1_deg,
+        "beta2_deg": scenario.arm.beta2_deg,
+    });
+    // β is the pose of the relaxed springs: by so much the joints are deflected where α = 0.
+    let arm = scenario.build_arm()?;
+    if arm.parameters().gravity.is_some() {
+        configuration["static_deflection_rad"] = json!(<[f64; 2]>::from(arm.static_deflection_rad()));
+    }
+    if let Some(name) = &scenario.arm.name {
+        configuration["name"] = json!(name);
+    }
+    Ok(configuration)
+}
+
+/// The same, and the load at the crest.
+pub(super) fn of(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
+    let mut configuration = of_arm(scenario)?;
+    configuration["torque_nm"] = json!(<[f64; 2]>::from(load.torque_nm));
+    configuration["force_n"] = json!(<[f64; 2]>::from(load.force_n));
+    Ok(configuration)
+}

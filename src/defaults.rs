@@ -1,0 +1,274 @@
+//! What the help says of defaults that differ from command to command: read from the scenarios that the commands use.
+
+use clap::{Arg, Command};
+
+use super::failure::Failure;
+use super::{demo, exciter, experiment, run};
+use resonarm::arm::Preset;
+use resonarm::control::PhaseWalkSpec;
+use resonarm::excitation::Amplitude;
+use resonarm_numeric::number::short;
+use resonarm::run::{Mode, Speed};
+use resonarm::scenario::Scenario;
+
+/// The command line with `[default: …]` behind the help of every flag whose default comes from a scenario. An embedded
+/// scenario that can't be read has none; the command that uses it says why.
+pub(super) fn stated(command: Command) -> Command {
+    command.mut_subcommands(|sub| {
+        if sub.has_subcommands() {
+            return stated(sub);
+        }
+        let all = defaults(sub.get_name()).unwrap_or_default();
+        let ends_by_itself = ["exciter", "fig9"].contains(&sub.get_name());
+        // They refuse it, and say why.
+        let sub = if ends_by_itself { sub.mut_arg("duration_s", |arg| arg.hide(true)) } else { sub };
+        with(sub, &all)
+    })
+}
+
+/// The flags of a command with their defaults.
+type Defaults = Vec<(&'static str, String)>;
+
+/// The command with the defaults of those flags that it has.
+fn with(command: Command, defaults: &Defaults) -> Command {
+    defaults.iter().fold(command, |command, (id, default)| {
+        let has_it = |arg: &Arg| arg.get_id() == id && arg.get_default_values().is_empty();
+        if !command.get_arguments().any(has_it) {
+            return command;
+        }
+        command.mut_arg(id, |arg| {
+            let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+            arg.help(format!("{help} [default: {default}]"))
+        })
+    })
+}
+
+/// The defaults of the command of this name.
+fn defaults(command: &str) -> Result<Defaults, Failure> {
+    let scenario = match command {
+        "demo" => demo::scenario()?,
+        "exciter" => exciter::scenario()?,
+        "fig9" => experiment::fig9::scenario()?,
+        _ => Scenario::default(),
+    };
+    let walk = PhaseWalkSpec::new(Amplitude::default());
+    let mut all = of_scenario(&scenario);
+    match command {
+        "demo" => all.push(("speed", short(&Speed::ACTUAL.times()).to_string())),
+        "simulate" | "integrators" => {
+            all.retain(|(id, _)| *id != "rate_hz");
+            all.push(("rate_hz", short(&scenario.simulation.step_rate_hz()).to_string()));
+        }
+        "walk" => {
+            all.push(("mode_number", u8::from(walk.mode_number).to_string()));
+            all.push(("points", walk.points.to_string()));
+            all.push(("duration_s", String::from("until the walk ends")));
+        }
+        "run" => {
+            let free = of_scenario(&run::default_scenario(Mode::Free)?);
+            for ((_, default), (_, free)) in all.iter_mut().zip(free) {
+                if *default != free {
+                    *default = format!("{default}, with --mode free {free}");
+                }
+            }
+            all.push((
+                "duration_s",
+                String::from("until it is stopped, with --mode free until the exciter has finished"),
+            ));
+        }
+        // No other command with a preset of its own has no scenario.
+        "paper" => all = vec![("preset", Preset::default().name().to_owned())],
+        _ => {}
+    }
+    Ok(all)
+}
+
+/// What a scenario has of the flags of an arm and a session.
+fn of_scenario(scenario: &Scenario) -> Defaults {
+    let (arm, simulation) = (&scenario.arm, &scenario.simulation);
+    vec![
+        ("preset", arm.preset.clone()),
+        ("beta1_deg", short(&arm.beta1_deg).to_string()),
+        ("beta2_deg", short(&arm.beta2_deg).to_string()),
+        ("rate_hz", short(&simulation.rate_hz).to_string()),
+        ("seed", simulation.seed.to_string()),
+        ("scheme", simulation.scheme.to_string()),
+    ]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+mod tests {
+    use clap::FromArgMatches;
+
+    use super::*;
+    use crate::experiment::Kind;
+    use crate::{Cli, whole};
+
+    /// What a command line must have beside a flag.
+    fn needed(path: &str, flag: &str) -> &'static str {
+        match (path, flag) {
+            ("simulate", _) => "--duration-s 1",
+            ("exciter", _) => "--bus vcan0",
+            ("conformance", _) => "--bus vcan0 --role plant",
+            ("experiment walk", _) => "--torque1-nm 1",
+            ("paper", _) => "fig4",
+            ("modes", "points") => "--from-beta2-deg 0 --to-beta2-deg 9",
+            ("identify", "integration") => "x --angles y",
+            ("identify" | "compare" | "inspect" | "resim", _) => "x",
+            ("replay", _) => "x --bus vcan0",
+            ("export", _) => "x --to csv",
+            ("cut" | "merge" | "import" | "diff" | "recover", _) => "x y",
+            ("basins", _) => "--frequency-hz 1",
+            ("sweep", _) => "--from-hz 1 --to-hz 2",
+            ("poincare", "steps" | "direction") => "--parameter frequency",
+            ("protocol encode", _) => "Time",
+            _ => "",
+        }
+    }
+
+    fn read(path: &str, flag: &str, given: &[String]) -> Result<Cli, String> {
+        let words = format!("resonarm {path} {}", needed(path, flag));
+        let words = words.split_whitespace().map(str::to_owned).chain(given.iter().cloned());
+        let matches = whole().try_get_matches_from(words).map_err(|error| error.to_string())?;
+        Cli::from_arg_matches(&matches).map_err(|error| error.to_string())
+    }
+
+    /// What a command computes with of the flags whose defaults are not the parser's.
+    fn used(cli: &Cli) -> String {
+        use crate::Command::*;
+        let of = |scenario: Result<Scenario, Failure>| format!("{:?}", scenario.unwrap());
+        match &cli.command {
+            Demo(command) => format!("{} {:?}", of(command.scenario()), command.speed().unwrap()),
+            Run(command) => of(command.scenario()),
+            Exciter(command) => of(command.scenario()),
+            Experiment(command) => match &command.experiment {
+                Kind::Fig9(command) => of(command.scenario()),
+                Kind::Walk(command) => of(command.scenario()),
+            },
+            Simulate(command) => {
+                let scenario = command.scenario().unwrap();
+                format!("{:?} {scenario:?}", command.scheme_and_rate(&scenario).unwrap())
+            }
+            Integrators(command) => {
+                let scenario = command.scenario().unwrap();
+                format!("{} {scenario:?}", command.rate_hz(&scenario))
+            }
+            Modes(command) => of(command.scenario()),
+            Frf(command) => of(command.scenario()),
+            Continue(command) => of(command.scenario()),
+            Backbone(command) => of(command.scenario()),
+            Sweep(command) => of(command.motion.scenario()),
+            Poincare(command) => of(command.motion.scenario()),
+            Basins(command) => of(command.motion.scenario()),
+            Paper(command) => command.preset().name().to_owned(),
+            Identify(command) => format!("{:?}", command.domain()),
+            other => panic!("{other:?}: say here what it computes with of the flag"),
+        }
+    }
+
+    /// Every command that has no commands of its own, with its path.
+    fn leaves(command: &Command, path: &str) -> Vec<(String, Command)> {
+        let subcommands = command.get_subcommands().filter(|sub| sub.get_name() != "help");
+        subcommands
+            .flat_map(|sub| {
+                let path = format!("{path} {}", sub.get_name()).trim_start().to_owned();
+                if sub.has_subcommands() { leaves(sub, &path) } else { vec![(path, sub.clone())] }
+            })
+            .collect()
+    }
+
+    /// The default that the help of a flag states, and whether the parser itself fills it in.
+    fn stated_default(arg: &Arg) -> Option<(String, bool)> {
+        let of_parser: Vec<_> = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
+        if arg.get_action().takes_values() && !of_parser.is_empty() {
+            return Some((of_parser.join(","), true));
+        }
+        let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+        let (_, rest) = help.split_once("[default: ")?;
+        Some((rest.split_once(']')?.0.to_owned(), false))
+    }
+
+    /// A default that is words and no value is listed with this name.
+    enum Compared {
+        Same,
+        Words,
+    }
+
+    /// Compares a command with a flag at its default with the command without the flag, both with `others` beside.
+    fn compare(path: &str, arg: &Arg, others: &str, default: &str, of_parser: bool) -> Compared {
+        let (id, flag) = (arg.get_id().as_str(), arg.get_long().unwrap());
+        let others: Vec<String> = others.split_whitespace().map(str::to_owned).collect();
+        let bare = read(path, id, &others).unwrap_or_else(|error| panic!("{path} --{flag}: {error}"));
+        if default.contains(' ') {
+            return Compared::Words;
+        }
+        match read(path, id, &[others, vec![format!("--{flag}={default}")]].concat()) {
+            Ok(given) if of_parser => assert_eq!(format!("{given:?}"), format!("{bare:?}"), "{path} --{flag}"),
+            Ok(given) => assert_eq!(used(&given), used(&bare), "{path} --{flag}: {default}"),
+            Err(error) if of_parser => panic!("{path} --{flag}: {error}"),
+            Err(_no_value) => return Compared::Words,
+        }
+        Compared::Same
+    }
+
+    /// With the flag at the default of its help a command computes with the same as without the flag. Defaults that are
+    /// words and no value are listed.
+    #[test]
+    fn every_default_in_the_help_is_the_commands() {
+        let (mut values, mut words) = (0, Vec::new());
+        for (path, command) in leaves(&whole(), "") {
+            for arg in command.get_arguments().filter(|arg| arg.get_long().is_some()) {
+                let Some((default, of_parser)) = stated_default(arg) else { continue };
+                let cases = default.split_once(", with --mode free ").map_or_else(
+                    || vec![("", default.as_str())],
+                    |(on_a_bus, free)| vec![("", on_a_bus), ("--mode free", free)],
+                );
+                for (others, default) in cases {
+                    match compare(&path, arg, others, default, of_parser) {
+                        Compared::Same => values += 1,
+                        Compared::Words => words.push(format!("{path} --{}: {default}", arg.get_long().unwrap())),
+                    }
+                }
+            }
+        }
+        assert!(values > 100, "only {values} defaults are values");
+        insta::assert_snapshot!(words.join("\n"), @r"
+        run --patience-s: without end
+        run --duration-s: until it is stopped
+        run --duration-s: until the exciter has finished
+        experiment walk --duration-s: until the walk ends
+        simulate --initial: that of the scenario, at rest
+        frf --response: all
+        frf --points: 801, and more about each natural frequency
+        sweep --initial: that of the scenario, at rest
+        sweep --steps: 101, and between them as many as the resonances of the forced response need
+        poincare --initial: that of the scenario, at rest
+        poincare --parameter: nothing, one section
+        poincare --points: 2000, in a diagram 200
+        basins --initial: that of the scenario, at rest
+        basins --from: minus the last
+        basins --to: 1.5 times as far as the largest stable motion reaches
+        replay --from-s: the beginning
+        replay --to-s: the end
+        identify --from-hz: that of the recorded excitation, or 1; with --angles a quarter of the arm's lowest natural frequency
+        identify --to-hz: that of the recorded excitation; of an impact 1 over its length; or 100
+        identify --segment-s: whole periods, or an eighth of the record
+        cut --from-s: the beginning
+        cut --to-s: the end
+        diff --from-s: the beginning
+        diff --to-s: the end
+        export --out: that name, in the current folder
+        export --parts: all that the format holds
+        export --from-s: the beginning
+        export --to-s: the end
+        import --from: by its ending, .log for candump, .asc, .blf
+        conformance --beyond-n: none is tried; in the FD profile 1.01 times the limit that the plant states
+        conformance --beyond-n-per-s: none is tried
+        conformance --beyond-travel-n: none is tried
+        conformance --bit-rate-hz: they are not
+        conformance --expect-frequency-hz: no sine is expected
+        conformance --pid: it isn't
+        ");
+    }
+}

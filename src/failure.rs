@@ -1,0 +1,225 @@
+//! What ends a command without a result, and its exit code.
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use thiserror::Error;
+
+use super::ended_early;
+use super::walk_flags;
+use resonarm::analysis::AnalysisError;
+use resonarm::analysis::time_domain::TimeDomainError;
+use resonarm::arm::ArmError;
+use resonarm::bus::BusError;
+use resonarm::export::ExportError;
+use resonarm::identify::IdentifyError;
+use resonarm::import::ImportError;
+use resonarm::integrate::IntegrateError;
+use resonarm_figures::paper::PaperError;
+use resonarm::plant::PlantSpecError;
+use resonarm_figures::plot::PlotError;
+use resonarm::realtime::RateError;
+use resonarm::recording::RecordingError;
+use resonarm::replay::ReplayError;
+use resonarm::run::RunError;
+use resonarm::scenario::ScenarioError;
+use resonarm::study::{JournalError, StudyError};
+
+/// What a command that came to its end says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Positive,
+    Negative,
+}
+
+impl Verdict {
+    pub const fn of(positive: bool) -> Verdict {
+        if positive { Verdict::Positive } else { Verdict::Negative }
+    }
+}
+
+/// What ended a command.
+#[derive(Debug, Error)]
+pub(super) enum Failure {
+    #[error("{0}")]
+    Usage(String),
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    #[error(transparent)]
+    Plant(#[from] PlantSpecError),
+    #[error(transparent)]
+    Integrate(#[from] IntegrateError),
+    #[error(transparent)]
+    Rate(#[from] RateError),
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    #[error(transparent)]
+    Run(#[from] RunError),
+    #[cfg(feature = "live")]
+    #[error(transparent)]
+    Live(#[from] resonarm_live::LiveError),
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
+    #[error("along {along}: {source}{}{}", walk_flags::hint(source), ended_early::kept(kept))]
+    Walk { along: &'static str, source: AnalysisError, kept: usize },
+    #[error(transparent)]
+    Paper(#[from] PaperError),
+    #[error(transparent)]
+    TimeDomain(#[from] TimeDomainError),
+    #[error(transparent)]
+    Study(#[from] StudyError),
+    #[error("can't write {}: {source}", path.display())]
+    Write { path: PathBuf, source: io::Error },
+    #[error("{} already exists: name another place, or allow overwriting it (--overwrite)", path.display())]
+    Exists { path: PathBuf },
+    #[error("can't write to standard output: {0}")]
+    Output(io::Error),
+    #[error("the result can't be written as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("can't start the {what}: {source}")]
+    Start { what: &'static str, source: io::Error },
+    #[error("the {0} ended in a panic; the message above says where")]
+    Panic(&'static str),
+    #[error("standard output was closed")]
+    BrokenPipe,
+}
+
+/// The exit codes beyond success.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Exit {
+    Negative = 1,
+    Usage = 2,
+    Environment = 3,
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Failure {
+        if error.kind() == io::ErrorKind::BrokenPipe { Failure::BrokenPipe } else { Failure::Output(error) }
+    }
+}
+
+impl Failure {
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::from(self.exit() as u8)
+    }
+
+    fn exit(&self) -> Exit {
+        match self {
+            Failure::Bus(error) => bus(error),
+            Failure::Recording(error) => recording(error),
+            Failure::Replay(ReplayError::Bus(error)) => bus(error),
+            Failure::Replay(ReplayError::Recording(error))
+            | Failure::Export(ExportError::Recording(error))
+            | Failure::Import(ImportError::Recording(error)) => recording(error),
+            Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
+            Failure::Replay(ReplayError::NoController { .. }) => Exit::Environment,
+            Failure::Run(error) => run(error),
+            Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
+            Failure::Integrate(error) => integrate(error),
+            Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
+            Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,
+            Failure::Paper(_) => Exit::Negative,
+            Failure::Study(StudyError::Journal(error)) => journal(error),
+            #[cfg(feature = "live")]
+            Failure::Live(error) => live(error),
+            Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
+            _ => Exit::Usage,
+        }
+    }
+}
+
+fn bus(error: &BusError) -> Exit {
+    match error {
+        BusError::Address { .. } | BusError::MemoryIsNotShared => Exit::Usage,
+        _ => Exit::Environment,
+    }
+}
+
+#[cfg(feature = "live")]
+fn live(error: &resonarm_live::LiveError) -> Exit {
+    use resonarm_live::LiveError;
+    match error {
+        LiveError::Address { .. } | LiveError::Origin { .. } => Exit::Usage,
+        LiveError::Listen { .. } | LiveError::Random(_) | LiveError::Thread(_) => Exit::Environment,
+    }
+}
+
+fn analysis(error: &AnalysisError) -> Exit {
+    match error {
+        AnalysisError::Interval { .. } => Exit::Usage,
+        _ => Exit::Negative,
+    }
+}
+
+/// A motion that can't be carried on is a verdict on the excitation, not on the way it was asked for.
+fn integrate(error: &IntegrateError) -> Exit {
+    match error {
+        IntegrateError::NoConvergence { .. } | IntegrateError::Unbalanced { .. } | IntegrateError::NotFinite { .. } => {
+            Exit::Negative
+        }
+        _ => Exit::Usage,
+    }
+}
+
+fn time_domain(error: &TimeDomainError) -> Exit {
+    match error {
+        TimeDomainError::Integrate { source, .. } => integrate(source),
+        _ => Exit::Usage,
+    }
+}
+
+fn journal(error: &JournalError) -> Exit {
+    match error {
+        JournalError::Write { .. } | JournalError::InUse { .. } => Exit::Environment,
+        _ => Exit::Usage,
+    }
+}
+
+fn recording(error: &RecordingError) -> Exit {
+    match error {
+        RecordingError::Write { .. } | RecordingError::WriterDied { .. } | RecordingError::Gone { .. } => {
+            Exit::Environment
+        }
+        RecordingError::NothingRecovered { .. }
+        | RecordingError::NothingLeft { .. }
+        | RecordingError::NothingToCopy { .. } => Exit::Negative,
+        _ => Exit::Usage,
+    }
+}
+
+fn run(error: &RunError) -> Exit {
+    match error {
+        RunError::Bus(error) => bus(error),
+        RunError::Recording(error) => recording(error),
+        RunError::NotRecorded(_) => Exit::Negative,
+        RunError::Scenario(_)
+        | RunError::PlantSpec(_)
+        | RunError::Rate(_)
+        | RunError::Speed(_)
+        | RunError::Spin(_)
+        | RunError::FreeHasNoBus
+        | RunError::BitErrors { .. }
+        | RunError::TimedInRealTime { .. } => Exit::Usage,
+        RunError::NoRealTimeThread { .. }
+        | RunError::NoThread { .. }
+        | RunError::NoPlant { .. }
+        | RunError::PlantNotArmed { .. }
+        | RunError::Histogram(_) => Exit::Environment,
+        RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
+    }
+}

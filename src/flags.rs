@@ -1,0 +1,206 @@
+//! Flags that several subcommands share.
+
+use core::fmt;
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
+
+use super::failure::Failure;
+use resonarm::integrate::Scheme;
+use resonarm_numeric::number::short;
+use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
+use resonarm::run::OnShortfall;
+use resonarm::scenario::Scenario;
+use resonarm_numeric::seed;
+
+/// How many points a range may have: as many as fit in memory and in a figure with room to spare.
+pub(super) fn points() -> RangedI64ValueParser<u32> {
+    RangedI64ValueParser::new().range(2..=1_000_000)
+}
+
+/// Reads one of these by its name.
+pub(super) fn one_of<T, const N: usize>(
+    wanted: [T; N],
+    name: impl Fn(T) -> &'static str + Clone + Send + Sync + 'static,
+) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(wanted.map(&name)).try_map(move |text| {
+        let found = wanted.into_iter().find(|one| name(*one) == text);
+        found.ok_or_else(|| format!("it is one of {}", wanted.map(&name).join(", ")))
+    })
+}
+
+/// The arm and its pose. [`defaults`](super::defaults) adds to the help what each command has without them.
+#[derive(Clone, Debug, Args)]
+pub(super) struct ArmFlags {
+    /// Parameter set: irb1600-fitted or irb1600-table1.
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Angle β1 of link 1 against the x axis, degrees.
+    #[arg(long, value_name = "DEG")]
+    pub beta1_deg: Option<f64>,
+    /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm.
+    #[arg(long, value_name = "DEG")]
+    pub beta2_deg: Option<f64>,
+    /// TOML file with the whole scenario, in place of the defaults; flags win over it.
+    #[arg(long, value_name = "FILE")]
+    pub scenario: Option<PathBuf>,
+}
+
+/// What the plant and the exciter of a run must agree on.
+#[derive(Clone, Debug, Args)]
+pub(super) struct SessionFlags {
+    #[command(flatten)]
+    pub arm: ArmFlags,
+    /// Samples a second, whole Hz.
+    #[arg(long, value_name = "HZ")]
+    pub rate_hz: Option<f64>,
+    /// Seed of the sensor noise, decimal or as 0x1F.
+    #[arg(long, value_name = "N", value_parser = seed::parse)]
+    pub seed: Option<u64>,
+    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8.
+    #[arg(long, value_name = "NAME")]
+    pub scheme: Option<String>,
+    /// Length of the run, s.
+    #[arg(long, value_name = "S")]
+    pub duration_s: Option<f64>,
+}
+
+/// How much a run in real time wants a real-time thread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum RealTimeThread {
+    /// What can be had; the rest is told.
+    #[default]
+    Auto,
+    /// All of it, or no run.
+    Require,
+    /// Nothing.
+    Off,
+}
+
+impl RealTimeThread {
+    const ALL: [Self; 3] = [Self::Auto, Self::Require, Self::Off];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Require => "require",
+            Self::Off => "off",
+        }
+    }
+}
+
+impl fmt::Display for RealTimeThread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Whether the real-time loop spins.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct SpinFlag {
+    /// Sleep until so many µs before each deadline and look at the clock from there on; auto measures how late sleeps
+    /// are, off sleeps until the deadline. At most a quarter of the period.
+    #[arg(long, value_name = "SPIN", default_value_t, allow_hyphen_values = true)]
+    pub spin: Spin,
+}
+
+/// What the thread of a run in real time asks of the system.
+#[derive(Clone, Debug, Args)]
+pub(super) struct ThreadFlags {
+    /// Real-time scheduling, locked memory and the core: auto takes what the system gives and tells the rest, require
+    /// ends without them, off does not ask.
+    #[arg(long, value_parser = one_of(RealTimeThread::ALL, RealTimeThread::name), default_value_t)]
+    rt: RealTimeThread,
+    /// Core to pin the real-time loop to; recorder, live view and adapters of python-can leave it, if there is another.
+    #[arg(long, value_name = "N")]
+    core: Option<usize>,
+    /// SCHED_FIFO priority of the real-time loop, 1 to 99.
+    #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get())]
+    priority: u8,
+    /// Hold all cores of the machine out of their idle states during the run: no wake-up waits for one to come back. It
+    /// costs power, and takes time from other guests of a shared machine.
+    #[arg(long)]
+    cores_awake: bool,
+}
+
+impl ThreadFlags {
+    /// What to ask for.
+    pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
+        let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
+        let cores_awake = self.cores_awake;
+        let setup = ThreadSetup { priority: Some(priority), core: self.core, cores_awake, ..ThreadSetup::default() };
+        let left_out =
+            |asked: &str| Err(Failure::Usage(format!("{asked} asks for what --rt off leaves out: give one of them")));
+        match (self.rt, self.core) {
+            (RealTimeThread::Off, Some(core)) => left_out(&format!("--core {core}")),
+            (RealTimeThread::Off, None) if cores_awake => left_out("--cores-awake"),
+            (RealTimeThread::Off, None) => Ok(None),
+            (RealTimeThread::Auto | RealTimeThread::Require, _) => Ok(Some(setup)),
+        }
+    }
+
+    /// What it leads to if something is not to be had.
+    pub fn on_shortfall(&self) -> OnShortfall {
+        match self.rt {
+            RealTimeThread::Require => OnShortfall::Refuse,
+            RealTimeThread::Auto | RealTimeThread::Off => OnShortfall::Warn,
+        }
+    }
+}
+
+impl ArmFlags {
+    /// The scenario of the file, or `default`, with the flags in it.
+    pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
+        let mut scenario = match &self.scenario {
+            Some(path) => Scenario::read(path)?,
+            None => default()?,
+        };
+        let arm = &mut scenario.arm;
+        if let Some(preset) = &self.preset {
+            arm.preset.clone_from(preset);
+        }
+        arm.beta1_deg = self.beta1_deg.unwrap_or(arm.beta1_deg);
+        arm.beta2_deg = self.beta2_deg.unwrap_or(arm.beta2_deg);
+        Ok(scenario)
+    }
+}
+
+impl SessionFlags {
+    /// Refuses a length where the work ends without one, and says why.
+    pub fn refuse_duration(&self, why: &str) -> Result<(), Failure> {
+        match self.duration_s {
+            Some(duration_s) => {
+                let duration_s = short(&duration_s);
+                Err(Failure::Usage(format!("--duration-s is {duration_s}: {why}, leave it out")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The scenario of the file, or `default`, with the flags in it.
+    pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
+        let mut scenario = self.arm.scenario(default)?;
+        let simulation = &mut scenario.simulation;
+        simulation.rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz);
+        simulation.seed = self.seed.unwrap_or(simulation.seed);
+        simulation.duration_s = self.duration_s.or(simulation.duration_s);
+        if let Some(scheme) = &self.scheme {
+            simulation.scheme = parse_scheme(scheme)?;
+        }
+        Ok(scenario)
+    }
+}
+
+/// What is said of a flag whose value an error refuses.
+pub(super) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
+    Failure::Usage(format!("{flag}: {error}"))
+}
+
+/// The scheme of this name.
+pub(super) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
+    name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::Usage(error.to_string()))
+}

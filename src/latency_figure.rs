@@ -1,0 +1,107 @@
+//! Latencies as a figure: how many samples were how late, or took how long.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::output::{self, OverwriteFlag};
+use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
+use resonarm::realtime::LatencyHistogram;
+
+/// Bars in a decade of latency.
+const BARS: f64 = 20.0;
+/// Where the axis of counts ends, below one: a bar without a sample lies there.
+const NONE: f64 = 0.5;
+/// The shortest latency that has a bar of its own, ns: shorter ones count there.
+const SHORTEST_NS: u64 = 100;
+
+/// Where to draw latencies.
+#[derive(Clone, Debug, Args)]
+pub(super) struct HistogramFlag {
+    /// Draw how late samples were and how long their work took: counts over microseconds, as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub histogram: Option<PathBuf>,
+}
+
+impl HistogramFlag {
+    /// Refuses a file that is there, or a folder that is not.
+    pub fn check(&self, overwrite: bool) -> Result<(), Failure> {
+        OverwriteFlag { overwrite }.check(self.histogram.clone())?;
+        self.histogram.as_deref().map_or(Ok(()), output::check_folder)
+    }
+}
+
+/// A curve: its name, and what it counts.
+pub(super) struct Curve<'a> {
+    pub name: &'static str,
+    pub color: Color,
+    pub counted: Vec<&'a LatencyHistogram>,
+}
+
+/// Writes the figure: a panel for each list of curves, under its title.
+pub(super) fn write(path: &Path, subtitle: &str, panels: &[(Option<String>, Vec<Curve>)]) -> Result<(), Failure> {
+    let figure = Figure::new("Latency of the real-time loop").subtitle(subtitle);
+    let figure = panels.iter().fold(figure, |figure, (title, curves)| figure.with(panel(title.clone(), curves)));
+    Ok(figure.write_svg(path)?)
+}
+
+fn panel(title: Option<String>, curves: &[Curve]) -> Panel {
+    let bars: Vec<_> = curves.iter().map(|curve| bars(&curve.counted)).collect();
+    let most = bars.iter().flatten().map(|(_, count)| *count).max().unwrap_or(1);
+    let y = Axis::log("samples").range(NONE, 2.0 * most as f64);
+    let panel = Panel { title, ..Panel::new(Axis::log("latency (µs)"), y) };
+    curves
+        .iter()
+        .zip(&bars)
+        .fold(panel, |panel, (curve, bars)| panel.with(Series::line(curve.name, curve.color, outline(bars))))
+}
+
+/// Which bar a latency is in: bar k goes from 10^(k/20) ns to 10^((k+1)/20) ns.
+fn bar(latency_ns: u64) -> i32 {
+    libm::floor(BARS * libm::log10(latency_ns.max(SHORTEST_NS) as f64)) as i32
+}
+
+/// The bars from the first to the last that is not empty, with their counts.
+fn bars(counted: &[&LatencyHistogram]) -> Vec<(i32, u64)> {
+    let all = || counted.iter().flat_map(|histogram| histogram.counts()).map(|(ns, count)| (bar(ns), count));
+    let (Some(first), Some(last)) = (all().map(|(bar, _)| bar).min(), all().map(|(bar, _)| bar).max()) else {
+        return Vec::new();
+    };
+    let mut bars: Vec<(i32, u64)> = (first..=last).map(|bar| (bar, 0)).collect();
+    for (bar, count) in all() {
+        bars[(bar - first) as usize].1 += count;
+    }
+    bars
+}
+
+/// The outline of the bars, µs and counts, from the ground and back to it.
+fn outline(bars: &[(i32, u64)]) -> Vec<(f64, f64)> {
+    let edge_us = |bar: i32| libm::pow(10.0, f64::from(bar) / BARS) * 1e-3;
+    let (Some((first, _)), Some((last, _))) = (bars.first(), bars.last()) else { return Vec::new() };
+    let tops = bars.iter().flat_map(|(bar, count)| {
+        let height = if *count > 0 { *count as f64 } else { NONE };
+        [(edge_us(*bar), height), (edge_us(bar + 1), height)]
+    });
+    [(edge_us(*first), NONE)].into_iter().chain(tops).chain([(edge_us(last + 1), NONE)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_latency_is_in_a_bar_and_the_outline_stands_on_the_ground() {
+        let (mut one, mut other) = (LatencyHistogram::new().unwrap(), LatencyHistogram::new().unwrap());
+        [10_000, 10_100, 20_000].iter().for_each(|ns| one.record(*ns));
+        [10_050, 30, 30_000_000_000].iter().for_each(|ns| other.record(*ns));
+        let bars = bars(&[&one, &other]);
+        assert_eq!(bars.iter().map(|(_, count)| count).sum::<u64>(), 6);
+        // From 100 ns to 30 s, which is beyond what keeps its place: 8.48 decades.
+        assert_eq!((bars[0], bars.len(), bars[40]), ((40, 1), 170, (80, 3)));
+        let points = outline(&bars);
+        let ends = [points[0], points[points.len() - 1]];
+        assert!(ends.iter().all(|(_, count)| *count == NONE) && (points[1].0 - 0.1).abs() < 1e-12, "{ends:?}");
+        assert!(outline(&[]).is_empty());
+    }
+}

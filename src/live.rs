@@ -1,0 +1,334 @@
+//! `--live`: what runs here, in a browser.
+
+use std::sync::Arc;
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::supervise::supervise;
+use resonarm::control::{Length, Steered};
+use resonarm::realtime::{Clock, SystemClock};
+use resonarm::recording::Recording;
+use resonarm::run::{Session, Signals, Watch};
+
+/// From one look at the stop signal to the next, ns.
+const LOOK_NS: u64 = 20_000_000;
+
+/// Whether somebody may watch, and where.
+#[derive(Clone, Debug, Args)]
+pub(super) struct LiveFlags {
+    /// Show what runs in a browser, at this address and port; the line that begins with `live view` says where. Without
+    /// a port a free one is taken.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1")]
+    pub live: Option<String>,
+    /// Let pages of this origin watch as well, as https://app.foxglove.dev; as often as needed.
+    #[arg(long, value_name = "ORIGIN", requires = "live")]
+    pub live_origin: Vec<String>,
+}
+
+/// Whether the exciter is steered.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct SteerFlag {
+    /// Play a sine whose load, frequency and phase are set in the live view, along the scenario's load and in place of
+    /// its excitation or control. It begins with no load.
+    #[arg(long, requires = "live")]
+    pub steer: bool,
+}
+
+impl SteerFlag {
+    /// The session, with what is steered as its controller, if it is asked for.
+    pub fn steered(self, session: Session) -> Result<(Session, Option<Steered>), Failure> {
+        if !self.steer {
+            return Ok((session, None));
+        }
+        let steered = session.scenario().steered()?;
+        let controller = steered.clone();
+        Ok((session.with_controller(move || Box::new(controller.clone())), Some(steered)))
+    }
+}
+
+/// How a recording is shown.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
+pub(super) struct Showing {
+    /// Recorded seconds a second.
+    pub speed: f64,
+    /// How often; 0 is without end.
+    pub times: u32,
+    /// Whether it waits for its first viewer.
+    pub wait: bool,
+}
+
+/// Shows a recording until it is asked to stop.
+pub(super) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
+    let _live = serving::of_recording(flags, recording, showing)?;
+    let signals = Arc::new(Signals::default());
+    let watched = Arc::clone(&signals);
+    let until_stopped = move || {
+        while !watched.is_stopped() {
+            SystemClock.sleep_until_ns(SystemClock.now_ns() + LOOK_NS);
+        }
+    };
+    supervise("live view", &signals, Length::Unknown, |_line| {}, until_stopped)
+}
+
+/// Which role of a session is shown, and on what.
+#[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
+pub(super) struct Part {
+    pub role: Role,
+    /// The bus, in words.
+    pub place: String,
+    /// What recordings call it.
+    pub interface: String,
+    /// Write the line that says where as JSON.
+    pub json: bool,
+    /// What is steered, if something is.
+    pub steered: Option<Steered>,
+}
+
+/// A role.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Plant,
+    Exciter,
+    PlantAndExciter,
+}
+
+/// A live view that is served as long as this is kept.
+pub(super) struct Serving {
+    watch: Watch,
+    #[cfg(feature = "live")]
+    _live: resonarm_live::Live,
+}
+
+impl LiveFlags {
+    /// Serves the live view of a session, if it is asked for; the session is then watched.
+    pub fn watched(&self, session: Session, part: &Part) -> Result<(Session, Option<Serving>), Failure> {
+        let serving = match &self.live {
+            Some(address) => Some(serving::of_session(address, &self.live_origin, &session, part)?),
+            None => None,
+        };
+        Ok(match serving {
+            Some(serving) => (session.watched(serving.watch.clone()), Some(serving)),
+            None => (session, None),
+        })
+    }
+}
+
+#[cfg(not(feature = "live"))]
+mod serving {
+    use super::{Failure, LiveFlags, Part, Serving, Session, Showing};
+    use resonarm::recording::Recording;
+
+    /// Says how to get a program that can do it.
+    pub fn of_session(_: &str, _: &[String], _: &Session, _: &Part) -> Result<Serving, Failure> {
+        Err(missing())
+    }
+
+    /// Likewise.
+    pub fn of_recording(_: &LiveFlags, _: Recording, _: Showing) -> Result<core::convert::Infallible, Failure> {
+        Err(missing())
+    }
+
+    fn missing() -> Failure {
+        Failure::Usage(String::from(
+            "--live: this program was built without it: build one by `cargo build --release --features live`",
+        ))
+    }
+}
+
+#[cfg(feature = "live")]
+mod serving {
+    use std::net::{IpAddr, SocketAddr};
+
+    use super::{Failure, LiveFlags, Part, Role, Serving, Session, Showing};
+    use resonarm::analysis::{BifurcationKind, Branch, Row, segments};
+    use resonarm::arm::Load;
+    use crate::output;
+    use crate::walk_point::{self, Drawn};
+    use resonarm_live::{
+        About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown,
+        Source, Steering, play, serve,
+    };
+    use resonarm_numeric::number::short;
+    use resonarm::realtime::unix_time_ns;
+    use resonarm::recording::Recording;
+    use resonarm::run::watch;
+    use resonarm::scenario::Scenario;
+
+    /// Largest turn between two motions of the computed branch: coarser than in a figure, and faster.
+    const TURN_RAD: f64 = 0.1;
+
+    /// Serves the live view of a session, and says where.
+    pub fn of_session(address: &str, origins: &[String], session: &Session, part: &Part) -> Result<Serving, Failure> {
+        let scenario = session.scenario();
+        let arm = scenario.build_arm()?;
+        let role = match part.role {
+            Role::Plant => "plant",
+            Role::Exciter => "exciter",
+            Role::PlantAndExciter => "plant and exciter",
+        };
+        let mut about = About::new(role, part.place.clone(), scenario, &arm);
+        about.actions = match part.role {
+            Role::Plant => vec![Action::Arm, Action::Disarm, Action::Reset],
+            Role::Exciter | Role::PlantAndExciter => vec![Action::Disarm],
+        };
+        if let Some(steered) = &part.steered {
+            about.actions.push(Action::Set);
+            about.steering = Some(Steering::new(steered.limit(), scenario.simulation.rate_hz));
+        }
+        let (watch, watcher) = watch();
+        let responds = part.role != Role::Plant;
+        let shown = Shown {
+            interface: part.interface.clone(),
+            // An exciter knows no angles.
+            arm: (part.role != Role::Exciter).then(|| arm.clone()),
+            model: Model::new(about, arm),
+            source: Source::Run(watcher),
+            // The load of what is steered is not that of the scenario.
+            compute: load(scenario)
+                .filter(|_| responds && part.steered.is_none())
+                .map(|load| compute(scenario.clone(), load)),
+            range_hz: if responds { range_hz(scenario) } else { None },
+            start_unix_ns: unix_time_ns(),
+        };
+        let options = Options { address: parse(address)?, origins: Origins::new(origins)? };
+        let live = serve(&options, shown)?;
+        announce(&live, part.json);
+        Ok(Serving { watch, _live: live })
+    }
+
+    /// Serves a recording, and says where; the view ends when what is returned is dropped.
+    pub fn of_recording(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<Live, Failure> {
+        let Showing { speed, times, wait } = showing;
+        if !SPEEDS.contains(&speed) {
+            let (least, most) = (SPEEDS.start(), SPEEDS.end());
+            let why = format!("--speed is {}: with --live it must be from {least} to {most}", short(&speed));
+            return Err(Failure::Usage(why));
+        }
+        let scenario = Scenario::from_configuration(recording.configuration())?;
+        let arm = scenario.build_arm()?;
+        let mut about = About::new("recording", recording.path().display().to_string(), &scenario, &arm);
+        about.rate_hz = 1.0 / recording.origin().dt_s;
+        about.actions = vec![Action::Play];
+        about.samples = recording.summary().samples;
+        let shown = Shown {
+            interface: recording.origin().interface.clone(),
+            arm: Some(arm.clone()),
+            model: Model::new(about, arm),
+            compute: load(&scenario).map(|load| compute(scenario.clone(), load)),
+            range_hz: range_hz(&scenario),
+            start_unix_ns: recording.origin().log_start_ns(),
+            source: play(recording, Play { speed, times: (times > 0).then_some(times), wait })?,
+        };
+        let address = flags.live.as_deref().unwrap_or("127.0.0.1");
+        let options = Options { address: parse(address)?, origins: Origins::new(&flags.live_origin)? };
+        let live = serve(&options, shown)?;
+        announce(&live, false);
+        Ok(live)
+    }
+
+    /// Says where the page is.
+    fn announce(live: &Live, json: bool) {
+        announcement(&live.url_with_token(), live.address(), json).iter().for_each(|line| output::note(line));
+    }
+
+    /// The lines that say where the page is, and whether others reach it.
+    fn announcement(url: &str, address: SocketAddr, json: bool) -> Vec<String> {
+        let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
+            let port = address.port();
+            format!(
+                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: whoever reaches it may look, and whoever \
+                 reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: \
+                 `ssh -L {port}:127.0.0.1:{port} HOST`"
+            )
+        });
+        if json {
+            let event = match warning {
+                Some(warning) => serde_json::json!({ "event": "live", "url": url, "warning": warning }),
+                None => serde_json::json!({ "event": "live", "url": url }),
+            };
+            return vec![event.to_string()];
+        }
+        let page = format!("live view    {url} (to look only: leave out what follows #)");
+        [Some(page), warning.map(|warning| format!("live view    {warning}"))].into_iter().flatten().collect()
+    }
+
+    /// An address with or without a port.
+    fn parse(text: &str) -> Result<SocketAddr, LiveError> {
+        let bare = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).unwrap_or(text);
+        let address = bare.parse::<IpAddr>().map(|ip| SocketAddr::new(ip, 0));
+        address.or_else(|_not_bare| text.parse()).map_err(|_neither| LiveError::Address { got: text.to_owned() })
+    }
+
+    /// The load at which the scenario's responses are read.
+    fn load(scenario: &Scenario) -> Option<Load> {
+        let control = scenario.control.as_ref().map(|control| control.amplitude().load());
+        control.or_else(|| scenario.excitation.as_ref().map(|excitation| excitation.amplitude.load()))
+    }
+
+    /// The frequencies at which an open loop reads responses.
+    fn range_hz(scenario: &Scenario) -> Option<(f64, f64)> {
+        let profile = scenario.profile().ok()?;
+        let windows = profile.windows().map(|window| (window.frequency_hz, window.frequency_hz));
+        windows.reduce(|(low, high), (hz, _)| (low.min(hz), high.max(hz)))
+    }
+
+    /// Walks the branch of motions under `load`.
+    fn compute(scenario: Scenario, load: Load) -> ComputeBranch {
+        Box::new(move |low_hz, high_hz| {
+            let ends = [low_hz, high_hz];
+            let ends = ends.map(|frequency_hz| Drawn { frequency_hz, amplitude_rad: [0.0; 2], settled: true });
+            match walk_point::branch(&scenario, &load, &ends, TURN_RAD) {
+                Ok(branch) => Some(lines(&branch)),
+                Err(error) => {
+                    tracing::warn!("the branch of the live view can't be computed: {error}");
+                    None
+                }
+            }
+        })
+    }
+
+    fn lines(branch: &Branch) -> BranchLines {
+        let at = |row: &Row| [row.orbit.value, row.orbit.amplitude_rad[0], row.orbit.amplitude_rad[1]];
+        let rows = branch.rows();
+        let mut lines = BranchLines::default();
+        for (a, b, is_stable) in segments(&rows, Row::stable) {
+            let line = if is_stable { &mut lines.stable } else { &mut lines.unstable };
+            if line.last() != Some(&Some(at(a))) {
+                line.extend([None, Some(at(a))]);
+            }
+            line.push(Some(at(b)));
+        }
+        let folds = rows.iter().filter(|row| row.bifurcation == Some(BifurcationKind::Fold));
+        lines.folds = folds.map(at).collect();
+        lines
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn whoever_listens_beyond_loopback_is_warned() {
+            let said = |address: &str| announcement("http://x/#t", address.parse().unwrap(), false);
+            insta::assert_snapshot!(said("0.0.0.0:8080").join("\n"), @"
+            live view    http://x/#t (to look only: leave out what follows #)
+            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: whoever reaches it may look, and whoever reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
+            ");
+            for near in ["127.0.0.1:1", "127.8.0.1:1", "[::1]:1", "[::ffff:127.0.0.1]:1"] {
+                assert_eq!(said(near), ["live view    http://x/#t (to look only: leave out what follows #)"], "{near}");
+            }
+            for far in ["10.0.0.7:1", "[::]:1", "[2001:db8::1]:1"] {
+                assert_eq!(said(far).len(), 2, "{far}");
+            }
+            let event = |address: &str| {
+                let [line] = &announcement("u", address.parse().unwrap(), true)[..] else { panic!("one line") };
+                serde_json::from_str::<serde_json::Value>(line).unwrap()
+            };
+            assert_eq!(event("127.0.0.1:1"), serde_json::json!({ "event": "live", "url": "u" }));
+            assert!(event("0.0.0.0:1")["warning"].as_str().unwrap().starts_with("LISTENS BEYOND THIS MACHINE"));
+        }
+    }
+}

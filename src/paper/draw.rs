@@ -1,0 +1,176 @@
+//! The figures drawn: stable blue, unstable red and dashed.
+
+use resonarm::analysis;
+use resonarm_figures::paper::{Abscissa, Curve, Curves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way};
+use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series, Style};
+
+/// Fig. 3, a panel for each preset.
+pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figure {
+    let mut figure = plot::Figure::new("Natural frequencies of the arm against the angle of link 2");
+    figure.columns = 2;
+    for curves in presets {
+        let x = Axis::degrees("β₂ (°)").range(-180.0, 180.0);
+        let highest = curves.frequency_hz.iter().fold(0.0_f64, |highest, frequencies| highest.max(frequencies[1]));
+        let mut panel = plot::Panel::new(x, Axis::linear("natural frequency (Hz)").range(0.0, 1.05 * highest));
+        for (mode, color) in [Color::Blue, Color::Vermillion].into_iter().enumerate() {
+            let points = curves.beta2_deg.iter().zip(&curves.frequency_hz);
+            let points = points.map(|(beta2_deg, frequencies)| (*beta2_deg, frequencies[mode])).collect();
+            panel = panel.with(Series::line(format!("mode {}", mode + 1), color, points));
+        }
+        figure = figure.with(panel.title(curves.preset.name()));
+    }
+    figure
+}
+
+/// A figure of branches.
+pub(super) fn curves(curves: &Curves) -> plot::Figure {
+    let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
+    for (index, panel) in curves.panels.iter().enumerate() {
+        let drawn = draw(curves, panel);
+        figure = figure.with(if index == 0 { drawn } else { drawn.legend(Legend::None) });
+    }
+    figure
+}
+
+/// The room above the highest peak of a panel, for its name.
+const HEADROOM: f64 = 1.15;
+/// The same for logarithmic panels: room for a row of names and the lines to their peaks.
+const LOG_HEADROOM: f64 = 30.0;
+/// A panel without a range shows each curve where it has at least this part of the panel's highest peak, or half of its
+/// own,
+const SHOWN: f64 = 0.05;
+/// and this part of the width more on either side.
+const MARGIN: f64 = 0.08;
+/// What a logarithmic panel shows of amplitudes: down from its highest peak, by this factor.
+const DECADES: f64 = 1e-5;
+
+fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
+    let link = panel.link - 1;
+    let branches = || panel.curves.iter().filter_map(|index| curves.curves.get(*index));
+    let range = panel.range.unwrap_or_else(|| shown(branches().map(|curve| &curve.branch), panel));
+    let inside = |motion: &&Motion| (range[0]..=range[1]).contains(&abscissa(panel, motion));
+    let top = branches().flat_map(|curve| &curve.branch.motions).filter(inside);
+    let top = top.fold(0.0_f64, |top, motion| top.max(motion.amplitude_rad[link]));
+    let top = curves.measured.iter().fold(top, |top, point| top.max(point.amplitude_rad[link]));
+    let label = format!("amplitude of {} (rad)", ["α₁", "α₂"][link]);
+    let y = if panel.logarithmic {
+        Axis::log(label).range(DECADES * top, LOG_HEADROOM * top)
+    } else {
+        Axis::linear(label).range(0.0, HEADROOM * top)
+    };
+    let x = match panel.abscissa {
+        Abscissa::FrequencyHz => "excitation frequency (Hz)",
+        Abscissa::Torque1Nm => "amplitude of the torque (N·m)",
+    };
+    let mut drawn = plot::Panel::new(Axis::linear(x).range(range[0], range[1]), y);
+    for curve in branches() {
+        drawn = drawn.with(Series::stable(stretches(&curve.branch, panel, true)));
+        drawn = drawn.with(Series::unstable(stretches(&curve.branch, panel, false)));
+    }
+    drawn = with_points(drawn, &curves.measured, link);
+    if panel.names {
+        drawn = with_names(drawn, panel, range, branches());
+    }
+    if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
+}
+
+/// The panel with what was measured, the links counting from 0. The marks are those of `experiment fig9`.
+fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], link: usize) -> plot::Panel {
+    for way in Way::ALL {
+        let (color, shape) = match way {
+            Way::Up => (Color::Vermillion, Marker::Triangle),
+            Way::Down => (Color::Purple, Marker::Square),
+            Way::Walk => (Color::Green, Marker::Circle),
+        };
+        let points = measured.iter().filter(|point| point.way == way);
+        let points: Vec<_> = points.map(|point| (point.frequency_hz, point.amplitude_rad[link])).collect();
+        if !points.is_empty() {
+            let style = Style::Markers { color, shape, size: 5.0, filled: false };
+            drawn = drawn.with(Series::markers(way.label(), color, shape, points).style(style));
+        }
+    }
+    drawn
+}
+
+fn abscissa(panel: &Panel, motion: &Motion) -> f64 {
+    match panel.abscissa {
+        Abscissa::FrequencyHz => motion.frequency_hz,
+        Abscissa::Torque1Nm => motion.excitation,
+    }
+}
+
+/// Where the curves of a panel without a range are large.
+fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) -> [f64; 2] {
+    let link = panel.link - 1;
+    let branches: Vec<&ForcedBranch> = branches.collect();
+    let peak = |branch: &ForcedBranch| {
+        branch.motions.iter().fold(0.0_f64, |peak, motion| peak.max(motion.amplitude_rad[link]))
+    };
+    let highest = branches.iter().fold(0.0_f64, |highest, branch| highest.max(peak(branch)));
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for branch in branches {
+        let level = (SHOWN * highest).min(0.5 * peak(branch));
+        for motion in branch.motions.iter().filter(|motion| motion.amplitude_rad[link] >= level) {
+            (low, high) = (low.min(abscissa(panel, motion)), high.max(abscissa(panel, motion)));
+        }
+    }
+    [low - MARGIN * (high - low), high + MARGIN * (high - low)]
+}
+
+/// The stretches of one stability, with gaps between them.
+fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
+    let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[panel.link - 1]);
+    analysis::stretches(&branch.motions, Motion::stable, stable, at)
+}
+
+/// A maximum between samples is that of a zone if it is as high as the highest sample, but for this.
+const SAME: f64 = 0.999;
+
+/// The panel with the names of its curves: over their peaks, in logarithmic panels in a row for each zone, since there
+/// peaks of several poses crowd.
+fn with_names<'a>(
+    mut drawn: plot::Panel,
+    panel: &Panel,
+    range: [f64; 2],
+    curves: impl Iterator<Item = &'a Curve>,
+) -> plot::Panel {
+    let mut rows: [Vec<Note>; 2] = Default::default();
+    for curve in curves {
+        let name = |at| Note { at, text: curve.label.clone() };
+        match named_at(&curve.branch, panel, range) {
+            Named::Peaks(zones) if panel.logarithmic => {
+                rows.iter_mut().zip(zones).for_each(|(row, at)| row.extend(at.map(name)));
+            }
+            Named::Peaks(zones) => drawn.notes.extend(zones.into_iter().flatten().map(name)),
+            Named::End(at) => drawn.notes.extend(at.map(name)),
+        }
+    }
+    rows.into_iter().filter(|row| !row.is_empty()).fold(drawn, plot::Panel::row)
+}
+
+/// Where the name of a curve stands.
+enum Named {
+    /// Over its peak in each zone that has one.
+    Peaks([Option<(f64, f64)>; 2]),
+    /// Where it ends, or is highest if it has no peak.
+    End(Option<(f64, f64)>),
+}
+
+fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
+    let link = panel.link - 1;
+    let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[link]);
+    if panel.abscissa == Abscissa::Torque1Nm {
+        return Named::End(branch.motions.last().map(at));
+    }
+    let maxima = branch.maxima(link);
+    // A zone that the panel cuts off may rise to its edge: that is no peak, nor is what is lower than the edge.
+    let peak = |zone: [f64; 2]| {
+        let (from, to) = (zone[0].max(range[0]), zone[1].min(range[1]));
+        let highest = branch.peak(link, [from, to]).ok()?.amplitude_rad[link];
+        let top =
+            maxima.iter().find(|top| (from..=to).contains(&top.frequency_hz) && top.amplitude_rad >= SAME * highest)?;
+        Some((top.frequency_hz, top.amplitude_rad))
+    };
+    let peaks = branch.zones_hz().map(peak);
+    if peaks == [None, None] { Named::End(branch.peak(link, range).ok().map(at)) } else { Named::Peaks(peaks) }
+}

@@ -1,0 +1,164 @@
+//! How far work is, on standard error: a bar on a terminal, elsewhere a plain line every ten seconds.
+//!
+//! Lines are log entries in all but form: `RESONARM_LOG` leaves them out with `error` or `off`, or by the name
+//! `resonarm::progress`.
+
+use std::io::IsTerminal;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::output;
+use resonarm::realtime::{Clock, SystemClock};
+
+/// How long nothing is shown on a terminal, ns.
+const PATIENCE_NS: u64 = 2_000_000_000;
+/// From line to line where there is no terminal, and from the beginning to the first, ns.
+const PACE_NS: u64 = 10_000_000_000;
+
+/// How much is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Done {
+    /// Nobody knows.
+    Unknown,
+    /// So many of so many, counted in this.
+    Of(u64, u64, &'static str),
+    /// So many of so many, of which the share says more than the count.
+    Share(u64, u64),
+}
+
+/// The times at which lines are due.
+#[derive(Debug)]
+pub(super) struct Pace {
+    name: &'static str,
+    start_ns: u64,
+    due_ns: u64,
+}
+
+impl Pace {
+    /// Of work that is called `name` and begins now.
+    pub fn new(name: &'static str, now_ns: u64) -> Pace {
+        Pace { name, start_ns: now_ns, due_ns: now_ns + PACE_NS }
+    }
+
+    /// The line that is due, if one is.
+    pub fn line(&mut self, now_ns: u64, done: Done) -> Option<String> {
+        if now_ns < self.due_ns {
+            return None;
+        }
+        self.due_ns = now_ns + PACE_NS;
+        Some(words(self.name, done, now_ns.saturating_sub(self.start_ns) / 1_000_000_000))
+    }
+}
+
+/// Whether lines of progress are wanted.
+pub(super) fn are_lines_wanted() -> bool {
+    tracing::enabled!(target: "resonarm::progress", tracing::Level::WARN)
+}
+
+fn words(name: &str, done: Done, after_s: u64) -> String {
+    match done {
+        Done::Unknown => format!("{name}: still at work after {after_s} s"),
+        Done::Of(done, total, what) => format!("{name}: {done} of {total} {what} after {after_s} s"),
+        Done::Share(done, total) => {
+            let percent = 100.0 * done as f64 / total.max(1) as f64;
+            format!("{name}: {percent:.0} % after {after_s} s")
+        }
+    }
+}
+
+/// Shows how far work is until it is dropped: a bar on a terminal after two seconds, else lines.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    start_ns: u64,
+    /// Ends the thread that writes lines when it is dropped.
+    _lines: Option<Sender<()>>,
+}
+
+impl Progress {
+    /// Of `count` steps, counted in `what`.
+    pub fn new(name: &'static str, count: usize, what: &'static str) -> Progress {
+        let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden()).with_message(name);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}, {elapsed}") {
+            bar.set_style(style);
+        }
+        let counted = bar.clone();
+        let done = move || Done::Of(counted.position(), counted.length().unwrap_or_default(), what);
+        let lines = if std::io::stderr().is_terminal() { None } else { lines(name, done) };
+        Progress { bar, start_ns: SystemClock.now_ns(), _lines: lines }
+    }
+
+    /// Of work that can't be counted: lines on terminals, too.
+    pub fn uncounted(name: &'static str) -> Progress {
+        Progress { bar: ProgressBar::hidden(), start_ns: 0, _lines: lines(name, || Done::Unknown) }
+    }
+
+    /// There are this many steps.
+    pub fn expect(&self, count: usize) {
+        self.bar.set_length(count as u64);
+    }
+
+    /// One step more is done.
+    pub fn step(&self) {
+        let after_ns = SystemClock.now_ns().saturating_sub(self.start_ns);
+        if self.bar.is_hidden() && after_ns > PATIENCE_NS && std::io::stderr().is_terminal() {
+            self.bar.set_draw_target(ProgressDrawTarget::stderr());
+        }
+        self.bar.inc(1);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Writes lines on a thread of its own until what it returns is dropped. Work goes on without them if the system has no
+/// thread left.
+fn lines(name: &'static str, done: impl Fn() -> Done + Send + 'static) -> Option<Sender<()>> {
+    if !are_lines_wanted() {
+        return None;
+    }
+    let (sender, ended) = mpsc::channel();
+    let mut pace = Pace::new(name, SystemClock.now_ns());
+    let write = move || {
+        while is_going_on(&ended, &pace) {
+            if let Some(line) = pace.line(SystemClock.now_ns(), done()) {
+                output::note(&line);
+            }
+        }
+    };
+    thread::Builder::new().name(String::from("progress")).spawn(write).ok().map(|_thread| sender)
+}
+
+/// Waits for the time of the next line; whether the work goes on then.
+fn is_going_on(ended: &Receiver<()>, pace: &Pace) -> bool {
+    let wait = Duration::from_nanos(pace.due_ns.saturating_sub(SystemClock.now_ns()));
+    matches!(ended.recv_timeout(wait), Err(RecvTimeoutError::Timeout))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_at_a_steady_pace() {
+        const S: u64 = 1_000_000_000;
+        let mut pace = Pace::new("walk", 5 * S);
+        let times = (5..60).filter(|s| pace.line(s * S, Done::Unknown).is_some());
+        assert_eq!(times.collect::<Vec<_>>(), [15, 25, 35, 45, 55]);
+    }
+
+    #[test]
+    fn lines_say_how_far_the_work_is() {
+        let said = |done| Pace::new("walk", 0).line(12_900_000_000, done).unwrap();
+        insta::assert_snapshot!(said(Done::Of(3, 25, "points")), @"walk: 3 of 25 points after 12 s");
+        insta::assert_snapshot!(said(Done::Share(31_400, 60_000)), @"walk: 52 % after 12 s");
+        insta::assert_snapshot!(said(Done::Share(0, 0)), @"walk: 0 % after 12 s");
+        insta::assert_snapshot!(said(Done::Unknown), @"walk: still at work after 12 s");
+    }
+}

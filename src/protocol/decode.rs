@@ -1,0 +1,219 @@
+//! `resonarm protocol decode`: what frames say.
+
+use core::fmt::Write;
+use std::io::{self, BufRead};
+use std::path::Path;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::NetworkFlags;
+use super::log_line::LogLine;
+use crate::failure::{Failure, Verdict};
+use crate::output;
+use resonarm_numeric::number::short;
+use resonarm::protocol::{DecodeError, Message, Receiver};
+
+/// Says what frames mean, and whether a receiver takes them: form, E2E protection, content. Counters are judged from
+/// frame to frame, as a receiver does that has listened from the first one on.
+#[derive(Debug, Args)]
+pub(super) struct Decode {
+    /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from
+    /// standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol decode <
+    /// can0.log`. A line that is neither is told, counted and left out; then the exit code is 1.
+    #[arg(value_name = "FRAME")]
+    frames: Vec<String>,
+    #[command(flatten)]
+    network: NetworkFlags,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How much of a line without a frame is shown.
+const SHOWN_CHARS: usize = 80;
+
+/// How many frames of each verdict.
+#[derive(Default, Serialize)]
+struct Counts {
+    frames: u64,
+    taken: u64,
+    refused: u64,
+    /// Of other protocols or networks.
+    foreign: u64,
+    /// As the counters tell.
+    lost: u64,
+    /// Lines that hold no frame.
+    unreadable_lines: u64,
+}
+
+/// What became of a frame.
+enum Verdicted {
+    Taken(Message),
+    Refused(DecodeError),
+    Foreign,
+}
+
+/// What was read so far.
+struct Decoding {
+    receiver: Receiver,
+    counts: Counts,
+    /// Where the result is one document: the frames, and the lines that hold none.
+    rows: Option<[Vec<Value>; 2]>,
+}
+
+impl Decode {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let mut decoding = Decoding {
+            receiver: Receiver::new(self.network.network()?),
+            counts: Counts::default(),
+            rows: self.json.then(Default::default),
+        };
+        if self.frames.is_empty() {
+            decoding.lines(io::stdin().lock())?;
+        } else {
+            for frame in &self.frames {
+                decoding.frame(&parse(frame).map_err(|reason| not_a_frame(frame, reason))?)?;
+            }
+        }
+        decoding.finish()
+    }
+}
+
+impl Decoding {
+    /// Every line of a log. What is no line of one is told, and left out.
+    fn lines(&mut self, log: impl BufRead) -> Result<(), Failure> {
+        for (line, number) in log.split(b'\n').zip(1..) {
+            let line = line.map_err(|error| Failure::Usage(format!("standard input can't be read: {error}")))?;
+            let line = String::from_utf8_lossy(&line);
+            if line.trim().is_empty() {
+                continue;
+            }
+            match parse(&line) {
+                Ok(line) => self.frame(&line)?,
+                Err(reason) => self.unreadable(number, &reason)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn frame(&mut self, line: &LogLine) -> Result<(), Failure> {
+        let verdict = match self.receiver.accept(&line.frame) {
+            Ok(Some(message)) => Verdicted::Taken(message),
+            Ok(None) => Verdicted::Foreign,
+            Err(error) => Verdicted::Refused(error),
+        };
+        self.counts.add(&verdict);
+        match &mut self.rows {
+            Some([frames, _]) => frames.push(row(line, &verdict)),
+            None => output::print(&text(line, &verdict))?,
+        }
+        Ok(())
+    }
+
+    fn unreadable(&mut self, number: u64, reason: &str) -> Result<(), Failure> {
+        self.counts.unreadable_lines += 1;
+        match &mut self.rows {
+            Some([_, lines]) => lines.push(json!({ "line": number, "reason": reason })),
+            None => output::print(&format!("line {number}: {reason}\n"))?,
+        }
+        Ok(())
+    }
+
+    /// Tells what there was in all.
+    fn finish(mut self) -> Result<Verdict, Failure> {
+        self.counts.lost = self.receiver.lost();
+        let Counts { frames, refused, unreadable_lines, .. } = self.counts;
+        if let Some([frames, lines]) = self.rows {
+            output::print_json(&json!({ "frames": frames, "unreadable": lines, "counts": self.counts }))?;
+        } else if frames > 1 || unreadable_lines > 0 {
+            output::print(&self.counts.text())?;
+        }
+        Ok(Verdict::of(refused == 0 && unreadable_lines == 0))
+    }
+}
+
+fn parse(line: &str) -> Result<LogLine, String> {
+    LogLine::parse(line).map_err(|error| match line.char_indices().nth(SHOWN_CHARS) {
+        Some((end, _)) => format!("{:?}…: {error}", &line[..end]),
+        None => format!("{line:?}: {error}"),
+    })
+}
+
+/// An argument that is no frame may be the name of a file with some.
+fn not_a_frame(argument: &str, reason: String) -> Failure {
+    Failure::Usage(match Path::new(argument).is_file() {
+        true => format!("{reason}. It is a file: `resonarm protocol decode < {argument}` reads it"),
+        false => reason,
+    })
+}
+
+impl Counts {
+    fn add(&mut self, verdict: &Verdicted) {
+        self.frames += 1;
+        match verdict {
+            Verdicted::Taken(_) => self.taken += 1,
+            Verdicted::Refused(_) => self.refused += 1,
+            Verdicted::Foreign => self.foreign += 1,
+        }
+    }
+
+    fn text(&self) -> String {
+        let Counts { frames, taken, refused, foreign, lost, unreadable_lines } = self;
+        let mut text = format!(
+            "{frames} frames: {taken} taken, {refused} refused, {foreign} of other protocols; {lost} lost before them"
+        );
+        if *unreadable_lines > 0 {
+            let _infallible = write!(text, "; {unreadable_lines} lines without a frame");
+        }
+        text.push('\n');
+        text
+    }
+}
+
+fn row(line: &LogLine, verdict: &Verdicted) -> Value {
+    let mut row = json!({ "frame": line.frame.to_string(), "time_s": line.time_s, "interface": line.interface });
+    let (outcome, more) = match verdict {
+        Verdicted::Taken(message) => {
+            let mut signals = Map::new();
+            message.signals(|name, value| drop(signals.insert(name.to_owned(), json!(value))));
+            let kind = message.kind();
+            ("taken", json!({ "message": kind.name(), "sender": kind.sender().to_string(), "signals": signals }))
+        }
+        Verdicted::Refused(error) => {
+            ("refused", json!({ "message": error.kind().name(), "reason": error.to_string() }))
+        }
+        Verdicted::Foreign => ("foreign", json!({})),
+    };
+    row["verdict"] = json!(outcome);
+    if let (Some(row), Value::Object(more)) = (row.as_object_mut(), more) {
+        row.extend(more);
+    }
+    row
+}
+
+fn text(line: &LogLine, verdict: &Verdicted) -> String {
+    let mut text = String::new();
+    if let (Some(time_s), Some(interface)) = (line.time_s, &line.interface) {
+        let _infallible = write!(text, "({time_s:.6}) {interface} ");
+    }
+    let _infallible = write!(text, "{}  ", line.frame);
+    match verdict {
+        Verdicted::Taken(message) => {
+            let _infallible = write!(text, "{}", message.kind());
+            message.signals(|name, value| {
+                let _infallible = write!(text, " {name}={}", short(&value));
+            });
+            if let Message::Emergency(emergency) = message {
+                let _infallible = write!(text, " ({emergency})");
+            }
+        }
+        Verdicted::Refused(error) => {
+            let _infallible = write!(text, "{error}");
+        }
+        Verdicted::Foreign => text.push_str("not of this network"),
+    }
+    text.push('\n');
+    text
+}

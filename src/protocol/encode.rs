@@ -1,0 +1,72 @@
+//! `resonarm protocol encode`: the frame of a message.
+
+use clap::Args;
+
+use super::NetworkFlags;
+use crate::failure::{Failure, Verdict};
+use crate::output;
+use resonarm::protocol::{Message, MessageKind, Transmitter};
+
+/// Prints the frame of a message, protected, as cansend takes it.
+#[derive(Debug, Args)]
+pub(super) struct Encode {
+    /// The message, by its name in the DBC, such as ForceCommand.
+    #[arg(value_name = "MESSAGE")]
+    message: String,
+    /// Its signals, such as force_x_n=10; marks of saturation that are left out are 0.
+    #[arg(value_name = "SIGNAL=VALUE")]
+    signals: Vec<String>,
+    /// The counter of the message.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    counter: u8,
+    #[command(flatten)]
+    network: NetworkFlags,
+}
+
+impl Encode {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let network = self.network.network()?;
+        let kind = self.kind()?;
+        let signals = self.signals.iter().map(|text| signal(text)).collect::<Result<Vec<_>, _>>()?;
+        let mut used = Vec::new();
+        let message = Message::from_signals(kind, |name| {
+            used.push(name);
+            signals.iter().find(|(given, _)| *given == name).map(|(_, value)| *value)
+        });
+        let message = message.map_err(|error| Failure::Usage(error.to_string()))?;
+        if let Some((unknown, _)) = signals.iter().find(|(given, _)| !used.contains(given)) {
+            return Err(Failure::Usage(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
+        }
+        let most = kind.form(network.profile()).and_then(|form| form.protection).map_or(0, |p| p.counter_max());
+        if self.counter > most {
+            return Err(Failure::Usage(format!("--counter is {}: of {kind} it goes from 0 to {most}", self.counter)));
+        }
+        let mut transmitter = Transmitter::new(network);
+        let mut frame = transmitter.frame(&message);
+        for _ in 0..self.counter {
+            frame = transmitter.frame(&message);
+        }
+        let frame = frame.map_err(|error| Failure::Usage(error.to_string()))?;
+        output::print(&format!("{frame}\n"))?;
+        Ok(Verdict::Positive)
+    }
+
+    fn kind(&self) -> Result<MessageKind, Failure> {
+        let known = MessageKind::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(&self.message));
+        known.ok_or_else(|| {
+            let names = MessageKind::ALL.map(MessageKind::name).join(", ");
+            Failure::Usage(format!("there is no message {:?}, only {names}", self.message))
+        })
+    }
+}
+
+/// A name and a value; numbers may be hexadecimal.
+fn signal(text: &str) -> Result<(&str, f64), Failure> {
+    let number = |value: &str| match value.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16).ok().map(f64::from),
+        None => value.parse::<f64>().ok(),
+    };
+    text.split_once('=')
+        .and_then(|(name, value)| Some((name, number(value)?)))
+        .ok_or_else(|| Failure::Usage(format!("{text:?} is not of the form signal=number")))
+}

@@ -1,0 +1,143 @@
+//! What a bench reads of computed motions, in the documents and tables of every command that gives periodic motions.
+
+use core::fmt::Write;
+
+use clap::Args;
+use serde::{Serialize, Serializer};
+use serde_json::{Map, Value, json};
+
+use resonarm::analysis::{ArmParameter, Coordinate, ForcedArm, Orbit, Readings, Response};
+use resonarm::excitation::Phasor;
+
+/// Whether readings are wanted.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct ReadingsFlag {
+    /// Add what a bench reads at B and C to the points in JSON and CSV: the fundamental of displacement, velocity and
+    /// acceleration.
+    #[arg(long)]
+    pub readings: bool,
+}
+
+/// The keys, for the end of a help text: a line for each paragraph.
+const HELP: &str = "\
+With --readings every motion in JSON and CSV has its component at the frequency of the excitation; a doubled motion \
+too.
+  JSON: readings.PLACE.QUANTITY.PART_UNIT, as readings.c_x.acceleration.amplitude_m_s2 or readings.c_x.velocity.lag_deg
+  CSV: PLACE_QUANTITY_PART_UNIT, as c_x_acceleration_amplitude_m_s2 or c_x_velocity_lag_deg
+PLACE is b_x, b_y, c_x or c_y: the points B and C along x and y of the base frame. QUANTITY is displacement, velocity \
+or acceleration, in m, m/s and m/s². With the load A sin Ωt, A with its sign, the component is
+  amplitude sin(Ωt − lag) = real sin Ωt + imaginary cos Ωt
+with a lag from −180° to 180°. At small loads real + i imaginary is A times what `frf` gives; the phase of `frf`, by \
+which the response leads, is the lag with the other sign.";
+
+/// A help text's end: examples, then the keys, and what else there is to say of readings.
+pub(super) fn help_after(examples: &str, more: &str) -> String {
+    format!("{examples}\n\n{HELP}{more}")
+}
+
+const PLACES: [(&str, Response); 4] =
+    [("b_x", Response::BX), ("b_y", Response::BY), ("c_x", Response::CX), ("c_y", Response::CY)];
+
+type Of = fn(&Readings, Response) -> Phasor;
+
+/// Names with the units behind them.
+const QUANTITIES: [(&str, &str, Of); 3] = [
+    ("displacement", "m", Readings::displacement),
+    ("velocity", "m_s", Readings::velocity),
+    ("acceleration", "m_s2", Readings::acceleration),
+];
+
+/// Parts of a phasor with their units, that of the quantity being `unit`.
+fn parts(phasor: Phasor, unit: &str) -> [(&'static str, &str, f64); 4] {
+    [
+        ("amplitude", unit, libm::hypot(phasor.re, phasor.im)),
+        ("lag", "deg", lag_deg(phasor)),
+        ("real", unit, phasor.re),
+        ("imaginary", unit, phasor.im),
+    ]
+}
+
+/// The lag behind sin Ωt, above −180° and up to 180°.
+fn lag_deg(phasor: Phasor) -> f64 {
+    // The difference is 0 for both zeros: what is in phase does not lag by −0°, and what opposes it not by −180°.
+    libm::atan2(0.0 - phasor.im, phasor.re).to_degrees()
+}
+
+/// Readings as a document has them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReadingsDocument(pub Readings);
+
+impl ReadingsDocument {
+    pub fn value(&self) -> Value {
+        let quantity = |(name, unit, of): (&str, &str, Of), place| {
+            let numbers =
+                parts(of(&self.0, place), unit).map(|(part, unit, value)| (format!("{part}_{unit}"), json!(value)));
+            (name.to_string(), Value::Object(Map::from_iter(numbers)))
+        };
+        let place = |(name, place): (&str, Response)| {
+            let quantities = QUANTITIES.map(|each| quantity(each, place));
+            (name.to_string(), Value::Object(Map::from_iter(quantities)))
+        };
+        Value::Object(Map::from_iter(PLACES.map(place)))
+    }
+
+    /// The cells of a table, a comma before each.
+    pub fn cells(&self) -> String {
+        let mut text = String::new();
+        for (_, place) in PLACES {
+            for (_, unit, of) in QUANTITIES {
+                for (part, _, value) in parts(of(&self.0, place), unit) {
+                    let _infallible = if part == "lag" { write!(text, ",{value}") } else { write!(text, ",{value:e}") };
+                }
+            }
+        }
+        text
+    }
+}
+
+impl Serialize for ReadingsDocument {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.value().serialize(serializer)
+    }
+}
+
+/// Reads the motions of branches that one arm was walked along.
+#[derive(Clone, Debug)]
+pub(super) struct Reader {
+    pub forced: ForcedArm,
+    pub coordinate: Coordinate<ArmParameter>,
+}
+
+impl Reader {
+    pub fn read(&self, orbit: &Orbit) -> ReadingsDocument {
+        ReadingsDocument(Readings::of_orbit(&self.forced, self.coordinate, orbit))
+    }
+}
+
+/// The columns of a table, a comma before each; nothing if they are not wanted.
+pub(super) fn columns(wanted: bool) -> String {
+    let mut text = String::new();
+    if !wanted {
+        return text;
+    }
+    for (place, _) in PLACES {
+        for (quantity, unit, _) in QUANTITIES {
+            for (part, unit, _) in parts(Phasor::default(), unit) {
+                let _infallible = write!(text, ",{place}_{quantity}_{part}_{unit}");
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lags_are_of_one_turn() {
+        let lag = |re, im| lag_deg(Phasor::new(re, im)).to_string();
+        assert_eq!([lag(1.0, 0.0), lag(1.0, -0.0), lag(0.0, -1.0), lag(0.0, 2.0)], ["0", "0", "90", "-90"]);
+        assert_eq!([lag(-1.0, 0.0), lag(-1.0, -0.0), lag(-1.0, 1.0), lag(0.0, 0.0)], ["180", "180", "-135", "0"]);
+    }
+}

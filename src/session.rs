@@ -1,0 +1,276 @@
+//! What `run`, `exciter` and `demo` share: flags of a session, and its report in words.
+
+use core::fmt::Write;
+use core::time::Duration;
+use std::path::PathBuf;
+
+use clap::Args;
+use rtrb::{Consumer, Producer, RingBuffer};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::failure::Failure;
+use super::supervise::Line;
+use resonarm::bus::{Bus, BusAddress, network_filters};
+use resonarm_numeric::number::short;
+use resonarm::realtime::Percentiles;
+use resonarm::recording::Existing;
+use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+
+/// Events on their way to standard error.
+const EVENTS: usize = 256;
+
+/// Where to record.
+#[derive(Clone, Debug, Args)]
+pub(super) struct RecordFlags {
+    /// Record everything into this MCAP file.
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Overwrite the recording and the figure if they exist.
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+impl RecordFlags {
+    pub fn target(&self) -> Option<RecordTo> {
+        let existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        self.record.clone().map(|path| RecordTo { path, existing })
+    }
+}
+
+/// A time that was given as seconds.
+pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
+    Duration::try_from_secs_f64(given_s).map_err(|error| {
+        Failure::Usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
+    })
+}
+
+/// Has the kernel hand over the frames of the session's network alone, which is for a run that neither records nor
+/// shows those of others. Other adapters may filter in software, and lose what tells of their controller.
+pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
+    match address {
+        BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),
+        BusAddress::Memory | BusAddress::PythonCan(_) => Ok(()),
+    }
+}
+
+/// The way of a run's events from its loop, which must not wait, to standard error.
+pub(super) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
+    RingBuffer::new(EVENTS)
+}
+
+/// Writes a run's events to standard error: a line each, for people or as JSON.
+pub(super) struct EventLog {
+    pub events: Consumer<RunEvent>,
+    pub json: bool,
+    /// The name of the bus.
+    pub bus: String,
+}
+
+impl EventLog {
+    /// Writes what has happened since the last call, above the last line.
+    pub fn write(&mut self, last: &Line) {
+        while let Ok(event) = self.events.pop() {
+            let line = if self.json { serde_json::to_string(&event).ok() } else { self.words(&event) };
+            if let Some(line) = line {
+                last.note(&line);
+            }
+        }
+    }
+
+    fn words(&self, event: &RunEvent) -> Option<String> {
+        let bus = &self.bus;
+        Some(match event {
+            RunEvent::Ready => format!("ready on {bus}: waiting for a controller to arm the plant"),
+            RunEvent::Armed { sample } => format!("armed at sample {sample}"),
+            RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
+            RunEvent::Faulted { fault, partner: None } => in_words(fault),
+            RunEvent::Faulted { fault, partner: Some(said) } => {
+                format!("{}; the exciter said: {}", in_words(fault), in_words(said))
+            }
+            RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
+            RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {
+                format!("the controller of {bus} is bus-off: going on for a while in case it comes back")
+            }
+            RunEvent::BusLost { cause: BusLoss::Down, .. } => {
+                format!("{bus} is down: going on for a while in case it comes back")
+            }
+            RunEvent::OtherSender { sample, identifier } => format!(
+                "a frame of another network came under {identifier:#05X}, which only this plant sends, at sample {sample}: \
+                 {OTHER_SENDER}"
+            ),
+            RunEvent::BusBack { .. } => format!("{bus} is back: a controller can reset and arm the plant"),
+            RunEvent::Controller { state, .. } => format!("the controller of {bus} is {}", state.name()),
+            // On a machine that stalls all the time a line each would be a flood; the summary has the sum.
+            RunEvent::Slipped { .. } => return None,
+        })
+    }
+}
+
+/// What to do about another sender.
+const OTHER_SENDER: &str = "two networks have one base; give each its own (network.base_id)";
+
+fn in_words(fault: &Fault) -> String {
+    format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample)
+}
+
+/// What to say at the end of frames under this node's own identifiers; `None` if there were none.
+pub(super) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
+    (bus.other_sender > 0).then(|| {
+        format!(
+            "{} frames of another network came under identifiers that only this node sends: {OTHER_SENDER}",
+            bus.other_sender
+        )
+    })
+}
+
+/// The frames of an end, counted.
+pub(super) fn frames_text(bus: &BusCounts) -> String {
+    let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, .. } = bus;
+    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
+    if *other_sender > 0 {
+        let _infallible = write!(text, " ({other_sender} of another network under own identifiers)");
+    }
+    if *malformed > 0 {
+        let _infallible = write!(text, ", {malformed} malformed");
+    }
+    text
+}
+
+/// What a plant's run came to, and of which arm, as JSON.
+#[derive(Serialize)]
+pub(super) struct PlantDocument<'a> {
+    /// The arm and its pose.
+    pub configuration: Value,
+    #[serde(flatten)]
+    pub report: &'a PlantReport,
+}
+
+/// A run's result for people.
+pub(super) fn report_text(report: &PlantReport) -> String {
+    let mut text = format!("samples      {}, of {} integration steps", report.samples, report.steps);
+    if report.slipped > 0 {
+        let _infallible =
+            write!(text, ", {} overruns, schedule slipped by {} periods", report.overruns, report.slipped);
+    } else if report.pacing.is_none() && report.wakeup_us.is_some() {
+        let _infallible = write!(text, ", {} overruns", report.overruns);
+    }
+    text.push('\n');
+    if report.overruns > 0 {
+        let told = counted(&report.overrun_causes.in_words()).unwrap_or_default();
+        let _infallible = writeln!(text, "overruns     {told}");
+    }
+    if let Some(spin) = &report.spin {
+        let _infallible = writeln!(text, "spinning     {spin}");
+    }
+    if let Some(pacing) = report.pacing {
+        let _infallible = writeln!(
+            text,
+            "pacing       speed {}, at most {:.3} s behind the clock, {:.3} s at the end",
+            pacing.speed, pacing.longest_lag_s, pacing.lag_s
+        );
+    }
+    let latencies =
+        [("wake-up", report.wakeup_us), ("execution", report.exec_us), ("round trip", report.round_trip_us)];
+    for (name, latency) in latencies {
+        if let Some(Percentiles { p50, p99, p99_9, p99_99, max }) = latency {
+            let _infallible = writeln!(
+                text,
+                "{name:12} p50 {p50:.1} µs, p99 {p99:.1}, p99.9 {p99_9:.1}, p99.99 {p99_99:.1}, max {max:.1}"
+            );
+        }
+    }
+    let _infallible = writeln!(text, "frames       {}", frames_text(&report.bus));
+    let errors = &report.bus.errors;
+    let told = counted(&[
+        ("faults on the wire", errors.protocol),
+        ("not acknowledged", errors.no_ack),
+        ("overflows", errors.overflow),
+        ("error-warning", errors.warning),
+        ("error-passive", errors.passive),
+        ("bus-off", errors.bus_off),
+        ("restarted", errors.restarted),
+        ("of no known kind", errors.other),
+    ]);
+    told.iter().for_each(|told| text.push_str(&format!("controller   {told}\n")));
+    let refused = &report.refused;
+    let reasons = counted(&[
+        ("not armed", refused.not_armed),
+        ("late", refused.late),
+        ("out of order", refused.out_of_order),
+        ("repeated", refused.repeated),
+        ("out of range", refused.out_of_range),
+        ("rate of change", refused.rate_of_change),
+        ("travel", refused.travel),
+    ]);
+    reasons.iter().for_each(|reasons| text.push_str(&format!("refused      commands: {reasons}\n")));
+    if let Some(summary) = &report.recording {
+        let lost: u64 = summary.lost.values().sum();
+        let _infallible =
+            writeln!(text, "recording    {}, {} bytes, {lost} records lost", summary.path.display(), summary.bytes);
+    }
+    text
+}
+
+/// What was counted, by kind; `None` if nothing was.
+fn counted(kinds: &[(&str, u64)]) -> Option<String> {
+    let some = kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{count} {kind}"));
+    Some(some.collect::<Vec<String>>().join(", ")).filter(|text| !text.is_empty())
+}
+
+/// Why a run did not do what it was for, and what to do; `None` if it did.
+pub(super) fn complaint(report: &PlantReport) -> Option<String> {
+    let mut text = match (&report.emergency, report.outcome) {
+        (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
+        (None, Outcome::NotArmed) => String::from(
+            "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
+             same mode and scenario; --patience-s says how long to wait",
+        ),
+        (None, _) => return None,
+    };
+    if report.overruns > 0 {
+        let _infallible = write!(
+            text,
+            "; this process missed {} deadlines itself (see `wake-up`): on a machine that stalls, --mode lockstep gives exact \
+             results",
+            report.overruns
+        );
+    }
+    Some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm::realtime::OverrunCauses;
+
+    #[test]
+    fn what_happens_to_a_plant_is_told() {
+        let (_, events) = event_ring();
+        let log = EventLog { events, json: false, bus: String::from("can0") };
+        let fault = |code, name| Fault { code, name, detail: 2, sample: 300 };
+        let (own, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
+        let said = |event| log.words(&event).unwrap();
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: own, partner: None }), @"fault 4 (partner fault) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: own, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: going on for a while in case it comes back");
+        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: going on for a while in case it comes back");
+        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: 0x203 }), @"a frame of another network came under 0x203, which only this plant sends, at sample 7: two networks have one base; give each its own (network.base_id)");
+    }
+
+    #[test]
+    fn frames_of_another_network_are_told_in_the_summary() {
+        let bus = BusCounts { received: 30, sent: 40, e2e_errors: 7, ..BusCounts::default() };
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused");
+        assert_eq!(other_sender_warning(&bus), None);
+        let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under own identifiers), 1 malformed");
+        insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network came under identifiers that only this node sends: two networks have one base; give each its own (network.base_id)");
+    }
+
+    #[test]
+    fn causes_are_told_that_there_were() {
+        let causes = OverrunCauses { woke_late: 2, step_long: 4, bus_long: 0, stolen: 58, preempted: 1 };
+        insta::assert_snapshot!(counted(&causes.in_words()).unwrap(), @"58 while the host had the core, 1 while other threads had the core, 2 woke late, 4 step long");
+    }
+}

@@ -1,0 +1,195 @@
+//! How a run goes, in a line on standard error while it goes: on a terminal one that is written anew, elsewhere one now
+//! and then if it is asked for.
+
+use core::fmt::Write;
+use core::time::Duration;
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::session::seconds;
+use super::supervise::Line;
+use resonarm_numeric::number::short;
+use resonarm::protocol::NodeState;
+use resonarm::realtime::{Clock, SystemClock};
+use resonarm::run::{Shown, Signals};
+
+/// How often the line on a terminal is written anew, ns.
+const ANEW_NS: u64 = 200_000_000;
+/// The time of which rate, load and lateness are told, ns.
+const WINDOW_NS: u64 = 1_000_000_000;
+
+/// How often a line is written where there is no terminal.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct StatusFlag {
+    /// Write a line with rate, load, lateness, force and state to standard error this often, s, where that is no
+    /// terminal. A terminal shows it anyway.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    status_s: Option<f64>,
+}
+
+impl StatusFlag {
+    /// What is asked for.
+    pub fn every(self) -> Result<Option<Duration>, Failure> {
+        let every = self.status_s.map(|given_s| seconds("--status-s", given_s)).transpose()?;
+        match (self.status_s, every) {
+            (Some(given_s), Some(Duration::ZERO)) => Err(Failure::Usage(format!(
+                "--status-s is {}: it is the time from line to line in seconds, above 0",
+                short(&given_s)
+            ))),
+            (_, every) => Ok(every),
+        }
+    }
+}
+
+/// Which line is written.
+pub(super) enum Style {
+    /// For people.
+    People {
+        /// From line to line where there is no terminal; `None` writes none there.
+        every: Option<Duration>,
+    },
+    /// None: standard error holds JSON.
+    Off,
+}
+
+/// Writes the line.
+pub(super) struct Status {
+    style: Style,
+    /// What the gauges showed at the beginning of the window, and when, ns.
+    before: Option<(u64, Shown)>,
+    /// What is told of the last whole window.
+    window: Option<Window>,
+    written_ns: u64,
+}
+
+/// What happened in a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Window {
+    /// Samples a second.
+    rate_hz: f64,
+    /// The work's share of the time; `None` where none is measured.
+    load: Option<f64>,
+    /// How late the latest sample was, ns.
+    latest_ns: u64,
+    /// The largest magnitudes of force and torques held, N and N·m.
+    held: [f64; 2],
+}
+
+impl Status {
+    pub fn new(style: Style) -> Status {
+        let now_ns = SystemClock.now_ns();
+        Status { style, before: None, window: None, written_ns: now_ns }
+    }
+
+    /// Writes the line if it is time for it.
+    pub fn write(&mut self, signals: &Signals, line: &mut Line) {
+        let every = match self.style {
+            Style::People { every } => every,
+            Style::Off => return line.without_progress(),
+        };
+        if every.is_some() {
+            line.without_progress();
+        }
+        let (every_ns, window_ns) = match every {
+            _ if line.is_on_terminal() => (ANEW_NS, WINDOW_NS),
+            Some(every) => (u64::try_from(every.as_nanos()).unwrap_or(u64::MAX), 0),
+            None => return,
+        };
+        let now_ns = SystemClock.now_ns();
+        if now_ns.saturating_sub(self.written_ns) >= every_ns {
+            self.written_ns = now_ns;
+            let text = self.text(now_ns, signals, window_ns);
+            line.show(text);
+        }
+    }
+
+    fn text(&mut self, now_ns: u64, signals: &Signals, window_ns: u64) -> String {
+        let (since_ns, before) = *self.before.get_or_insert_with(|| (now_ns, signals.gauges().read()));
+        let passed_ns = now_ns.saturating_sub(since_ns);
+        if passed_ns >= window_ns.max(1) {
+            let now = signals.gauges().read();
+            self.window = Some(Window::between(&before, &now, passed_ns));
+            self.before = Some((now_ns, now));
+        }
+        words(&signals.gauges().look(), self.window.as_ref(), signals.responses())
+    }
+}
+
+impl Window {
+    fn between(before: &Shown, now: &Shown, passed_ns: u64) -> Window {
+        let passed_ns = passed_ns as f64;
+        let work_ns = now.work_ns.saturating_sub(before.work_ns);
+        Window {
+            rate_hz: now.samples.saturating_sub(before.samples) as f64 * 1e9 / passed_ns,
+            load: (work_ns > 0).then(|| work_ns as f64 / passed_ns),
+            latest_ns: now.latest_ns,
+            held: [now.force_n, now.torque_nm],
+        }
+    }
+}
+
+/// The line: what there is to tell.
+fn words(shown: &Shown, window: Option<&Window>, responses: u64) -> String {
+    let mut text = String::from(match shown.state {
+        NodeState::BootUp => "starting",
+        NodeState::PreOperational => "not armed",
+        NodeState::Operational => "armed",
+        NodeState::Fault => "fault",
+    });
+    if let Some(Window { rate_hz, load, latest_ns, held }) = window {
+        let _infallible = write!(text, ", {rate_hz:.0} samples/s");
+        if let Some(load) = load {
+            let _infallible = write!(text, ", load {:.1} %", 100.0 * load);
+        }
+        if *latest_ns > 0 {
+            let _infallible = write!(text, ", late {:.0} µs", *latest_ns as f64 * 1e-3);
+        }
+        for (magnitude, unit) in held.iter().zip(["N", "N·m"]) {
+            if *magnitude > 0.0 {
+                let _infallible = write!(text, ", {magnitude:.1} {unit}");
+            }
+        }
+    }
+    if responses > 0 {
+        let _infallible = write!(text, ", {responses} responses");
+    }
+    if shown.overruns > 0 {
+        let _infallible = write!(text, ", {} overruns", shown.overruns);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHOWN: Shown = Shown {
+        samples: 500,
+        work_ns: 6_000_000,
+        latest_ns: 0,
+        overruns: 0,
+        force_n: 0.0,
+        torque_nm: 0.0,
+        state: NodeState::PreOperational,
+    };
+
+    #[test]
+    fn the_line_tells_what_there_is() {
+        insta::assert_snapshot!(words(&SHOWN, None, 0), @"not armed");
+        let now = Shown {
+            samples: 1500,
+            work_ns: 21_000_000,
+            latest_ns: 84_600,
+            overruns: 12,
+            force_n: 39.96,
+            state: NodeState::Operational,
+            ..SHOWN
+        };
+        let window = Window::between(&SHOWN, &now, 1_000_000_000);
+        insta::assert_snapshot!(words(&now, Some(&window), 3), @"armed, 1000 samples/s, load 1.5 %, late 85 µs, 40.0 N, 3 responses, 12 overruns");
+        let idle = Window::between(&now, &now, 1_000_000_000);
+        let torque = Window { latest_ns: 0, held: [0.0, 2.0], ..idle };
+        insta::assert_snapshot!(words(&Shown { overruns: 0, ..now }, Some(&torque), 0), @"armed, 0 samples/s, 2.0 N·m");
+    }
+}

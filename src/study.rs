@@ -1,0 +1,72 @@
+//! Parameter studies under supervision: a progress bar, Ctrl-C, and words about what is kept.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::failure::Failure;
+use super::supervise::supervise;
+use resonarm::analysis::time_domain::Outcome;
+use resonarm::control::Length;
+use resonarm::run::Signals;
+use resonarm::study::{BasinWalk, Basins, Chains, Control, StudyError, Walk};
+
+/// Walks along the chains, from what the journal holds. `None` if it was stopped before its end, which is told.
+pub(super) fn walk(
+    name: &'static str,
+    chains: Chains,
+    journal: Option<(&Path, &Value)>,
+) -> Result<Option<Walk>, Failure> {
+    let walk = chains.begin(journal)?;
+    let (done, total) = (walk.done(), walk.total());
+    let walk = watch(name, "points", [done, total], move |control| walk.go_on(control))?;
+    if !walk.is_complete() {
+        stopped("points", [walk.done(), total], walk.is_kept());
+        return Ok(None);
+    }
+    Ok(Some(walk))
+}
+
+/// Computes basins likewise, with what became of each state.
+pub(super) fn basins(
+    basins: Basins,
+    journal: Option<(&Path, &Value)>,
+) -> Result<Option<(BasinWalk, Vec<Outcome>)>, Failure> {
+    let walk = basins.begin(journal)?;
+    let (done, total) = (walk.done(), walk.total());
+    let walk = watch("basins", "states", [done, total], move |control| walk.go_on(control))?;
+    let outcomes = walk.outcomes();
+    if outcomes.is_none() {
+        stopped("states", [walk.done(), total], walk.is_kept());
+    }
+    Ok(outcomes.map(|outcomes| (walk, outcomes)))
+}
+
+/// Does the work on a thread of its own.
+fn watch<T: Send + 'static>(
+    name: &'static str,
+    what: &str,
+    [done, total]: [usize; 2],
+    work: impl FnOnce(&Control<'_>) -> Result<T, StudyError> + Send + 'static,
+) -> Result<T, Failure> {
+    if done > 0 {
+        tracing::warn!("going on after {done} of {total} {what}");
+    }
+    let signals = Arc::new(Signals::default());
+    let watched = Arc::clone(&signals);
+    let work = move || {
+        let (stop, done) = (|| watched.is_stopped(), |points| watched.set_done(points));
+        work(&Control { stop: &stop, done: &done })
+    };
+    Ok(supervise(name, &signals, Length::Samples(total as u64), |_line| {}, work)??)
+}
+
+fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {
+    let advice = if is_kept {
+        "the same command goes on from there"
+    } else {
+        "with --out the same command would go on from there"
+    };
+    tracing::error!("stopped after {done} of {total} {what}; {advice}");
+}

@@ -1,0 +1,208 @@
+//! A long run under supervision: a thread of its own for the work, tokio for everything else.
+
+use std::future::Future;
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::oneshot;
+use tokio::time::Instant;
+
+use super::failure::Failure;
+use super::output;
+use super::progress::{self, Done, Pace};
+use resonarm::control::Length;
+use resonarm::realtime::{Clock, SystemClock};
+use resonarm::run::Signals;
+
+/// How often the progress bar moves.
+const PROGRESS: Duration = Duration::from_millis(100);
+/// Signals that come within this time of the first are the same request: timeout(1) sends its signal twice, and a
+/// terminal that is closed sends one beside the shell's.
+const SAME_REQUEST: Duration = Duration::from_millis(500);
+
+/// The last line on a terminal's standard error: a progress bar, and what is shown beside it.
+pub(super) struct Line {
+    bar: ProgressBar,
+    length: Length,
+    is_on_terminal: bool,
+    shows_text: bool,
+    /// When lines of progress are due where there is no terminal.
+    pace: Option<Pace>,
+}
+
+impl Line {
+    fn new(name: &'static str, length: Length) -> Line {
+        let is_on_terminal = std::io::stderr().is_terminal();
+        let has_lines = !is_on_terminal && length != Length::Unknown && progress::are_lines_wanted();
+        let pace = has_lines.then(|| Pace::new(name, SystemClock.now_ns()));
+        Line { bar: bar(length, is_on_terminal), length, is_on_terminal, shows_text: false, pace }
+    }
+
+    /// Leaves out the lines of progress: others say how far the work is, or standard error holds no text for people.
+    pub fn without_progress(&mut self) {
+        self.pace = None;
+    }
+
+    /// Whether there is such a line.
+    pub fn is_on_terminal(&self) -> bool {
+        self.is_on_terminal
+    }
+
+    /// Shows `text` in it, in place of what it showed; where there is no terminal, writes it as a line of its own.
+    pub fn show(&mut self, text: String) {
+        if !self.is_on_terminal {
+            return output::note(&text);
+        }
+        if !self.shows_text {
+            self.shows_text = true;
+            let template = match self.length {
+                Length::Samples(_) => "{bar:12} {percent}% {msg}",
+                Length::Responses(_) => "{bar:12} {pos}/{len} {msg}",
+                Length::Unknown => "{msg}",
+            };
+            if let Length::Unknown = self.length {
+                self.bar = ProgressBar::no_length();
+            }
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                self.bar.set_style(style);
+            }
+        }
+        self.bar.set_message(text);
+    }
+
+    /// Writes `text` above it.
+    pub fn note(&self, text: &str) {
+        self.bar.suspend(|| output::note(text));
+    }
+
+    fn set_progress(&mut self, signals: &Signals) {
+        let done = match self.length {
+            Length::Responses(total) => Done::Of(signals.responses(), total, "points"),
+            Length::Samples(total) => Done::Share(signals.done(), total),
+            Length::Unknown => return,
+        };
+        if let Done::Of(done, ..) | Done::Share(done, _) = done {
+            self.bar.set_position(done);
+        }
+        if let Some(line) = self.pace.as_mut().and_then(|pace| pace.line(SystemClock.now_ns(), done)) {
+            output::note(&line);
+        }
+    }
+}
+
+/// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
+/// in order; another one, half a second later or more, ends the process. `length` is how long the work takes, if it is
+/// known; `tell` is called now and then with the last line of a terminal, and once at the end.
+pub(super) fn supervise<T: Send + 'static>(
+    name: &'static str,
+    signals: &Arc<Signals>,
+    length: Length,
+    mut tell: impl FnMut(&mut Line),
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Failure> {
+    let start = |source| Failure::Start { what: name, source };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
+    // Before the work begins: a signal at its very start asks it to stop, too.
+    let listening = {
+        let _entered = runtime.enter();
+        Listening::new().map_err(start)?
+    };
+    let (done, finished) = oneshot::channel();
+    let worker = thread::Builder::new()
+        .name(name.to_string())
+        .spawn(move || {
+            let result = work();
+            let _nobody_waits = done.send(());
+            result
+        })
+        .map_err(start)?;
+    let mut line = Line::new(name, length);
+    runtime.block_on(watch(signals, listening, &mut line, &mut tell, finished));
+    tell(&mut line);
+    line.bar.finish_and_clear();
+    worker.join().map_err(|_panic| Failure::Panic(name))
+}
+
+/// Waits for the end of the work, passing on what the user asks.
+async fn watch(
+    signals: &Signals,
+    Listening { mut interrupt, mut terminate, mut hangup }: Listening,
+    line: &mut Line,
+    tell: &mut impl FnMut(&mut Line),
+    finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
+) {
+    let mut beat = tokio::time::interval(PROGRESS);
+    let mut asked = None;
+    tokio::pin!(finished);
+    loop {
+        tokio::select! {
+            // An error means that the worker ended without a word: its panic shows when it is joined.
+            _ended = &mut finished => break,
+            _ = interrupt.recv() => ask_to_stop(signals, &mut asked),
+            _ = terminate.recv() => ask_to_stop(signals, &mut asked),
+            Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals, &mut asked),
+            _ = beat.tick() => {
+                line.set_progress(signals);
+                tell(line);
+            }
+        }
+    }
+}
+
+/// The signals that ask for the end.
+struct Listening {
+    interrupt: Signal,
+    terminate: Signal,
+    /// None if it is ignored: `nohup` has it so, and it stays so.
+    hangup: Option<Signal>,
+}
+
+impl Listening {
+    /// Listens from now on, within a runtime.
+    fn new() -> std::io::Result<Listening> {
+        Ok(Listening {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hangup: if ignores_hangup() { None } else { Some(signal(SignalKind::hangup())?) },
+        })
+    }
+}
+
+/// Whether this process was started with SIGHUP ignored: the first bit of `SigIgn` in its status (proc(5)).
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).map(str::trim);
+    mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 1 == 1)
+}
+
+/// Asks for the end, or ends the process at another request; `asked` is when the first came.
+fn ask_to_stop(signals: &Signals, asked: &mut Option<Instant>) {
+    let now = Instant::now();
+    if now - *asked.get_or_insert(now) > SAME_REQUEST {
+        // 128 + SIGINT, as shells have it. The recording stays readable up to its last flush.
+        std::process::exit(130);
+    }
+    signals.stop();
+}
+
+/// A progress bar if the run is long enough and somebody can see it.
+fn bar(length: Length, is_on_terminal: bool) -> ProgressBar {
+    let (total, template) = match length {
+        Length::Samples(samples) => (samples, "{bar:40} {pos}/{len}, {elapsed} of {duration}"),
+        Length::Responses(responses) => (responses, "{bar:40} {pos} of {len} points, {elapsed}"),
+        Length::Unknown => return ProgressBar::hidden(),
+    };
+    if !is_on_terminal {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template(template);
+    let bar = ProgressBar::new(total);
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_bad_template) => bar,
+    }
+}

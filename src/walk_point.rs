@@ -1,0 +1,178 @@
+//! Points of a phase walk, as documents, tables and figures have them.
+
+use core::fmt::Write;
+
+use serde::Serialize;
+
+use super::branch_plot;
+use super::captions;
+use super::failure::Failure;
+use resonarm::analysis::{AnalysisError, Branch, BranchOptions, Coordinate, ForcedArm, trace};
+use resonarm::arm::{Arm, Load};
+use resonarm::control::{ControlSpec, JointAngles, ResponsePoint};
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm::scenario::Scenario;
+
+/// A point of a walk, as the controller read it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct WalkPoint {
+    pub frequency_hz: f64,
+    /// Fundamentals of α1 and α2.
+    pub harmonic1_rad: [f64; 2],
+    /// The largest |α1| and |α2|.
+    pub amplitude_rad: [f64; 2],
+    /// Lag of the followed angle behind the load.
+    pub phase_deg: f64,
+    /// Amplitude of the acting load's fundamental, N or N·m.
+    pub excitation: f64,
+    /// Its standard deviation by the noise of the readings, at this frequency and amplitude.
+    pub excitation_deviation: Option<f64>,
+    /// Harmonics 2 and 3 of the head's force over its fundamental, and both together: the computed response is that of
+    /// a pure sine.
+    pub force_harmonics: Option<[f64; 2]>,
+    pub distortion: Option<f64>,
+    pub settled: bool,
+    pub tries: u32,
+    /// Whether α1 and α2 rest on readings that were clipped in both axes: then they are right to some per cent only.
+    pub clipped: [bool; 2],
+}
+
+impl WalkPoint {
+    pub fn new(point: &ResponsePoint, arm: &Arm) -> WalkPoint {
+        let angles = JointAngles::of(point, arm);
+        WalkPoint {
+            frequency_hz: point.frequency_hz,
+            harmonic1_rad: angles.harmonic1_rad(),
+            amplitude_rad: angles.amplitude_rad,
+            phase_deg: point.lag_rad.map_or(f64::NAN, f64::to_degrees),
+            excitation: point.load,
+            excitation_deviation: point.load_deviation,
+            force_harmonics: point.force_harmonics(),
+            distortion: point.distortion(),
+            settled: point.settled,
+            tries: point.tries,
+            clipped: angles.clipped,
+        }
+    }
+}
+
+/// The points for reading; `unit` is that of the load.
+pub(super) fn table(points: &[WalkPoint], unit: &str) -> String {
+    let mut text = format!("  {:>12}  {:>7}  {:>10}  {:>10}  {:>10}  tries\n", "frequency", "lag", "load", "α1", "α2");
+    for point in points {
+        let _infallible = writeln!(
+            text,
+            "  {:9.5} Hz  {:6.2}°  {:>10}  {:7.5} rad {:8.5} rad  {:4}  {}",
+            point.frequency_hz,
+            point.phase_deg,
+            format!("{:.3} {unit}", point.excitation),
+            point.harmonic1_rad[0],
+            point.harmonic1_rad[1],
+            point.tries,
+            remark(point),
+        );
+    }
+    text
+}
+
+fn remark(point: &WalkPoint) -> &'static str {
+    match (point.settled, point.clipped) {
+        (false, _) => "not settled",
+        (true, [false, false]) => "",
+        (true, [false, true]) => "α2 clipped",
+        (true, [true, _]) => "clipped",
+    }
+}
+
+/// The points as CSV; `unit` is that of the load.
+pub(super) fn csv(points: &[WalkPoint], unit: &str) -> String {
+    let unit = if unit == "N" { "n" } else { "nm" };
+    let mut text = format!(
+        "frequency_hz,phase_deg,excitation_{unit},harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
+         largest_alpha1_rad,largest_alpha2_rad,settled,tries,clipped_alpha1,clipped_alpha2\n"
+    );
+    for point in points {
+        let ([h1, h2], [a1, a2], [c1, c2]) = (point.harmonic1_rad, point.amplitude_rad, point.clipped);
+        let WalkPoint { frequency_hz, phase_deg, excitation, settled, tries, .. } = point;
+        let _infallible =
+            writeln!(text, "{frequency_hz},{phase_deg},{excitation},{h1},{h2},{a1},{a2},{settled},{tries},{c1},{c2}");
+    }
+    text
+}
+
+/// Largest turn between two motions of the computed branch: with this its lines are smooth.
+const SMOOTH_RAD: f64 = 0.05;
+
+/// A point as it is drawn.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drawn {
+    pub frequency_hz: f64,
+    /// The largest |α1| and |α2|.
+    pub amplitude_rad: [f64; 2],
+    pub settled: bool,
+}
+
+impl From<&WalkPoint> for Drawn {
+    fn from(point: &WalkPoint) -> Drawn {
+        let WalkPoint { frequency_hz, amplitude_rad, settled, .. } = *point;
+        Drawn { frequency_hz, amplitude_rad, settled }
+    }
+}
+
+/// The points over the computed branch: largest |α1| and |α2| over frequency; `None` without a point.
+pub(super) fn figure(
+    scenario: &Scenario,
+    control: &ControlSpec,
+    points: &[WalkPoint],
+) -> Result<Option<Figure>, Failure> {
+    if points.is_empty() {
+        return Ok(None);
+    }
+    let (load, points) = (control.amplitude().load(), points.iter().map(Drawn::from).collect::<Vec<_>>());
+    let branch = branch(scenario, &load, &points, SMOOTH_RAD)?;
+    Ok(Some(drawn("Phase walk over the resonance", scenario, &load, &branch, &points)))
+}
+
+/// The computed branch around points, of which there must be one, in steps that turn by `largest_turn_rad` at most.
+pub(super) fn branch(
+    scenario: &Scenario,
+    load: &Load,
+    points: &[Drawn],
+    largest_turn_rad: f64,
+) -> Result<Branch, Failure> {
+    let (low, high) = points.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
+        (low.min(point.frequency_hz), high.max(point.frequency_hz))
+    });
+    // One point alone gets a thousandth to each side.
+    let margin = (0.15 * (high - low)).max(1e-3 * high);
+    let forced = ForcedArm::new(scenario.build_arm()?, *load, 1.0);
+    let mut options = BranchOptions::new(low - margin, high + margin);
+    options.walk.largest_turn_rad = largest_turn_rad;
+    Ok(trace(forced, low - margin, Coordinate::FrequencyHz, &options).map_err(AnalysisError::from)?)
+}
+
+/// Points over a branch.
+pub(super) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Branch, points: &[Drawn]) -> Figure {
+    let conditions = captions::pose(&scenario.arm).and(captions::load(load));
+    let mut figure = Figure::new(title).subtitle(conditions);
+    for joint in 0..2 {
+        let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
+        let panel = with_points(branch_plot::with_branches(panel, &[branch], joint), points, joint);
+        figure = figure.with(if joint == 1 { panel.legend(Legend::None) } else { panel });
+    }
+    figure
+}
+
+/// Filled markers where a point settled, open ones where it did not.
+fn with_points(mut panel: Panel, points: &[Drawn], joint: usize) -> Panel {
+    for (label, settled) in [("read, settled", true), ("read, not settled", false)] {
+        let read = points.iter().filter(|point| point.settled == settled);
+        let places: Vec<_> = read.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+        if !places.is_empty() {
+            let (color, shape) = (Color::Vermillion, Marker::Triangle);
+            let style = Style::Markers { color, shape, size: 6.0, filled: settled };
+            panel = panel.with(Series::markers(label, color, shape, places).style(style));
+        }
+    }
+    panel
+}
