@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::export::{Part, channels, sample_values, state_values};
+use crate::export::Part;
 use crate::number::short;
+use crate::recording::channels::READINGS;
 use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
 
 /// What is compared.
@@ -145,10 +146,9 @@ fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
     let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text: Some(text) });
     match (part, record) {
         (Part::States, Record::State(state)) => {
-            let values: Vec<f64> = state_values(state).into_iter().chain(state.coil_current_a).collect();
-            numbers(&values, marks_ends.then(|| u8::from(state.is_end).to_string()))
+            numbers(&state.values(), marks_ends.then(|| u8::from(state.is_end).to_string()))
         }
-        (Part::Samples, Record::Sample(readings)) => numbers(&sample_values(readings), readings.clipped.map(marks)),
+        (Part::Samples, Record::Sample(readings)) => numbers(&readings.values(), readings.clipped.map(marks)),
         (Part::Frames, Record::Frame(frame)) => {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
@@ -160,7 +160,7 @@ fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
 
 /// Which readings are marked.
 fn marks(clipped: Clipped) -> String {
-    let marked = channels(Part::Samples).iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
+    let marked = READINGS.iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
     let names: Vec<_> = marked.map(|(channel, _)| channel.name).collect();
     if names.is_empty() { String::from("none") } else { names.join(" and ") }
 }
@@ -209,9 +209,7 @@ fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> R
 
 /// The channels of a part with their magnitudes in A, and no difference yet.
 fn magnitudes(a: &Recording, part: Part, options: &DiffOptions) -> Result<Vec<ChannelDifference>, RecordingError> {
-    // The current of a shaker's coil stands behind the others, where both recordings have one.
-    let coil = (part == Part::States).then_some("coil_current_a");
-    let names = channels(part).iter().map(|channel| channel.name).chain(coil);
+    let names = a.channels().of(part.topic()).iter().map(|channel| channel.name);
     let mut channels: Vec<_> =
         names.map(|name| ChannelDifference { name, largest: 0.0, sample: 0, magnitude: 0.0 }).collect();
     if !channels.is_empty() {

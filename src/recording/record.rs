@@ -2,6 +2,8 @@
 
 use resonarm_protocol::Frame;
 
+use super::Topic;
+use super::channels::Values;
 use crate::realtime::OverrunCause;
 
 /// One thing worth recording.
@@ -33,6 +35,26 @@ impl<Name> Record<Name> {
             Record::Event(record) => record.sample,
         }
     }
+
+    /// Where it is recorded.
+    pub const fn topic(&self) -> Topic {
+        match self {
+            Record::State(_) => Topic::States,
+            Record::Sample(_) => Topic::Samples,
+            Record::Frame(_) => Topic::Frames,
+            Record::Tick(_) => Topic::Ticks,
+            Record::Event(_) => Topic::Events,
+        }
+    }
+
+    /// Its numbers in the order of the channels of its topic; none of frames, ticks and events.
+    pub fn values(&self) -> Values {
+        match self {
+            Record::State(record) => record.values(),
+            Record::Sample(record) => record.values(),
+            Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new([]),
+        }
+    }
 }
 
 /// The arm at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
@@ -59,6 +81,14 @@ pub struct StateRecord {
     pub is_end: bool,
 }
 
+impl StateRecord {
+    /// Its numbers in the order of [`Topic::States`](super::Topic::States).
+    pub fn values(&self) -> Values {
+        let ([a, b], [c, d], [e, f], [g, h]) = (self.alpha_rad, self.alpha_dot_rad_s, self.torque_nm, self.force_n);
+        Values::new([a, b, c, d, e, f, g, h].into_iter().chain(self.coil_current_a))
+    }
+}
+
 /// What the sensors said at sample `sample`: after range, noise and quantisation, before the wire's scaling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleRecord {
@@ -72,6 +102,14 @@ pub struct SampleRecord {
     pub head_force_n: [f64; 2],
     /// Which of these were beyond the range of their sensor; `None` in recordings of format 1, which don't say.
     pub clipped: Option<Clipped>,
+}
+
+impl SampleRecord {
+    /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
+    pub fn values(&self) -> Values {
+        let ([a, b], [c, d], [e, f]) = (self.acceleration_b_m_s2, self.acceleration_c_m_s2, self.head_force_n);
+        Values::new([a, b, c, d, e, f])
+    }
 }
 
 /// Which readings of a sample were beyond the range of their sensor, so that the value is the last within it.
@@ -97,7 +135,7 @@ impl Clipped {
     }
 
     /// As in the file: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
-    pub(crate) fn bits(self) -> u32 {
+    pub fn bits(self) -> u32 {
         self.marks().into_iter().enumerate().map(|(bit, clipped)| u32::from(clipped) << bit).sum()
     }
 
