@@ -116,9 +116,8 @@ struct Row {
     key: u64,
     sample: u64,
     numbers: Vec<f64>,
-    /// What else it says, whole: the frame, the event, the marks of a state or of readings. `None` if its recording
-    /// doesn't say.
-    text: Option<String>,
+    /// What else it says, whole: the frame, the event, the marks of a state or of readings.
+    text: String,
 }
 
 /// The records of a part, as they are compared.
@@ -128,9 +127,8 @@ fn rows<'r>(
     samples: &RangeInclusive<u64>,
 ) -> Result<impl Iterator<Item = Result<Row, RecordingError>> + use<'r>, RecordingError> {
     let (samples, mut count) = (samples.clone(), 0);
-    let marks_ends = recording.origin().format > 1;
     Ok(recording.records()?.filter_map(move |record| {
-        let row = record.map(|record| row(part, &record, marks_ends).filter(|row| samples.contains(&row.sample)));
+        let row = record.map(|record| row(part, &record).filter(|row| samples.contains(&row.sample)));
         row.transpose().map(|row| {
             row.map(|row| {
                 count += 1;
@@ -140,15 +138,13 @@ fn rows<'r>(
     }))
 }
 
-fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
+fn row(part: Part, record: &Record<String>) -> Option<Row> {
     let sample = record.sample();
     let numbers = |numbers: &[f64], text| Some(Row { key: sample, sample, numbers: numbers.to_vec(), text });
-    let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text: Some(text) });
+    let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text });
     match (part, record) {
-        (Part::States, Record::State(state)) => {
-            numbers(&state.values(), marks_ends.then(|| u8::from(state.is_end).to_string()))
-        }
-        (Part::Samples, Record::Sample(readings)) => numbers(&readings.values(), readings.clipped.map(marks)),
+        (Part::States, Record::State(state)) => numbers(&state.values(), u8::from(state.is_end).to_string()),
+        (Part::Samples, Record::Sample(readings)) => numbers(&readings.values(), marks(readings.clipped)),
         (Part::Frames, Record::Frame(frame)) => {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
@@ -233,9 +229,8 @@ impl Found {
     fn take(&mut self, part: Part, left: &Row, right: &Row) {
         self.part.compared += 1;
         let sample = left.sample;
-        if let (Some(a), Some(b)) = (&left.text, &right.text)
-            && a != b
-        {
+        let (a, b) = (&left.text, &right.text);
+        if a != b {
             let what = match part {
                 Part::States => "is_end",
                 Part::Samples => "clipped",

@@ -182,9 +182,6 @@ impl Reader {
     }
 }
 
-/// In format 1 nothing says which readings were clipped.
-const CLIPPING_UNKNOWN: u64 = 0xFF;
-
 fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin: &Origin) {
     rows.word(record.sample());
     let time_s = record.sample() as f64 * origin.dt_s;
@@ -197,7 +194,7 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin
         Record::Sample(sample) => {
             rows.numbers(&[(sample.sample as f64 - origin.reading_delay_samples) * origin.dt_s]);
             rows.numbers(&sample.values());
-            rows.word(sample.clipped.map_or(CLIPPING_UNKNOWN, |clipped| clipped.bits().into()));
+            rows.word(sample.clipped.bits());
         }
         Record::Frame(frame) => push_frame(rows, &frame),
         Record::Tick(tick) => {

@@ -108,7 +108,7 @@ impl Display for Row<'_> {
             Record::Sample(record) => {
                 write!(f, "{sample},{}", short(&time_s))?;
                 numbers(f, &record.values())?;
-                write!(f, ",{}", Optional(record.clipped.map(|clipped| clipped.bits())))
+                write!(f, ",{}", record.clipped.bits())
             }
             Record::Frame(record) => frame(f, record),
             Record::Tick(TickRecord { wakeup_ns, exec_ns, overruns, cause, .. }) => {

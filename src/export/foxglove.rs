@@ -62,7 +62,8 @@ fn copy(
     let failed = |error: McapError| write_error(&path, error);
     let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(|error| failed(error.into()))?;
     let library = concat!("resonarm ", env!("CARGO_PKG_VERSION"));
-    let options = WriteOptions::new().library(library).compression(Some(mcap::Compression::Lz4));
+    let options =
+        WriteOptions::new().library(library).compression(Some(mcap::Compression::Zstd)).compression_threads(0);
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
     let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, recording.channels(), *part)?)));
     let mut topics = declared.collect::<Result<Vec<_>, _>>().map_err(failed)?;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::arm::Load;
 use crate::recording::channels::{self, Channel, Kind, STATES};
-use crate::recording::{Clipped, SampleRecord, StateRecord};
+use crate::recording::{SampleRecord, StateRecord};
 
 /// What the numbers of a sample are, in their order: load, readings of the head, accelerations, angles.
 const SHOWN: [&Channel; 12] = {
@@ -42,13 +42,13 @@ pub type Numbers = [f32; SHOWN.len()];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
-    /// Which readings were beyond the range of their sensor, by [`clipped_bits`]; `None` if they don't say.
-    pub clipped: Option<u32>,
+    /// Which readings were beyond the range of their sensor, by [`clipped_bits`].
+    pub clipped: u32,
 }
 
 impl Row {
     /// A sample of which nothing is known, and so nothing is read that could be clipped.
-    pub const UNKNOWN: Row = Row { numbers: [f32::NAN; SHOWN.len()], clipped: Some(0) };
+    pub const UNKNOWN: Row = Row { numbers: [f32::NAN; SHOWN.len()], clipped: 0 };
 }
 
 /// The bit that tells whether this number of a row was clipped, if it is a reading.
@@ -57,11 +57,6 @@ pub fn clipped_bit(channel: usize) -> Option<u32> {
         Kind::Reading { clip_bit } => Some(1 << clip_bit),
         _ => None,
     }
-}
-
-/// What was clipped in either of two samples; `None` if one of them doesn't say.
-pub fn clipped_in_either(one: Option<u32>, other: Option<u32>) -> Option<u32> {
-    one.zip(other).map(|(one, other)| one | other)
 }
 
 /// A sample whose row waits for its other half at most while so many newer ones come.
@@ -107,7 +102,7 @@ impl Rows {
         let places: [(usize, &[f64]); 3] =
             [(4, &record.head_force_n), (6, &record.acceleration_b_m_s2), (8, &record.acceleration_c_m_s2)];
         if let Some(row) = self.put(record.sample, READINGS, &places) {
-            row.clipped = record.clipped.map(Clipped::bits);
+            row.clipped = record.clipped.bits();
         }
     }
 
@@ -153,11 +148,12 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::Clipped;
 
     fn readings(sample: u64) -> SampleRecord {
         let pair = [sample as f64, -1.0];
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
-        SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped: None }
+        SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped: Clipped::NONE }
     }
 
     #[test]
@@ -177,18 +173,18 @@ mod tests {
     }
 
     #[test]
-    fn clipped_readings_are_told_by_their_bits() {
+    fn clipped_readings_are_marked_by_their_bits() {
         let mut rows = Rows::default();
-        let [mut clipped, none, not_told] = [0, 1, 2].map(readings);
-        clipped.clipped = Some(Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE });
-        for record in [clipped, SampleRecord { clipped: Some(Clipped::NONE), ..none }, not_told] {
+        let [mut clipped, none] = [0, 1].map(readings);
+        clipped.clipped = Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE };
+        for record in [clipped, none] {
             rows.readings(&record);
             rows.command(record.sample, &Load::default());
         }
-        let told: Vec<Option<u32>> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
+        let marked: Vec<u32> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
         let bit = |name: &str| 1 << clipped_bits().iter().position(|bit| *bit == name).unwrap();
         let both = bit("acceleration_c_y_m_s2") | bit("head_force_x_n");
-        assert_eq!(told, [Some(both), Some(0), None]);
+        assert_eq!(marked, [both, 0]);
     }
 
     #[test]

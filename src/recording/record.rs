@@ -73,11 +73,11 @@ pub struct StateRecord {
     pub torque_nm: [f64; 2],
     /// Force at point C along x and y, N; of a shaker, the force that it would exert were it blocked.
     pub force_n: [f64; 2],
-    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of formats 1 to
-    /// 3, which do not hold it.
+    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of format 3,
+    /// which do not hold it.
     pub coil_current_a: Option<f64>,
     /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
-    /// nothing. Recordings of format 1 don't say it of their last.
+    /// nothing.
     pub is_end: bool,
 }
 
@@ -100,8 +100,8 @@ pub struct SampleRecord {
     pub acceleration_c_m_s2: [f64; 2],
     /// Force in the impedance head at C along x and y, N.
     pub head_force_n: [f64; 2],
-    /// Which of these were beyond the range of their sensor; `None` in recordings of format 1, which don't say.
-    pub clipped: Option<Clipped>,
+    /// Which of these were beyond the range of their sensor.
+    pub clipped: Clipped,
 }
 
 impl SampleRecord {
