@@ -44,7 +44,7 @@ fn motion(sample: u64) -> [Record; 2] {
         acceleration_b_m_s2: reading(9.0),
         acceleration_c_m_s2: reading(24.0),
         head_force_n: reading(80.0),
-        clipped: Some(Clipped::NONE),
+        clipped: Clipped::NONE,
     };
     [Record::State(state), Record::Sample(readings)]
 }

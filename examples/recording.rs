@@ -68,7 +68,7 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
             acceleration_b_m_s2: [alpha, 2.0 * alpha],
             acceleration_c_m_s2: [3.0 * alpha, 4.0 * alpha],
             head_force_n: [10.0 * libm::sin(phase), 0.0],
-            clipped: Some(Clipped::NONE),
+            clipped: Clipped::NONE,
         }),
         frame(0x201, Direction::Received)?,
         frame(0x203, Direction::Sent)?,

@@ -275,7 +275,7 @@ fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Directi
     let (mut rows, mut clipped) = (Vec::new(), 0);
     for sample in recording.samples()? {
         let sample = sample?;
-        clipped += usize::from(sample.clipped.is_some_and(|clipped| clipped.any()));
+        clipped += usize::from(sample.clipped.any());
         let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
         if sample.sample > 0 {
             rows.push((sample.head_force_n, [bx, by, cx, cy]));

@@ -133,7 +133,7 @@ pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
 /// The readings from sample 1 on: those of sample 0 are of the state at the start alone.
 fn read(recording: &Recording) -> Result<Readings, Failure> {
     let mut readings = Readings { accelerations_m_s2: Vec::new(), first_sample: 0 };
-    let (mut clipped, mut unmarked) = (0, 0);
+    let mut clipped = 0;
     for sample in recording.samples()? {
         let sample = sample?;
         if sample.sample == 0 {
@@ -142,19 +142,14 @@ fn read(recording: &Recording) -> Result<Readings, Failure> {
         if readings.accelerations_m_s2.is_empty() {
             readings.first_sample = sample.sample;
         }
-        match sample.clipped {
-            // The head's force is not looked at.
-            Some(marks) => clipped += usize::from((marks.acceleration_b, marks.acceleration_c) != Default::default()),
-            None => unmarked += 1,
-        }
+        // The head's force is not used.
+        let marks = (sample.clipped.acceleration_b, sample.clipped.acceleration_c);
+        clipped += usize::from(marks != Default::default());
         let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
         readings.accelerations_m_s2.push([bx, by, cx, cy]);
     }
     if clipped > 0 {
         return Err(IdentifyError::Clipped { samples: clipped }.into());
-    }
-    if unmarked > 0 {
-        tracing::warn!("the recording is of format 1 and doesn't mark clipped readings: there may be some");
     }
     Ok(readings)
 }

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._resonarm import Recording, arm_channels
+
 Array = NDArray[Any]
 
 
@@ -41,14 +43,16 @@ ORBIT = _rows(
 OUTCOME = _rows(("motion", "i8", 1), ("periods", "u8", 1))
 SINGULAR = _rows(("value", "f8", 1), ("value2", "f8", 1), ("harmonic1_rad", "f8", 2))
 
-_READINGS = (
-    ("acceleration_b_m_s2", "f8", 2),
-    ("acceleration_c_m_s2", "f8", 2),
-    ("head_force_n", "f8", 2),
-    ("clipped", "u8", 1),
-)
-_MOVES = (("alpha_rad", "f8", 2), ("alpha_dot_rad_s", "f8", 2))
-PLAYED = _rows(("sample", "u8", 1), *_MOVES, *_READINGS)
+_ARM = {part: arm_channels(part) for part in ("states", "samples")}
+_COMPONENTS = {vector: components for vectors in _ARM.values() for vector, components in vectors}
+
+
+def _vectors(vectors: list[tuple[str, list[str]]]) -> list[tuple[str, str, int]]:
+    return [(vector, "f8", len(components)) for vector, components in vectors]
+
+
+_READINGS = (*_vectors(_ARM["samples"]), ("clipped", "u8", 1))
+PLAYED = _rows(("sample", "u8", 1), *_vectors(_ARM["states"])[:2], *_READINGS)
 RESPONSE = _rows(
     ("frequency_hz", "f8", 1),
     ("load", "f8", 1),
@@ -62,15 +66,6 @@ RESPONSE = _rows(
     ("tries", "u8", 1),
 )
 PARTS = {
-    "states": _rows(
-        ("sample", "u8", 1),
-        ("time_s", "f8", 1),
-        *_MOVES,
-        ("torque_nm", "f8", 2),
-        ("force_n", "f8", 2),
-        ("is_end", "?", 1),
-    ),
-    "samples": _rows(("sample", "u8", 1), ("time_s", "f8", 1), *_READINGS),
     "frames": _rows(
         ("sample", "u8", 1),
         ("time_ns", "u8", 1),
@@ -90,6 +85,14 @@ PARTS = {
     ),
     "events": _rows(("sample", "u8", 1), ("time_ns", "u8", 1), ("value", "i8", 1)),
 }
+
+
+def rows_of(recording: Recording, part: str) -> np.dtype[Any]:
+    """The type of the rows of a part: of states and samples with the vectors that the recording has."""
+    if part in PARTS:
+        return PARTS[part]
+    mark = ("is_end", "?", 1) if part == "states" else ("clipped", "u8", 1)
+    return _rows(("sample", "u8", 1), ("time_s", "f8", 1), *_vectors(recording.channels(part)), mark)
 
 
 def view(rows: bytearray, dtype: np.dtype[Any]) -> Array:
@@ -114,6 +117,7 @@ _UNITS = {
     "_m_s2": "m/s²",
     "_rad_s": "rad/s",
     "_rad": "rad",
+    "_a": "A",
     "_nm": "N·m",
     "_n": "N",
     "_hz": "Hz",
@@ -129,13 +133,7 @@ def unit(name: str) -> str:
     return next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
 
 
-def pair(name: str) -> tuple[str, str]:
-    """The names of the two columns of a pair: `alpha_rad` is `alpha1_rad` and `alpha2_rad`, `force_n` `force_x_n` and
+def pair(name: str) -> list[str]:
+    """The names of the columns of a vector: `alpha_rad` is `alpha1_rad` and `alpha2_rad`, `force_n` `force_x_n` and
     `force_y_n`."""
-    ending = next(ending for ending in _UNITS if name.endswith(ending))
-    head = name.removesuffix(ending)
-    for joint in ("alpha", "torque"):
-        if head.startswith(joint):
-            rest = head.removeprefix(joint) + ending
-            return f"{joint}1{rest}", f"{joint}2{rest}"
-    return f"{head}_x{ending}", f"{head}_y{ending}"
+    return _COMPONENTS[name]

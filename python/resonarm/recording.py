@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _arrow, _checks, _extras, _resonarm
 from ._checks import LAST
-from ._dtypes import PARTS, Array, named, view
+from ._dtypes import Array, named, rows_of, view
 from .scenario import Scenario
 from .words import Part
 
@@ -57,10 +57,11 @@ class Recording(_resonarm.Recording):
         """All rows of a part, of the samples from one to another, both among them.
 
         - `states`: `sample`, `time_s`, `alpha_rad`, `alpha_dot_rad_s`, and the load held from there to the next sample:
-          `torque_nm`, `force_n`; `is_end` says that nothing was advanced from there.
+          `torque_nm`, `force_n`; `coil_current_a` if a shaker has a coil; `is_end` says that nothing was advanced from
+          there.
         - `samples`: `sample`, `time_s` (when it was read: before the sample by the converters' delay), the readings
           `acceleration_b_m_s2`, `acceleration_c_m_s2`, `head_force_n`, and `clipped`: bits 0 and 1 for B, 2 and 3 for
-          C, 4 and 5 for the head; 255 where the format does not say.
+          C, 4 and 5 for the head.
         - `frames`: `sample`, `time_ns` (since the start), `bus_unix_ns` (0 if unknown), `received` (by the plant),
           `identifier`, `extended`, `remote`, `fd`, `bitrate_switch`, `error_state_indicator`, `length`, `data`.
         - `ticks`: `sample`, `wakeup_ns`, `exec_ns`, `overruns`, `cause` (0 none, 1 woke late, 2 step long, 3 bus
@@ -76,10 +77,10 @@ class Recording(_resonarm.Recording):
         """The same in arrays of so many rows, so that a recording may be longer than the memory; one at least."""
         rows = _checks.rows(rows)
         reader = self.reader(part, *_checks.samples(from_sample, to_sample))
-        first = True
+        dtype, first = rows_of(self, part), True
         while True:
             words, names = reader.read(rows)
-            chunk = view(words, PARTS[part])
+            chunk = view(words, dtype)
             chunk = named(names, chunk, "name") if part == "events" else chunk
             if first or len(chunk):
                 yield chunk
@@ -104,11 +105,11 @@ class Recording(_resonarm.Recording):
         # As it is in the file: a scenario of another version is no reason to withhold the numbers.
         if scenario := self.summary["configuration"].get("scenario"):
             metadata["scenario"] = scenario
-        first = True
+        dtype, first = rows_of(self, part), True
         while True:
             words, names, count = reader.read_columns(rows)
             if first or count:
-                yield _arrow.batch(words, names, count, PARTS[part], metadata)
+                yield _arrow.batch(words, names, count, dtype, metadata)
             if count < rows:
                 return
             first = False

@@ -44,6 +44,7 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<plant::Measurement>()?;
     module.add_class::<recording::Recording>()?;
     module.add_class::<recording::Reader>()?;
+    module.add_function(wrap_pyfunction!(recording::arm_channels, module)?)?;
     module.add_class::<log::LogWriter>()?;
     module.add_class::<protocol::Network>()?;
     module.add_class::<protocol::Encoder>()?;

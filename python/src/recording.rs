@@ -8,6 +8,7 @@ use pyo3::types::PyByteArray;
 use resonarm::export::Part;
 use resonarm::protocol::{FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
+use resonarm::recording::channels::Channels;
 use resonarm::recording::{self, Direction, Integrity, Origin, Record, RecordingError, Records};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
@@ -94,6 +95,11 @@ impl Recording {
         values::document(py, &verdict)
     }
 
+    /// The vectors of numbers in the rows of a part: name, and names of the components.
+    fn channels(&self, part: &str) -> PyResult<Vec<(&'static str, Vec<&'static str>)>> {
+        Ok(vectors(self.inner.channels(), self::part(part)?))
+    }
+
     /// Reads a part: states, samples, frames, ticks or events, between two samples, both among them.
     fn reader(&self, part: &str, from_sample: u64, to_sample: u64) -> PyResult<Reader> {
         let part = self::part(part)?;
@@ -112,6 +118,17 @@ impl Recording {
 /// The part of a name.
 fn part(name: &str) -> PyResult<Part> {
     name.parse().map_err(|unknown| errors::value(format!("part is `{name}`: {unknown}")))
+}
+
+/// The vectors of numbers in the rows of a part of the arm with the coil of a shaker, as `Recording.channels`.
+#[pyfunction]
+pub fn arm_channels(part: &str) -> PyResult<Vec<(&'static str, Vec<&'static str>)>> {
+    Ok(vectors(&Channels::arm(true), self::part(part)?))
+}
+
+fn vectors(channels: &Channels, part: Part) -> Vec<(&'static str, Vec<&'static str>)> {
+    let vectors = channels.vectors(part.topic());
+    vectors.map(|(name, components)| (name, components.iter().map(|channel| channel.name).collect())).collect()
 }
 
 type AnyRecords = Box<dyn Iterator<Item = Result<Record<String>, RecordingError>> + Send>;
@@ -165,30 +182,19 @@ impl Reader {
     }
 }
 
-/// In format 1 nothing says which readings were clipped.
-const CLIPPING_UNKNOWN: u64 = 0xFF;
-
 fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin: &Origin) {
     rows.word(record.sample());
     let time_s = record.sample() as f64 * origin.dt_s;
     match record {
         Record::State(state) => {
             rows.numbers(&[time_s]);
-            for pair in [state.alpha_rad, state.alpha_dot_rad_s, state.torque_nm, state.force_n] {
-                rows.numbers(&pair);
-            }
+            rows.numbers(&state.values());
             rows.word(state.is_end);
         }
         Record::Sample(sample) => {
             rows.numbers(&[(sample.sample as f64 - origin.reading_delay_samples) * origin.dt_s]);
-            for pair in [sample.acceleration_b_m_s2, sample.acceleration_c_m_s2, sample.head_force_n] {
-                rows.numbers(&pair);
-            }
-            let bit = |pairs: [[bool; 2]; 3]| {
-                pairs.as_flattened().iter().enumerate().map(|(bit, clipped)| u64::from(*clipped) << bit).sum()
-            };
-            let bits = sample.clipped.map(|of| bit([of.acceleration_b, of.acceleration_c, of.head_force]));
-            rows.word(bits.unwrap_or(CLIPPING_UNKNOWN));
+            rows.numbers(&sample.values());
+            rows.word(sample.clipped.bits());
         }
         Record::Frame(frame) => push_frame(rows, &frame),
         Record::Tick(tick) => {

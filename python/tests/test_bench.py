@@ -107,7 +107,9 @@ def test_frames_of_a_recording_are_taken_by_the_codec():
 
 
 def test_rows_say_their_order_of_bytes():
-    dtypes = [*_dtypes.PARTS.values(), _dtypes.MOTION, _dtypes.ORBIT, _dtypes.RESPONSE, _dtypes.PLAYED, _dtypes.OUTCOME]
+    recording = resonarm.Recording(ROOT / "recordings/fd.mcap")
+    parts = [_dtypes.rows_of(recording, part) for part in ("states", "samples", *_dtypes.PARTS)]
+    dtypes = [*parts, _dtypes.MOTION, _dtypes.ORBIT, _dtypes.RESPONSE, _dtypes.PLAYED, _dtypes.OUTCOME]
     for dtype in dtypes:
         for name in dtype.names:
             form = dtype[name].base

@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 import resonarm
-from resonarm import words
+from resonarm import _resonarm, words
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -17,6 +17,13 @@ ROOT = Path(__file__).resolve().parents[2]
 def listed(message):
     """The words that a message offers."""
     return set(re.split(r", | or ", re.search(r"(?:one of|are|unknown .*?:|only) ([a-z0-9A-Z_, -]+)", message)[1]))
+
+
+def test_the_words_of_readings_are_those_of_the_table_of_channels():
+    vectors = [vector for vector, _ in _resonarm.arm_channels("samples")]
+    held = [vector for vector, _ in _resonarm.arm_channels("states") if vector in ("force_n", "torque_nm")]
+    assert set(get_args(words.Reading)) == set(vectors)
+    assert set(get_args(words.Signal)) == {f"{vector}_{axis}" for vector in (*vectors, *held) for axis in "xy"}
 
 
 SCENARIO = resonarm.Scenario()

@@ -88,7 +88,7 @@ fn problems(summary: &RecordingSummary, statistics: Option<&Statistics>) -> Vec<
             format!("{frames} frames of another network under identifiers that only the plant sends"),
         );
     }
-    if let Some(clipped) = summary.clipped_samples.filter(|clipped| *clipped > 0) {
+    if let clipped @ 1.. = summary.clipped_samples {
         problem("clipped", format!("{clipped} samples with a reading beyond the range of its sensor"));
     }
     for (name, topic) in summary.topics.iter().filter(|(_, topic)| topic.gaps > 0) {
@@ -136,13 +136,10 @@ fn time_text(origin: &Origin) -> String {
 }
 
 fn plotting_text(origin: &Origin) -> String {
-    match (origin.plot_every_samples, origin.format) {
-        (0, _) => String::from("nothing"),
-        (1, _) => String::from("every sample"),
-        (every, 1) => {
-            format!("one of {every} samples, unfiltered: frequencies above half that rate show as lower ones")
-        }
-        (every, _) => format!("one of {every} samples, filtered against aliases"),
+    match origin.plot_every_samples {
+        0 => String::from("nothing"),
+        1 => String::from("every sample"),
+        every => format!("one of {every} samples, filtered against aliases"),
     }
 }
 

@@ -1,29 +1,27 @@
 //! A small figure of a recording: angles, load and readings over time.
 
 use crate::failure::Failure;
-use resonarm::export::{Part, channels, sample_values, state_values};
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
-use resonarm::recording::{Record, Recording, RecordingSummary};
+use resonarm::recording::channels::{Channel, Kind, Quantity};
+use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
 
 /// Spans of time in which the least and the largest value are drawn: about two in each px.
 const SPANS: usize = 1200;
 
-/// Panels: label of the y axis and the channels.
-const PANELS: [(&str, &[&str]); 5] = [
-    ("angle (rad)", &["alpha1_rad", "alpha2_rad"]),
-    ("torque (N·m)", &["torque1_nm", "torque2_nm"]),
-    ("force (N)", &["force_x_n", "force_y_n"]),
-    (
-        "acceleration (m/s²)",
-        &["acceleration_b_x_m_s2", "acceleration_b_y_m_s2", "acceleration_c_x_m_s2", "acceleration_c_y_m_s2"],
-    ),
-    ("force in head (N)", &["head_force_x_n", "head_force_y_n"]),
+/// Panels: name of the y axis, what is drawn, and whether as the instruments read it.
+const PANELS: [(&str, Quantity, bool); 6] = [
+    ("angle", Quantity::Angle, false),
+    ("torque", Quantity::Torque, false),
+    ("force", Quantity::Force, false),
+    ("current", Quantity::Current, false),
+    ("acceleration", Quantity::Acceleration, true),
+    ("force in head", Quantity::Force, true),
 ];
 const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Green, Color::Purple];
 
 /// The least and the largest value of a channel in every span of time.
 struct Envelope {
-    name: &'static str,
+    channel: Channel,
     spans: Vec<Option<[f64; 2]>>,
 }
 
@@ -51,22 +49,23 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
     let (first, last) = summary.samples.unwrap_or_default();
     // At most SPANS spans of as many samples each.
     let width = (last - first) / SPANS as u64 + 1;
-    let names = [Part::States, Part::Samples].map(|part| channels(part).iter().map(|channel| channel.name));
+    let channels = [Topic::States, Topic::Samples].map(|topic| recording.channels().of(topic));
+    let all = channels.into_iter().flatten();
     let mut envelopes: Vec<Envelope> =
-        names.into_iter().flatten().map(|name| Envelope { name, spans: vec![None; SPANS] }).collect();
-    let (states, samples) = envelopes.split_at_mut(channels(Part::States).len());
+        all.map(|channel| Envelope { channel: *channel, spans: vec![None; SPANS] }).collect();
+    let (states, samples) = envelopes.split_at_mut(channels[0].len());
     let span = |sample: u64| ((sample - first) / width) as usize;
     for record in recording.records()? {
         match record? {
             // The end of a run has a state and no load.
             Record::State(state) if state.is_end => {}
             Record::State(state) => {
-                let each = states.iter_mut().zip(state_values(&state));
-                each.for_each(|(envelope, value)| envelope.add(span(state.sample), value));
+                let (values, span) = (state.values(), span(state.sample));
+                states.iter_mut().zip(&*values).for_each(|(envelope, value)| envelope.add(span, *value));
             }
             Record::Sample(readings) => {
-                let each = samples.iter_mut().zip(sample_values(&readings));
-                each.for_each(|(envelope, value)| envelope.add(span(readings.sample), value));
+                let (values, span) = (readings.values(), span(readings.sample));
+                samples.iter_mut().zip(&*values).for_each(|(envelope, value)| envelope.add(span, *value));
             }
             _ => {}
         }
@@ -74,11 +73,15 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
     let time_s = |span: usize| (first + span as u64 * width) as f64 * summary.origin.dt_s;
     let name = recording.path().file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
     let mut figure = Figure::new(name);
-    for (label, names) in PANELS {
-        let drawn = envelopes.iter().filter(|envelope| names.contains(&envelope.name) && !envelope.is_zero());
+    for (name, quantity, is_read) in PANELS {
+        let drawn = envelopes.iter().filter(|envelope| {
+            let Channel { quantity: of, kind, .. } = envelope.channel;
+            of == quantity && matches!(kind, Kind::Reading { .. }) == is_read && !envelope.is_zero()
+        });
+        let label = format!("{name} ({})", quantity.unit());
         let mut panel = Panel::new(Axis::linear("time (s)"), Axis::linear(label));
         for (envelope, color) in drawn.zip(COLORS) {
-            panel = panel.with(Series::line(envelope.name, color, envelope.points(time_s)));
+            panel = panel.with(Series::line(envelope.channel.name, color, envelope.points(time_s)));
         }
         if !panel.series.is_empty() {
             figure = figure.with(panel);

@@ -1,8 +1,11 @@
 //! `compare`: what a closed loop has read beside what harmonic balance computes.
 
 use std::fs;
+use std::path::Path;
 
 use insta::assert_snapshot;
+use resonarm::protocol::{Hello, Message, Network, Receiver, Transmitter};
+use resonarm::recording::{Options, Record, Recorder, Recording};
 use serde_json::Value;
 
 use crate::{complaint, document, names, resonarm};
@@ -123,12 +126,30 @@ fn dwells_in_open_loop_lie_on_the_branch_of_the_force_that_acted() {
     assert!(refused.starts_with("resonarm: shaker.mcap: its points are of loads from "), "{refused}");
 }
 
+/// The recording of a dwell whose plant announces another DBC.
+fn of_another_dbc(path: &Path) {
+    let dwell = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/lockstep-dwell.mcap");
+    let dwell = Recording::open(dwell).unwrap();
+    let options = Options::virtual_time(dwell.origin().dt_s, "none");
+    let recorder = Recorder::create(path, dwell.configuration(), options).unwrap();
+    let mut channel = recorder.channel("plant", 1024).unwrap();
+    let mut receiver = Receiver::new(Network::default());
+    for frame in dwell.frames().unwrap() {
+        let mut record = frame.unwrap();
+        if let Ok(Some(Message::PlantHello(hello))) = receiver.accept(&record.frame) {
+            let other = Message::PlantHello(Hello { dbc_hash: hello.dbc_hash ^ 1, ..hello });
+            record.frame = Transmitter::new(Network::default()).frame(&other).unwrap();
+        }
+        channel.push_blocking(Record::Frame(record)).unwrap();
+    }
+    recorder.finish(&[]).unwrap();
+}
+
 #[test]
 fn says_why_a_recording_can_t_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/another-dbc.mcap");
-    fs::copy(old, folder.join("old.mcap")).unwrap();
+    of_another_dbc(&folder.join("old.mcap"));
     assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version refuses the recorded plant (another DBC): read it with the version that recorded it");
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
     record(folder, "swept", &format!("[excitation]\namplitude = {{ force_x_n = 5 }}\nprofile = {{ {swept} }}\n"));

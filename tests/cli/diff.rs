@@ -77,14 +77,14 @@ fn what_cannot_be_compared_is_said() {
 
 /// A recording of two samples, of which only what is marked differs from others, the last state as the end of the run
 /// and readings as clipped, and the current of a coil.
-fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>, coil_current_a: Option<f64>) {
+fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_current_a: Option<f64>) {
     let recorder =
         Recorder::create(folder.join(name), &Configuration::new(), Options::virtual_time(1e-3, "none")).unwrap();
     let mut channel = recorder.channel("plant", 64).unwrap();
     for sample in 0..2 {
         let zero = [0.0; 2];
         let is_end = is_end && sample == 1;
-        let clipped = if sample == 1 { clipped } else { clipped.map(|_| Clipped::NONE) };
+        let clipped = if sample == 1 { clipped } else { Clipped::NONE };
         let state = StateRecord {
             sample,
             alpha_rad: zero,
@@ -106,9 +106,9 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>, coi
 fn marks_are_compared() {
     let folder = tempfile::tempdir().unwrap();
     let some = Clipped { acceleration_b: [false, true], head_force: [true, false], ..Clipped::NONE };
-    marked(folder.path(), "a.mcap", true, Some(some), Some(1.5));
-    marked(folder.path(), "b.mcap", false, Some(Clipped::NONE), Some(1.5));
-    marked(folder.path(), "says-nothing.mcap", true, None, None);
+    marked(folder.path(), "a.mcap", true, some, Some(1.5));
+    marked(folder.path(), "b.mcap", false, Clipped::NONE, Some(1.5));
+    marked(folder.path(), "without-coil.mcap", true, some, None);
     let both = ["diff", "a.mcap", "b.mcap", "--tolerance", "0.5"];
     let said = resonarm(folder.path(), &both);
     assert_eq!(said.code, 1, "{}", said.stdout);
@@ -117,15 +117,15 @@ fn marks_are_compared() {
     samples: 2 compared; first difference at sample 1: clipped is acceleration_b_y_m_s2 and head_force_x_n in A, none in B
     ");
     assert_eq!(document(folder.path(), 1, &[&both[..], &["--json"]].concat())["same"], false);
-    // Recordings of earlier formats say nothing of clipped readings and of coils.
-    document(folder.path(), 0, &["diff", "a.mcap", "says-nothing.mcap", "--json"]);
+    // A coil that only one of them has is not compared.
+    document(folder.path(), 0, &["diff", "a.mcap", "without-coil.mcap", "--json"]);
 }
 
 #[test]
 fn the_current_of_a_coil_is_compared() {
     let folder = tempfile::tempdir().unwrap();
-    marked(folder.path(), "a.mcap", true, None, Some(1.5));
-    marked(folder.path(), "b.mcap", true, None, Some(1.25));
+    marked(folder.path(), "a.mcap", true, Clipped::NONE, Some(1.5));
+    marked(folder.path(), "b.mcap", true, Clipped::NONE, Some(1.25));
     let said = resonarm(folder.path(), &["diff", "a.mcap", "b.mcap", "--parts", "states"]);
     assert_eq!(said.code, 1, "{}", said.stdout);
     assert_snapshot!(said.stdout, @r"

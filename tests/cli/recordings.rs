@@ -318,7 +318,7 @@ fn what_a_sensor_could_not_tell_is_told() {
     let (mut clipped, mut samples) = (0, 0);
     for sample in Recording::open(folder.path().join("run.mcap")).unwrap().samples().unwrap() {
         let sample = sample.unwrap();
-        let marked = sample.clipped.unwrap();
+        let marked = sample.clipped;
         assert_eq!(marked.acceleration_b, sample.acceleration_b_m_s2.map(|value| value.abs() == 0.5), "{sample:?}");
         assert_eq!((marked.acceleration_c, marked.head_force), ([false; 2], [false; 2]));
         clipped += u64::from(marked.any());

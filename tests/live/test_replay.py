@@ -113,14 +113,6 @@ def test_a_recording_is_played_as_often_and_as_fast_as_is_asked_for(programs):
     viewer.next("player", lambda told: not told["playing"] and told["sample"] == LAST)
 
 
-def test_a_recording_that_says_nothing_of_clipped_readings_is_shown_so(browser, programs):
-    page = open_page(browser, replay(programs, recording="tests/recording/format-1.mcap"))
-    shown = lambda: {page.text(f"#{panel}-clipped") for panel in ("force", "b", "c", "lissajous")}
-    wait_until(lambda: shown() == {"clipped or not is not recorded"}, "the notes beside the titles")
-    assert page.text("#arm-clipped") == ""
-    assert page.errors == []
-
-
 def test_orders_beyond_the_recording_are_refused(programs):
     viewer = Viewer(*address(replay(programs)))
     beyond = "the time is 0.901 s: it must be from 0 to 0.9 s"

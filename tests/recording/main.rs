@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 #[cfg(unix)]
+mod channels;
 mod crash;
 mod damage;
 mod messages;
@@ -47,7 +48,7 @@ fn records_of(sample: u64) -> Outcome<Vec<Record>> {
             acceleration_b_m_s2: [x, 2.0 * x],
             acceleration_c_m_s2: [3.0 * x, 4.0 * x],
             head_force_n: [5.0, 6.0],
-            clipped: Some(Clipped::NONE),
+            clipped: Clipped::NONE,
         }),
         Record::Tick(TickRecord {
             sample,

@@ -22,7 +22,7 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
         let time_ns = sample * 1_000_000;
         let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = (pair, pair, pair, pair);
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
-        let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Some(Clipped::NONE));
+        let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Clipped::NONE);
         let records = [
             Record::State(StateRecord {
                 sample,

@@ -33,13 +33,13 @@ fn frame() -> impl Strategy<Value = Frame> {
     (id, format, data).prop_filter_map("length", |(id, format, data)| Frame::new(id, format, &data).ok())
 }
 
-fn clipped() -> impl Strategy<Value = Option<Clipped>> {
+fn clipped() -> impl Strategy<Value = Clipped> {
     let pairs = any::<[[bool; 2]; 3]>();
-    prop::option::of(pairs.prop_map(|[acceleration_b, acceleration_c, head_force]| Clipped {
+    pairs.prop_map(|[acceleration_b, acceleration_c, head_force]| Clipped {
         acceleration_b,
         acceleration_c,
         head_force,
-    }))
+    })
 }
 
 fn any_record(sample: u64) -> impl Strategy<Value = Record> {

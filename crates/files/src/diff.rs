@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::export::{Part, channels, sample_values, state_values};
+use crate::export::Part;
+use crate::recording::channels::READINGS;
 use resonarm_numeric::number::short;
 use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
 
@@ -115,9 +116,8 @@ struct Row {
     key: u64,
     sample: u64,
     numbers: Vec<f64>,
-    /// What else it says, whole: the frame, the event, the marks of a state or of readings. `None` if its recording
-    /// doesn't say.
-    text: Option<String>,
+    /// What else it says, whole: the frame, the event, the marks of a state or of readings.
+    text: String,
 }
 
 /// The records of a part, as they are compared.
@@ -127,9 +127,8 @@ fn rows<'r>(
     samples: &RangeInclusive<u64>,
 ) -> Result<impl Iterator<Item = Result<Row, RecordingError>> + use<'r>, RecordingError> {
     let (samples, mut count) = (samples.clone(), 0);
-    let marks_ends = recording.origin().format > 1;
     Ok(recording.records()?.filter_map(move |record| {
-        let row = record.map(|record| row(part, &record, marks_ends).filter(|row| samples.contains(&row.sample)));
+        let row = record.map(|record| row(part, &record).filter(|row| samples.contains(&row.sample)));
         row.transpose().map(|row| {
             row.map(|row| {
                 count += 1;
@@ -139,16 +138,13 @@ fn rows<'r>(
     }))
 }
 
-fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
+fn row(part: Part, record: &Record<String>) -> Option<Row> {
     let sample = record.sample();
     let numbers = |numbers: &[f64], text| Some(Row { key: sample, sample, numbers: numbers.to_vec(), text });
-    let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text: Some(text) });
+    let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text });
     match (part, record) {
-        (Part::States, Record::State(state)) => {
-            let values: Vec<f64> = state_values(state).into_iter().chain(state.coil_current_a).collect();
-            numbers(&values, marks_ends.then(|| u8::from(state.is_end).to_string()))
-        }
-        (Part::Samples, Record::Sample(readings)) => numbers(&sample_values(readings), readings.clipped.map(marks)),
+        (Part::States, Record::State(state)) => numbers(&state.values(), u8::from(state.is_end).to_string()),
+        (Part::Samples, Record::Sample(readings)) => numbers(&readings.values(), marks(readings.clipped)),
         (Part::Frames, Record::Frame(frame)) => {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
@@ -160,7 +156,7 @@ fn row(part: Part, record: &Record<String>, marks_ends: bool) -> Option<Row> {
 
 /// Which readings are marked.
 fn marks(clipped: Clipped) -> String {
-    let marked = channels(Part::Samples).iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
+    let marked = READINGS.iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
     let names: Vec<_> = marked.map(|(channel, _)| channel.name).collect();
     if names.is_empty() { String::from("none") } else { names.join(" and ") }
 }
@@ -209,9 +205,7 @@ fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> R
 
 /// The channels of a part with their magnitudes in A, and no difference yet.
 fn magnitudes(a: &Recording, part: Part, options: &DiffOptions) -> Result<Vec<ChannelDifference>, RecordingError> {
-    // The current of a shaker's coil stands behind the others, where both recordings have one.
-    let coil = (part == Part::States).then_some("coil_current_a");
-    let names = channels(part).iter().map(|channel| channel.name).chain(coil);
+    let names = a.channels().of(part.topic()).iter().map(|channel| channel.name);
     let mut channels: Vec<_> =
         names.map(|name| ChannelDifference { name, largest: 0.0, sample: 0, magnitude: 0.0 }).collect();
     if !channels.is_empty() {
@@ -235,9 +229,8 @@ impl Found {
     fn take(&mut self, part: Part, left: &Row, right: &Row) {
         self.part.compared += 1;
         let sample = left.sample;
-        if let (Some(a), Some(b)) = (&left.text, &right.text)
-            && a != b
-        {
+        let (a, b) = (&left.text, &right.text);
+        if a != b {
             let what = match part {
                 Part::States => "is_end",
                 Part::Samples => "clipped",

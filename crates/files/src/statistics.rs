@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use resonarm_protocol::{DecodeError, Receiver};
 use serde::Serialize;
 
-use crate::export::{Part, channels, sample_values, state_values};
-use crate::recording::{Direction, Record, Recording, RecordingError};
+use crate::recording::channels::Channel;
+use crate::recording::{Direction, Record, Recording, RecordingError, Topic};
 use crate::scenario::Scenario;
 
 /// What is in a recording, in numbers.
@@ -49,14 +49,14 @@ pub fn statistics(recording: &Recording) -> Result<Statistics, RecordingError> {
     let network = Scenario::from_configuration(recording.configuration()).ok().and_then(|found| found.network().ok());
     // Each end has counters of its own, and hears the other's frames alone.
     let mut receivers = [(); 2].map(|()| Receiver::new(network.unwrap_or_default()));
-    let mut sums = [Part::States, Part::Samples].map(Sums::new);
+    let mut sums = [Topic::States, Topic::Samples].map(|topic| Sums::new(recording.channels().of(topic)));
     let mut found = Statistics::default();
     for record in recording.records()? {
         match record? {
             // The end of a run has a state and no load.
             Record::State(state) if state.is_end => {}
-            Record::State(state) => sums[0].add(&state_values(&state)),
-            Record::Sample(readings) => sums[1].add(&sample_values(&readings)),
+            Record::State(state) => sums[0].add(&state.values()),
+            Record::Sample(readings) => sums[1].add(&readings.values()),
             Record::Frame(frame) => {
                 let receiver = &mut receivers[usize::from(frame.direction == Direction::Sent)];
                 match receiver.accept(&frame.frame) {
@@ -84,29 +84,28 @@ fn reason(error: &DecodeError) -> String {
     format!("{}: {what}", error.kind().name())
 }
 
-/// The sums over the records of a part.
-struct Sums {
-    part: Part,
+/// The sums over the records of a topic.
+struct Sums<'c> {
+    channels: &'c [Channel],
     count: u64,
-    channels: Vec<[f64; 4]>,
+    sums: Vec<[f64; 4]>,
 }
 
-impl Sums {
-    fn new(part: Part) -> Sums {
-        let channels = channels(part).iter().map(|_| [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0]).collect();
-        Sums { part, count: 0, channels }
+impl Sums<'_> {
+    fn new(channels: &[Channel]) -> Sums<'_> {
+        Sums { channels, count: 0, sums: vec![[f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0]; channels.len()] }
     }
 
     fn add(&mut self, values: &[f64]) {
         self.count += 1;
-        for ([least, largest, sum, squares], value) in self.channels.iter_mut().zip(values) {
+        for ([least, largest, sum, squares], value) in self.sums.iter_mut().zip(values) {
             (*least, *largest) = (least.min(*value), largest.max(*value));
             (*sum, *squares) = (*sum + value, *squares + value * value);
         }
     }
 
     fn channels(&self) -> Vec<ChannelStatistics> {
-        let (count, names) = (self.count as f64, channels(self.part).iter().map(|channel| channel.name));
+        let (count, names) = (self.count as f64, self.channels.iter().map(|channel| channel.name));
         let of = |(name, [least, largest, sum, squares]): (&'static str, &[f64; 4])| ChannelStatistics {
             name,
             least: *least,
@@ -114,6 +113,6 @@ impl Sums {
             mean: sum / count,
             rms: libm::sqrt(squares / count),
         };
-        if self.count == 0 { Vec::new() } else { names.zip(&self.channels).map(of).collect() }
+        if self.count == 0 { Vec::new() } else { names.zip(&self.sums).map(of).collect() }
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::rows::{CHANNELS, CLIPPED_BITS};
+use super::rows;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::scenario::Scenario;
 
@@ -44,9 +44,9 @@ pub struct About {
     /// Frequencies of the modes, Hz.
     pub modes_hz: [f64; 2],
     /// Names of the numbers of a sample.
-    pub channels: [&'static str; CHANNELS.len()],
+    pub channels: [&'static str; 12],
     /// Names of the numbers that a bit stands for where clipped readings are told, the lowest bit first.
-    pub clipped_bits: [&'static str; CLIPPED_BITS.len()],
+    pub clipped_bits: [&'static str; 6],
     /// What may be asked for with the token.
     pub actions: Vec<Action>,
     /// What can be set, if a set-point can.
@@ -94,8 +94,8 @@ impl About {
             unit: unit(scenario),
             rate_hz: scenario.simulation.rate_hz,
             modes_hz: resonarm_analysis::modes(arm).map(|mode| mode.frequency_hz),
-            channels: CHANNELS,
-            clipped_bits: CLIPPED_BITS,
+            channels: rows::names(),
+            clipped_bits: rows::clipped_bits(),
             actions: Vec::new(),
             steering: None,
             samples: None,

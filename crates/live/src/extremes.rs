@@ -1,7 +1,7 @@
 //! Samples thinned out for the screen: of a stretch of samples the least and the largest of each number, so that no
 //! peak is lost, whatever the width of the screen.
 
-use super::rows::{Numbers, Row, clipped_in_either};
+use super::rows::{Numbers, Row};
 
 /// A stretch of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,8 +12,8 @@ pub struct Stretch {
     pub least: Numbers,
     /// The largest.
     pub largest: Numbers,
-    /// Which readings were clipped in any of its samples; `None` if one doesn't say.
-    pub clipped: Option<u32>,
+    /// Which readings were clipped in any of its samples.
+    pub clipped: u32,
 }
 
 /// Gathers stretches.
@@ -44,7 +44,7 @@ impl Extremes {
                     stretch.least[place] = stretch.least[place].min(*value);
                     stretch.largest[place] = stretch.largest[place].max(*value);
                 }
-                stretch.clipped = clipped_in_either(stretch.clipped, row.clipped);
+                stretch.clipped |= row.clipped;
                 None
             }
             stretch => {
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn no_peak_is_lost() {
         let mut extremes = Extremes::new(10);
-        let row = |value: f32| Row { numbers: [value; 12], clipped: None };
+        let row = |value: f32| Row { numbers: [value; 12], clipped: 0 };
         let mut stretches = Vec::new();
         for sample in 3..45_u64 {
             let value = if sample == 27 { 9.0 } else { -(sample as f32) };
@@ -85,10 +85,10 @@ mod tests {
     #[test]
     fn a_stretch_tells_what_was_clipped_in_any_of_its_samples() {
         let mut extremes = Extremes::new(3);
-        let clipped = [Some(0), Some(0b1000), Some(0b1), Some(0), Some(0), Some(0), Some(0), None, None, Some(0)];
+        let clipped = [0, 0b1000, 0b1, 0, 0, 0, 0];
         let rows = clipped.map(|clipped| Row { clipped, ..Row::UNKNOWN });
         let stretches = rows.iter().zip(0..).filter_map(|(row, sample)| extremes.push(sample, row));
-        let told: Vec<Option<u32>> = stretches.map(|stretch| stretch.clipped).collect();
-        assert_eq!(told, [Some(0b1001), Some(0), None]);
+        let marked: Vec<u32> = stretches.map(|stretch| stretch.clipped).collect();
+        assert_eq!(marked, [0b1001, 0]);
     }
 }

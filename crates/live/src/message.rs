@@ -100,8 +100,8 @@ pub struct Spectra {
     pub force: [Vec<f32>; 2],
     /// Of the acceleration of C along x and y, m/s².
     pub acceleration_c: [Vec<f32>; 2],
-    /// Which readings that they are of were clipped, by the bits that [`About`] names; none if they don't say.
-    pub clipped: Option<u32>,
+    /// Which readings that they are of were clipped, by the bits that [`About`] names.
+    pub clipped: u32,
     /// Where the largest line of the acceleration stands, Hz.
     pub peak_hz: Option<f64>,
 }
@@ -156,10 +156,10 @@ pub struct UpdateHead {
     pub first: u64,
     /// How many rows.
     pub rows: usize,
-    /// Which readings were clipped in each stretch, by the bits that [`About`] names; none if they don't say.
-    pub stretches_clipped: Vec<Option<u32>>,
+    /// Which readings were clipped in each stretch, by the bits that [`About`] names.
+    pub stretches_clipped: Vec<u32>,
     /// Which were in each row.
-    pub rows_clipped: Vec<Option<u32>>,
+    pub rows_clipped: Vec<u32>,
     /// How the loop keeps time; none if it has no schedule.
     pub timing: Option<Timing>,
     /// Deadlines missed since the run or the recording began.

@@ -12,7 +12,7 @@ use super::message::{
     update,
 };
 use super::missed::Missed;
-use super::rows::{Row, Rows, clipped_bit, clipped_in_either};
+use super::rows::{Row, Rows, clipped_bit};
 use super::spectrum::Spectrum;
 use resonarm_dynamics::arm::Arm;
 use resonarm_bench::control::{JointAngles, ResponsePoint, SetPoint};
@@ -316,7 +316,7 @@ impl Model {
         let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
         let peak_hz = self.spectrum.peak_hz(&both);
         let line_hz = self.spectrum.line_hz();
-        let clipped = recent().map(|row| row.clipped).fold(Some(0), clipped_in_either).map(|bits| bits & shown);
+        let clipped = recent().fold(0, |bits, row| bits | row.clipped) & shown;
         text(&Told::Spectrum(&Spectra { line_hz, force, acceleration_c, clipped, peak_hz }))
     }
 

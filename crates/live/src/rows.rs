@@ -3,59 +3,60 @@
 use std::collections::VecDeque;
 
 use resonarm_dynamics::arm::Load;
-use resonarm_files::recording::{Clipped, SampleRecord, StateRecord};
+use resonarm_files::recording::channels::{self, Channel, Kind, STATES};
+use resonarm_files::recording::{SampleRecord, StateRecord};
 
-/// The numbers of a sample, by name and in their order.
-pub const CHANNELS: [&str; 12] = [
-    "torque1_nm",
-    "torque2_nm",
-    "force_x_n",
-    "force_y_n",
-    "head_force_x_n",
-    "head_force_y_n",
-    "acceleration_b_x_m_s2",
-    "acceleration_b_y_m_s2",
-    "acceleration_c_x_m_s2",
-    "acceleration_c_y_m_s2",
-    "alpha1_rad",
-    "alpha2_rad",
-];
+/// What the numbers of a sample are, in their order: load, readings of the head, accelerations, angles.
+const SHOWN: [&Channel; 12] = {
+    let (state, reading) = (&STATES, &channels::READINGS);
+    [
+        &state[4],
+        &state[5],
+        &state[6],
+        &state[7],
+        &reading[4],
+        &reading[5],
+        &reading[0],
+        &reading[1],
+        &reading[2],
+        &reading[3],
+        &state[0],
+        &state[1],
+    ]
+};
 
-/// What the bits that tell clipped readings stand for, the lowest first: the order of recordings.
-pub const CLIPPED_BITS: [&str; 6] = [
-    "acceleration_b_x_m_s2",
-    "acceleration_b_y_m_s2",
-    "acceleration_c_x_m_s2",
-    "acceleration_c_y_m_s2",
-    "head_force_x_n",
-    "head_force_y_n",
-];
+/// The names of the numbers of a sample.
+pub fn names() -> [&'static str; SHOWN.len()] {
+    SHOWN.map(|channel| channel.name)
+}
+
+/// What the bits that mark clipped readings stand for, the lowest first.
+pub fn clipped_bits() -> [&'static str; channels::READINGS.len()] {
+    channels::READINGS.map(|channel| channel.name)
+}
 
 /// The numbers of a sample; NaN where nothing is known.
-pub type Numbers = [f32; CHANNELS.len()];
+pub type Numbers = [f32; SHOWN.len()];
 
 /// What is known of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
-    /// Which readings were beyond the range of their sensor, by [`CLIPPED_BITS`]; `None` if they don't say.
-    pub clipped: Option<u32>,
+    /// Which readings were beyond the range of their sensor, by [`clipped_bits`].
+    pub clipped: u32,
 }
 
 impl Row {
     /// A sample of which nothing is known, and so nothing is read that could be clipped.
-    pub const UNKNOWN: Row = Row { numbers: [f32::NAN; CHANNELS.len()], clipped: Some(0) };
+    pub const UNKNOWN: Row = Row { numbers: [f32::NAN; SHOWN.len()], clipped: 0 };
 }
 
 /// The bit that tells whether this number of a row was clipped, if it is a reading.
 pub fn clipped_bit(channel: usize) -> Option<u32> {
-    let name = CHANNELS.get(channel)?;
-    CLIPPED_BITS.iter().position(|bit| bit == name).map(|bit| 1 << bit)
-}
-
-/// What was clipped in either of two samples; `None` if one of them doesn't say.
-pub fn clipped_in_either(one: Option<u32>, other: Option<u32>) -> Option<u32> {
-    one.zip(other).map(|(one, other)| one | other)
+    match SHOWN.get(channel)?.kind {
+        Kind::Reading { clip_bit } => Some(1 << clip_bit),
+        _ => None,
+    }
 }
 
 /// A sample whose row waits for its other half at most while so many newer ones come.
@@ -101,7 +102,7 @@ impl Rows {
         let places: [(usize, &[f64]); 3] =
             [(4, &record.head_force_n), (6, &record.acceleration_b_m_s2), (8, &record.acceleration_c_m_s2)];
         if let Some(row) = self.put(record.sample, READINGS, &places) {
-            row.clipped = record.clipped.map(Clipped::bits);
+            row.clipped = record.clipped.bits();
         }
     }
 
@@ -147,11 +148,12 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_files::recording::Clipped;
 
     fn readings(sample: u64) -> SampleRecord {
         let pair = [sample as f64, -1.0];
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
-        SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped: None }
+        SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped: Clipped::NONE }
     }
 
     #[test]
@@ -171,18 +173,18 @@ mod tests {
     }
 
     #[test]
-    fn clipped_readings_are_told_by_their_bits() {
+    fn clipped_readings_are_marked_by_their_bits() {
         let mut rows = Rows::default();
-        let [mut clipped, none, not_told] = [0, 1, 2].map(readings);
-        clipped.clipped = Some(Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE });
-        for record in [clipped, SampleRecord { clipped: Some(Clipped::NONE), ..none }, not_told] {
+        let [mut clipped, none] = [0, 1].map(readings);
+        clipped.clipped = Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE };
+        for record in [clipped, none] {
             rows.readings(&record);
             rows.command(record.sample, &Load::default());
         }
-        let told: Vec<Option<u32>> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
-        let bit = |name: &str| 1 << CLIPPED_BITS.iter().position(|bit| *bit == name).unwrap();
+        let marked: Vec<u32> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
+        let bit = |name: &str| 1 << clipped_bits().iter().position(|bit| *bit == name).unwrap();
         let both = bit("acceleration_c_y_m_s2") | bit("head_force_x_n");
-        assert_eq!(told, [Some(both), Some(0), None]);
+        assert_eq!(marked, [both, 0]);
     }
 
     #[test]

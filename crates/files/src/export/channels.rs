@@ -1,102 +1,16 @@
-//! States and samples as channels: a number a sample, with name, unit and place on the arm.
+//! The numbers of states and samples, channel by channel.
 
 use core::ops::RangeInclusive;
 
 use super::{ExportError, Part};
-use crate::recording::{Origin, Recording, RecordingError, SampleRecord, StateRecord};
-
-/// What a channel is a measure of, and where.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Quantity {
-    /// Angle of a joint, rad.
-    Angle,
-    /// Its rate, rad/s.
-    AngularVelocity,
-    /// Torque at a joint, N·m.
-    Torque,
-    /// Force, N.
-    Force,
-    /// Acceleration, m/s².
-    Acceleration,
-}
-
-/// A point of the arm: the joints 1, at the base, and 2, the elbow B; the tip C.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Point {
-    Joint1 = 1,
-    Joint2B = 2,
-    TipC = 3,
-}
-
-/// Along which axis of the base frame, or about which.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Axis {
-    X,
-    Y,
-    AboutZ,
-}
-
-/// A channel.
-#[derive(Clone, Copy, Debug)]
-pub struct Channel {
-    /// Its name in the schemas, with its unit.
-    pub name: &'static str,
-    pub quantity: Quantity,
-    pub point: Point,
-    pub axis: Axis,
-}
-
-const fn channel(name: &'static str, quantity: Quantity, point: Point, axis: Axis) -> Channel {
-    Channel { name, quantity, point, axis }
-}
-
-const STATES: [Channel; 8] = [
-    channel("alpha1_rad", Quantity::Angle, Point::Joint1, Axis::AboutZ),
-    channel("alpha2_rad", Quantity::Angle, Point::Joint2B, Axis::AboutZ),
-    channel("alpha1_dot_rad_s", Quantity::AngularVelocity, Point::Joint1, Axis::AboutZ),
-    channel("alpha2_dot_rad_s", Quantity::AngularVelocity, Point::Joint2B, Axis::AboutZ),
-    channel("torque1_nm", Quantity::Torque, Point::Joint1, Axis::AboutZ),
-    channel("torque2_nm", Quantity::Torque, Point::Joint2B, Axis::AboutZ),
-    channel("force_x_n", Quantity::Force, Point::TipC, Axis::X),
-    channel("force_y_n", Quantity::Force, Point::TipC, Axis::Y),
-];
-
-const SAMPLES: [Channel; 6] = [
-    channel("acceleration_b_x_m_s2", Quantity::Acceleration, Point::Joint2B, Axis::X),
-    channel("acceleration_b_y_m_s2", Quantity::Acceleration, Point::Joint2B, Axis::Y),
-    channel("acceleration_c_x_m_s2", Quantity::Acceleration, Point::TipC, Axis::X),
-    channel("acceleration_c_y_m_s2", Quantity::Acceleration, Point::TipC, Axis::Y),
-    channel("head_force_x_n", Quantity::Force, Point::TipC, Axis::X),
-    channel("head_force_y_n", Quantity::Force, Point::TipC, Axis::Y),
-];
-
-/// The channels of a part; none of frames, ticks and events.
-pub const fn channels(part: Part) -> &'static [Channel] {
-    match part {
-        Part::States => &STATES,
-        Part::Samples => &SAMPLES,
-        Part::Frames | Part::Ticks | Part::Events => &[],
-    }
-}
+use crate::recording::{Origin, Recording, RecordingError, Topic};
 
 /// How long before its sample a channel was read, in samples: the delay of the instruments' converters.
-pub fn lead(part: Part, origin: &Origin) -> f64 {
-    match part {
-        Part::Samples => origin.reading_delay_samples,
+pub(super) fn lead(topic: Topic, origin: &Origin) -> f64 {
+    match topic {
+        Topic::Samples => origin.reading_delay_samples,
         _ => 0.0,
     }
-}
-
-/// The values of [`STATES`].
-pub const fn state_values(record: &StateRecord) -> [f64; 8] {
-    let StateRecord { alpha_rad: [a, b], alpha_dot_rad_s: [c, d], torque_nm: [e, f], force_n: [g, h], .. } = *record;
-    [a, b, c, d, e, f, g, h]
-}
-
-/// The values of [`SAMPLES`].
-pub const fn sample_values(record: &SampleRecord) -> [f64; 6] {
-    let SampleRecord { acceleration_b_m_s2: [a, b], acceleration_c_m_s2: [c, d], head_force_n: [e, f], .. } = *record;
-    [a, b, c, d, e, f]
 }
 
 /// Hands the values of every wanted sample of a part to `visit`, in order and without a gap; the first sample and how
@@ -104,7 +18,7 @@ pub const fn sample_values(record: &SampleRecord) -> [f64; 6] {
 ///
 /// # Errors
 /// [`ExportError::Recording`] if samples are missing.
-pub fn visit(
+pub(super) fn visit(
     recording: &Recording,
     part: Part,
     wanted: &RangeInclusive<u64>,
@@ -116,13 +30,13 @@ pub fn visit(
         Part::States => {
             for record in within(recording.states()?, |record| goes_on(record.sample)) {
                 let record = record?;
-                each(record.sample, &state_values(&record))?;
+                each(record.sample, &record.values())?;
             }
         }
         Part::Samples => {
             for record in within(recording.samples()?, |record| goes_on(record.sample)) {
                 let record = record?;
-                each(record.sample, &sample_values(&record))?;
+                each(record.sample, &record.values())?;
             }
         }
         Part::Frames | Part::Ticks | Part::Events => {}
@@ -142,7 +56,7 @@ fn within<T>(
 ///
 /// # Errors
 /// As [`visit`]; [`ExportError::Recording`] as well if the part has no samples there.
-pub fn span(recording: &Recording, part: Part, wanted: &RangeInclusive<u64>) -> Result<(u64, u64), ExportError> {
+pub(super) fn span(recording: &Recording, part: Part, wanted: &RangeInclusive<u64>) -> Result<(u64, u64), ExportError> {
     let first = match part {
         Part::States => recording.states()?.next().transpose()?.map(|record| record.sample),
         Part::Samples => recording.samples()?.next().transpose()?.map(|record| record.sample),

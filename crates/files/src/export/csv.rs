@@ -10,15 +10,16 @@ use std::path::PathBuf;
 
 use resonarm_protocol::{FrameFormat, Id};
 
-use super::channels::{Channel, channels, lead, sample_values, state_values};
+use super::channels::lead;
 use super::{ExportError, ExportedFile, Part, Selection};
 use resonarm_numeric::number::short;
 use resonarm_realtime::OverrunCause;
+use crate::recording::channels::Channels;
 use crate::recording::{Direction, Event, Existing, FrameRecord, Origin, Record, Recording, TickRecord};
 use crate::staged::Staged;
 
 /// Names of the columns.
-fn columns(part: Part) -> Vec<&'static str> {
+fn columns(channels: &Channels, part: Part) -> Vec<&'static str> {
     let own: &[&str] = match part {
         Part::States => &["is_end"],
         Part::Samples => &["clipped"],
@@ -28,7 +29,7 @@ fn columns(part: Part) -> Vec<&'static str> {
         Part::Ticks => &["wakeup_ns", "exec_ns", "overruns", "cause"],
         Part::Events => &["name", "value"],
     };
-    let of_channels = channels(part).iter().map(|Channel { name, .. }| *name);
+    let of_channels = channels.of(part.topic()).iter().map(|channel| channel.name);
     ["sample", "time_s"].into_iter().chain(of_channels).chain(own.iter().copied()).collect()
 }
 
@@ -48,11 +49,11 @@ pub(super) fn write(
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let mut tables = Vec::new();
     for (path, parts) in files {
-        tables.extend(parts.first().map(|part| Table::create(path, *part)).transpose()?);
+        tables.extend(parts.first().map(|part| Table::create(path, recording.channels(), *part)).transpose()?);
     }
     for record in recording.records()? {
         let record = record?;
-        let table = tables.iter_mut().find(|table| table.part == part(&record));
+        let table = tables.iter_mut().find(|table| table.part.topic() == record.topic());
         if let Some(table) = table.filter(|_| selection.samples.contains(&record.sample())) {
             table.row(recording.origin(), &record)?;
         }
@@ -61,19 +62,9 @@ pub(super) fn write(
     tables.into_iter().map(Table::publish).collect()
 }
 
-fn part(record: &Record<String>) -> Part {
-    match record {
-        Record::State(_) => Part::States,
-        Record::Sample(_) => Part::Samples,
-        Record::Frame(_) => Part::Frames,
-        Record::Tick(_) => Part::Ticks,
-        Record::Event(_) => Part::Events,
-    }
-}
-
 impl Table {
-    fn create(path: PathBuf, part: Part) -> Result<Table, ExportError> {
-        let (columns, failed) = (columns(part), |source| ExportError::Write { path: path.clone(), source });
+    fn create(path: PathBuf, channels: &Channels, part: Part) -> Result<Table, ExportError> {
+        let (columns, failed) = (columns(channels, part), |source| ExportError::Write { path: path.clone(), source });
         let (staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
         let mut out = BufWriter::new(file);
         writeln!(out, "{}", columns.join(",")).map_err(failed)?;
@@ -107,17 +98,17 @@ struct Row<'a> {
 impl Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (record, sample) = (self.record, self.record.sample());
-        let time_s = (sample as f64 - lead(part(record), self.origin)) * self.origin.dt_s;
+        let time_s = (sample as f64 - lead(record.topic(), self.origin)) * self.origin.dt_s;
         match record {
             Record::State(record) => {
                 write!(f, "{sample},{}", short(&time_s))?;
-                numbers(f, &state_values(record))?;
+                numbers(f, &record.values())?;
                 write!(f, ",{}", u8::from(record.is_end))
             }
             Record::Sample(record) => {
                 write!(f, "{sample},{}", short(&time_s))?;
-                numbers(f, &sample_values(record))?;
-                write!(f, ",{}", Optional(record.clipped.map(|clipped| clipped.bits())))
+                numbers(f, &record.values())?;
+                write!(f, ",{}", record.clipped.bits())
             }
             Record::Frame(record) => frame(f, record),
             Record::Tick(TickRecord { wakeup_ns, exec_ns, overruns, cause, .. }) => {

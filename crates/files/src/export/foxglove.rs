@@ -14,10 +14,11 @@ use mcap::records::MessageHeader;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
 
-use super::channels::{channels, lead, sample_values, state_values};
+use super::channels::lead;
 use super::scene::{self, Scene};
 use super::{ExportError, ExportedFile, Part, Selection};
 use resonarm_protocol::dbc::Dbc;
+use crate::recording::channels::Channels;
 use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
 use crate::scenario::Scenario;
 use crate::staged::Staged;
@@ -61,9 +62,10 @@ fn copy(
     let failed = |error: McapError| write_error(&path, error);
     let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(|error| failed(error.into()))?;
     let library = concat!("resonarm ", env!("CARGO_PKG_VERSION"));
-    let options = WriteOptions::new().library(library).compression(Some(mcap::Compression::Lz4));
+    let options =
+        WriteOptions::new().library(library).compression(Some(mcap::Compression::Zstd)).compression_threads(0);
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
-    let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, *part)?)));
+    let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, recording.channels(), *part)?)));
     let mut topics = declared.collect::<Result<Vec<_>, _>>().map_err(failed)?;
     let mut arm = match &scene {
         Some(scene) => Some((scene, declare_arm(&mut writer).map_err(failed)?)),
@@ -79,14 +81,15 @@ fn copy(
             let time_ns = sample_ns(recording.origin(), state.sample, 0.0);
             topic.write(&mut writer, time_ns, &scene.message(state, time_ns)).map_err(failed)?;
         }
-        let Some((part, time_ns, message)) = message(recording.origin(), &record) else { continue };
+        let Some((part, time_ns, message)) = message(recording, &record) else { continue };
         let Some((_, topic)) = topics.iter_mut().find(|(of, _)| *of == part) else { continue };
         topic.write(&mut writer, time_ns, &message).map_err(failed)?;
         rows += 1;
     }
     attach(recording, &mut writer).map_err(failed)?;
     writer.finish().and_then(|_summary| Ok(staged.publish()?)).map_err(failed)?;
-    let columns = parts.iter().flat_map(|part| channels(*part)).map(|channel| channel.name).collect();
+    let channels = parts.iter().flat_map(|part| recording.channels().of(part.topic()));
+    let columns = channels.map(|channel| channel.name).collect();
     Ok(ExportedFile { path, rows, columns })
 }
 
@@ -99,12 +102,13 @@ fn write_error(path: &Path, error: McapError) -> ExportError {
 }
 
 /// Declares the topic of a part and its schema.
-fn declare(writer: &mut Writer<BufWriter<File>>, part: Part) -> Result<Topic, McapError> {
+fn declare(writer: &mut Writer<BufWriter<File>>, channels: &Channels, part: Part) -> Result<Topic, McapError> {
     let (topic, name, schema) = match part {
         Part::Events => (String::from("/log"), "foxglove.Log", log_schema()),
         part => {
+            let numbers = channels.of(part.topic()).iter();
             let mut properties: Map<String, Value> =
-                channels(part).iter().map(|channel| (channel.name.to_owned(), json!({ "type": "number" }))).collect();
+                numbers.map(|channel| (channel.name.to_owned(), json!({ "type": "number" }))).collect();
             properties.insert(String::from("sample"), json!({ "type": "integer" }));
             let name = if part == Part::States { "resonarm.StateRow" } else { "resonarm.SampleRow" };
             (format!("/{part}"), name, json!({ "type": "object", "properties": properties }))
@@ -154,17 +158,19 @@ fn log_schema() -> Value {
 }
 
 /// Part, time and content of a record's message.
-fn message(origin: &Origin, record: &Record<String>) -> Option<(Part, u64, Value)> {
-    let row = |part, values: &[f64]| {
+fn message(recording: &Recording, record: &Record<String>) -> Option<(Part, u64, Value)> {
+    let origin = recording.origin();
+    let row = |part: Part| {
         let sample = record.sample();
-        let fields = channels(part).iter().zip(values).map(|(channel, value)| (channel.name.to_owned(), json!(value)));
+        let (channels, values) = (recording.channels().of(part.topic()), record.values());
+        let fields = channels.iter().zip(&*values).map(|(channel, value)| (channel.name.to_owned(), json!(value)));
         let mut fields: Map<String, Value> = fields.collect();
         fields.insert(String::from("sample"), json!(sample));
-        Some((part, sample_ns(origin, sample, lead(part, origin)), Value::Object(fields)))
+        Some((part, sample_ns(origin, sample, lead(part.topic(), origin)), Value::Object(fields)))
     };
     match record {
-        Record::State(state) => row(Part::States, &state_values(state)),
-        Record::Sample(readings) => row(Part::Samples, &sample_values(readings)),
+        Record::State(_) => row(Part::States),
+        Record::Sample(_) => row(Part::Samples),
         Record::Event(event) => {
             let time_ns = sample_ns(origin, event.sample, 0.0);
             Some((Part::Events, time_ns, log(event, time_ns)))

@@ -21,7 +21,6 @@ use std::path::{Path, PathBuf};
 use crate::can_log::LogFormat;
 use crate::recording::Recording;
 
-pub use channels::{channels, sample_values, state_values};
 pub use error::{ExportError, UnknownExportFormat, UnknownPart};
 pub use selection::{Part, Selection, samples};
 

@@ -7,8 +7,9 @@
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
-use super::channels::{Axis, Channel, Quantity, channels, lead, span, visit};
+use super::channels::{lead, span, visit};
 use super::{ExportError, ExportedFile, Part, Selection};
+use crate::recording::channels::{Axis, Channel, Quantity};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
 
@@ -29,6 +30,7 @@ const fn ordinate(quantity: Quantity) -> (u32, &'static str, &'static str, [i32;
         Quantity::Torque => (13, "Torque", "N*m", [1, 1, 0]),
         Quantity::Force => (13, "Force", "N", [0, 1, 0]),
         Quantity::Acceleration => (12, "Acceleration", "m/s^2", [1, 0, 0]),
+        Quantity::Current => (1, "Current", "A", [0, 0, 0]),
     }
 }
 
@@ -38,6 +40,7 @@ const fn direction(axis: Axis) -> u32 {
         Axis::X => 1,
         Axis::Y => 2,
         Axis::AboutZ => 6,
+        Axis::Scalar => 0,
     }
 }
 
@@ -56,9 +59,9 @@ pub(super) fn write(
         let (mut rows, mut columns) = (0, Vec::new());
         for part in parts {
             let (first, count) = span(recording, part, &selection.samples)?;
-            for (index, channel) in channels(part).iter().enumerate() {
+            for (index, channel) in recording.channels().of(part.topic()).iter().enumerate() {
                 let dt_s = recording.origin().dt_s;
-                let start_s = (first as f64 - lead(part, recording.origin())) * dt_s;
+                let start_s = (first as f64 - lead(part.topic(), recording.origin())) * dt_s;
                 head(&mut out, recording, channel, &Abscissa { count, start_s, dt_s }).map_err(failed)?;
                 let mut written = 0;
                 visit(recording, part, &selection.samples, |values| {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use hound::{Error, SampleFormat, WavSpec, WavWriter};
 
-use super::channels::{Channel, channels, span, visit};
+use super::channels::{span, visit};
 use super::{ExportError, ExportedFile, Part, Selection};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
@@ -25,7 +25,7 @@ pub(super) fn write(
     let mut exported = Vec::new();
     for (path, parts) in files {
         for part in parts {
-            let channels = channels(part);
+            let channels = recording.channels().of(part.topic());
             let (_, rows) = span(recording, part, &selection.samples)?;
             if rows * channels.len() as u64 * VALUE + HEADS > u64::from(u32::MAX) {
                 return Err(ExportError::Long { rows, channels: channels.len() });
@@ -41,7 +41,7 @@ pub(super) fn write(
             })?;
             let finished = writer.finalize().and_then(|()| Ok(staged.publish()?));
             finished.map_err(|error| failed(&path, error))?;
-            let columns = channels.iter().map(|Channel { name, .. }| *name).collect();
+            let columns = channels.iter().map(|channel| channel.name).collect();
             exported.push(ExportedFile { path: path.clone(), rows, columns });
         }
     }

@@ -173,11 +173,7 @@ impl Batch for SampleBatch {
         self.acceleration_c_y_m_s2.push(row.acceleration_c_m_s2[1]);
         self.head_force_x_n.push(row.head_force_n[0]);
         self.head_force_y_n.push(row.head_force_n[1]);
-        self.clipped.extend(row.clipped.map(Clipped::bits));
-    }
-
-    fn takes(&self, row: &SampleRecord) -> bool {
-        self.clipped.is_empty() == row.clipped.is_none()
+        self.clipped.push(row.clipped.bits());
     }
 
     fn dt_s(&self) -> Option<f64> {
@@ -188,23 +184,17 @@ impl Batch for SampleBatch {
         let accelerations = [&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2];
         let others =
             [&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2, &self.head_force_x_n, &self.head_force_y_n];
-        // Format 1 has no column of what was clipped.
-        let clipped = (!self.clipped.is_empty()).then_some(self.clipped.len());
-        accelerations.iter().chain(&others).map(|column| column.len()).chain(clipped).collect()
+        accelerations.iter().chain(&others).map(|column| column.len()).chain([self.clipped.len()]).collect()
     }
 
     fn row(&self, index: usize) -> Option<SampleRecord> {
-        let clipped = match self.clipped.as_slice() {
-            [] => None,
-            column => Some(Clipped::from_bits(*column.get(index)?)?),
-        };
         let pair = |x: &[f64], y: &[f64]| Some([*x.get(index)?, *y.get(index)?]);
         Some(SampleRecord {
             sample: self.first_step.checked_add(index as u64)?,
             acceleration_b_m_s2: pair(&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2)?,
             acceleration_c_m_s2: pair(&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2)?,
             head_force_n: pair(&self.head_force_x_n, &self.head_force_y_n)?,
-            clipped,
+            clipped: Clipped::from_bits(*self.clipped.get(index)?)?,
         })
     }
 }

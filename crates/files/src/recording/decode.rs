@@ -20,7 +20,6 @@ pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)
         MessageType::SampleBatch => return rows::<SampleBatch>(bytes, |row| visit(Record::Sample(row))),
         MessageType::TickBatch => return rows::<TickBatch>(bytes, |row| visit(Record::Tick(row))),
         MessageType::FrameBatch => frames::batch(&message(bytes)?, |frame| visit(Record::Frame(frame)))?,
-        MessageType::CanFrame => visit(Record::Frame(frames::single(&message(bytes)?)?)),
         MessageType::Event => {
             let proto::Event { step, time_ns, name, value } = message(bytes)?;
             visit(Record::Event(Event { sample: step, time_ns, name, value }));

@@ -141,12 +141,12 @@ pub enum RecordingError {
         /// What it should be.
         expected: &'static str,
     },
-    /// The file has a format that came later.
+    /// The file has a format that this version does not read.
     #[error(
         "recording `{path}` has format {format}, written by resonarm {writer}: this is resonarm {version}, which reads \
-         formats {FIRST_FORMAT} to {FORMAT}; read it with version {writer} or later", version = env!("CARGO_PKG_VERSION")
+         formats {FIRST_FORMAT} to {FORMAT}; read it with version {writer}", version = env!("CARGO_PKG_VERSION")
     )]
-    Newer {
+    OtherFormat {
         /// The file.
         path: PathBuf,
         /// Version of its format.

@@ -2,8 +2,8 @@
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use super::schema::proto::can_frame::Direction as Way;
-use super::schema::proto::{CanFrame, FrameBatch};
+use super::schema::proto::FrameBatch;
+use super::schema::proto::frame_batch::Direction as Way;
 use super::{Direction, FrameRecord};
 
 /// Frames in a batch, at most: so many come in the time of a batch only on a bus that is jammed by somebody else.
@@ -204,27 +204,6 @@ fn frame(id: u32, flags: u32, length: u32, payload: &[u8; LONGEST_DATA]) -> Resu
     };
     let data = payload.get(..length as usize).ok_or_else(|| format!("a frame of {length} bytes"))?;
     Frame::new(id, format, data).map_err(|error| error.to_string())
-}
-
-/// The frame in a message of its own, as in formats 1 and 2. Errors: what is wrong with it.
-pub(super) fn single(message: &CanFrame) -> Result<FrameRecord, String> {
-    let set = |flag: u32, is: bool| if is { flag } else { 0 };
-    // These formats state the kind of an FD frame of any other.
-    let fd = match message.fd {
-        true => flag::FD | set(flag::BIT_RATE_SWITCH, message.brs) | set(flag::ERROR_STATE, message.esi),
-        false => set(flag::REMOTE, message.remote),
-    };
-    let length = if fd == flag::REMOTE { message.length } else { message.data.len() as u32 };
-    let mut payload = [0; LONGEST_DATA];
-    let fits = payload.get_mut(..message.data.len()).ok_or_else(|| format!("a frame of {length} bytes"))?;
-    fits.copy_from_slice(&message.data);
-    Ok(FrameRecord {
-        sample: message.step,
-        direction: direction(message.direction)?,
-        time_ns: message.time_ns,
-        bus_timestamp_ns: message.bus_timestamp_ns,
-        frame: frame(message.id, fd | set(flag::EXTENDED, message.extended), length, &payload)?,
-    })
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@
 
 mod batch;
 mod build_info;
+pub mod channels;
 mod contents;
 mod cut;
 mod decimate;

@@ -2,7 +2,7 @@
 
 use super::decimate::{Decimated, Decimator};
 use super::schema::proto::{Command, Sensors, State};
-use super::{Clipped, SampleRecord, StateRecord};
+use super::{SampleRecord, StateRecord};
 
 /// What is ready for plotting.
 pub enum Plot {
@@ -73,7 +73,7 @@ impl Plots {
     pub fn reading(&mut self, record: &SampleRecord) {
         let SampleRecord { sample, acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy], .. } = *record;
         let [hx, hy] = record.head_force_n;
-        let flags = record.clipped.map_or(0, Clipped::bits);
+        let flags = record.clipped.bits();
         self.readings.push(sample, [bx, by, cx, cy, hx, hy], flags, &mut self.readings_ready);
     }
 

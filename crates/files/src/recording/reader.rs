@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::channels::Channels;
 use super::records::Records;
 use super::scan::{Scan, scan};
 use super::schema::{DT_S, Topic, metadata};
@@ -21,6 +22,7 @@ pub struct Recording {
     scan: Scan,
     origin: Origin,
     configuration: Configuration,
+    channels: Channels,
 }
 
 impl Recording {
@@ -41,7 +43,8 @@ impl Recording {
             return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
         }
         let configuration = Configuration(scan.required(path, metadata::CONFIGURATION)?.clone());
-        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })
+        let channels = Channels::arm(scan.tally.has_coil);
+        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration, channels })
     }
 
     /// The file.
@@ -62,6 +65,11 @@ impl Recording {
     /// The configuration of the run.
     pub fn configuration(&self) -> &Configuration {
         &self.configuration
+    }
+
+    /// What its states and readings consist of.
+    pub fn channels(&self) -> &Channels {
+        &self.channels
     }
 
     /// The statistics handed in at the end of the run, if its end is in the file.

@@ -2,6 +2,8 @@
 
 use resonarm_protocol::Frame;
 
+use super::Topic;
+use super::channels::Values;
 use resonarm_realtime::OverrunCause;
 
 /// One thing worth recording.
@@ -33,6 +35,26 @@ impl<Name> Record<Name> {
             Record::Event(record) => record.sample,
         }
     }
+
+    /// Where it is recorded.
+    pub const fn topic(&self) -> Topic {
+        match self {
+            Record::State(_) => Topic::States,
+            Record::Sample(_) => Topic::Samples,
+            Record::Frame(_) => Topic::Frames,
+            Record::Tick(_) => Topic::Ticks,
+            Record::Event(_) => Topic::Events,
+        }
+    }
+
+    /// Its numbers in the order of the channels of its topic; none of frames, ticks and events.
+    pub fn values(&self) -> Values {
+        match self {
+            Record::State(record) => record.values(),
+            Record::Sample(record) => record.values(),
+            Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new([]),
+        }
+    }
 }
 
 /// The arm at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
@@ -51,12 +73,20 @@ pub struct StateRecord {
     pub torque_nm: [f64; 2],
     /// Force at point C along x and y, N; of a shaker, the force that it would exert were it blocked.
     pub force_n: [f64; 2],
-    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of formats 1 to
-    /// 3, which do not hold it.
+    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of format 3,
+    /// which do not hold it.
     pub coil_current_a: Option<f64>,
     /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
-    /// nothing. Recordings of format 1 don't say it of their last.
+    /// nothing.
     pub is_end: bool,
+}
+
+impl StateRecord {
+    /// Its numbers in the order of [`Topic::States`](super::Topic::States).
+    pub fn values(&self) -> Values {
+        let ([a, b], [c, d], [e, f], [g, h]) = (self.alpha_rad, self.alpha_dot_rad_s, self.torque_nm, self.force_n);
+        Values::new([a, b, c, d, e, f, g, h].into_iter().chain(self.coil_current_a))
+    }
 }
 
 /// What the sensors said at sample `sample`: after range, noise and quantisation, before the wire's scaling.
@@ -70,8 +100,16 @@ pub struct SampleRecord {
     pub acceleration_c_m_s2: [f64; 2],
     /// Force in the impedance head at C along x and y, N.
     pub head_force_n: [f64; 2],
-    /// Which of these were beyond the range of their sensor; `None` in recordings of format 1, which don't say.
-    pub clipped: Option<Clipped>,
+    /// Which of these were beyond the range of their sensor.
+    pub clipped: Clipped,
+}
+
+impl SampleRecord {
+    /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
+    pub fn values(&self) -> Values {
+        let ([a, b], [c, d], [e, f]) = (self.acceleration_b_m_s2, self.acceleration_c_m_s2, self.head_force_n);
+        Values::new([a, b, c, d, e, f])
+    }
 }
 
 /// Which readings of a sample were beyond the range of their sensor, so that the value is the last within it.

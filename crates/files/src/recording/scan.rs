@@ -8,7 +8,7 @@ use super::decode::decode;
 use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
 use super::summary::format;
 use super::walk::{Part, Walk};
-use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
+use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, StateRecord, TopicSummary};
 use resonarm_numeric::number::short;
 
 /// How many faults are told one by one; what comes after these is in `/events`.
@@ -36,8 +36,10 @@ pub(super) struct Tally {
     pub samples: Option<(u64, u64)>,
     /// Time from sample to sample, s, that the metadata, or else the first batch, state.
     pub dt_s: Option<f64>,
-    /// Samples with a reading beyond the range of its sensor; `None` if nothing is said of it.
-    pub clipped_samples: Option<u64>,
+    /// Samples with a reading beyond the range of its sensor.
+    pub clipped_samples: u64,
+    /// Whether a state has the current in a coil.
+    pub has_coil: bool,
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
     /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
@@ -187,9 +189,10 @@ impl Tally {
         let sample = record.sample();
         let (first, last) = self.samples.unwrap_or((sample, sample));
         self.samples = Some((first.min(sample), last.max(sample)));
-        if let Record::Sample(SampleRecord { clipped: Some(clipped), .. }) = record {
-            *self.clipped_samples.get_or_insert(0) += u64::from(clipped.any());
+        if let Record::Sample(SampleRecord { clipped, .. }) = record {
+            self.clipped_samples += u64::from(clipped.any());
         }
+        self.has_coil |= matches!(record, Record::State(StateRecord { coil_current_a: Some(_), .. }));
         if let Record::Event(event) = record {
             self.event(event);
         }

@@ -86,13 +86,11 @@ pub enum MessageType {
     FrameBatch,
     TickBatch,
     Event,
-    /// A frame alone, as in formats 1 and 2.
-    CanFrame,
 }
 
 impl MessageType {
     /// All types; the index of each is its place here.
-    pub const ALL: [MessageType; 9] = [
+    pub const ALL: [MessageType; 8] = [
         MessageType::StepBatch,
         MessageType::SampleBatch,
         MessageType::State,
@@ -101,7 +99,6 @@ impl MessageType {
         MessageType::FrameBatch,
         MessageType::TickBatch,
         MessageType::Event,
-        MessageType::CanFrame,
     ];
 
     /// Where its messages are.
@@ -112,7 +109,7 @@ impl MessageType {
             MessageType::State => Topic::State,
             MessageType::Command => Topic::Command,
             MessageType::Sensors => Topic::Sensors,
-            MessageType::FrameBatch | MessageType::CanFrame => Topic::Frames,
+            MessageType::FrameBatch => Topic::Frames,
             MessageType::TickBatch => Topic::Ticks,
             MessageType::Event => Topic::Events,
         }
@@ -129,7 +126,6 @@ impl MessageType {
             MessageType::FrameBatch => "resonarm.v1.FrameBatch",
             MessageType::TickBatch => "resonarm.v1.TickBatch",
             MessageType::Event => "resonarm.v1.Event",
-            MessageType::CanFrame => "resonarm.v1.CanFrame",
         }
     }
 
@@ -144,7 +140,6 @@ impl MessageType {
             MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin"),
             MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin"),
             MessageType::Event => include_bytes!("../../proto/descriptors/event.bin"),
-            MessageType::CanFrame => include_bytes!("../../proto/descriptors/can_frame.bin"),
         }
     }
 }
@@ -157,7 +152,7 @@ pub(super) mod metadata {
     pub const FORMAT: &str = "format";
     /// The key of the version of the program in it.
     pub const VERSION: &str = "version";
-    /// When the run began, as soon as it has: not in runs of simulated time alone, nor in format 1.
+    /// When the run began, as soon as it has: not in runs of simulated time alone.
     pub const START: &str = "resonarm.start";
     /// The key of the start of the run, ns of the UNIX epoch.
     pub const START_UNIX_NS: &str = "start_unix_ns";
@@ -174,11 +169,9 @@ pub(super) mod metadata {
 /// Version of topics, schemas and metadata that is written.
 pub(super) const FORMAT: u32 = 4;
 
-/// The first version; all from it to [`FORMAT`] are read. 1 has no column of clipped readings and no mark at the end of
-/// a run; its plotting topics are not filtered, its publish times are the log times, and the log times of frames and
-/// events are when they were handled. 1 and 2 have a message for every frame. 1 to 3 have no column of the shaker's
-/// current, and their instruments read instants.
-pub(super) const FIRST_FORMAT: u32 = 1;
+/// The first version that is read, and all from it to [`FORMAT`]. 3 has no column of the shaker's current, and its
+/// instruments read instants.
+pub(super) const FIRST_FORMAT: u32 = 3;
 
 /// The key of the time from sample to sample in [`metadata::RECORDING`].
 pub(super) const DT_S: &str = "dt_s";

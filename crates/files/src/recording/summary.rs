@@ -14,21 +14,20 @@ use super::{BuildInfo, FrameRecord, RecordingError};
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Origin {
-    /// Version of the format, from 1 to 4.
+    /// Version of the format, 3 or 4.
     pub format: u32,
     /// Time from one sample to the next, s.
     pub dt_s: f64,
     /// Name of the bus interface.
     pub interface: String,
-    /// How the run went: by simulated time alone, in lockstep, or in real time. Format 1 calls a run in lockstep
-    /// simulated.
+    /// How the run went: by simulated time alone, in lockstep, or in real time.
     pub time: RunTime,
     /// Start of the run, ns of the UNIX epoch; `None` for simulated time alone.
     pub start_unix_ns: Option<u64>,
     /// Every how many samples the plotting topics hold a message; 0 is never.
     pub plot_every_samples: u64,
     /// How long before its sample a reading was, in samples: the delay of the instruments' converters. Half a sample in
-    /// formats 1 to 3.
+    /// format 3.
     pub reading_delay_samples: f64,
     /// The build that recorded.
     pub build: BuildInfo,
@@ -112,8 +111,8 @@ pub struct RecordingSummary {
     pub duration_s: f64,
     /// First and last sample, if there is any.
     pub samples: Option<(u64, u64)>,
-    /// Samples with a reading beyond the range of its sensor; `None` if the recording doesn't say.
-    pub clipped_samples: Option<u64>,
+    /// Samples with a reading beyond the range of its sensor.
+    pub clipped_samples: u64,
     /// The plant's faults, in order; at most 100.
     pub faults: Vec<RecordedFault>,
     /// Frames that came under identifiers which only the plant sends, and are not of its network.
@@ -250,9 +249,9 @@ impl Origin {
             Ok(start) => start.filter(|start| *start > 0),
             Err(_) => return Err(wrong(metadata::START_UNIX_NS, "a time in ns")),
         };
-        let time = RunTime::stated(format, &value("time"), start_unix_ns)
-            .ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
-        let every = if format == 1 { "plot_every_steps" } else { "plot_every_samples" };
+        let time =
+            RunTime::stated(&value("time")).ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
+        let every = "plot_every_samples";
         let plot_every_samples = value(every).parse().map_err(|_| wrong(every, "a number of samples"))?;
         let reading_delay_samples = match (format, value(READING_DELAY).parse::<f64>()) {
             (..4, _) => 0.5,
@@ -284,15 +283,15 @@ pub(super) fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u3
     let got = value(metadata::FORMAT);
     match got.parse() {
         Ok(format) if (FIRST_FORMAT..=FORMAT).contains(&format) => Ok(format),
-        Ok(format) if format > FORMAT => {
-            Err(RecordingError::Newer { path: path.to_path_buf(), format, writer: value(metadata::VERSION) })
+        Ok(format) => {
+            Err(RecordingError::OtherFormat { path: path.to_path_buf(), format, writer: value(metadata::VERSION) })
         }
-        _ => Err(RecordingError::Metadata {
+        Err(_) => Err(RecordingError::Metadata {
             path: path.to_path_buf(),
             name: metadata::RECORDING,
             key: String::from(metadata::FORMAT),
             got,
-            expected: "a version from 1 to 4",
+            expected: "a version of the format",
         }),
     }
 }
@@ -307,15 +306,9 @@ impl RunTime {
         }
     }
 
-    /// What a file of `format` states.
-    fn stated(format: u32, time: &str, start_unix_ns: Option<u64>) -> Option<RunTime> {
-        match (format, time) {
-            (1, _) if start_unix_ns.is_some() => Some(RunTime::RealTime),
-            (1, _) | (_, "simulated") => Some(RunTime::Simulated),
-            (_, "lockstep") => Some(RunTime::Lockstep),
-            (_, "real-time") => Some(RunTime::RealTime),
-            _ => None,
-        }
+    /// What a file states.
+    fn stated(time: &str) -> Option<RunTime> {
+        [RunTime::Simulated, RunTime::Lockstep, RunTime::RealTime].into_iter().find(|of| of.name() == time)
     }
 }
 

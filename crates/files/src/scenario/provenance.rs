@@ -38,7 +38,7 @@ impl Scenario {
 }
 
 /// Whether the text of a scenario states `rig.converter`. A recording's scenario has every default written out; those
-/// of formats 1 to 3 know no converters, and their instruments read instants.
+/// of format 3 know no converters, and their instruments read instants.
 fn states_a_converter(text: &str) -> bool {
     let table = text.parse::<toml::Table>().ok();
     table.as_ref().and_then(|table| table.get("rig")?.get("converter")).is_some()

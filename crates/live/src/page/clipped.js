@@ -12,11 +12,10 @@ export class Clipping {
   // Whether any of them was clipped in a sample of which `bits` tells.
   has(bits) { return (bits & this.mask) !== 0; }
 
-  // In words, of samples of which `bits` tells each; null where that is not known of readings that are.
+  // In words, of samples of which `bits` has the clipped readings of each.
   words(bits) {
     const all = bits.reduce((either, one) => either | one, 0);
     const clipped = this.readings.filter(({ mask }) => all & mask).map(({ name }) => name);
-    if (clipped.length > 0) return `clipped: ${clipped.join(", ")}`;
-    return this.readings.length > 0 && bits.includes(null) ? "clipped or not is not recorded" : "";
+    return clipped.length > 0 ? `clipped: ${clipped.join(", ")}` : "";
   }
 }

@@ -57,8 +57,8 @@ pub enum ReplayError {
     },
     /// The current of the shaker's coil at the first sample is not known.
     #[error(
-        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker, as formats 1 \
-         to 3 do not: simulate the whole recording again, from sample 0 on"
+        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker, as format 3 \
+         does not: simulate the whole recording again, from sample 0 on"
     )]
     NoCurrent {
         /// The first sample.

@@ -77,10 +77,10 @@ pub(super) fn sample_record(measurement: &Measurement) -> SampleRecord {
         acceleration_b_m_s2: values(measurement.acceleration_b_m_s2),
         acceleration_c_m_s2: values(measurement.acceleration_c_m_s2),
         head_force_n: values(measurement.head_force_n),
-        clipped: Some(Clipped {
+        clipped: Clipped {
             acceleration_b: clipped(measurement.acceleration_b_m_s2),
             acceleration_c: clipped(measurement.acceleration_c_m_s2),
             head_force: clipped(measurement.head_force_n),
-        }),
+        },
     }
 }

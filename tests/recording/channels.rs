@@ -1,0 +1,61 @@
+//! The table of channels, and what is derived from it.
+
+use resonarm::export::{ExportFormat, Part, Selection, export};
+use resonarm::recording::channels::{Channels, Kind};
+use resonarm::recording::{Record, Recording, Topic};
+use resonarm::statistics::statistics;
+
+use crate::{Outcome, options, record, run};
+
+#[test]
+fn the_documentation_has_the_table() {
+    let channels = Channels::arm(true);
+    let rows = [Topic::States, Topic::Samples].into_iter().flat_map(|topic| channels.of(topic)).map(|channel| {
+        let bit = match channel.kind {
+            Kind::Reading { clip_bit } => format!(" {clip_bit} "),
+            _ => String::from(" "),
+        };
+        let axis =
+            if channel.axis.name().is_empty() { String::from(" ") } else { format!(" {} ", channel.axis.name()) };
+        let (name, kind, unit) = (channel.name, channel.kind.name(), channel.quantity.unit());
+        format!("| `{name}` | {kind} | {unit} | {} |{axis}|{bit}|\n", channel.point.name())
+    });
+    let head = "| channel | is | unit | at | axis | bit of `clipped` |\n| --- | --- | --- | --- | --- | --- |\n";
+    let table = core::iter::once(String::from(head)).chain(rows).collect::<String>();
+    let document = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/recording.md"));
+    assert!(document.contains(&format!("\n{table}\n")), "docs/recording.md lacks this table:\n{table}");
+}
+
+#[test]
+fn only_a_plant_with_a_coil_has_its_current() {
+    let names = |has_coil| Channels::arm(has_coil).of(Topic::States).iter().map(|channel| channel.name).collect();
+    let (without, with): (Vec<_>, Vec<_>) = (names(false), names(true));
+    assert_eq!(with.split_last(), Some((&"coil_current_a", without.as_slice())));
+}
+
+#[test]
+fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    let mut records = run(3)?;
+    for record in &mut records {
+        if let Record::State(state) = record {
+            state.coil_current_a = Some(0.5 + state.sample as f64);
+        }
+    }
+    record(&path, options(), &records)?;
+    let recording = Recording::open(&path)?;
+    let found = statistics(&recording)?;
+    let current = found.channels.iter().find(|channel| channel.name == "coil_current_a").ok_or("no current")?;
+    assert_eq!((current.least, current.largest), (0.5, 2.5));
+    let stem = directory.path().join("run");
+    let selection = Selection { parts: vec![Part::States], samples: 0..=u64::MAX, magnification: None };
+    for format in [ExportFormat::Csv, ExportFormat::Wav, ExportFormat::Uff58, ExportFormat::Foxglove] {
+        let files = export(&recording, format, &selection, &stem)?;
+        assert!(files[0].columns.contains(&"coil_current_a"), "{format}");
+    }
+    let csv = std::fs::read_to_string(directory.path().join("run-states.csv"))?;
+    assert!(csv.lines().next().is_some_and(|names| names.ends_with(",force_y_n,coil_current_a,is_end")), "{csv}");
+    assert!(csv.lines().nth(2).is_some_and(|row| row.ends_with(",1.5,0")), "{csv}");
+    Ok(())
+}
