@@ -4,6 +4,8 @@
 //! is not this server's own or one that was allowed. And a name that leads here can be given out by anybody, so that
 //! their page would have the server's own origin: a `Host` that is a name other than `localhost` is refused, too,
 //! unless its origin was allowed. What changes something needs the token, which only this program's terminal shows.
+//!
+//! The token is after `#` in the address: a browser sends that in no request and no `Referer`.
 
 use std::net::IpAddr;
 

@@ -1,4 +1,7 @@
 //! Small systems of linear equations.
+//!
+//! The bits of recordings depend on the order of the operations here. Large systems, of which the factors are kept, are
+//! solved by `analysis::dense`.
 
 /// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n =
 /// `right.len()` rows of n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F.

@@ -1,4 +1,7 @@
 //! Stepped sweeps: a parameter of the excitation set to one value after the other, the motion carried over.
+//!
+//! A resonance of the arm is 0.004 Hz wide, and even steps over a few hertz miss it. So the command `sweep` without
+//! `--steps` also takes the frequencies of the stable motions of the computed branch, which are dense along a peak.
 
 use alloc::vec::Vec;
 

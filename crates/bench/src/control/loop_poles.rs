@@ -1,4 +1,7 @@
 //! Poles of the control loop: filter, feedback and delay around both modes.
+//!
+//! The filter lets the arm's other mode through, a little and late, and the feedback can drive it. So the gain is
+//! computed: the largest one for which the loop is stable, also with the command two samples late.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;

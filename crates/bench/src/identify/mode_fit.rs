@@ -26,6 +26,9 @@
 //!
 //! A response that begins at rest and dies out goes through an exponential window e^(−γn), which makes p e^(−γ) of p
 //! and leaves nothing of its end: then T is zero.
+//!
+//! An averaged response can't give the modes: the arm rings for minutes, so every segment is short against it, and the
+//! leakage of a window looks like damping. Half a minute of record gives damping ratios to a per cent or two.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;

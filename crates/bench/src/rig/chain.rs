@@ -6,6 +6,9 @@
 //! Faults that add something do so before the converter, those that replace a reading after it.
 //!
 //! All of it works on the samples; before sample 0 the instrument has stood still for ever.
+//!
+//! Gravity comes first because an accelerometer can't distinguish it from acceleration: an axis reads its transverse
+//! share of the other axis's gravity, too.
 
 use alloc::vec;
 use alloc::vec::Vec;

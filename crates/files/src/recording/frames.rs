@@ -1,4 +1,8 @@
 //! Frames gathered into messages, and taken apart again.
+//!
+//! A message for each frame would be 60 % of a file: its head and index entry alone take 47 bytes. In columns the
+//! repeating identifiers, lengths and times take a quarter of a byte a frame, and bytes of one meaning compress: 12
+//! bytes a sample with classic frames, where payloads one after the other take 24.
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 

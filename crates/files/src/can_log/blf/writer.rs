@@ -1,4 +1,6 @@
 //! BLF logs written, uncompressed.
+//!
+//! A writer may leave out compression; only a reader needs to support it.
 
 use std::io::{self, Seek, SeekFrom, Write};
 
