@@ -40,15 +40,15 @@ fn reason(work: &str, limits: &str, fault: &str) -> String {
 #[test]
 fn a_spike_of_the_head_is_beyond_the_force() {
     let spike = "instrument = 'impedance_head'\naxis = 'y'\nkind = 'spike'\namplitude_n = -100\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "force_n = 60", spike), @"limits.force_n: the impedance head reads -100 N along y after 0.300 s, beyond the limit of 60 N: drive less, mend the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "force_n = 60", spike), @"limits.force_n: the impedance head reads -100 N along y after 0.300 s, beyond the limit of 60 N: drive less, fix the sensor if that can't be, or raise the limit");
 }
 
 #[test]
 fn a_drift_and_the_noise_of_a_cable_are_beyond_the_acceleration() {
     let drift = "instrument = 'accelerometer_c'\naxis = 'y'\nkind = 'drift'\nrate_m_s2_per_s = 500\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.45 m/s² along y after 0.498 s, beyond the limit of 100 m/s²: drive less, mend the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.45 m/s² along y after 0.498 s, beyond the limit of 100 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
     let noise = "instrument = 'accelerometer_b'\naxis = 'x'\nkind = 'noise'\nrms_m_s2 = 50\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", noise), @"limits.acceleration_m_s2: the accelerometer at B reads 109.05 m/s² along x after 0.311 s, beyond the limit of 100 m/s²: drive less, mend the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", noise), @"limits.acceleration_m_s2: the accelerometer at B reads 109.05 m/s² along x after 0.311 s, beyond the limit of 100 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
 }
 
 /// The feedback follows what it reads.
@@ -77,9 +77,9 @@ fn a_spike_beyond_the_range_stays_clipped() {
 fn stuck_and_dropped_out_axes_do_not_move() {
     let limits = "stuck_samples = 200\nstuck_above_n = 5";
     let stuck = "instrument = 'accelerometer_c'\naxis = 'y'\nkind = 'stuck'\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C says 0.1 m/s² along y and does not move for 200 samples under load, up to 0.515 s: mend sensor or cable, or state more samples if the axis has nothing to read");
+    insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C says 0.1 m/s² along y and does not move for 200 samples under load, up to 0.515 s: fix sensor or cable, or state more samples if the axis has nothing to read");
     let dropout = "instrument = 'impedance_head'\naxis = 'x'\nkind = 'dropout'\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, limits, dropout), @"limits.stuck_samples: the impedance head says 0 N along x and does not move for 200 samples under load, up to 0.516 s: mend sensor or cable, or state more samples if the axis has nothing to read");
+    insta::assert_snapshot!(reason(DWELL, limits, dropout), @"limits.stuck_samples: the impedance head says 0 N along x and does not move for 200 samples under load, up to 0.516 s: fix sensor or cable, or state more samples if the axis has nothing to read");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use resonarm_numeric::number::{rounded, short};
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Abort {
-    /// A reading that the loop is closed on was clipped: it says less than there is, and the loop would drive on.
+    /// A reading that the loop is closed on was clipped: it is below the true value, and the loop would drive on.
     #[error(
         "the accelerometer at {point} was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.accelerometer_{point_key}.range_m_s2`; \
          the classic profile carries 1638 m/s\u{b2})"
@@ -16,7 +16,7 @@ pub enum Abort {
     Clipped {
         /// The point.
         point: char,
-        /// The same as a scenario has it.
+        /// The point's name in a scenario.
         point_key: char,
         /// Frequency of the drive, Hz.
         frequency_hz: f64,
@@ -29,28 +29,28 @@ pub enum Abort {
         /// Frequency of the drive, Hz.
         frequency_hz: f64,
     },
-    /// The loop asks for more than the exciter has.
+    /// The loop asks for more than the exciter's limit.
     #[error(
         "the loop asks for {got} {unit} at {frequency_hz:.4} Hz, the exciter has {limit} {unit}: drive less, or raise the limit if the exciter has more",
         got = short(.got), limit = short(.limit)
     )]
     Load {
-        /// What it asks for, N or N·m.
+        /// The load that it asks for, N or N·m.
         got: f64,
-        /// What there is.
+        /// The exciter's limit.
         limit: f64,
         /// The unit of both.
         unit: &'static str,
         /// Frequency of the drive, Hz.
         frequency_hz: f64,
     },
-    /// Points don't settle.
+    /// Points do not settle.
     #[error(
         "{points} points in a row did not settle, the last at {frequency_hz:.4} Hz and a lag of {lag_deg:.1}\u{b0} (drift {drift:.1e}): another mode takes part \
          there, or the arm is not the one that the scenario describes"
     )]
     NotSettling {
-        /// How many.
+        /// Number of points.
         points: u32,
         /// Frequency of the last, Hz.
         frequency_hz: f64,
@@ -59,21 +59,21 @@ pub enum Abort {
         /// Its relative change while it was read.
         drift: f64,
     },
-    /// What was found leads nowhere.
+    /// The next motion that follows from the points so far is impossible.
     #[error(
         "no motion of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude_rad:.3} rad"
     )]
     OutOfBand {
-        /// The lag that was asked for, degrees.
+        /// The wanted lag, degrees.
         lag_deg: f64,
-        /// Where it leads, Hz.
+        /// The frequency that follows, Hz.
         frequency_hz: f64,
         /// The amplitude there, rad.
         amplitude_rad: f64,
     },
     /// A reading is beyond a limit of the scenario.
     #[error(
-        "limits.{key}: {who} reads {got} {unit} along {axis} after {} s, beyond the limit of {limit} {unit}: drive less, mend the \
+        "limits.{key}: {who} reads {got} {unit} along {axis} after {} s, beyond the limit of {limit} {unit}: drive less, fix the \
          sensor if that can't be, or raise the limit", rounded(.time_s, 3), got = short(.got), limit = short(.limit)
     )]
     Reading {
@@ -81,7 +81,7 @@ pub enum Abort {
         key: &'static str,
         /// The instrument.
         who: &'static str,
-        /// What it reads.
+        /// The reading.
         got: f64,
         /// The limit.
         limit: f64,
@@ -89,7 +89,7 @@ pub enum Abort {
         unit: &'static str,
         /// The axis of the base frame.
         axis: &'static str,
-        /// When, s from the first sample answered.
+        /// When, s after the first sample answered.
         time_s: f64,
     },
     /// A command would be beyond a limit of the scenario; it was not given.
@@ -100,13 +100,13 @@ pub enum Abort {
     Command {
         /// The limit's key.
         key: &'static str,
-        /// What it asks for.
+        /// The load that the controller asks for.
         got: f64,
         /// The limit.
         limit: f64,
         /// The unit of both.
         unit: &'static str,
-        /// When, s from the first sample answered.
+        /// When, s after the first sample answered.
         time_s: f64,
     },
     /// An axis stays clipped.
@@ -123,26 +123,26 @@ pub enum Abort {
         samples: u32,
         /// The key of its range.
         range_key: &'static str,
-        /// When, s from the first sample answered.
+        /// When, s after the first sample answered.
         time_s: f64,
     },
-    /// An axis says the same under load: it is stuck or has dropped out.
+    /// An axis repeats its reading under load: it is stuck or has dropped out.
     #[error(
-        "limits.stuck_samples: {who} says {value} {unit} along {axis} and does not move for {samples} samples under load, up to {} s: mend \
+        "limits.stuck_samples: {who} says {value} {unit} along {axis} and does not move for {samples} samples under load, up to {} s: fix \
          sensor or cable, or state more samples if the axis has nothing to read", rounded(.time_s, 3), value = short(.value)
     )]
     Stuck {
         /// The instrument.
         who: &'static str,
-        /// What it says.
+        /// The reading.
         value: f64,
-        /// The unit of that.
+        /// The unit of the reading.
         unit: &'static str,
         /// The axis of the base frame.
         axis: &'static str,
         /// How many samples.
         samples: u32,
-        /// When, s from the first sample answered.
+        /// When, s after the first sample answered.
         time_s: f64,
     },
     /// The force of a response has more harmonics than the scenario allows.
@@ -157,7 +157,7 @@ pub enum Abort {
         limit: f64,
         /// Frequency of the response, Hz.
         frequency_hz: f64,
-        /// When, s from the first sample answered.
+        /// When, s after the first sample answered.
         time_s: f64,
     },
 }

@@ -1,5 +1,4 @@
-//! The joints' angles from what the accelerometers read: double integration in the frequency domain, then the inverse
-//! kinematics.
+//! The joints' angles from the accelerations: double integration in the frequency domain, then the inverse kinematics.
 
 use core::f64::consts::TAU;
 
@@ -9,14 +8,14 @@ use super::ResponsePoint;
 use resonarm_dynamics::arm::Arm;
 use crate::excitation::Phasor;
 
-/// Samples of a period.
+/// Samples per period.
 const SAMPLES: usize = 32;
-/// Harmonics that are read.
+/// Number of harmonics that are read.
 const ORDERS: usize = 3;
 
 /// Unknowns of a link: the mean of its angle, and sine and cosine of every order.
 const UNKNOWNS: usize = 1 + 2 * ORDERS;
-/// What is known of a link: sine and cosine of every order of its two components.
+/// Known values of a link: sine and cosine of every order of its two components.
 const KNOWNS: usize = 4 * ORDERS;
 
 /// Vibration of the joints over a period.
@@ -30,7 +29,7 @@ pub struct JointAngles {
     pub clipped: [bool; 2],
 }
 
-/// A link as the accelerometers tell it.
+/// Readings of a link by the accelerometers.
 struct LinkReading {
     /// Harmonics of the vector from its start to its end, along x and y, m.
     vibration: [[Phasor; 2]; ORDERS],
@@ -41,7 +40,7 @@ struct LinkReading {
 }
 
 impl JointAngles {
-    /// The angles behind a response of `arm`.
+    /// The angles in a response of `arm`.
     ///
     /// The harmonic of order h of an acceleration is −(hω)² times that of the position. The links' lengths give the
     /// rest.
@@ -97,11 +96,11 @@ impl LinkReading {
         self.clipped == [true, true]
     }
 
-    /// The harmonics (1, sin θ, cos θ, …) of the angle by which the link has turned, rad.
+    /// The harmonics (1, sin θ, cos θ, …) of the link's angle of rotation, rad.
     ///
-    /// Gauss–Newton's method: the harmonics of r (cos, sin)(rest + turn) but for the means, which no accelerometer
-    /// tells, come as near as can be to those that were read. A clipped axis counts little beside one that is not. The
-    /// mean of the angle is pulled to zero, as small vibration says nothing of it.
+    /// Gauss–Newton's method: fits the harmonics of r (cos, sin)(rest + turn), except the means, which no accelerometer
+    /// reads, to those that were read. A clipped axis has little weight beside one that is not. The mean of the angle
+    /// is pulled to zero, as small vibration does not determine it.
     fn turn(&self) -> SVector<f64, UNKNOWNS> {
         const ITERATIONS: usize = 8;
         const CLIPPED: f64 = 1e-4;
@@ -151,7 +150,7 @@ mod tests {
 
     /// Accelerations of a known motion, α = mean + Σ, harmonics by quadrature over many samples.
     #[test]
-    fn finds_the_motion_behind_the_accelerations() {
+    fn finds_the_motion_from_the_accelerations() {
         const MANY: usize = 512;
         let arm = Arm::new(Preset::default().parameters().unwrap(), Pose { beta1_deg: 30.0, beta2_deg: 60.0 }).unwrap();
         let (hz, omega) = (22.0, TAU * 22.0);

@@ -1,30 +1,30 @@
 //! Cancellation of harmonics of the force in the impedance head.
 //!
-//! The armature of a shaker moves with the tip along an arc, so that a sine of the coil leaves harmonics in the head.
-//! Harmonics c_h of the command, beside its fundamental, leave there
+//! The armature of a shaker moves with the tip along an arc, so that a sine of the coil produces harmonics in the head.
+//! Harmonics c_h of the command, beside its fundamental, produce
 //!
 //! ```text
 //! H_h = d_h + G_h c_h
 //! ```
 //!
-//! with d_h what the motion makes. With the dynamic stiffness Z = k − (hω)²m + ihωc of the armature and the receptance
-//! R of the arm at the tip along the force, the coil's force F goes into both, F = H + Z s and s = R H. A command held
-//! from sample to sample is smaller than its samples by sin y/y, y = ½hωT:
+//! where d_h comes from the motion. With the dynamic stiffness Z = k − (hω)²m + ihωc of the armature and the receptance
+//! R of the arm at the tip along the force, the coil's force F divides into both, F = H + Z s and s = R H. A command
+//! held from sample to sample acts less than its samples by the factor sin y/y, y = ½hωT:
 //!
 //! ```text
 //! G_h = sin y/y · 1/(1 + R Z)        R = wᵀ(K + ihωD − (hω)²M)⁻¹w        w = J₀ᵀe
 //! ```
 //!
-//! d_h grows as the h-th power of the motion, and turns h times as far. Where the next try makes the fundamental q
-//! times what it is, complex,
+//! d_h grows as the h-th power of the motion, and rotates by h times its angle. Where the next try multiplies the
+//! fundamental by the complex factor q,
 //!
 //! ```text
 //! c_h ← (c_h − H_h/G_h) q^h
 //! ```
 //!
-//! cancels H_h, as far as G_h is right. Of the coil in voltage mode and of an arm that is another the derived G_h knows
-//! nothing; so it is multiplied by what the secant ΔH_h/Δc_h of the last two tries at a frequency was over it, from
-//! factor to factor.
+//! cancels H_h, as far as G_h is right. The derived G_h includes neither the coil in voltage mode nor the arm's
+//! deviation from its model; so it is multiplied by the ratio to it of the secant ΔH_h/Δc_h, as the last large enough
+//! change between two tries at a frequency gave it.
 
 use core::f64::consts::TAU;
 
@@ -41,14 +41,14 @@ use crate::rig::{Measurement, Sampling};
 /// The orders that can be cancelled: those that are read beside the fundamental.
 const ORDERS: [u8; 2] = [2, 3];
 
-/// Below this part of the fundamental a harmonic counts as cancelled; a change above it tells the transfer.
+/// Below this share of the fundamental a harmonic counts as cancelled; a larger change determines the transfer.
 const CANCELLED: f64 = 2e-3;
-/// The part of a change of a harmonic that the motion may have in a secant.
+/// The share of a harmonic's change that the motion may contribute in a secant.
 const STRANGE: f64 = 0.2;
-/// How far the transfer may be from the derived one, as a factor.
+/// Largest factor between the transfer and the derived one.
 const LARGEST_RATIO: f64 = 4.0;
 
-/// Which harmonics of the head's force are cancelled, by their orders: 2 and 3, the fundamental being 1.
+/// The harmonics of the head's force that are cancelled, by their orders: 2 and 3, the fundamental being 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "alloc::vec::Vec<i64>", into = "alloc::vec::Vec<u8>")]
 pub struct CancelHarmonics([bool; ORDERS.len()]);
@@ -57,16 +57,16 @@ pub struct CancelHarmonics([bool; ORDERS.len()]);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum CancelHarmonicsError {
-    /// This one is not read.
+    /// This order is not read.
     #[error(
         "`cancel_harmonics`: harmonic {got} can't be cancelled, only 2 and 3 can, which are read beside the fundamental"
     )]
     Order {
-        /// What was given.
+        /// The given order.
         got: i64,
     },
-    /// It stands there twice.
-    #[error("`cancel_harmonics`: harmonic {got} stands there twice: state each once")]
+    /// An order is listed twice.
+    #[error("`cancel_harmonics`: harmonic {got} is listed twice: list each once")]
     Repeated {
         /// The order.
         got: i64,
@@ -74,12 +74,12 @@ pub enum CancelHarmonicsError {
 }
 
 impl CancelHarmonics {
-    /// None.
+    /// No harmonics.
     pub const NONE: CancelHarmonics = CancelHarmonics([false; ORDERS.len()]);
     /// Harmonics 2 and 3.
     pub const ALL: CancelHarmonics = CancelHarmonics([true; ORDERS.len()]);
 
-    /// Whether there is none.
+    /// Whether no harmonic is cancelled.
     pub fn is_none(&self) -> bool {
         *self == CancelHarmonics::NONE
     }
@@ -107,7 +107,7 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// From the coil's force to that in the head, of the arm linearised in its pose.
+/// Transfer from the coil's force to that in the head, of the arm linearised in its pose.
 #[derive(Clone, Copy, Debug)]
 struct HeadTransfer {
     arm: FrequencyResponse,
@@ -135,14 +135,14 @@ impl HeadTransfer {
     }
 }
 
-/// A harmonic of the command, and what was learned of it.
+/// A harmonic of the command, and what was learned of its transfer.
 #[derive(Clone, Copy, Debug)]
 struct Harmonic {
     order: i32,
-    /// c_h, and what it was before the last change, N.
+    /// c_h, and its value before the last change, N.
     command_n: Phasor,
     before_n: Phasor,
-    /// c_h and H_h of the last try at this frequency, N, as they would be after the change of the fundamental.
+    /// c_h and H_h of the last try at this frequency, N, scaled to the changed fundamental.
     tried_n: Option<[Phasor; 2]>,
     /// G_h over the derived one.
     ratio: Phasor,
@@ -157,14 +157,14 @@ pub(super) struct Cancellation {
     share: f64,
     direction: Vector2<f64>,
     sampling: Sampling,
-    /// First sample and length of the reading, and its halves.
+    /// First sample and length of the reading, and its two halves.
     first: u64,
     samples: u64,
     halves: [HarmonicFit<2, 7>; 2],
 }
 
 impl Cancellation {
-    /// Of `orders` of the force along `direction`; `None` if there is none.
+    /// Cancels `orders` of the force along `direction`; `None` if there are none.
     pub fn new(
         orders: CancelHarmonics,
         arm: &Arm,
@@ -189,7 +189,7 @@ impl Cancellation {
         })
     }
 
-    /// Knows nothing, as at the beginning.
+    /// Resets to the initial state.
     pub fn forget(&mut self) {
         let zero = Phasor::new(0.0, 0.0);
         for harmonic in self.harmonics.iter_mut().flatten() {
@@ -198,7 +198,8 @@ impl Cancellation {
         }
     }
 
-    /// What to command beside the fundamental at the phase `phase_rad`, N, with `share` of the last change made.
+    /// The harmonics to command beside the fundamental at the phase `phase_rad`, N, with `share` of the last change
+    /// made.
     pub fn command_n(&self, phase_rad: f64, share: f64) -> f64 {
         let at = |harmonic: &Harmonic| {
             let Harmonic { order, command_n, before_n, .. } = *harmonic;
@@ -214,7 +215,7 @@ impl Cancellation {
         self.halves = [HarmonicFit::new(half), HarmonicFit::new(samples - half)];
     }
 
-    /// Takes in a sample of the reading with the phase at which it was read, cycles.
+    /// Adds a sample of the reading with the phase at which it was read, cycles.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
         let Some(k) = sample.sample.checked_sub(self.first).filter(|k| *k < self.samples) else { return };
         let values = sample.head_force_n.map(|reading| reading.within_range());
@@ -225,11 +226,11 @@ impl Cancellation {
         }
     }
 
-    /// The reading at `frequency_hz` is over: corrects the command, and says whether every harmonic is below its bound
+    /// Ends the reading at `frequency_hz`: corrects the command, and returns whether every harmonic is below its bound
     /// in both halves.
     ///
-    /// `fundamental_n` is that of the head's force, `off` by how much it missed what the last change was made for,
-    /// relative: what the motion makes of a harmonic of order h is then off by h times that.
+    /// `fundamental_n` is that of the head's force, `off` its relative deviation from the one that the last change was
+    /// made for: the motion's contribution to a harmonic of order h then deviates by h times that.
     pub fn correct(&mut self, frequency_hz: f64, fundamental_n: f64, off: f64) -> bool {
         let Some(halves) = self.read(frequency_hz) else { return false };
         let mut is_cancelled = true;
@@ -246,7 +247,8 @@ impl Cancellation {
         is_cancelled
     }
 
-    /// The acting harmonics of both halves, without the images of the command's that the converter folds onto them.
+    /// The acting harmonics of both halves, without the images of the command's harmonics that the converter folds onto
+    /// them.
     fn read(&self, frequency_hz: f64) -> Option<[[Phasor; ORDERS.len()]; 2]> {
         let [first, second] = [self.halves[0].harmonics::<3>()?, self.halves[1].harmonics::<3>()?];
         let acting = |[x, y]: [[Phasor; 3]; 2]| {
@@ -261,7 +263,7 @@ impl Cancellation {
         Some([acting(first), acting(second)])
     }
 
-    /// The fundamental is made `factor` times what it is: what the motion makes of a harmonic goes with its power.
+    /// Follows a change of the fundamental by `factor`: the motion's contribution to a harmonic scales with its power.
     pub fn follow(&mut self, factor: Phasor) {
         for harmonic in self.harmonics.iter_mut().flatten() {
             let power = (1..harmonic.order).fold(factor, |power, _| power * factor);
@@ -270,12 +272,12 @@ impl Cancellation {
         }
     }
 
-    /// Another frequency: what was tried tells nothing of it.
+    /// Forgets the last try, which does not apply to another frequency.
     pub fn leave_frequency(&mut self) {
         self.harmonics.iter_mut().flatten().for_each(|harmonic| harmonic.tried_n = None);
     }
 
-    /// The command goes to nothing.
+    /// Ramps the command to zero.
     pub fn end(&mut self) {
         for harmonic in self.harmonics.iter_mut().flatten() {
             (harmonic.before_n, harmonic.command_n) = (harmonic.command_n, Phasor::new(0.0, 0.0));
@@ -317,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_harmonics_can_t_be_cancelled() {
+    fn rejects_harmonics_that_can_t_be_cancelled() {
         let with = |orders: &str| {
             says(&alloc::format!(
                 "[control]\nlaw = 'phase-walk'\namplitude = {{ force_x_n = 1 }}\ncancel_harmonics = {orders}\n"
@@ -349,7 +351,7 @@ mod tests {
           |
         1 | [control]
           | ^^^^^^^^^
-        `cancel_harmonics`: harmonic 2 stands there twice: state each once
+        `cancel_harmonics`: harmonic 2 is listed twice: list each once
         ");
         let open = "[excitation]\namplitude = { force_x_n = 1 }\ncancel_harmonics = [2]\n\
             profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 1 }\n";
@@ -365,7 +367,7 @@ mod tests {
         insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces");
     }
 
-    /// What is written down reads the same.
+    /// A written value reads back the same.
     #[test]
     fn harmonics_are_a_list_of_orders() {
         let written = "law = \"phase-walk\"\npoints = 25\nfrom_lag_deg = 10.0\n\

@@ -7,18 +7,18 @@ use crate::excitation::Phasor;
 /// Harmonics of the drive in the model, from the constant up.
 const HARMONICS: usize = 4;
 
-/// Follows y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one tone more, Re(d e^{iψ}), that is not the drive's: the arm's
+/// Follows y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one more tone, Re(d e^{iψ}), that is not the drive's: the arm's
 /// other mode, which would otherwise leak into the fundamental.
 ///
 /// Least mean squares (B. Widrow, M. E. Hoff, "Adaptive Switching Circuits", IRE WESCON Conv. Rec. 4 (1960)): with the
 /// error e = y − Σ of a sample, c_h += 2µ e e^{−ihθ}, and d likewise; c_0 is real. A coefficient follows with the rate
-/// µ a sample. For a closed loop it tells more, sooner, than a lock-in of equal bandwidth, since the harmonics are
+/// µ a sample. In a closed loop it is more precise, sooner, than a lock-in of equal bandwidth, since the harmonics are
 /// modelled and not averaged away (P. Hippold, M. Scheel, L. Renson, M. Krack, "Robust and fast backbone tracking via
 /// phase-locked loops", 2024, arXiv:2403.06639).
 #[derive(Clone, Copy, Debug)]
 pub struct FourierFilter {
     adaptation: f64,
-    /// Radians a sample of the other tone.
+    /// Radians per sample of the other tone.
     other_step_rad: f64,
     other_phase_rad: f64,
     coefficients: [Phasor; HARMONICS],
@@ -26,14 +26,14 @@ pub struct FourierFilter {
 }
 
 impl FourierFilter {
-    /// A filter that adapts with the rate `adaptation` a sample (µ, dimensionless, below 1/4), beside a tone that turns
-    /// by `other_step_rad` radians a sample.
+    /// A filter that adapts with the rate `adaptation` per sample (µ, dimensionless, below 1/4), beside a tone that
+    /// rotates by `other_step_rad` radians per sample.
     pub fn new(adaptation: f64, other_step_rad: f64) -> FourierFilter {
         let zero = Phasor::new(0.0, 0.0);
         FourierFilter { adaptation, other_step_rad, other_phase_rad: 0.0, coefficients: [zero; HARMONICS], other: zero }
     }
 
-    /// Takes in the sample `y` at the phase `phase_rad` of the drive.
+    /// Updates the filter with the sample `y` at the phase `phase_rad` of the drive.
     pub fn update(&mut self, y: f64, phase_rad: f64) {
         let turn = unit(phase_rad);
         let mut turns = [Phasor::new(1.0, 0.0); HARMONICS];
@@ -52,7 +52,7 @@ impl FourierFilter {
         self.other_phase_rad = wrapped(self.other_phase_rad + self.other_step_rad);
     }
 
-    /// The fundamental c_1: the signal has the part Re(c_1 e^{iθ}), in its unit.
+    /// The fundamental c_1: the signal contains Re(c_1 e^{iθ}), in its unit.
     pub fn fundamental(&self) -> Phasor {
         self.coefficients[1]
     }

@@ -1,4 +1,4 @@
-//! Limits at which a run ends in order: the plant is disarmed, whatever the controller is at.
+//! Limits that end a run in order: the plant is disarmed, in any state of the controller.
 
 use alloc::boxed::Box;
 
@@ -10,7 +10,7 @@ use crate::rig::Measurement;
 
 const CHANNELS: usize = Measurement::CHANNELS;
 
-/// Limits as a scenario states them; what isn't stated isn't watched.
+/// Limits as a scenario states them; a limit that isn't stated isn't checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsSpec {
@@ -23,15 +23,14 @@ pub struct LimitsSpec {
     /// Largest acceleration along an axis that an accelerometer reads, m/s², positive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration_m_s2: Option<f64>,
-    /// Largest share of harmonics 2 and 3 in the force of a response, against the fundamental, positive; watched with a
-    /// control law.
+    /// Largest share of harmonics 2 and 3 in the force of a response, relative to the fundamental, positive; checked
+    /// with a control law.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distortion: Option<f64>,
-    /// How many samples in a row an axis may not be clipped, at least 1.
+    /// Number of samples in a row at which an axis counts as clipped for too long, at least 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clipped_samples: Option<u32>,
-    /// How many samples under load an axis may not say exactly the same, at least 2: then it is stuck or has dropped
-    /// out.
+    /// Number of equal samples in a row under load at which an axis counts as stuck or dropped out, at least 2.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stuck_samples: Option<u32>,
     /// Commanded force, N, above which a sample counts as under load; `None` is 0.
@@ -42,7 +41,7 @@ pub struct LimitsSpec {
     pub stuck_above_nm: Option<f64>,
 }
 
-/// What an axis is called: who reads, along which axis, in which unit, and the key of its range.
+/// Names of an axis: instrument, direction, unit, and the key of its range.
 const AXES: [[&str; 4]; CHANNELS] = [
     ["the impedance head", "x", "N", "rig.impedance_head.range_n"],
     ["the impedance head", "y", "N", "rig.impedance_head.range_n"],
@@ -52,20 +51,20 @@ const AXES: [[&str; 4]; CHANNELS] = [
     ["the accelerometer at C", "y", "m/s\u{b2}", "rig.accelerometer_c.range_m_s2"],
 ];
 
-/// What an axis has said of late.
+/// The recent readings of an axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Watched {
-    /// The reading before, and how many samples under load have said the same.
+    /// The last reading, and how many samples under load have repeated it.
     last: Option<f64>,
     same: u32,
     /// Samples in a row that were clipped.
     clipped: u32,
 }
 
-/// A controller with limits: beyond one it gives up in place of the controller inside.
+/// A controller with limits: beyond one it aborts in place of the inner controller.
 ///
-/// Readings are judged before the controller inside is told of them, commands before they are given, and the distortion
-/// of a response when it is read.
+/// Readings are checked before the inner controller gets them, commands before they are given, and the distortion of a
+/// response when it is read.
 #[derive(Debug)]
 pub struct Limited {
     inner: Box<dyn Controller>,
@@ -86,7 +85,7 @@ impl Limited {
         Limited { inner, spec, rate_hz, axes, held, time_s: 0.0, response: None, abort: None }
     }
 
-    /// Whether the load that acts is large enough for every axis to move.
+    /// Whether the acting load is large enough for every axis to move.
     fn is_loaded(&self) -> bool {
         self.held.force_n.amax() > self.spec.stuck_above_n.unwrap_or(0.0)
             || self.held.torque_nm.amax() > self.spec.stuck_above_nm.unwrap_or(0.0)
@@ -116,7 +115,7 @@ impl Limited {
         None
     }
 
-    /// What is wrong with a load that is to be held.
+    /// The limit that a load to be held exceeds, if one.
     fn judge_command(&self, load: &Load) -> Option<Abort> {
         let time_s = self.time_s;
         let beyond = |key, got: f64, limit: Option<f64>, unit| {
@@ -127,7 +126,7 @@ impl Limited {
             .or_else(|| beyond("torque_nm", load.torque_nm.amax(), self.spec.torque_nm, "N\u{b7}m"))
     }
 
-    /// Takes the next response from the controller inside, if there is room, and judges it.
+    /// Takes the next response from the inner controller, if there is room, and checks it.
     fn fetch_response(&mut self) {
         if self.response.is_none() {
             self.response = self.inner.poll_response();
@@ -193,7 +192,7 @@ mod tests {
     use super::*;
     use crate::rig::Reading;
 
-    /// Holds the same force for ever.
+    /// Always holds the same force.
     #[derive(Debug)]
     struct Constant(f64);
 
@@ -217,7 +216,7 @@ mod tests {
         }
     }
 
-    /// What moves but for x of C.
+    /// A sample in which every axis moves, except x of C.
     fn sample(n: u64, c_x: Reading) -> Measurement {
         let moving = |offset: f64| Reading { value: offset + n as f64, clipped: false };
         let pair = |offset: f64| [moving(offset), moving(offset + 0.5)];
@@ -225,7 +224,7 @@ mod tests {
         Measurement { sample: n, head_force_n: pair(1.0), acceleration_b_m_s2: pair(2.0), acceleration_c_m_s2 }
     }
 
-    /// The first sample, of 100 with these readings of x of C, at which it gives up.
+    /// The first sample, of 100 with these readings of x of C, at which it aborts.
     fn gives_up(limited: &mut Limited, c_x: Reading) -> Option<u64> {
         (0..100).find(|n| matches!(limited.answer(&sample(*n, c_x)), Answer::Aborted(_)))
     }
@@ -237,7 +236,7 @@ mod tests {
     const STILL: Reading = Reading { value: 7.0, clipped: false };
 
     #[test]
-    fn an_axis_is_stuck_by_what_it_repeats_under_load() {
+    fn an_axis_that_repeats_its_reading_under_load_is_stuck() {
         let spec = LimitsSpec { stuck_samples: Some(10), stuck_above_n: Some(5.0), ..LimitsSpec::default() };
         assert_eq!(gives_up(&mut limited(spec, 6.0), STILL), Some(10));
         assert_eq!(gives_up(&mut limited(spec, -6.0), STILL), Some(10));
@@ -246,7 +245,7 @@ mod tests {
         assert_eq!(gives_up(&mut limited(LimitsSpec::default(), 6.0), STILL), None);
     }
 
-    /// Given up it stays, until it begins anew and knows nothing of before.
+    /// An abort persists until a restart, which forgets what was before.
     #[test]
     fn a_restart_forgets() {
         let spec = LimitsSpec { stuck_samples: Some(10), clipped_samples: Some(3), ..LimitsSpec::default() };

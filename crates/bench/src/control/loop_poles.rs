@@ -21,13 +21,13 @@ pub struct Loop {
     pub model: ModeModel,
     /// How the accelerometers are sampled.
     pub sampling: Sampling,
-    /// µ of the filter, a sample.
+    /// µ of the filter, per sample.
     pub adaptation: f64,
     /// g, 1/s.
     pub gain_1_s: f64,
     /// Angular frequency of the drive, rad/s.
     pub omega_rad_s: f64,
-    /// How many samples late a command acts, beyond the one that it takes anyway.
+    /// By how many samples a command acts late, beyond the one that it always takes.
     pub delay: usize,
 }
 
@@ -88,9 +88,9 @@ impl Loop {
 
     /// One sample of the linear loop: the arm under the load held, the reading of its acceleration, filter, command.
     ///
-    /// The filter's coefficients are taken as z = c e^{ihθ}, which turn by a constant angle a sample, so the loop does
-    /// not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/(ω² G), G the converter's gain, and θ⁺ = θ
-    /// + (1 + l) ωT, l the holds that a reading is late, is Re(2i m g/(ωG) e^{i(1+l)ωT} z_1).
+    /// The filter's coefficients are taken as z = c e^{ihθ}, which rotate by a constant angle per sample, so the loop
+    /// does not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/(ω² G), G the converter's gain, and
+    /// θ⁺ = θ + (1 + l) ωT, l the number of holds by which a reading is late, is Re(2i m g/(ωG) e^{i(1+l)ωT} z_1).
     fn step(&self, x: &[f64]) -> Vec<f64> {
         let period_s = 1.0 / self.sampling.rate_hz;
         let model = &self.model;
@@ -98,7 +98,7 @@ impl Loop {
         let (sums, rest) = rest.split_at(self.sums());
         let (filter, commands) = rest.split_at(FILTER);
         let mut next = Vec::with_capacity(x.len());
-        // The load that acts is the oldest on its way.
+        // The acting load is the oldest pending command.
         let contributions = self.hold(arm, commands[0], &mut next);
         let y = contributions[0] + sums.first().unwrap_or(&0.0);
         next.extend((0..sums.len()).map(|late| contributions[late + 1] + sums.get(late + 1).unwrap_or(&0.0)));
@@ -124,8 +124,8 @@ impl Loop {
         next
     }
 
-    /// The arm over a hold of the load `u`, its states pushed to `next`; what of its acceleration the readings after
-    /// this hold and the next take in.
+    /// Advances the arm over a hold of the load `u`, and appends its states to `next`; returns the shares of its
+    /// acceleration in the readings after this hold and the following ones.
     fn hold(&self, arm: &[f64], u: f64, next: &mut Vec<f64>) -> [f64; MOST_ORDER] {
         let (period_s, converter) = (1.0 / self.sampling.rate_hz, self.sampling.converter);
         let model = &self.model;
@@ -155,7 +155,7 @@ impl Loop {
         read
     }
 
-    /// The matrix of a sample: its columns are what becomes of the unit states. States beyond those that the delay
+    /// The matrix of a sample: its columns are the unit states one sample later. States beyond those that the delay
     /// takes stay zero.
     fn matrix(&self) -> SMatrix<f64, STATES, STATES> {
         let size = self.size();
@@ -171,7 +171,7 @@ impl Loop {
     }
 }
 
-/// How fast the slowest motion of the loop dies out, 1/s: −ln|λ|/T of the largest eigenvalue; negative if it grows.
+/// Decay rate of the slowest motion of the loop, 1/s: −ln|λ|/T of the largest eigenvalue; negative if it grows.
 pub fn slowest_decay_1_s(control: &Loop) -> f64 {
     let largest = control.matrix().complex_eigenvalues().iter().map(|e| libm::hypot(e.re, e.im)).fold(0.0, f64::max);
     -libm::log(largest) * control.sampling.rate_hz
@@ -192,9 +192,9 @@ mod tests {
         Loop { model, sampling, adaptation: 5.0 * gain_1_s / 1000.0, gain_1_s, omega_rad_s, delay }
     }
 
-    /// The decay of the slowest eigenvalue is that of the loop itself, sample by sample.
+    /// The decay of the slowest eigenvalue equals that of the simulated loop.
     #[test]
-    fn the_slowest_pole_is_what_remains() {
+    fn the_slowest_pole_gives_the_decay_of_the_loop() {
         for (mode, converter, gain_1_s, delay) in [
             (ModeNumber::First, Converter::Instant, 10.0, 0),
             (ModeNumber::Second, Converter::Instant, 22.0, 0),
@@ -211,7 +211,7 @@ mod tests {
                     early = norm(&state);
                 }
                 state = control.step(&state);
-                // Far from the largest and the smallest number.
+                // Keeps the state far from the largest and the smallest number.
                 let scale = if norm(&state) > 1e100 || norm(&state) < 1e-100 { 1.0 / norm(&state) } else { 1.0 };
                 early *= scale;
                 state.iter_mut().for_each(|x| *x *= scale);

@@ -1,10 +1,9 @@
-//! What an exciter controller does with a sample: the [`Controller`] trait, and the controllers there are.
+//! How an exciter controller answers a sample: the [`Controller`] trait, and the controllers that implement it.
 //!
-//! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] leads the force in the head to its amplitude;
-//! [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is set while it
-//! plays. A controller of one's own implements the
-//! trait; the exciter node carries it over the wire, in real time, in lockstep and free alike
-//! ([`Session::with_controller`](resonarm_session::run::Session)).
+//! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] brings the force in the head to its
+//! amplitude; [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is
+//! set while it plays. You can implement the trait yourself; the exciter node runs the controller over the wire, in
+//! real time, in lockstep and free alike (`Session::with_controller` of the crate `resonarm-session`).
 
 mod abort;
 mod angles_from_harmonics;
@@ -42,7 +41,7 @@ pub use steered::Steered;
 use resonarm_dynamics::arm::Load;
 use crate::rig::Measurement;
 
-/// What kind of load a controller commands: a command on the wire carries one kind.
+/// The kind of load that a controller commands: a command on the wire carries one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadKind {
     /// Forces at C.
@@ -54,15 +53,15 @@ pub enum LoadKind {
 /// How long a controller works.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// So many samples.
+    /// For a number of samples.
     Samples(u64),
-    /// Until so many responses are read.
+    /// Until a number of responses is read.
     Responses(u64),
-    /// Nobody knows.
+    /// Not known.
     Unknown,
 }
 
-/// What a controller says to a sample.
+/// A controller's answer to a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
     /// The load to hold up to the next sample.
@@ -73,7 +72,7 @@ pub enum Answer {
     Aborted(Abort),
 }
 
-/// A controller: told a whole sample, it says the load to hold.
+/// A controller: it takes in whole samples, and answers each with the load to hold.
 ///
 /// It has no clock: time is the index of the sample, which jumps where samples were lost. Called in the real-time loop,
 /// it neither allocates nor blocks.
@@ -81,7 +80,7 @@ pub trait Controller: Debug + Send {
     /// The kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
     fn load_kind(&self) -> LoadKind;
 
-    /// Begins anew, at sample 0.
+    /// Restarts, at sample 0.
     fn restart(&mut self);
 
     /// Answers a sample. `sample.sample` counts from 0, the first sample after the plant was armed; the readings are of
@@ -91,12 +90,12 @@ pub trait Controller: Debug + Send {
     /// The next response that was read, if there is one.
     fn poll_response(&mut self) -> Option<ResponsePoint>;
 
-    /// Leads to `set_point` from now on; `false` if it can't, or takes none: then it goes on as before.
+    /// Moves to `set_point` from now on; `false` if it can't, or takes no set-points: then it continues as before.
     fn steer(&mut self, _set_point: &SetPoint) -> bool {
         false
     }
 
-    /// The set-point that it goes to or holds; `None` if it takes none.
+    /// The set-point that it moves to or holds; `None` if it takes none.
     fn set_point(&self) -> Option<SetPoint> {
         None
     }

@@ -1,4 +1,4 @@
-//! What a controller knows of the arm beforehand: one mode, as the drive and a pair of accelerometers meet it.
+//! The controller's prior model of the arm: one mode, as seen by the drive and a pair of accelerometers.
 
 use core::f64::consts::TAU;
 
@@ -43,24 +43,24 @@ impl TryFrom<u8> for ModeNumber {
     }
 }
 
-/// The arm has two modes.
+/// The arm does not have this mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("mode {got}: the arm has modes 1 and 2")]
 pub struct NoSuchMode {
-    /// What was given.
+    /// The given number.
     pub got: u8,
 }
 
-/// The link whose angle a controller follows, by the accelerometer at its end less that at its start.
+/// The link whose angle a controller follows, by the accelerometer at its end minus that at its start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
     /// α1, from B.
     First,
-    /// α1 + α2, from C less B.
+    /// α1 + α2, from C minus B.
     Second,
 }
 
-/// One natural mode as the drive meets it: with s the angle of the followed link and u the load,
+/// One natural mode as seen by the drive: with s the angle of the followed link and u the load,
 /// m (s̈ + 2ζω₀ ṡ + ω₀² s) = u.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModeModel {
@@ -68,15 +68,15 @@ pub struct ModeModel {
     pub angular_frequency_rad_s: f64,
     /// ζ.
     pub damping_ratio: f64,
-    /// m, in the load's unit per rad/s², positive: the angle is counted so that it goes with the load.
+    /// m, in the load's unit per rad/s², positive: the sign of the angle is chosen so that it has the sign of the load.
     pub modal_mass: f64,
     /// ω of the arm's other mode, rad/s.
     pub other_angular_frequency_rad_s: f64,
     /// ζ of the other mode.
     pub other_damping_ratio: f64,
-    /// m of the other mode, as the same drive and angle meet it.
+    /// m of the other mode for the same drive and angle.
     pub other_modal_mass: f64,
-    /// The link that is followed.
+    /// The followed link.
     pub link: Link,
     /// s̈ = direction · (difference of accelerations), 1/m.
     direction: Vector2<f64>,
@@ -86,8 +86,8 @@ impl ModeModel {
     /// The mode `mode` of `arm` as driven by multiples of `unit`.
     ///
     /// With the shape φ of unit modal mass, the generalised load d = u + JᵀF of `unit` at rest and c = (1, 0) or (1, 1)
-    /// for the followed link, s = c·φ q and q̈ + 2ζω₀ q̇ + ω₀² q = φ·d u, so m = 1/((c·φ)(φ·d)). Followed is link 1
-    /// unless it moves less than a fifth of link 2: the accelerometer at B has most range left.
+    /// for the followed link, s = c·φ q and q̈ + 2ζω₀ q̇ + ω₀² q = φ·d u, so m = 1/((c·φ)(φ·d)). Link 1 is followed
+    /// unless it moves less than a fifth of link 2: the accelerometer at B has the most range left.
     pub fn new(arm: &Arm, unit: &Load, mode: ModeNumber) -> ModeModel {
         const FAINT: f64 = 0.2;
         let both = modes(arm);
@@ -105,7 +105,7 @@ impl ModeModel {
             };
             1.0 / (angle * Vector2::from(shape).dot(&drive))
         };
-        // Against each other: the angle is counted the other way round.
+        // Load and angle of opposite sign: the sign of the angle is reversed.
         let sign = mass(this.shape).signum();
         let points = arm.points(&Vector2::zeros());
         // The link r turns with s̈ (−r_y, r_x), so s̈ = (−r_y, r_x)·a / r².
@@ -125,8 +125,7 @@ impl ModeModel {
         }
     }
 
-    /// s̈ of the followed link as the accelerometers say, rad/s², for small vibration: across the link at rest, of sin
-    /// s.
+    /// s̈ of the followed link from the accelerometers, rad/s², for small vibration: across the link at rest, of sin s.
     pub fn angular_acceleration_rad_s2(&self, sample: &Measurement) -> f64 {
         let b = Vector2::from(sample.acceleration_b_m_s2.map(|reading| reading.value));
         let across = match self.link {
@@ -136,7 +135,7 @@ impl ModeModel {
         self.direction.dot(&across)
     }
 
-    /// s̈ of the same from the accelerations' phasors, of B and C along x and y.
+    /// The same s̈ from the phasors of the accelerations of B and C along x and y.
     pub fn across(&self, [b, c]: [[Phasor; 2]; 2]) -> Phasor {
         let of = |p: [Phasor; 2]| p[0] * self.direction.x + p[1] * self.direction.y;
         match self.link {
@@ -145,7 +144,7 @@ impl ModeModel {
         }
     }
 
-    /// Standard deviation of s̈, rad/s², of those of the accelerations of B and C along x and y.
+    /// Standard deviation of s̈, rad/s², from those of the accelerations of B and C along x and y.
     pub fn deviation(&self, [b, c]: [[f64; 2]; 2]) -> f64 {
         let of = |p: [f64; 2]| libm::hypot(p[0] * self.direction.x, p[1] * self.direction.y);
         match self.link {
@@ -154,7 +153,7 @@ impl ModeModel {
         }
     }
 
-    /// Whether a reading that the followed angle comes from was clipped.
+    /// Whether a reading that the followed angle depends on was clipped.
     pub fn is_clipped(&self, sample: &Measurement) -> bool {
         let clipped = |pair: [Reading; 2]| pair.iter().any(|reading| reading.clipped);
         clipped(sample.acceleration_b_m_s2) || (self.link == Link::Second && clipped(sample.acceleration_c_m_s2))

@@ -1,4 +1,4 @@
-//! Open loop: a profile is played, whatever the arm does.
+//! Open loop: plays a profile regardless of the response.
 
 use super::response::ResponseReader;
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint};
@@ -34,7 +34,7 @@ impl Controller for OpenLoop {
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
-        // The phase of what acted when it was read: a sine that is held lags by half a sample.
+        // Phase of the acting load at the time of the reading: a held sine lags by half a sample.
         let read_at = n as f64 - self.sampling.converter.delay_samples() - 0.5;
         let response = self.reader.add(sample, self.profile.phase_cycles(read_at));
         self.response = response.map(|point| ResponsePoint { load_kind: self.load_kind(), ..point });

@@ -1,5 +1,5 @@
-//! Phases of responses that controllers read, against the load as it acts: on the arm at small amplitude, against
-//! linear theory.
+//! Phases of the responses that controllers read, against the acting load: for small vibration of the arm, compared
+//! with linear theory.
 
 use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
 use resonarm_analysis::FrequencyResponse;
@@ -36,7 +36,7 @@ fn plant(converter: Converter) -> Plant {
     .unwrap()
 }
 
-/// The first response from sample `from` on that a controller reads; `before` is called before each of its answers.
+/// The first response that a controller reads from sample `from` on; `before` is called before each of its answers.
 fn read<C: Controller>(
     controller: &mut C,
     converter: Converter,
@@ -65,7 +65,7 @@ fn accelerance(frequency_hz: f64) -> Phasor {
     (0..4).map(at).sum::<Phasor>() * -(omega * omega)
 }
 
-/// Force and acceleration of a response, as complex numbers, are those of a load of the phase 0.
+/// Checks that force and acceleration of a response, as complex numbers, are those of a load of phase 0.
 fn check(response: &ResponsePoint, expected_n: f64, bound: f64, what: &str) {
     assert!((response.load / expected_n - 1.0).abs() < 1e-9, "{what}: {}", response.load);
     let tip = accelerance(response.frequency_hz) * expected_n;
@@ -75,9 +75,9 @@ fn check(response: &ResponsePoint, expected_n: f64, bound: f64, what: &str) {
     }
 }
 
-/// Each converter is as far from the continuous force as its images: an instant by 1 − sin y/y, y = πfT.
+/// The images make each converter deviate from the continuous force: an instantaneous one by 1 − sin y/y, y = πfT.
 #[test]
-fn open_loop_phases_are_against_the_load_as_it_acts() {
+fn open_loop_phases_are_against_the_acting_load() {
     for (converter, bound) in
         [(Converter::Instant, 3e-3), (Converter::Sinc1, 3e-3), (Converter::Sinc3, 1e-4), (Converter::Sinc5, 1e-4)]
     {
@@ -93,13 +93,13 @@ fn open_loop_phases_are_against_the_load_as_it_acts() {
 }
 
 #[test]
-fn steered_phases_are_against_the_load_as_it_acts() {
+fn steered_phases_are_against_the_acting_load() {
     for (converter, bound) in [(Converter::Instant, 4e-3), (Converter::Sinc5, 2e-3)] {
         let sampling = Sampling { rate_hz: RATE_HZ, converter };
         for (frequency_hz, phase_deg) in [(15.0, 0.0), (24.0, 70.0)] {
             let mut steered = Steered::new(Load::force_n(1.0, 0.0), 1.0, sampling, frequency_hz);
             let set = SetPoint { load: FORCE_N, frequency_hz, phase_deg };
-            // Set again, it is read again: by then the arm has settled.
+            // A changed set-point is read again; by then the arm has settled.
             let response = read(&mut steered, converter, 10_000, |steered, n| {
                 assert!(![0, 10_000].contains(&n) || steered.steer(&set));
             });

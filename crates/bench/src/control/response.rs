@@ -7,21 +7,21 @@ use crate::rig::{Measurement, Sampling};
 /// The channels: head x, y; B x, y; C x, y.
 const CHANNELS: usize = Measurement::CHANNELS;
 
-/// The response at one frequency, as the controller reads it from the wire: of the continuous motion, with the gain of
-/// the instruments' converters taken out.
+/// The response at one frequency, as the controller reads it from the wire: of the continuous motion, corrected for the
+/// gain of the instruments' converters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResponsePoint {
     /// Frequency of the drive, Hz.
     pub frequency_hz: f64,
-    /// Amplitude of the load's fundamental, as it acts on the arm, N or N·m.
+    /// Amplitude of the fundamental of the acting load, N or N·m.
     pub load: f64,
     /// Whether `load` is a force at C or a torque.
     pub load_kind: LoadKind,
-    /// Standard deviation of `load` by the noise of the readings, at the frequency and amplitude that are stated, N or
-    /// N·m; `None` where it is not computed.
+    /// Standard deviation of `load` due to the noise of the readings, at the stated frequency and amplitude, N or N·m;
+    /// `None` where it is not computed.
     pub load_deviation: Option<f64>,
-    /// Force in the impedance head along x and y, N, against the phase of the drive as it acts: that of the fundamental
-    /// of what is held.
+    /// Force in the impedance head along x and y, N, against the phase of the acting drive: that of the fundamental of
+    /// the held load.
     pub head_force_n: [Phasor; 2],
     /// Acceleration of B along x and y, m/s².
     pub acceleration_b_m_s2: [Phasor; 2],
@@ -31,16 +31,16 @@ pub struct ResponsePoint {
     pub overtones: Option<[[Phasor; 2]; CHANNELS]>,
     /// Lag of the response that a closed loop follows behind the load, rad; `None` in open loop.
     pub lag_rad: Option<f64>,
-    /// How much the response still moved, relative: in open loop the change from the first to the second half of the
-    /// window in the channel with the largest acceleration, in closed loop the change of the followed angle over the
-    /// reading.
+    /// Relative change of the response while it was read: in open loop the change from the first to the second half of
+    /// the window in the channel with the largest acceleration, in closed loop the change of the followed angle over
+    /// the reading.
     pub drift: f64,
-    /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. What was clipped is left out of
+    /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. Clipped readings are left out of
     /// the fit.
     pub clipped: [bool; CHANNELS],
-    /// How often the point was tried: 1 in open loop.
+    /// Number of tries of the point: 1 in open loop.
     pub tries: u32,
-    /// Whether the controller takes the response for settled.
+    /// Whether the controller considers the response settled.
     pub settled: bool,
 }
 
@@ -65,8 +65,8 @@ impl ResponsePoint {
         }
     }
 
-    /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or no force
-    /// is: a torque does not go through the head, which then reads noise.
+    /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or where the
+    /// load is a torque: it does not go through the head, which then reads noise.
     pub fn force_harmonics(&self) -> Option<[f64; 2]> {
         let overtones = self.overtones.as_ref()?;
         let size = |pair: [Phasor; 2]| libm::sqrt(pair.iter().map(Phasor::norm_sqr).sum());
@@ -75,8 +75,8 @@ impl ResponsePoint {
         (self.load_kind == LoadKind::Force && fundamental > 0.0).then(|| [over(0), over(1)])
     }
 
-    /// Harmonic distortion of the head's force: what its harmonics 2 and 3 are together over its fundamental; `None`
-    /// as of [`ResponsePoint::force_harmonics`].
+    /// Harmonic distortion of the head's force: its harmonics 2 and 3 together over its fundamental; `None` in the
+    /// cases of [`ResponsePoint::force_harmonics`].
     pub fn distortion(&self) -> Option<f64> {
         self.force_harmonics().map(|[second, third]| libm::hypot(second, third))
     }
@@ -96,24 +96,24 @@ impl ResponsePoint {
         }
     }
 
-    /// Above this drift a response is called not settled.
+    /// Above this drift a response counts as not settled.
     pub const SETTLED_DRIFT: f64 = 0.02;
 }
 
-/// What is read of a response.
+/// The orders that are read of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Orders {
     /// The fundamental.
     One,
-    /// Harmonics 1 to 3: there must be more than six samples a period.
+    /// Harmonics 1 to 3: there must be more than six samples per period.
     Three,
 }
 
 impl Orders {
-    /// Samples a period, at least, of three harmonics.
+    /// Least number of samples per period for three harmonics.
     pub const SAMPLES_A_PERIOD: f64 = 12.0;
 
-    /// As many as `rate_hz` samples a second tell of a motion at `frequency_hz`.
+    /// As many orders as `rate_hz` samples a second resolve of a motion at `frequency_hz`.
     pub fn at(frequency_hz: f64, rate_hz: f64) -> Orders {
         if rate_hz >= Orders::SAMPLES_A_PERIOD * frequency_hz { Orders::Three } else { Orders::One }
     }
@@ -128,7 +128,7 @@ pub(super) struct ResponseReader {
     current: Option<Reading>,
 }
 
-/// One response, sample by sample.
+/// The reading of one response, sample by sample.
 #[derive(Clone, Debug)]
 pub(super) struct Reading {
     sampling: Sampling,
@@ -141,7 +141,7 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// Of a window, with the load that is meant to act in it.
+    /// A reading of a window, with the load that is meant to act in it.
     pub fn new((window, load): (Window, f64), orders: Orders, sampling: Sampling) -> Reading {
         let samples = window.end - window.first;
         let half = samples / 2;
@@ -155,7 +155,7 @@ impl Reading {
         self.window.end
     }
 
-    /// Takes in a sample within the window with the phase of the drive when it was read, cycles.
+    /// Adds a sample within the window with the phase of the drive at the time of the reading, cycles.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
         let (n, readings) = (sample.sample, sample.readings());
         for (clipped, reading) in self.clipped.iter_mut().zip(&readings) {
@@ -173,7 +173,7 @@ impl Reading {
         }
     }
 
-    /// What was read, of a force; `None` if the samples do not determine it.
+    /// The response to a force; `None` if the samples do not determine it.
     pub fn finish(&self) -> Option<ResponsePoint> {
         let whole = self.whole.finish()?;
         let [first, second] = [self.halves[0].finish()?, self.halves[1].finish()?];
@@ -223,8 +223,8 @@ impl ResponseReader {
         self.current = self.windows.next().map(of);
     }
 
-    /// Takes in a sample with the phase of the drive when it was read, cycles; the response of a window that ended
-    /// before it, if one did.
+    /// Adds a sample with the phase of the drive at the time of the reading, cycles; returns the response of a window
+    /// that ended before it, if one did.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) -> Option<ResponsePoint> {
         let n = sample.sample;
         let mut done = None;

@@ -1,9 +1,9 @@
-//! What a controller is to lead to, set while it works.
+//! The target of a controller that is set while it runs.
 
-/// A set-point of a controller that is steered.
+/// A set-point of a steered controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetPoint {
-    /// Amplitude of the load, N or N·m as that of the scenario, zero or positive.
+    /// Amplitude of the load, N or N·m depending on the scenario's kind of load, zero or positive.
     pub load: f64,
     /// Frequency, Hz, positive and below half the sample rate.
     pub frequency_hz: f64,

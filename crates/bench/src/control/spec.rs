@@ -13,27 +13,27 @@ use resonarm_dynamics::arm::Arm;
 use crate::excitation::Amplitude;
 use crate::rig::Sampling;
 
-/// What closes the loop.
+/// The control law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "law", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ControlSpec {
     /// Traces the response at constant load through a resonance, stable or not, or the backbone.
     PhaseWalk(PhaseWalkSpec),
-    /// Plays a dwell or a staircase of sines, and leads the fundamental of the force in the impedance head to its
+    /// Plays a dwell or a staircase of sines, and brings the fundamental of the force in the impedance head to its
     /// amplitude.
     ForceControl(ForceControlSpec),
     /// Steps a sine, and finds the load that holds one amplitude of the response at every frequency.
     ResponseControl(ResponseControlSpec),
 }
 
-/// Why there is no such controller.
+/// Why a controller can't be made.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ControlError {
-    /// No such phase walk.
+    /// An error of the phase walk.
     #[error(transparent)]
     PhaseWalk(#[from] PhaseWalkError),
-    /// No such force control.
+    /// An error of the force control.
     #[error(transparent)]
     ForceControl(#[from] ForceControlError),
 }
@@ -48,11 +48,11 @@ impl ControlSpec {
         }
     }
 
-    /// The controller, for `arm` as it is known beforehand, with a shaker's armature if there is one, with readings
-    /// of this `sampling` and an exciter that has `limit`, N or N·m.
+    /// The controller for `arm`, as it is modelled, with a shaker's armature if there is one, with readings at this
+    /// `sampling` and an exciter with the limit `limit`, N or N·m.
     ///
     /// # Errors
-    /// [`ControlError`] says what is impossible.
+    /// [`ControlError`] names the impossible setting.
     pub fn controller(&self, arm: &Arm, sampling: Sampling, limit: f64) -> Result<Box<dyn Controller>, ControlError> {
         Ok(match self {
             ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, arm, sampling, limit)?),

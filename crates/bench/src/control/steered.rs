@@ -1,14 +1,14 @@
 //! A sine that is steered: load, frequency and phase are set while it plays.
 //!
-//! At sample n, with f the frequency that is set and r the sample rate,
+//! At sample n, with f the set frequency and r the sample rate,
 //!
 //! ```text
 //! held: d A(n) sin 2π(θ(n) + p(n)),   θ(n + 1) = θ(n) + f/r
 //! ```
 //!
-//! so that the sine goes on without a jump when f changes. A goes to the load that is set by at most the limit a
-//! second, p to the phase by at most one turn a second. What stands still for two seconds is read, second by second,
-//! until a response has settled.
+//! so that the sine continues without a jump when f changes. A approaches the set load by at most the limit per second,
+//! p the set phase by at most one turn per second. Once nothing has changed for two seconds, the response is read,
+//! second by second, until it has settled.
 
 use core::f64::consts::TAU;
 
@@ -18,12 +18,12 @@ use resonarm_dynamics::arm::Load;
 use crate::excitation::Window;
 use crate::rig::{Measurement, Sampling};
 
-/// How long what is set must stand before a response is read, s.
+/// How long the set-point must be held before a response is read, s.
 const SETTLE_S: f64 = 2.0;
 /// How long a response is read, s, or for eight periods.
 const READ_S: f64 = 1.0;
 
-/// Plays a sine along one direction, as it is set.
+/// Plays a sine along one direction, following the set-point.
 #[derive(Clone, Debug)]
 pub struct Steered {
     /// The load of size 1.
@@ -40,7 +40,7 @@ pub struct Steered {
     shift: f64,
     /// The sample answered last.
     last: Option<u64>,
-    /// The first sample at which what is set stood.
+    /// The first sample at which the set-point was held.
     stands_since: Option<u64>,
     reading: Option<Reading>,
     is_read: bool,
@@ -48,8 +48,8 @@ pub struct Steered {
 }
 
 impl Steered {
-    /// A sine along `direction`, a load of size 1, of at most `limit`, N or N·m, with readings of this `sampling`;
-    /// it begins with no load at `frequency_hz`.
+    /// A sine along `direction`, a load of size 1, of at most `limit`, N or N·m, with readings at this `sampling`; it
+    /// begins with no load at `frequency_hz`.
     pub fn new(direction: Load, limit: f64, sampling: Sampling, frequency_hz: f64) -> Steered {
         let kind = if direction.torque_nm.amax() > 0.0 { LoadKind::Torque } else { LoadKind::Force };
         let begin = SetPoint { load: 0.0, frequency_hz, phase_deg: 0.0 };
@@ -76,12 +76,12 @@ impl Steered {
         self.limit
     }
 
-    /// What is led to now.
+    /// The present set-point.
     pub fn set_point(&self) -> SetPoint {
         self.set
     }
 
-    /// Takes what is held `passed` samples nearer to what is set; whether it is there.
+    /// Moves the held values by `passed` samples towards the set-point; returns whether they have reached it.
     fn approach(&mut self, passed: f64) -> bool {
         let most = passed / self.sampling.rate_hz;
         let near = |value: f64, wanted: f64, step: f64| value + (wanted - value).clamp(-step, step);
@@ -90,7 +90,7 @@ impl Steered {
         self.load == self.set.load && self.shift == self.set.phase_deg / 360.0
     }
 
-    /// Reads the response, once what is set has stood long enough.
+    /// Reads the response, once the set-point has been held long enough.
     fn read(&mut self, sample: &Measurement, stands: bool) {
         let n = sample.sample;
         if !stands || self.is_read || self.load == 0.0 {
@@ -98,7 +98,7 @@ impl Steered {
             return;
         }
         let since = *self.stands_since.get_or_insert(n);
-        // A sine that is held lags by half a sample, and the reading is late by the converter's delay.
+        // A held sine lags by half a sample, and the reading is late by the converter's delay.
         let late = self.sampling.converter.delay_samples() + 0.5;
         let phase_cycles = self.cycles + self.shift - late * self.set.frequency_hz / self.sampling.rate_hz;
         match &mut self.reading {
@@ -180,7 +180,7 @@ mod tests {
 
     const SAMPLING: Sampling = Sampling { rate_hz: 1000.0, converter: Converter::Instant };
 
-    /// The force held at sample `n`, and the sample told with accelerations that follow the force.
+    /// The force held at sample `n`; the controller gets a sample with accelerations that follow the force.
     fn held_n(steered: &mut Steered, n: u64, force_n: f64) -> f64 {
         let pair = |value: f64| [Axis { value, clipped: false }, Axis { value: 0.0, clipped: false }];
         let sample = Measurement {
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_to_what_is_set_without_a_jump_and_reads_the_response() {
+    fn moves_to_the_set_point_without_a_jump_and_reads_the_response() {
         let mut steered = Steered::new(Load::force_n(1.0, 0.0), 100.0, SAMPLING, 10.0);
         assert!((0..100).all(|n| held_n(&mut steered, n, 0.0) == 0.0));
         let (mut force_n, mut responses, mut largest_n) = (0.0_f64, Vec::new(), 0.0_f64);
@@ -216,8 +216,8 @@ mod tests {
             responses.extend(steered.poll_response());
         }
         assert!((largest_n - 20.0).abs() < 0.05, "{largest_n}");
-        let told: Vec<_> = responses.iter().map(|point| (point.frequency_hz, point.settled)).collect();
-        assert_eq!(told, [(10.0, true), (14.0, true)]);
+        let read: Vec<_> = responses.iter().map(|point| (point.frequency_hz, point.settled)).collect();
+        assert_eq!(read, [(10.0, true), (14.0, true)]);
         for point in &responses {
             let size = |axis: crate::excitation::Phasor| axis.norm_sqr().sqrt();
             assert!((size(point.acceleration_c_m_s2[0]) - 40.0).abs() < 0.01, "{point:?}");
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_impossible_is_not_taken() {
+    fn rejects_impossible_set_points() {
         let mut steered = Steered::new(Load::torque_nm(0.0, 1.0), 100.0, SAMPLING, 10.0);
         assert_eq!(steered.load_kind(), LoadKind::Torque);
         let good = SetPoint { load: 5.0, frequency_hz: 20.0, phase_deg: 0.0 };

@@ -1,29 +1,29 @@
-//! Force control: at every frequency of a stepped sine, the fundamental of the force in the impedance head is led to
-//! its amplitude.
+//! Force control: at every frequency of a stepped sine, the fundamental of the force in the impedance head is brought
+//! to the wanted amplitude.
 //!
-//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force: what a
-//! command c leaves in the head, H, depends on arm, shaker and frequency. Held long enough, H/c is what it is, and the
-//! command that would have given F is
+//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force: the
+//! force H that a command c produces in the head depends on arm, shaker and frequency. Once a held command has settled,
+//! H/c is constant, and the command that would have given F is
 //!
 //! ```text
 //! c ← c F/H
 //! ```
 //!
-//! exactly for a linear arm. Where the arm's frequency moves with its amplitude, H grows with c to a power s = d ln H/d
-//! ln c other than 1, and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it is
-//! below, near a fold, the step stays as it is: motions with s > 0 attract, those between two folds, with s < 0, repel,
-//! so that a sweep jumps where the response at constant force folds.
+//! exactly for a linear arm. Where the arm's frequency changes with its amplitude, H grows with c to a power s = d ln
+//! H/d ln c other than 1, and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it
+//! is below, near a fold, the step is unchanged: motions with s > 0 attract, those between two folds, with s < 0,
+//! repel, so a sweep jumps where the response at constant force folds.
 //!
-//! While the command is held nothing is fed back, so that no gain has to suit arm and shaker; what the shaker damps the
-//! vibration by is what settles it.
+//! While a command is held there is no feedback, so no gain has to suit arm and shaker; the vibration settles by the
+//! damping of the shaker.
 //!
-//! With a notch, F is what takes an acceleration to it, where that is less.
+//! With a notch, F is limited to the force at which an acceleration reaches the notch.
 //!
-//! Harmonics of the force are cancelled, if that is asked for, by harmonics of the command ([`CancelHarmonics`]).
+//! Harmonics of the force are cancelled on request by harmonics of the command ([`CancelHarmonics`]).
 //!
-//! A sine that is held from sample to sample has images beyond its fundamental. What of them the converter folds onto
-//! it ([`Converter::images`](crate::rig::Converter::images)) the head reads as well: the share that goes past the
-//! armature into the arm.
+//! A sine that is held from sample to sample has images above its fundamental. The converter folds some of them onto
+//! the fundamental ([`Converter::images`](crate::rig::Converter::images)), and the head reads the share of these that
+//! passes the armature into the arm.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -42,13 +42,13 @@ use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Prof
 use resonarm_numeric::number::short;
 use crate::rig::{Measurement, Sampling};
 
-/// How near the force comes to the wanted one, relative.
+/// Allowed deviation of the force from the wanted one, relative.
 const TOLERANCE: f64 = 3e-3;
-/// Most tries of a point before it is reported as it is, not settled.
+/// Most tries of a point before it is reported as not settled.
 const MOST_TRIES: u32 = 30;
 /// The largest factor by which a try changes the command.
 const LARGEST_FACTOR: f64 = 4.0;
-/// The largest power s that is believed, and the least change of ln c that tells it.
+/// The largest power s that is accepted, and the least change of ln c from which it is computed.
 const LARGEST_POWER: f64 = 10.0;
 const TELLING_CHANGE: f64 = 2e-3;
 
@@ -63,19 +63,19 @@ pub struct ForceControlSpec {
     pub ramp_s: f64,
     /// The frequencies: a dwell, a stepped sine or a list.
     pub profile: Waveform,
-    /// Largest amplitude of the acceleration of B, m/s², positive: the force is notched where it would be more.
+    /// Largest amplitude of the acceleration of B, m/s², positive: the force is reduced where it would be exceeded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notch_b_m_s2: Option<f64>,
-    /// The same of C. With more force than it takes, the acceleration is controlled in place of the force.
+    /// The same for C. Where the force would exceed it, the acceleration is controlled in place of the force.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notch_c_m_s2: Option<f64>,
-    /// Harmonics of the force that are brought to zero: a point settles with each below 0.2 % of the fundamental.
+    /// Harmonics of the force that are brought to zero: a point settles only with each below 0.2 % of the fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }
 
 impl ForceControlSpec {
-    /// Force control of an excitation, without notches, harmonics as they come.
+    /// Force control of an excitation, without notches and without cancelled harmonics.
     pub fn new(excitation: &ExcitationSpec) -> ForceControlSpec {
         let ExcitationSpec { amplitude, ramp_s, profile } = excitation.clone();
         let cancel_harmonics = CancelHarmonics::NONE;
@@ -88,7 +88,7 @@ impl ForceControlSpec {
     }
 }
 
-/// Why no force can be controlled so.
+/// Why a force can't be controlled with these settings.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ForceControlError {
@@ -98,45 +98,45 @@ pub enum ForceControlError {
     /// A notch is impossible.
     #[error("control: `{name}` is {got}: it must be a positive number", got = short(.got))]
     Notch {
-        /// The notch, as it is called in a scenario.
+        /// Name of the notch in a scenario.
         name: &'static str,
-        /// What was given, m/s².
+        /// The given value, m/s².
         got: f64,
     },
-    /// Torques have no head that reads them.
+    /// The amplitude is a torque, which the head does not read.
     #[error(
         "control: force control is closed on the impedance head, which reads no torque: give `force_x_n` or `force_y_n`"
     )]
     Torque,
-    /// The profile is no dwell.
+    /// The profile is not one frequency after the other.
     #[error(
-        "control: force control leads the force to its amplitude at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`"
+        "control: force control sets the amplitude of the force at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`"
     )]
     NotADwell,
-    /// Too few samples a period.
+    /// Too few samples per period.
     #[error("control: {rate_hz} samples a second are too few for force control at {frequency_hz:.2} Hz: at least {:.0} are needed", Orders::SAMPLES_A_PERIOD * frequency_hz)]
     Rate {
-        /// What there is, Hz.
+        /// The sample rate, Hz.
         rate_hz: f64,
         /// The highest frequency, Hz.
         frequency_hz: f64,
     },
 }
 
-/// What the controller is at, from the sample `since` on.
+/// The current stage, from sample `since` on.
 #[derive(Clone, Copy, Debug)]
 enum Stage {
-    /// Going over from one command to the next.
+    /// Ramps from one command to the next.
     Ramp { from: Phasor, since: u64 },
-    /// Waiting for what the change started to die out.
+    /// Waits for the transient of the change to die out.
     Settle { since: u64 },
-    /// Reading the response.
+    /// Reads the response.
     Read { until: u64 },
-    /// Going down to nothing at the end.
+    /// Ramps down to zero at the end.
     Leave { from: Phasor, since: u64 },
 }
 
-/// Plays a dwell or a stepped sine, and leads the fundamental of the force in the impedance head to its amplitude at
+/// Plays a dwell or a stepped sine, and brings the fundamental of the force in the impedance head to its amplitude at
 /// every frequency.
 #[derive(Clone, Debug)]
 pub struct ForceControl {
@@ -149,14 +149,14 @@ pub struct ForceControl {
     /// Largest amplitudes of the accelerations of B and C, m/s².
     notches_m_s2: [Option<f64>; 2],
     direction: Vector2<f64>,
-    /// Lengths of a ramp, of settling and of a reading at least, s.
+    /// Shortest durations of a ramp, of settling and of a reading, s.
     ramp_s: f64,
     settle_s: f64,
     read_s: f64,
     stage: Stage,
-    /// The response that is read.
+    /// The response that is being read.
     reading: Option<Reading>,
-    /// Index of the frequency, and how often it was tried.
+    /// Index of the frequency, and the number of tries.
     point: usize,
     tries: u32,
     /// The command's amplitude against the phase: Im(c e^{iφ}), N.
@@ -173,11 +173,11 @@ pub struct ForceControl {
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` on `arm`, as the controller knows it, with a shaker's armature
-    /// if there is one, with readings of this `sampling` and an exciter that has `limit_n`.
+    /// A controller that plays the frequencies of `spec` on `arm`, as the controller models it, with a shaker's
+    /// armature if there is one, with readings at this `sampling` and an exciter with the limit `limit_n`.
     ///
     /// # Errors
-    /// [`ForceControlError`] says what is impossible.
+    /// [`ForceControlError`] names the impossible setting.
     pub fn new(
         spec: &ForceControlSpec,
         arm: &Arm,
@@ -231,7 +231,7 @@ impl ForceControl {
         })
     }
 
-    /// The frequency that is played, Hz: at the end the last.
+    /// The frequency that is played, Hz: after the end the last.
     fn frequency_hz(&self) -> f64 {
         let last = self.frequencies_hz.len().saturating_sub(1);
         self.frequencies_hz.get(self.point.min(last)).copied().unwrap_or(0.0)
@@ -241,13 +241,13 @@ impl ForceControl {
         libm::ceil(seconds * self.sampling.rate_hz) as u64
     }
 
-    /// How far a ramp from `since` has come, smoothly from 0 to 1.
+    /// Progress of a ramp that began at `since`, smoothly from 0 to 1.
     fn ramped(&self, n: u64, since: u64) -> f64 {
         let x = ((n - since) as f64 / self.samples(self.ramp_s).max(1) as f64).min(1.0);
         x * x * (3.0 - 2.0 * x)
     }
 
-    /// What to command beside the fundamental from sample `n` on, N.
+    /// The harmonics to command beside the fundamental from sample `n` on, N.
     fn harmonics_n(&self, n: u64) -> f64 {
         let share = match self.stage {
             Stage::Ramp { since, .. } | Stage::Leave { since, .. } => self.ramped(n, since),
@@ -265,7 +265,7 @@ impl ForceControl {
         }
     }
 
-    /// Goes from one stage to the next when it is time; whether the work is done.
+    /// Moves to the next stage when it is time; returns whether the work is done.
     fn proceed(&mut self, n: u64) -> bool {
         let ramp = self.samples(self.ramp_s);
         match self.stage {
@@ -289,7 +289,7 @@ impl ForceControl {
         false
     }
 
-    /// A response was read: reports it and goes to the next frequency, or tries again.
+    /// Handles a response that was read: reports it and moves to the next frequency, or tries again.
     fn judge(&mut self, n: u64, read: Option<ResponsePoint>) {
         self.tries += 1;
         let Some(mut point) = read else { return self.next(n) };
@@ -313,7 +313,8 @@ impl ForceControl {
         }
     }
 
-    /// Corrects the harmonics of the command; whether those of the force are cancelled, as far as that is asked for.
+    /// Corrects the harmonics of the command; returns whether those of the force are cancelled, as far as that is
+    /// requested.
     fn cancel(&mut self, point: &ResponsePoint, factor: Phasor, off: f64) -> bool {
         let Some(cancellation) = &mut self.cancellation else { return true };
         let is_cancelled = cancellation.correct(point.frequency_hz, point.load, off);
@@ -321,7 +322,7 @@ impl ForceControl {
         is_cancelled
     }
 
-    /// What a try says of the power s.
+    /// Derives the power s from a try.
     fn learn(&mut self, command: f64, head: f64) {
         if let Some([command_before, head_before]) = self.tried {
             let change = command - command_before;
@@ -332,8 +333,8 @@ impl ForceControl {
         self.tried = Some([command, head]);
     }
 
-    /// The force that is wanted at the frequency of a response: F, or what takes an acceleration to its notch if that
-    /// is less.
+    /// The wanted force at the frequency of a response: F, or the force at which an acceleration reaches its notch if
+    /// that is less.
     fn wanted_n(&self, point: &ResponsePoint) -> f64 {
         let accelerations = [&point.acceleration_b_m_s2, &point.acceleration_c_m_s2];
         let notched = self.notches_m_s2.iter().zip(accelerations).filter_map(|(notch, [x, y])| {
@@ -343,7 +344,7 @@ impl ForceControl {
         notched.fold(self.amplitude_n, f64::min)
     }
 
-    /// On to the next frequency with the command of this one, or to the end.
+    /// Moves to the next frequency with the present command, or to the end.
     fn next(&mut self, n: u64) {
         (self.point, self.tries, self.tried) = (self.point + 1, 0, None);
         let from = self.command_n;
@@ -367,13 +368,13 @@ impl ForceControl {
     }
 }
 
-/// F/H, with the turn that brings the head's force into phase; in size no more than a factor.
+/// F/H, with the rotation that brings the head's force into phase; its size is limited to a factor.
 fn missing(head_n: Phasor, wanted_n: f64) -> Phasor {
     let size = libm::hypot(head_n.re, head_n.im).max(wanted_n / LARGEST_FACTOR).min(wanted_n * LARGEST_FACTOR);
     unit(-libm::atan2(head_n.im, head_n.re)) * (wanted_n / size)
 }
 
-/// c |F/H|^(1/s), turned as F/H is.
+/// c |F/H|^(1/s), rotated by the angle of F/H.
 fn corrected(command_n: Phasor, missing: Phasor, power: f64) -> Phasor {
     command_n * missing * libm::pow(libm::hypot(missing.re, missing.im), 1.0 / power - 1.0)
 }
@@ -406,7 +407,7 @@ impl Controller for ForceControl {
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
         let step_rad = TAU * self.frequency_hz() / self.sampling.rate_hz;
-        // The load of the sample before was held on while samples were lost.
+        // While samples were lost, the load of the last sample was held.
         let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
         self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);
         self.last_sample = Some(n);

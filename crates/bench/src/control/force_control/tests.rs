@@ -1,4 +1,4 @@
-//! Force control of a shaker on the arm, and what is refused.
+//! Force control of a shaker on the arm, and the errors for impossible settings.
 
 use super::*;
 use resonarm_dynamics::arm::{Pose, Preset, State};
@@ -13,7 +13,7 @@ fn sampling(rate_hz: f64) -> Sampling {
     Sampling { rate_hz, converter: Converter::default() }
 }
 
-/// 40 N·s/m at the tip, so that the arm settles within a second and the force still drops out.
+/// Damping of 40 N·s/m at the tip, so that the arm settles within a second and the force still drops out.
 fn plant(amplifier: Amplifier) -> Plant {
     let shaker = ShakerSpec {
         direction_deg: 0.0,
@@ -69,8 +69,8 @@ fn force_n(point: &ResponsePoint) -> f64 {
     libm::hypot(x.re, x.im)
 }
 
-/// Open loop the force in the head drops to less than a third near the resonance; closed it is what was asked for,
-/// within a half per cent.
+/// In open loop the force in the head drops to less than a third near the resonance; in closed loop it is the wanted
+/// force to within half a per cent.
 #[test]
 fn the_force_is_kept_where_it_would_drop_out() {
     // The coil damps in voltage mode.
@@ -107,7 +107,7 @@ fn dwell(force_x_n: f64, frequency_hz: f64, cancel_harmonics: CancelHarmonics) -
     ForceControlSpec { cancel_harmonics, ..ForceControlSpec::new(&excitation) }
 }
 
-/// In voltage mode the coil brakes: that the controller does not know, and learns.
+/// In voltage mode the coil damps the motion. The controller does not know this, and learns it.
 #[test]
 fn harmonics_of_the_force_are_cancelled() {
     let play = |cancel_harmonics| {
@@ -127,7 +127,7 @@ fn harmonics_of_the_force_are_cancelled() {
     assert!(before > 0.1 && after < 5e-3, "{before} {after}");
 }
 
-/// Twice the frequency is that of the second mode, where no command brings a force to the head.
+/// Twice the frequency is that of the second mode, where no command produces a force in the head.
 #[test]
 fn a_harmonic_at_a_mode_is_never_called_cancelled_wrongly() {
     let [_, second] = resonarm_analysis::modes(&arm().without_attachment());
@@ -150,7 +150,7 @@ fn stops_where_the_shaker_has_no_more() {
     assert!(matches!(abort, Abort::Load { limit: 3.0, .. }), "{abort}");
 }
 
-/// Off the resonance the force is what was asked for, near it what takes the tip to its notch.
+/// Off the resonance the force is the wanted one; near it, the one that moves the tip at its notch.
 #[test]
 fn the_force_is_notched_where_the_tip_would_move_too_fast() {
     let spec = ForceControlSpec { notch_c_m_s2: Some(2.0), ..stepped(2.0, 2.0) };
@@ -173,7 +173,7 @@ fn the_force_is_notched_where_the_tip_would_move_too_fast() {
 }
 
 #[test]
-fn says_what_force_can_t_be_controlled() {
+fn names_what_is_wrong_with_impossible_settings() {
     let notch = ForceControlSpec { notch_b_m_s2: Some(-1.0), ..stepped(1.0, 2.0) };
     insta::assert_snapshot!(ForceControl::new(&notch, &arm(), sampling(1000.0), 600.0).unwrap_err(), @"control: `notch_b_m_s2` is -1: it must be a positive number");
     let says = |spec: &ForceControlSpec, rate_hz| {
@@ -184,7 +184,7 @@ fn says_what_force_can_t_be_controlled() {
     insta::assert_snapshot!(says(&torque, 1000.0), @"control: force control is closed on the impedance head, which reads no torque: give `force_x_n` or `force_y_n`");
     let impulse =
         ForceControlSpec { profile: Waveform::Impulse { pulse_s: 0.01, duration_s: 1.0 }, ..stepped(1.0, 2.0) };
-    insta::assert_snapshot!(says(&impulse, 1000.0), @"control: force control leads the force to its amplitude at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`");
+    insta::assert_snapshot!(says(&impulse, 1000.0), @"control: force control sets the amplitude of the force at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`");
     insta::assert_snapshot!(says(&stepped(1.0, 2.0), 200.0), @"control: 200 samples a second are too few for force control at 23.50 Hz: at least 282 are needed");
     insta::assert_snapshot!(says(&stepped(0.0, 2.0), 1000.0), @"excitation: the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`");
 }

@@ -1,4 +1,4 @@
-//! What the points of a walk say of the mode: its frequency and damping over the amplitude.
+//! The mode as the points of a walk show it: its frequency and damping over the amplitude.
 
 use alloc::vec::Vec;
 
@@ -8,7 +8,7 @@ use crate::control::ModeModel;
 use crate::control::fourier_filter::unit;
 use crate::excitation::Phasor;
 
-/// The mode as it was found at one amplitude.
+/// The mode as found at one amplitude.
 #[derive(Clone, Copy, Debug)]
 struct Finding {
     /// A², rad².
@@ -17,11 +17,11 @@ struct Finding {
     stiffness: f64,
     /// κ, load per rad/s.
     damping: f64,
-    /// Standard deviation, relative to the part of the load that works against the damping.
+    /// Standard deviation, relative to the share of the load that works against the damping.
     deviation: f64,
 }
 
-/// What is fitted over A².
+/// The curve that is fitted over A².
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Curve {
     Line,
@@ -54,12 +54,11 @@ impl OtherMode {
 
 /// ω₀²(A²) and κ(A²) from the findings so far.
 ///
-/// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's own dynamic stiffness
-/// is D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) what the other mode, far from its resonance, adds to
-/// the angle; beside the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² +
-/// Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Where they are
-/// asked for, ω₀² is fitted by a parabola in A² and κ by a line, by least squares in which near, new and sure findings
-/// weigh more.
+/// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's dynamic stiffness is
+/// D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) is the contribution of the other mode, far from its
+/// resonance; off the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² + Re
+/// D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Predictions of ω₀²
+/// fit a parabola in A², those of κ a line, by least squares in which near, recent and precise findings weigh more.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BackboneModel {
     mass: f64,
@@ -67,24 +66,25 @@ pub(super) struct BackboneModel {
     findings: Vec<Finding>,
 }
 
-/// How much of the least squares' weight is a pull of slope and curvature to zero, so that few findings give a smooth
-/// curve.
+/// Weight of a pull of slope and curvature to zero in the least squares, so that few findings give a smooth curve.
 const PULL: f64 = 1e-6;
-/// How far κ is expected to change over the range of A², relative: a standard deviation. Without it two unsure findings
-/// at small amplitude may lead to a damping below zero at a large one.
+/// Expected change of κ over the range of A², relative: a standard deviation. Without it two imprecise findings at
+/// small amplitude may extrapolate to a damping below zero at a large one.
 const SLOPE: f64 = 0.05;
 /// Share of the range of A² at which a finding's weight has fallen to a quarter.
 const REACH: f64 = 0.4;
-/// How sure theory is of the load at small amplitude, and how sure the surest finding is: what is left is the model's.
+/// Relative deviation of theory at small amplitude, and the least deviation of a finding: the rest is the model's
+/// error.
 const THEORY: f64 = 0.01;
 const LEAST_DEVIATION: f64 = 2e-4;
-/// How much less a finding weighs than the one after it: beyond the peak the same amplitudes come at other frequencies.
+/// Factor between the weights of a finding and the next: beyond the peak the same amplitudes occur at other
+/// frequencies.
 const FADING: f64 = 0.7;
-/// Findings that are kept, theory among them: the weight of an older one has fallen below 0.7⁶² ≈ 2.5e-10.
+/// Number of findings that are kept, theory among them: the weight of an older one has fallen below 0.7⁶² ≈ 2.5e-10.
 const MOST_FINDINGS: usize = 64;
 
 impl BackboneModel {
-    /// What theory says, with room for the findings to come.
+    /// The theory alone, with room for later findings.
     pub fn new(model: &ModeModel) -> BackboneModel {
         let omega = model.angular_frequency_rad_s;
         let damping = 2.0 * model.damping_ratio * omega * model.modal_mass;
@@ -93,14 +93,14 @@ impl BackboneModel {
         BackboneModel { mass: model.modal_mass, other: OtherMode::new(model), findings: all }
     }
 
-    /// Back to what theory says.
+    /// Returns to the theory alone.
     pub fn forget(&mut self) {
         self.findings.truncate(1);
     }
 
-    /// Takes in U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard
-    /// deviation relative to the load. Beside the peak little of the load works against the damping, |Im D|/|D|, and
-    /// tells less of the mode. Where there is no more room the oldest but theory gives way.
+    /// Adds U/a found at the amplitude `amplitude_rad` and the angular frequency `omega_rad_s`, with a standard
+    /// deviation relative to the load. Off the peak only the share |Im D|/|D| of the load works against the damping,
+    /// and determines the mode less well. When full, the oldest finding after the theory is dropped.
     pub fn add(&mut self, amplitude_rad: f64, omega_rad_s: f64, dynamic_stiffness: Phasor, deviation: f64) {
         if self.findings.len() == MOST_FINDINGS {
             self.findings.remove(1);
@@ -162,9 +162,9 @@ impl BackboneModel {
     }
 
     /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved
-    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m; with it
-    /// U/a = F e^{iφ}/A gives D, whose parts are A Im D = F sin φ and Re D = Im D cot φ no more, but hardly change with
-    /// A.
+    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m. With it
+    /// U/a = F e^{iφ}/A gives D, and A Im D = F sin φ and Re D = Im D cot φ no longer hold; but the factors A Im D/F
+    /// and Re D/Im D hardly change with A.
     pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
         const ITERATIONS: usize = 50;
         let (mut amplitude, mut omega) = near;
@@ -191,10 +191,10 @@ mod tests {
     use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
     use crate::control::ModeNumber;
 
-    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², beside which the other mode moves, lead to the points
+    /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², with a contribution of the other mode, predict the points
     /// between them.
     #[test]
-    fn findings_lead_to_the_next_point() {
+    fn findings_predict_the_next_point() {
         let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
         let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
         let model = ModeModel::new(&arm, &Load::torque_nm(1.0, 0.0), ModeNumber::First);

@@ -1,4 +1,4 @@
-//! How fast an amplitude drifts while it is read, beside another mode that rings.
+//! Drift of an amplitude while it is read, beside a ringing mode.
 
 use core::f64::consts::PI;
 
@@ -6,12 +6,12 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::excitation::Phasor;
 
-/// Constant; fundamental and how it changes; two harmonics; the ringing and how it changes.
+/// Constant; fundamental and its change; two harmonics; the ringing and its change.
 const BASIS: usize = 13;
 
-/// Fit of y ≈ c_0 + Re((c_1 + ċ_1 x) e^{iθ}) + Re(c_2 e^{2iθ}) + Re(c_3 e^{3iθ}) + Re((d + ḋ x) e^{iψ}), where x goes
-/// from −½ to ½ over the window, θ is the phase of the drive and ψ that of the arm's other mode, which rings on for
-/// longer than a window: what it does to a mean over the window, the fit tells from a drift.
+/// Fit of y ≈ c_0 + Re((c_1 + ċ_1 x) e^{iθ}) + Re(c_2 e^{2iθ}) + Re(c_3 e^{3iθ}) + Re((d + ḋ x) e^{iψ}), where x runs
+/// from −½ to ½ over the window, θ is the phase of the drive and ψ that of the arm's other mode, which rings for longer
+/// than a window: the fit separates its effect on a mean over the window from a drift.
 ///
 /// Least squares weighted by the Hann window w: with the basis p, (Σ w p pᵀ) z = Σ w y p.
 #[derive(Clone, Debug)]
@@ -24,12 +24,12 @@ pub(super) struct DriftFit {
     weight: f64,
 }
 
-/// What a fit has found.
+/// The result of a fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drift {
     /// ċ_1/c_1, relative change of the amplitude over the window.
     pub change: Phasor,
-    /// Standard deviation of that change's parts, times |c_1|.
+    /// Standard deviation of that change's real and imaginary component, times |c_1|.
     pub deviation: f64,
 }
 
@@ -39,7 +39,7 @@ impl DriftFit {
         DriftFit { samples, normal: SMatrix::zeros(), moment: SVector::zeros(), square: 0.0, weight: 0.0 }
     }
 
-    /// Takes in the sample number `k` of the window (0 is the first) at the phases θ and ψ, rad.
+    /// Adds sample number `k` of the window (0 is the first) at the phases θ and ψ, rad.
     pub fn add(&mut self, k: u64, phase_rad: f64, other_rad: f64, y: f64) {
         let x = (k as f64 + 0.5) / self.samples as f64 - 0.5;
         let taper = libm::cos(PI * x);
@@ -53,10 +53,10 @@ impl DriftFit {
         self.weight += w;
     }
 
-    /// What was found; `None` if the samples do not determine it.
+    /// The result; `None` if the samples do not determine it.
     ///
-    /// White noise of standard deviation σ in n samples leaves in ċ_1 the variance 2σ²/n ∫w²x²/(∫wx²)² = 56.2 σ²/n. σ²
-    /// is what the fit leaves, (Σ w y² − zᵀ Σ w y p)/Σ w.
+    /// White noise of standard deviation σ in n samples causes in ċ_1 the variance 2σ²/n ∫w²x²/(∫wx²)² = 56.2 σ²/n. σ²
+    /// is the residual of the fit, (Σ w y² − zᵀ Σ w y p)/Σ w.
     pub fn finish(&self) -> Option<Drift> {
         const FACTOR: f64 = 7.5;
         let z = self.normal.cholesky()?.solve(&self.moment);
@@ -96,9 +96,9 @@ mod tests {
         assert!(deviation < 1e-2, "{deviation}");
     }
 
-    /// Over many windows of noise the drift found scatters as far as is said.
+    /// Over many windows of noise the drift scatters by the stated deviation.
     #[test]
-    fn says_how_sure_it_is() {
+    fn states_its_deviation() {
         let runs = 200;
         let mut noise = Noise::new(1, 0);
         let (mut square, mut said) = (0.0, 0.0);
@@ -108,7 +108,7 @@ mod tests {
             said += deviation / f64::from(runs);
         }
         let ratio = square.sqrt() / said;
-        // The deviation of 200 runs is known to a twentieth.
+        // The deviation of 200 runs is known to within a twentieth.
         assert!((0.85..1.15).contains(&ratio), "{ratio}");
     }
 }

@@ -1,8 +1,8 @@
-//! What was held of late, for readings that come later than the hold that they read.
+//! The recently held loads: a reading arrives later than the hold that it reads.
 
 use crate::rig::converter::MOST_ORDER;
 
-/// The loads of the last holds, the last first.
+/// The loads of the last holds, the latest first.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Held([f64; MOST_ORDER]);
 

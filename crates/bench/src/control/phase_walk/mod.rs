@@ -3,18 +3,17 @@
 //!
 //! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is
 //! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
-//! excitation like any other, and load and angle are a point of the open-loop response, whatever amplitude was asked
-//! for. Over the lag φ of the angle behind the load that response is single-valued, folds or not (T. Zhou, G. Kerschen,
-//! "Identification of Secondary Resonances of Nonlinear Systems using Phase-Locked Loop Testing", 2024,
-//! arXiv:2401.01151), so φ walks, and for each φ amplitude and frequency are corrected until the load has the wanted
-//! amplitude.
+//! excitation like any other, and load and angle are a point of the open-loop response, for any chosen amplitude. As a
+//! function of the lag φ of the angle behind the load that response is single-valued, with or without folds (T. Zhou,
+//! G. Kerschen, "Identification of Secondary Resonances of Nonlinear Systems using Phase-Locked Loop Testing", 2024,
+//! arXiv:2401.01151). So φ is stepped, and for each φ amplitude and frequency are corrected until the load has the
+//! wanted amplitude.
 //!
 //! With a the complex amplitude of the angle, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
 //! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness
-//! U/a expected at the target, lets a follow A(t), which is real, with the rate g.
+//! U/a expected at the target, makes a follow A(t), which is real, with the rate g.
 //!
-//! Harmonics of the force in the head are cancelled, if that is asked for
-//! ([`CancelHarmonics`](super::CancelHarmonics)).
+//! Harmonics of the force in the head are cancelled on request ([`CancelHarmonics`](super::CancelHarmonics)).
 //!
 //! With the default instruments, 14 and 20 N at the tip or 12 N·m at joint 1, and five poses, a point takes 1.2 to 3.0
 //! tries, 1.6 on average, in 54 periods of mode 1 or 60 of mode 2; weaker loads, which noise covers, take more.
@@ -45,36 +44,36 @@ use resonarm_dynamics::arm::{Arm, Load};
 use crate::excitation::Phasor;
 use crate::rig::{Measurement, Sampling};
 
-/// Most tries of a point before it is reported as it is, not settled.
+/// Most tries of a point before it is reported as not settled.
 const MOST_TRIES: u32 = 6;
 /// Points in a row that may fail to settle.
 const MOST_UNSETTLED: u32 = 2;
-/// How near the load's amplitude comes to the wanted one, relative, and where noise asks for more.
+/// Allowed deviation of the load's amplitude from the wanted one, relative, and the largest one that noise may require.
 const LOAD_TOLERANCE: f64 = 5e-4;
 const NOISY_LOAD_TOLERANCE: f64 = 1.1e-3;
-/// How near the lag comes to its target, rad.
+/// Allowed deviation of the lag from its target, rad.
 const LAG_TOLERANCE_RAD: f64 = 0.01;
-/// How near a wanted amplitude of the angle comes, relative.
+/// Allowed deviation of the angle's amplitude from a wanted one, relative.
 const AMPLITUDE_TOLERANCE: f64 = 1e-3;
-/// How much the angle may change while a point is read, relative, what part of the load that may take, and how much of
-/// that part is doubtful.
+/// Allowed change of the angle while a point is read, relative; the share of the load that it may take; and the
+/// uncertain share of that.
 const DRIFT_TOLERANCE: f64 = 4e-3;
 const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
 const DRIFT_DOUBT: f64 = 0.6;
-/// Lengths of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
+/// Durations of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
 const LEAST_SETTLE: f64 = 2.0;
 const MOST_SETTLE: f64 = 6.0;
 const READ: f64 = 5.0;
-/// What the wait leaves of a step, relative to the angle's amplitude, unless that takes less or more than the above.
+/// The step that may remain after the wait, relative to the angle's amplitude, within the limits of the wait above.
 const SETTLED_STEP: f64 = 2.5e-3;
-/// How much longer a reading becomes with each try, as part of its length.
+/// How much longer a reading becomes with each try, relative to its length.
 const RETRY: f64 = 0.25;
-/// How much longer a reading may become where noise asks for it.
+/// The longest reading that noise may require, as a factor.
 const LONGEST_READ: f64 = 1.5;
 /// The largest amplitude, rad.
 const LARGEST_AMPLITUDE_RAD: f64 = 0.5;
-/// Responses that wait to be fetched.
+/// Number of responses that wait to be fetched.
 const RESPONSES: usize = 4;
 
 /// A motion to hold: the angle's amplitude, its frequency, and the dynamic stiffness U/a expected there.
@@ -85,27 +84,27 @@ struct Target {
     stiffness: Phasor,
 }
 
-/// What the controller is at.
+/// The current stage.
 #[derive(Clone, Copy, Debug)]
 enum Stage {
     /// Before the first sample.
     Start,
-    /// From one motion to the next, begun at sample `since`, `length` samples long.
+    /// Ramps from one motion to the next, begun at sample `since`, `length` samples long.
     Ramp { from: Target, since: u64, length: u64 },
-    /// Waiting until sample `until`, for transients of the control loop to die out.
+    /// Waits until sample `until`, for transients of the control loop to die out.
     Settle { until: u64 },
-    /// Reading the point.
+    /// Reads the point.
     Read,
-    /// Finished, or given up.
+    /// Finished or aborted.
     Done(Option<Abort>),
 }
 
-/// Traces the response at constant load through a resonance, stable or not, or the backbone, or what load holds one
+/// Traces the response at constant load through a resonance, stable or not, or the backbone, or the load that holds one
 /// amplitude.
 #[derive(Clone, Debug)]
 pub struct PhaseWalk {
     plan: Plan,
-    /// The largest load that there is.
+    /// The exciter's limit.
     limit: f64,
     unit_load: Load,
     /// Share of the coil's force that goes into the arm far above the natural frequencies.
@@ -115,20 +114,21 @@ pub struct PhaseWalk {
     gain_1_s: f64,
     filter: FourierFilter,
     backbone: BackboneModel,
-    /// What of the load between the command and the arm a reading has found, over the angle: the armature of a shaker.
+    /// The load that is taken between the command and the arm, over the angle, as a reading has found it: a shaker's
+    /// armature.
     taken: Phasor,
     reader: Reader,
     /// Harmonics of the command.
     cancellation: Option<Cancellation>,
-    /// How much longer than usual a point is read.
+    /// Factor by which a point is read for longer than usual.
     read_factor: f64,
     stage: Stage,
     target: Target,
-    /// Index of the point that is tried, how often it was, and how many before it did not settle.
+    /// Index of the point that is tried, the number of its tries, and how many points before it did not settle.
     point: usize,
     tries: u32,
     unsettled: u32,
-    /// The sample answered last, and then: phase in the middle of the hold, angular frequency, what was held.
+    /// The sample answered last, and its phase in the middle of the hold, angular frequency and held load.
     last_sample: Option<u64>,
     phase_rad: f64,
     omega_rad_s: f64,
@@ -137,19 +137,19 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// A walk on `arm`, as the controller knows it, with a shaker's armature if there is one, with readings of this
-    /// `sampling` and an exciter that has `limit`, N or N·m.
+    /// A walk on `arm`, as the controller models it, with a shaker's armature if there is one, with readings at this
+    /// `sampling` and an exciter with the limit `limit`, N or N·m.
     ///
     /// # Errors
-    /// [`PhaseWalkError`] says what is impossible.
+    /// [`PhaseWalkError`] names the impossible setting.
     pub fn new(spec: PhaseWalkSpec, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
         PhaseWalk::of(Plan::Walk(spec), arm, sampling, limit)
     }
 
-    /// A stepped sine at which the response is controlled, likewise.
+    /// A stepped sine that controls the response, with the same arguments.
     ///
     /// # Errors
-    /// [`PhaseWalkError`] says what is impossible.
+    /// [`PhaseWalkError`] names the impossible setting.
     pub fn at_one_amplitude(
         spec: ResponseControlSpec,
         arm: &Arm,
@@ -175,7 +175,7 @@ impl PhaseWalk {
         Ok(PhaseWalk::at_start(plan, (limit, share), model, (sampling, gain_1_s), room))
     }
 
-    /// Before the first sample, with the room that is there already: emptied, not made anew.
+    /// The state before the first sample, reusing the existing allocations.
     fn at_start(
         plan: Plan,
         (limit, share): (f64, f64),
@@ -216,7 +216,7 @@ impl PhaseWalk {
         }
     }
 
-    /// What it knows of the mode.
+    /// The model of the mode.
     pub fn model(&self) -> &ModeModel {
         &self.model
     }
@@ -230,7 +230,7 @@ impl PhaseWalk {
         libm::ceil(seconds * self.sampling.rate_hz) as u64
     }
 
-    /// Sets off at sample `n` to the point that is to be tried, or to rest after the last.
+    /// Starts towards the point that is to be tried at sample `n`, or towards rest after the last.
     fn set_off(&mut self, n: u64) {
         if self.point == self.plan.points() {
             return self.head_for(n, Target { amplitude_rad: 0.0, ..self.target });
@@ -255,8 +255,8 @@ impl PhaseWalk {
         self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
     }
 
-    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of what the
-    /// exciter has beyond the walk's own load is taken for it.
+    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of the
+    /// exciter's reserve above the walk's load is used for it.
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
         if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude_rad > 0.0) {
@@ -268,8 +268,8 @@ impl PhaseWalk {
         self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
     }
 
-    /// How long transients take to die out after the step from another motion: they are as large as it, and fall by
-    /// e^{−gt}.
+    /// How long transients take to die out after the step from another motion: they are as large as the step, and decay
+    /// as e^{−gt}.
     fn settling_samples(&self, from: &Target) -> u64 {
         let step = (self.target.amplitude_rad - from.amplitude_rad).abs() / self.target.amplitude_rad;
         let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
@@ -288,7 +288,7 @@ impl PhaseWalk {
         (between(from.amplitude_rad, a1), change * slope, between(from.omega_rad_s, w1), stiffness)
     }
 
-    /// Goes from one stage to the next when it is time.
+    /// Moves to the next stage when it is time.
     fn proceed(&mut self, n: u64) {
         match self.stage {
             Stage::Start => self.set_off(n),
@@ -317,7 +317,7 @@ impl PhaseWalk {
         }
     }
 
-    /// A point was read: reports it, or tries again.
+    /// Handles a point that was read: reports it, or tries again.
     fn judge(&mut self, n: u64, found: &Found) {
         self.tries += 1;
         self.taken = found.taken;
@@ -330,7 +330,7 @@ impl PhaseWalk {
         self.backbone.add(found.amplitude_rad, self.target.omega_rad_s, found.stiffness, deviation);
         let lag_rad = libm::atan2(found.stiffness.im, found.stiffness.re);
         let tolerance = LOAD_TOLERANCE * load;
-        // Noise in the reading goes with the power 3/2 of its length.
+        // Noise in the reading decreases with the power 3/2 of its length.
         let noise = found.load_deviation / (1.5 * tolerance);
         let longer = self.read_factor * libm::pow(noise, 2.0 / 3.0);
         self.read_factor = longer.clamp(1.0, LONGEST_READ);
@@ -383,13 +383,13 @@ impl PhaseWalk {
         let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
-        // What is held for a sample acts less by sin y/y, y = ½ωT: with a shaker, which takes many times what the arm
-        // does, it counts.
+        // A load held for a sample acts less by sin y/y, y = ½ωT; with a shaker, which takes many times the arm's load,
+        // this matters.
         let hold = self.sampling.hold(omega / TAU);
         real_product(&(u / hold), &unit(self.phase_rad)) + self.harmonics(n)
     }
 
-    /// What to command beside the fundamental from sample `n` on, N.
+    /// The harmonics to command beside the fundamental from sample `n` on, N.
     fn harmonics(&self, n: u64) -> f64 {
         let share = match self.stage {
             Stage::Ramp { since, length, .. } => ramped((n - since) as f64 / length as f64).0,
@@ -398,7 +398,7 @@ impl PhaseWalk {
         self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
     }
 
-    /// What forbids to go on with a sample.
+    /// The reason to abort at a sample, if there is one.
     fn check_reading(&self, sample: &Measurement) -> Option<Abort> {
         let frequency_hz = self.omega_rad_s / TAU;
         let (point, point_key) = match self.model.link {
@@ -415,7 +415,7 @@ impl PhaseWalk {
     }
 }
 
-/// A ramp's way, smoothly from 0 to 1, and its slope, at the part `x` of its length.
+/// Progress of a ramp, smoothly from 0 to 1, and its slope, at the share `x` of its length.
 fn ramped(x: f64) -> (f64, f64) {
     let x = x.min(1.0);
     (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x))
@@ -434,7 +434,7 @@ impl Controller for PhaseWalk {
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
-        // The load of the sample before was held on while samples were lost.
+        // While samples were lost, the load of the last sample was held.
         let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
         let step_rad = self.omega_rad_s / self.sampling.rate_hz;
         self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);

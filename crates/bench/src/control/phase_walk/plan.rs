@@ -1,4 +1,4 @@
-//! What is asked of the motions, one after the other: a load and a lag each, or one amplitude and a frequency each.
+//! The sequence of wanted motions: a load and a lag each, or one amplitude and a frequency each.
 
 use core::f64::consts::TAU;
 
@@ -20,8 +20,8 @@ use crate::excitation::Amplitude;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {
-    /// Direction of the load, and the amplitude that is expected to do at every frequency: what the exciter has beyond
-    /// it changes the response from one frequency to the next.
+    /// Direction of the load, and the amplitude that is expected to suffice at every frequency: the exciter's reserve
+    /// above it changes the response from one frequency to the next.
     pub amplitude: Amplitude,
     /// The mode near whose frequency the sines are.
     #[serde(default)]
@@ -30,26 +30,26 @@ pub struct ResponseControlSpec {
     pub angle_rad: f64,
     /// First frequency, Hz, within a tenth of the mode's.
     pub from_hz: f64,
-    /// Last frequency, Hz, likewise; below the first for a sweep down.
+    /// Last frequency, Hz, with the same bounds; below the first for a sweep down.
     pub to_hz: f64,
     /// Number of frequencies, evenly spaced, from 3 to 10000.
     pub points: usize,
-    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the
+    /// Harmonics of the force in the head that are brought to zero: a point settles only with each below 0.2 % of the
     /// fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }
 
-/// Which motions are held.
+/// The motions to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Plan {
-    /// Those of given lags, at given loads.
+    /// Motions of given lags, at given loads.
     Walk(PhaseWalkSpec),
-    /// Those of one amplitude, at given frequencies.
+    /// Motions of one amplitude, at given frequencies.
     Response(ResponseControlSpec),
 }
 
-/// What is asked of one motion.
+/// The wanted motion of one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wanted {
     /// This lag of the angle behind the load, rad, and this amplitude of the load.
@@ -97,7 +97,7 @@ impl Plan {
         self.amplitude().load().scaled(1.0 / self.load())
     }
 
-    /// What is asked of point number `point`.
+    /// The wanted motion of point number `point`.
     pub fn wanted(&self, point: usize) -> Wanted {
         match self {
             Plan::Walk(spec) => Wanted::Lag(spec.lag_rad(point), spec.load_at(point)),

@@ -1,4 +1,4 @@
-//! Reading one point of a walk: harmonics of load and readings over a window of whole periods.
+//! Reading of one point of a walk: harmonics of load and readings over a window of whole periods.
 
 use core::f64::consts::TAU;
 
@@ -26,20 +26,20 @@ pub(super) struct Reader {
     drift: DriftFit,
 }
 
-/// What was found.
+/// The result of a reading.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     /// Amplitude of the followed angle, rad.
     pub amplitude_rad: f64,
-    /// U/a without what a remaining drift of a takes: that of the steady motion.
+    /// U/a without the contribution of a remaining drift of a: that of the steady motion.
     pub stiffness: Phasor,
-    /// What a shaker takes of the command, over a; with an ideal exciter noise.
+    /// The share of the command that a shaker takes, over a; noise with an ideal exciter.
     pub taken: Phasor,
-    /// Amplitude of the acting load, likewise.
+    /// Amplitude of the acting load, also without the drift's contribution.
     pub load: f64,
-    /// What the drift takes.
+    /// The load that the drift takes.
     pub taken_by_drift: f64,
-    /// Standard deviation of the load's amplitude that goes with `amplitude_rad`.
+    /// Standard deviation of the load's amplitude that belongs to `amplitude_rad`.
     pub load_deviation: f64,
     /// Change of a over the window, relative.
     pub drift: f64,
@@ -58,8 +58,7 @@ impl Reader {
         }
     }
 
-    /// Takes in a sample with the phase at which it was read, that of the arm's other mode, and the load that was held
-    /// then.
+    /// Adds a sample with the phase at which it was read, that of the arm's other mode, and the load held at that time.
     pub fn add(&mut self, sample: &Measurement, model: &ModeModel, phase_rad: f64, other_rad: f64, held: f64) {
         let readings = sample.readings();
         let mut values = [Some(held); CHANNELS];
@@ -73,9 +72,9 @@ impl Reader {
         self.drift.add(k, phase_rad, other_rad, model.angular_acceleration_rad_s2(sample));
     }
 
-    /// What was found at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
+    /// The result at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
     ///
-    /// Readings are divided by the gain of the converters. What is held for a period T is a staircase, whose
+    /// Readings are divided by the gain of the converters. A load that is held for a period T is a staircase, whose
     /// fundamental is smaller than that of its samples by sin y/y, y = ½ωT. Of its images, which the converters fold
     /// onto the fundamental, the head between shaker and arm reads the share that goes into the arm.
     pub fn finish(

@@ -11,17 +11,17 @@ use crate::excitation::{Amplitude, ExcitationError};
 use resonarm_numeric::number::short;
 use crate::rig::Sampling;
 
-/// Most points of a walk: each is kept.
+/// Most points of a walk, since each is stored.
 pub(super) const MOST_POINTS: usize = 10_000;
-/// Samples that a period has at least: harmonics up to the fifth are read.
+/// Least number of samples per period: harmonics up to the fifth are read.
 const SAMPLES_A_PERIOD: f64 = 11.0;
-/// How far the frequency may leave the mode's, relative.
+/// Largest deviation of the frequency from the mode's, relative.
 pub(super) const BAND: f64 = 0.1;
 /// Bandwidth of the filter over the gain of the loop.
 pub(super) const FILTER_RATE: f64 = 5.0;
 
-/// A walk along a straight line over lag and load: at constant load the response, at a lag of 90° and growing load the
-/// backbone.
+/// A walk along a straight line in lag and load: the response at constant load, or the backbone at a lag of 90° and
+/// growing load.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseWalkSpec {
@@ -44,7 +44,7 @@ pub struct PhaseWalkSpec {
     /// The same at the last point, degrees, below 180.
     #[serde(default = "default_to_lag_deg")]
     pub to_lag_deg: f64,
-    /// Harmonics of the force in the head that are brought to zero: a point settles with each below 0.2 % of the
+    /// Harmonics of the force in the head that are brought to zero: a point settles only with each below 0.2 % of the
     /// fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
@@ -58,7 +58,7 @@ fn default_from_part() -> f64 {
     1.0
 }
 
-// The signature is serde's.
+// serde prescribes the signature.
 #[allow(clippy::trivially_copy_pass_by_ref)]
 fn is_one(value: &f64) -> bool {
     *value == 1.0
@@ -72,7 +72,7 @@ fn default_to_lag_deg() -> f64 {
     170.0
 }
 
-/// Why there is no such walk.
+/// Why a walk is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PhaseWalkError {
@@ -82,14 +82,14 @@ pub enum PhaseWalkError {
     /// A number is impossible.
     #[error("control: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The value, as it is called in a scenario.
+        /// Name of the value in a scenario.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The allowed values.
         expected: &'static str,
     },
-    /// There is no force whose harmonics could be cancelled.
+    /// There is no force with harmonics to cancel.
     #[error(
         "control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces"
     )]
@@ -106,20 +106,20 @@ pub enum PhaseWalkError {
         libm::ceil(SAMPLES_A_PERIOD * .frequency_hz), rate_hz = short(.rate_hz)
     )]
     Rate {
-        /// Samples a second, Hz.
+        /// Sample rate, Hz.
         rate_hz: f64,
         /// The mode's frequency, Hz.
         frequency_hz: f64,
     },
-    /// A frequency is too far from the mode's: there the loop knows nothing of the arm.
+    /// A frequency is too far from the mode's: the loop has no model of the arm there.
     #[error(
         "control: `{name}` is {got_hz}: it must be within a tenth of the mode's {mode_hz:.2} Hz, from {:.2} to {:.2} Hz",
         (1.0 - BAND) * mode_hz, (1.0 + BAND) * mode_hz, got_hz = short(.got_hz)
     )]
     Far {
-        /// The value, as it is called in a scenario.
+        /// Name of the value in a scenario.
         name: &'static str,
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
         /// The mode's frequency, Hz.
         mode_hz: f64,
@@ -187,7 +187,7 @@ impl PhaseWalkSpec {
         Ok(())
     }
 
-    /// How far point number `point` lies along the walk, 0 to 1.
+    /// Position of point number `point` along the walk, 0 to 1.
     fn share(&self, point: usize) -> f64 {
         point as f64 / (self.points - 1) as f64
     }
@@ -218,11 +218,11 @@ pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, sampling: &Sa
     stable_gain_1_s(model, sampling).ok_or(PhaseWalkError::Unstable { mode, other_hz })
 }
 
-/// The largest gain g of which the loop is stable with room to spare, 1/s.
+/// The largest gain g for which the loop is stable with a margin, 1/s.
 ///
-/// Tried are g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must
-/// be stable with the command up to two samples late, and no motion may die out more slowly than half as fast as the
-/// slower mode does alone.
+/// Tries g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must be
+/// stable with the command up to two samples late, and no motion may die out more slowly than at half the rate of the
+/// slower mode alone.
 fn stable_gain_1_s(model: &ModeModel, sampling: &Sampling) -> Option<f64> {
     const LARGEST: f64 = 0.072;
     const TRIES: i32 = 12;

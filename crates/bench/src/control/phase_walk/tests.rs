@@ -1,4 +1,4 @@
-//! What is refused, and what a walk says when it gives up.
+//! Impossible settings, and the message of a walk that gives up.
 
 use super::*;
 use resonarm_dynamics::arm::{Pose, Preset, State};
@@ -36,7 +36,7 @@ fn plant(beta2_deg: f64, rig: RigSpec) -> Plant {
     Plant::new(&spec).unwrap()
 }
 
-/// Runs to the end of the walk, or gives up after a minute and a half of simulated time.
+/// Runs to the end of the walk, or stops after a minute and a half of simulated time.
 fn walk(controller: &mut PhaseWalk, plant: &mut Plant) -> (Vec<ResponsePoint>, Answer) {
     walk_late(controller, plant, 0)
 }
@@ -70,7 +70,7 @@ fn walks_over_the_resonance_and_again_after_a_restart() {
         assert!(point.settled && (point.load / 10.0 - 1.0).abs() < 2e-3, "{point:?}");
         assert!((point.lag_rad.unwrap().to_degrees() - lag_deg).abs() < 0.6, "{point:?}");
     }
-    // The plant is at rest again, but for what the loop leaves in half a second.
+    // The plant is at rest again, except for what the loop leaves after half a second.
     assert!(plant.state().alpha_rad.norm() < 1e-3, "{:?}", plant.state());
     controller.restart();
     let mut fresh = self::plant(60.0, RigSpec::default());
@@ -87,8 +87,8 @@ fn a_clipped_reading_of_the_followed_angle_ends_the_walk() {
     assert!(matches!(abort, Abort::Clipped { point: 'B', .. }), "{abort}");
 }
 
-/// The margin that the poles promise at this pose is nine samples. A force that comes late is read by the head as it
-/// acts, so what is read is right, though some points miss the wanted load and say that they have not settled.
+/// The poles promise a margin of nine samples in this pose. The head reads the force that acts, so with late commands
+/// the readings are right, though some points miss the wanted load and are reported as not settled.
 #[test]
 fn commands_may_come_late() {
     let walked = |late| {
@@ -105,9 +105,9 @@ fn commands_may_come_late() {
     assert!(end != Answer::Finished && !points.iter().any(|point| point.settled), "{end:?} {points:?}");
 }
 
-/// An arm of another pose than the controller was told of: its mode is elsewhere.
+/// An arm in another pose than the controller's model: its mode is elsewhere.
 #[test]
-fn another_arm_than_the_scenario_s_is_found_out() {
+fn detects_an_arm_other_than_the_scenario_s() {
     let mut plant = plant(60.0, RigSpec::default());
     let mut controller = PhaseWalk::new(torque(20.0), &arm(120.0), sampling(1000.0), 1600.0).unwrap();
     let (points, end) = walk(&mut controller, &mut plant);
@@ -115,8 +115,8 @@ fn another_arm_than_the_scenario_s_is_found_out() {
     assert!(points.iter().all(|point| !point.settled), "{points:?}");
 }
 
-/// Through a light shaker the force has as much of its second harmonic as of the fundamental. Mode 2 rings near that
-/// harmonic, so that one point may run out of tries.
+/// With a light shaker the second harmonic of the force is as large as the fundamental. Mode 2 is near that harmonic,
+/// so that one point may run out of tries.
 #[test]
 fn harmonics_of_the_force_are_cancelled() {
     let shaker = crate::rig::ShakerSpec {
@@ -148,7 +148,7 @@ fn harmonics_of_the_force_are_cancelled() {
 }
 
 #[test]
-fn says_what_no_walk_can_be() {
+fn rejects_impossible_walks() {
     let says = |spec: PhaseWalkSpec, rate_hz, limit| -> String {
         PhaseWalk::new(spec, &arm(60.0), sampling(rate_hz), limit).unwrap_err().to_string()
     };
@@ -163,7 +163,7 @@ fn says_what_no_walk_can_be() {
 }
 
 #[test]
-fn says_what_response_can_not_be_controlled() {
+fn rejects_impossible_response_control() {
     let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
     let (from_hz, to_hz, points, cancel_harmonics) = (22.0, 22.3, 5, CancelHarmonics::NONE);
     let spec = ResponseControlSpec {
