@@ -71,7 +71,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
     assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
     let kept = lines(&partial) - 1;
     assert!(
-        errors(&output).contains(&format!("stopped after {kept} of 202 points; the same command goes on from there"))
+        errors(&output).contains(&format!("stopped after {kept} of 202 points; the same command resumes from there"))
     );
     assert!(kept < 202 && !stopped.join("sweep.csv").exists());
 
@@ -82,7 +82,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
 
     let resumed = into(&stopped, &SWEEP).output().unwrap();
     assert!(resumed.status.success() && !partial.exists(), "{}", errors(&resumed));
-    assert!(errors(&resumed).contains(&format!("going on after {kept} of 202 points")), "{}", errors(&resumed));
+    assert!(errors(&resumed).contains(&format!("resuming after {kept} of 202 points")), "{}", errors(&resumed));
     assert!(into(&whole, &SWEEP).output().unwrap().status.success());
     for file in ["sweep.csv", "sweep.json", "sweep.svg", "sweep.png", "sweep.txt"] {
         let [a, b] = [&stopped, &whole].map(|folder| std::fs::read(folder.join(file)).unwrap());
