@@ -153,7 +153,7 @@ impl ThreadFlags {
 }
 
 impl ArmFlags {
-    /// The scenario of the file, or `default`, with the flags in it.
+    /// The scenario of the file, or `default`, with the flags applied.
     pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = match &self.scenario {
             Some(path) => Scenario::read(path)?,
@@ -181,7 +181,7 @@ impl SessionFlags {
         }
     }
 
-    /// The scenario of the file, or `default`, with the flags in it.
+    /// The scenario of the file, or `default`, with the flags applied.
     pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = self.arm.scenario(default)?;
         let simulation = &mut scenario.simulation;

@@ -130,7 +130,7 @@ impl Latency {
         if self.json {
             output::print_json(&document)?;
         } else {
-            output::print(&(table(&document) + "\n" + &doctor::told(&document.findings)))?;
+            output::print(&(table(&document) + "\n" + &doctor::in_words(&document.findings)))?;
         }
         Ok(Verdict::Positive)
     }

@@ -5,7 +5,7 @@ use crate::export::{Part, channels, sample_values, state_values};
 use crate::plot::{Axis, Color, Figure, Panel, Series};
 use crate::recording::{Record, Recording, RecordingSummary};
 
-/// Spans of time in which the least and the largest value are drawn: about two in each px.
+/// Spans of time; each is drawn by its least and its largest value, about two spans a px.
 const SPANS: usize = 1200;
 
 /// Panels: label of the y axis and the channels.
@@ -58,7 +58,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
     let span = |sample: u64| ((sample - first) / width) as usize;
     for record in recording.records()? {
         match record? {
-            // The end of a run has a state and no load.
+            // The end of a run has a state but no load.
             Record::State(state) if state.is_end => {}
             Record::State(state) => {
                 let each = states.iter_mut().zip(state_values(&state));
