@@ -81,12 +81,12 @@ struct Document {
     drive: Drive,
     quantity: Quantity,
     frequency_hz: Vec<f64>,
-    responses: Vec<Curve>,
+    responses: Vec<ResponseCurve>,
 }
 
 /// One response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
-struct Curve {
+struct ResponseCurve {
     response: Response,
     unit: String,
     value: Vec<[f64; 2]>,
@@ -142,11 +142,11 @@ impl Frf {
             Some(points) => frequencies_hz(from, to, points, &[]),
             None => frequencies_hz(from, to, EVEN_POINTS, &modes(arm)),
         };
-        let curve = |response: Response| -> Result<Curve, Failure> {
+        let curve = |response: Response| -> Result<ResponseCurve, Failure> {
             let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
             let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
             let unit = self.unit(response);
-            Ok(Curve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
+            Ok(ResponseCurve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
         };
         let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
         Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
@@ -180,7 +180,7 @@ impl Frf {
 /// CSV: frequency, then modulus and phase of each response.
 fn table(document: &Document) -> String {
     let mut text = String::from("frequency_hz");
-    for Curve { response, unit, .. } in &document.responses {
+    for ResponseCurve { response, unit, .. } in &document.responses {
         let name = response.name().replace('-', "_");
         let unit = unit.replace(' ', "_").replace("/s²", "_s2").replace("/s", "_s");
         let unit = unit.replace("N·m", "nm").replace('N', "n");

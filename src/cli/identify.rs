@@ -122,7 +122,7 @@ struct Document {
     averaging: &'static str,
     averages: usize,
     frequency_hz: Vec<f64>,
-    responses: Vec<Curve>,
+    responses: Vec<ResponseCurve>,
 }
 
 /// A mode with its number in the scenario's arm; none if it is far from the arm's modes.
@@ -135,7 +135,7 @@ struct NumberedMode {
 
 /// A response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
-struct Curve {
+struct ResponseCurve {
     response: Response,
     unit: &'static str,
     h1: Vec<[f64; 2]>,
@@ -287,8 +287,8 @@ fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Directi
     Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
 }
 
-fn curves(estimate: &FrequencyResponseEstimate) -> Vec<Curve> {
-    let curve = |(i, response): (usize, Response)| Curve {
+fn curves(estimate: &FrequencyResponseEstimate) -> Vec<ResponseCurve> {
+    let curve = |(i, response): (usize, Response)| ResponseCurve {
         response,
         unit: UNIT,
         h1: estimate.h1[i].iter().map(|z| [z.re, z.im]).collect(),
@@ -329,7 +329,7 @@ impl Document {
     /// CSV: frequency, then modulus and phase of H1 and of H2 and the coherence of each response.
     fn csv(&self) -> String {
         let mut text = String::from("frequency_hz");
-        for Curve { response, coherence, .. } in &self.responses {
+        for ResponseCurve { response, coherence, .. } in &self.responses {
             let name = response.name().replace('-', "_");
             for estimate in ["h1", "h2"] {
                 let _infallible = write!(text, ",{name}_{estimate}_modulus_m_s2_per_n,{name}_{estimate}_phase_deg");
@@ -339,7 +339,7 @@ impl Document {
         text.push('\n');
         for (k, hz) in self.frequency_hz.iter().enumerate() {
             let _infallible = write!(text, "{hz}");
-            for Curve { h1, h2, coherence, .. } in &self.responses {
+            for ResponseCurve { h1, h2, coherence, .. } in &self.responses {
                 for [re, im] in [h1[k], h2[k]] {
                     let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
                 }

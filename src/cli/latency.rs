@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::doctor;
 use super::failure::{Failure, Verdict};
 use super::flags::{SpinFlag, ThreadFlags};
-use super::latency_figure::{self, Curve, HistogramFlag};
+use super::latency_figure::{self, HistogramFlag, LatencyCurve};
 use super::output::{self, OverwriteFlag};
 use super::session::seconds;
 use crate::number::short;
@@ -213,11 +213,14 @@ impl AtRate {
 }
 
 /// The curves of a rate, over all turns: the plant over the bare loop.
-fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<Curve<'_>>) {
+fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<LatencyCurve<'_>>) {
     let curves = [("late, bare loop", Color::Grey), ("late, plant", Color::Blue), ("work, plant", Color::Vermillion)];
     let counted = |which: usize| turns.iter().filter_map(|turn| turn.counted[which].as_ref()).collect();
-    let curves =
-        curves.into_iter().enumerate().map(|(which, (name, color))| Curve { name, color, counted: counted(which) });
+    let curves = curves.into_iter().enumerate().map(|(which, (name, color))| LatencyCurve {
+        name,
+        color,
+        counted: counted(which),
+    });
     (Some(format!("{} Hz", short(&rate_hz))), curves.collect())
 }
 

@@ -33,20 +33,24 @@ impl HistogramFlag {
 }
 
 /// A curve: its name and its histograms.
-pub(super) struct Curve<'a> {
+pub(super) struct LatencyCurve<'a> {
     pub name: &'static str,
     pub color: Color,
     pub counted: Vec<&'a LatencyHistogram>,
 }
 
 /// Writes the figure: a panel for each list of curves, under its title.
-pub(super) fn write(path: &Path, subtitle: &str, panels: &[(Option<String>, Vec<Curve>)]) -> Result<(), Failure> {
+pub(super) fn write(
+    path: &Path,
+    subtitle: &str,
+    panels: &[(Option<String>, Vec<LatencyCurve>)],
+) -> Result<(), Failure> {
     let figure = Figure::new("Latency of the real-time loop").subtitle(subtitle);
     let figure = panels.iter().fold(figure, |figure, (title, curves)| figure.with(panel(title.clone(), curves)));
     Ok(figure.write_svg(path)?)
 }
 
-fn panel(title: Option<String>, curves: &[Curve]) -> Panel {
+fn panel(title: Option<String>, curves: &[LatencyCurve]) -> Panel {
     let bars: Vec<_> = curves.iter().map(|curve| bars(&curve.counted)).collect();
     let most = bars.iter().flatten().map(|(_, count)| *count).max().unwrap_or(1);
     let y = Axis::log("samples").range(NONE, 2.0 * most as f64);

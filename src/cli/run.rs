@@ -11,7 +11,7 @@ use super::configuration;
 
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
-use super::latency_figure::{self, Curve, HistogramFlag};
+use super::latency_figure::{self, HistogramFlag, LatencyCurve};
 use super::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
@@ -218,7 +218,7 @@ impl Run {
         let latency =
             [("late", Color::Blue, &report.histograms.wakeup), ("work", Color::Vermillion, &report.histograms.exec)];
         let curves = latency.into_iter().filter_map(|(name, color, histogram)| {
-            histogram.as_ref().map(|histogram| Curve { name, color, counted: vec![histogram] })
+            histogram.as_ref().map(|histogram| LatencyCurve { name, color, counted: vec![histogram] })
         });
         let thread = report.thread.as_ref().map_or(String::from("an ordinary thread"), ToString::to_string);
         let subtitle = format!("{} samples, {} overruns, {thread}", report.samples, report.overruns);

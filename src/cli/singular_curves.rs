@@ -28,10 +28,10 @@ pub(super) struct CurveFlags {
 pub(super) struct Curves {
     first: Quantity,
     second: Quantity,
-    curves: Vec<Curve>,
+    curves: Vec<BifurcationCurve>,
 }
 
-struct Curve {
+struct BifurcationCurve {
     kind: BifurcationKind,
     curve: SingularCurve,
 }
@@ -69,7 +69,7 @@ impl Curves {
         let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
         let mut curves = Vec::new();
         for (kind, walked) in walked {
-            curves.extend(early.keep_any(second.name, walked)?.map(|curve| Curve { kind, curve }));
+            curves.extend(early.keep_any(second.name, walked)?.map(|curve| BifurcationCurve { kind, curve }));
         }
         Ok(Curves { first, second, curves })
     }
@@ -84,7 +84,7 @@ impl Curves {
             map
         };
         let point = |point: &SingularPoint| Value::Object(place(point));
-        let curve = |curve: &Curve| {
+        let curve = |curve: &BifurcationCurve| {
             let points: Vec<Value> = curve.curve.points.iter().map(point).collect();
             let turns: Vec<Value> = curve
                 .curve
@@ -105,7 +105,7 @@ impl Curves {
     pub fn csv(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
-        for (number, Curve { kind, curve }) in self.curves.iter().enumerate() {
+        for (number, BifurcationCurve { kind, curve }) in self.curves.iter().enumerate() {
             for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in &curve.points {
                 let _infallible = writeln!(text, "{number},{},{lambda},{mu},{h1},{h2}", kind.name());
             }
@@ -120,7 +120,7 @@ impl Curves {
             return String::from("no fold or period doubling to follow\n");
         }
         let mut text = String::new();
-        for Curve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
+        for BifurcationCurve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
             let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
             let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
             let _infallible =
