@@ -1,4 +1,4 @@
-//! `resonarm backbone`: where a resonance lies as its amplitude grows.
+//! `resonarm backbone`: how the frequency of a resonance changes with its amplitude.
 
 use core::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -40,11 +40,10 @@ A curve that ends early is printed as far as it came; standard error says why, a
 /// How a motion without a load is read.
 const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quadrature with the mode.";
 
-/// Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it hardens or
-/// softens.
+/// Follows a resonance to larger amplitudes: its frequency, the excitation it needs, whether it hardens or softens.
 ///
-/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is where the peak of the
-/// forced response lies. Without dampers it is a free motion, and the curve a nonlinear normal mode.
+/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is at the peak of the
+/// forced response. Without dampers it is a free motion, and the curve a nonlinear normal mode.
 #[derive(Debug, Args)]
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Backbone {
@@ -58,7 +57,7 @@ pub(super) struct Backbone {
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
-    /// The curve ends where |α1| or |α2| is this, rad; or where the excitation has the amplitude given.
+    /// The curve ends where |α1| or |α2| reaches this, rad, or where the excitation reaches the amplitude given.
     #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
     to_rad: f64,
     #[command(flatten)]
@@ -76,15 +75,15 @@ pub(super) struct Backbone {
     json: bool,
 }
 
-/// The curve begins at this part of the largest amplitude: the frequency is there that of the linear arm to 1e-5 of its
-/// change.
+/// The curve begins at this fraction of the largest amplitude: there the frequency is that of the linear arm to 1e-5 of
+/// its change.
 const SMALLEST_PART: f64 = 1.0 / 300.0;
 /// The largest amplitude that can be asked for, rad: the links have then turned over.
 const LARGEST_RAD: f64 = core::f64::consts::PI;
-/// Largest step of what is drawn, as part of the motion's size.
+/// Largest step of a drawn curve, as a fraction of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
 
-/// The excitation: its direction, its amplitude if one is given, and what it is called in results and in figures.
+/// The excitation: its direction, its amplitude if one is given, and its names in results and figures.
 struct Drive {
     direction: Load,
     amplitude: Option<f64>,
@@ -145,7 +144,7 @@ impl Backbone {
         if self.json {
             output::print_json(&document)?;
         } else {
-            // The points stand in the files, if there are some.
+            // With --plot the points are in the files.
             let table = if self.plot.is_none() { self.table(&drive, &curve) } else { String::new() };
             let head = self.head(&scenario, &document, &drive);
             output::print(&format!("{head}\n\n{table}{}\n", reading(&document, &curve)))?;
@@ -200,7 +199,7 @@ impl Backbone {
         Ok(configuration)
     }
 
-    /// The readings of each point, if they are wanted; else none.
+    /// The readings of each point, if they are wanted.
     fn read(&self, damped: &ForcedArm, curve: &Curve) -> Vec<ReadingsDocument> {
         let read = |point| ReadingsDocument(Readings::of_backbone(damped.arm(), point));
         curve.points.iter().filter(|_| self.readings.readings).map(read).collect()
@@ -257,7 +256,7 @@ impl Backbone {
         }
     }
 
-    /// What the curve is of.
+    /// The heading of the table.
     fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
         let what = if self.undamped {
             String::from("nonlinear normal mode of the arm without dampers")
@@ -275,7 +274,7 @@ impl Backbone {
         )
     }
 
-    /// A line for each point, for reading.
+    /// A line for each point, for people.
     fn table(&self, drive: &Drive, curve: &Curve) -> String {
         let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
         let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
@@ -288,7 +287,8 @@ impl Backbone {
         text
     }
 
-    /// Two panels, |α1| and |α2|: the curve over the forced response. Returns the files, of the response's points, too.
+    /// Two panels, |α1| and |α2|: the curve over the forced response. Returns the files written, including that of the
+    /// response's points.
     fn plot(
         &self,
         stem: &Path,
@@ -344,12 +344,12 @@ impl Drive {
     }
 }
 
-/// Steps so small that the points lie on a smooth line.
+/// Steps small enough for a smooth line.
 fn smooth(options: &mut BranchOptions) {
     options.walk.largest_step = options.walk.largest_step.min(SMOOTH_STEP);
 }
 
-/// What the curve says: its bending, and by how much.
+/// Whether the curve hardens or softens, and by how much.
 fn reading(document: &Document, curve: &Curve) -> String {
     let Some(last) = curve.points.last() else { return String::from("no points") };
     let joint = usize::from(last.harmonic1_rad[1] > last.harmonic1_rad[0]);

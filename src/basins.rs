@@ -21,13 +21,13 @@ use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
 use resonarm::scenario::Scenario;
 use resonarm::study::{Basins as Study, StateGrid};
 
-/// The grid reaches this many times as far as the largest stable motion, where it isn't said how far.
+/// Without --to, the grid reaches this many times as far as the largest stable motion.
 const REACH: f64 = 1.5;
 /// Most values of a coordinate.
 const MOST: u32 = 1000;
 /// Width of the drawn grid, px: the marks of its cells touch.
 const DRAWN_PX: f64 = 420.0;
-/// The widest mark, px: a wider one has no place in the legend.
+/// The widest mark, px: a wider one does not fit in the legend.
 const WIDEST_PX: f64 = 16.0;
 
 const EXAMPLES: &str = "\
@@ -101,7 +101,7 @@ struct Cell {
     at: [f64; 2],
     /// Which motion it reaches, from 1.
     motion: Option<usize>,
-    /// Periods of the excitation until that was certain.
+    /// Periods of the excitation until this was certain.
     periods: Option<u64>,
     /// `reaches`, `undecided` or `diverges`.
     outcome: &'static str,
@@ -261,8 +261,8 @@ impl Document {
         if self.undecided > 0 {
             let _infallible = writeln!(
                 text,
-                "undecided: {} states come to none of these within {time_constants} time constants (more \
-                 --time-constants tell)",
+                "undecided: {} states come to none of these within {time_constants} time constants (try more \
+                 --time-constants)",
                 self.undecided
             );
         }

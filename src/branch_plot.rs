@@ -48,7 +48,7 @@ pub(super) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize
     panel
 }
 
-/// The series as one of a doubled branch.
+/// The series in the style of a doubled branch.
 fn doubled(series: Series) -> Series {
     let label = series.label.map(|label| format!("{label}, two periods"));
     let style = match series.style {
@@ -58,7 +58,7 @@ fn doubled(series: Series) -> Series {
     Series { label, style, ..series }
 }
 
-/// The stretches of one stability of a joint's amplitude.
+/// A joint's amplitude where the branch has this stability, with gaps between.
 fn stretches(branch: &Branch, joint: usize, stable: bool) -> Vec<(f64, f64)> {
     let at = |row: &Row| (row.orbit.value, row.orbit.amplitude_rad[joint]);
     analysis::stretches(&branch.rows(), Row::stable, stable, at)
@@ -81,8 +81,7 @@ mod tests {
         (forced, branch)
     }
 
-    /// Without colours, the lines of both stabilities and both periods differ: in their dashes, or in their widths by
-    /// half.
+    /// Without colours, the lines still differ: by stability in their dashes, by period in their widths.
     #[test]
     fn lines_differ_without_colours() {
         let (forced, branch) = strongly_forced();
@@ -104,7 +103,7 @@ mod tests {
         assert_eq!(lines.collect::<Vec<_>>(), expected);
     }
 
-    /// The colours change at the period doublings, although no motion of the walk is there.
+    /// The colours change at the period doublings, although the walk has no motion exactly there.
     #[test]
     fn colours_change_at_the_bifurcations() {
         let (_, branch) = strongly_forced();

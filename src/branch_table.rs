@@ -5,8 +5,8 @@ use core::fmt::Write;
 use super::readings::{self, Reader};
 use resonarm::analysis::{BifurcationKind, Branch, Orbit};
 
-/// A line for each motion. `branch` is 0, for doubled branches 1 and on; `varied` is the column of what varies; with a
-/// reader a line has the readings, too.
+/// A line for each motion. `branch` is 0, and counts from 1 for doubled branches; `varied` names the column of the
+/// quantity that varies; with a reader each line also has the readings.
 pub(super) fn csv(varied: &str, branches: &[&Branch], reader: Option<&Reader>) -> String {
     let with_readings = readings::columns(reader.is_some());
     let is_frequency = varied == "frequency_hz";

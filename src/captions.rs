@@ -1,4 +1,4 @@
-//! What stands on figures: symbols as print has them, with a minus sign and subscripts.
+//! Texts on figures, with a typographic minus sign and subscripts.
 
 use resonarm::analysis::Drive;
 use resonarm::arm::Load;
@@ -13,7 +13,7 @@ pub(super) fn degrees(value: f64) -> String {
     format!("{value}°").replace('-', "−")
 }
 
-/// An arm and its pose; the parameters that are not the preset's stand in the caption.
+/// An arm and its pose; the caption has the parameters that differ from the preset's.
 pub(super) fn pose(arm: &ArmSection) -> Subtitle {
     pose_without(arm, &[])
 }

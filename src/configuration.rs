@@ -1,4 +1,4 @@
-//! What results depend on, for documents and journals.
+//! The inputs that results depend on, for documents and journals.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use super::failure::Failure;
 use resonarm::arm::Load;
 use resonarm::scenario::Scenario;
 
-/// The arm with all its parameters, and its pose: what results of every command depend on.
+/// The arm with all its parameters, and its pose: results of every command depend on them.
 pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
     let mut configuration = json!({
         "preset": scenario.arm.preset,
@@ -14,7 +14,7 @@ pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
         "beta1_deg": scenario.arm.beta1_deg,
         "beta2_deg": scenario.arm.beta2_deg,
     });
-    // β is the pose of the relaxed springs: by so much the joints are deflected where α = 0.
+    // β is the pose of the relaxed springs; at α = 0 the joints are deflected by this much.
     let arm = scenario.build_arm()?;
     if arm.parameters().gravity.is_some() {
         configuration["static_deflection_rad"] = json!(<[f64; 2]>::from(arm.static_deflection_rad()));
@@ -25,7 +25,7 @@ pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
     Ok(configuration)
 }
 
-/// The same, and the load at the crest.
+/// The same, and the peak load.
 pub(super) fn of(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
     let mut configuration = of_arm(scenario)?;
     configuration["torque_nm"] = json!(<[f64; 2]>::from(load.torque_nm));

@@ -51,12 +51,12 @@ pub(super) struct Continue {
     parameter: String,
     #[command(flatten)]
     range: RangeFlags,
-    /// Excitation frequency where it does not vary, Hz.
+    /// Excitation frequency if it does not vary, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: Option<f64>,
     #[command(flatten)]
     walk: WalkFlags,
-    /// Follow the doubled branches that leave at period doublings, too.
+    /// Also follow the doubled branches that leave at period doublings.
     #[arg(long)]
     doubled: bool,
     #[command(flatten)]
@@ -115,7 +115,7 @@ struct RangeFlags {
     /// Last angle, degrees.
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     to_deg: Option<f64>,
-    /// First value of a parameter of the arm, in its own SI unit.
+    /// First value of a parameter of the arm, in its SI unit.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     from: Option<f64>,
     /// Last value of a parameter of the arm.
@@ -136,12 +136,12 @@ impl Varied {
     }
 }
 
-/// What was found.
+/// The result.
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
     curves: Option<Curves>,
-    /// What reads the motions, if that is wanted.
+    /// Reads the motions, if readings are wanted.
     reader: Option<Reader>,
     early: Early,
     wall_s: f64,
@@ -228,7 +228,7 @@ impl DriveFlags {
         Ok((load.scaled(1.0 / amplitude), amplitude))
     }
 
-    /// The load at the crest, of the very numbers given.
+    /// The peak load, exactly as given.
     pub fn load(&self) -> Result<Load, Failure> {
         let _checked = self.direction()?;
         Ok(match self.torque1_nm {
@@ -300,7 +300,7 @@ impl Continue {
         found.early.verdict()
     }
 
-    /// What stands under a figure's title: the arm, its pose and the excitation, but for what varies.
+    /// A figure's subtitle: the arm, its pose and the excitation, without the quantities that vary.
     fn conditions(&self, scenario: &Scenario, load: &Load, varied: &[&Quantity]) -> Subtitle {
         let names: Vec<&str> = varied.iter().map(|quantity| quantity.name).collect();
         let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
@@ -337,7 +337,7 @@ impl Continue {
         Ok(Found { branch, doubled, curves, reader, early, wall_s })
     }
 
-    /// What is driven. An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
+    /// The excitation. An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
     fn drive(&self, varied: &Varied) -> Result<DriveFlags, Failure> {
         if !varied.is_amplitude() {
             return Ok(self.drive.clone());
@@ -350,7 +350,7 @@ impl Continue {
         Ok(DriveFlags { torque1_nm, ..self.drive.clone() })
     }
 
-    /// The load at the crest; where the amplitude varies that of the value 1.
+    /// The peak load; where the amplitude varies, that of the value 1.
     fn load(&self, varied: &Varied) -> Result<Load, Failure> {
         let drive = self.drive(varied)?;
         if varied.is_amplitude() { Ok(drive.direction()?.0) } else { drive.load() }
@@ -383,7 +383,7 @@ impl Continue {
     }
 }
 
-/// A motion as JSON; what varies stands beside the frequency.
+/// A motion as JSON, with the quantity that varies beside the frequency.
 fn point(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
     let mut map = place(varied, orbit, reader);
     let multipliers: Vec<[f64; 2]> = orbit.multipliers().iter().map(|z| [z.re, z.im]).collect();
@@ -402,7 +402,7 @@ fn bifurcation(varied: &Varied, bifurcation: &Bifurcation, reader: Option<&Reade
     Value::Object(map)
 }
 
-/// What points and bifurcations have in common.
+/// The keys that points and bifurcations share.
 fn place(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Map<String, Value> {
     let mut map = Map::new();
     map.insert(String::from("frequency_hz"), json!(orbit.frequency_hz));

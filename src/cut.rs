@@ -1,4 +1,4 @@
-//! `resonarm cut` and `resonarm merge`: a part of a recording, and parts joined.
+//! `resonarm cut` and `resonarm merge`: take a section of a recording, and join sections.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use super::{inspect, output};
 use resonarm::export::samples;
 use resonarm::recording::{Existing, Recording, Summary, cut, merge};
 
-/// Copies a range of time into a recording of its own, which `resim`, `replay` and all others take.
+/// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept.
 #[derive(Debug, Args)]
 pub(super) struct Cut {
     /// The recording, an MCAP file.

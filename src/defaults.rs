@@ -1,4 +1,4 @@
-//! What the help says of defaults that differ from command to command: read from the scenarios that the commands use.
+//! Defaults in the help that differ between commands: read from the scenarios that the commands use.
 
 use clap::{Arg, Command};
 
@@ -11,8 +11,8 @@ use resonarm_numeric::number::short;
 use resonarm::run::{Mode, Speed};
 use resonarm::scenario::Scenario;
 
-/// The command line with `[default: …]` behind the help of every flag whose default comes from a scenario. An embedded
-/// scenario that can't be read has none; the command that uses it says why.
+/// The command line with `[default: …]` after the help of every flag whose default comes from a scenario. If an
+/// embedded scenario can't be read, its command shows no defaults; running the command reports why.
 pub(super) fn stated(command: Command) -> Command {
     command.mut_subcommands(|sub| {
         if sub.has_subcommands() {
@@ -76,14 +76,14 @@ fn defaults(command: &str) -> Result<Defaults, Failure> {
                 String::from("until it is stopped, with --mode free until the exciter has finished"),
             ));
         }
-        // No other command with a preset of its own has no scenario.
+        // The only command with a preset and no scenario.
         "paper" => all = vec![("preset", Preset::default().name().to_owned())],
         _ => {}
     }
     Ok(all)
 }
 
-/// What a scenario has of the flags of an arm and a session.
+/// A scenario's values for the flags of an arm and a session.
 fn of_scenario(scenario: &Scenario) -> Defaults {
     let (arm, simulation) = (&scenario.arm, &scenario.simulation);
     vec![
@@ -105,7 +105,7 @@ mod tests {
     use crate::experiment::Kind;
     use crate::{Cli, whole};
 
-    /// What a command line must have beside a flag.
+    /// The other arguments that a command line with this flag needs.
     fn needed(path: &str, flag: &str) -> &'static str {
         match (path, flag) {
             ("simulate", _) => "--duration-s 1",
@@ -134,7 +134,7 @@ mod tests {
         Cli::from_arg_matches(&matches).map_err(|error| error.to_string())
     }
 
-    /// What a command computes with of the flags whose defaults are not the parser's.
+    /// The values a command uses for the flags whose defaults the parser does not fill in.
     fn used(cli: &Cli) -> String {
         use crate::Command::*;
         let of = |scenario: Result<Scenario, Failure>| format!("{:?}", scenario.unwrap());
@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    /// Every command that has no commands of its own, with its path.
+    /// Every command without subcommands, with its path.
     fn leaves(command: &Command, path: &str) -> Vec<(String, Command)> {
         let subcommands = command.get_subcommands().filter(|sub| sub.get_name() != "help");
         subcommands
@@ -189,13 +189,13 @@ mod tests {
         Some((rest.split_once(']')?.0.to_owned(), false))
     }
 
-    /// A default that is words and no value is listed with this name.
+    /// The default is words, not a value; it is listed under this name.
     enum Compared {
         Same,
         Words,
     }
 
-    /// Compares a command with a flag at its default with the command without the flag, both with `others` beside.
+    /// Compares a command with a flag at its default to the command without the flag, both with the arguments `others`.
     fn compare(path: &str, arg: &Arg, others: &str, default: &str, of_parser: bool) -> Compared {
         let (id, flag) = (arg.get_id().as_str(), arg.get_long().unwrap());
         let others: Vec<String> = others.split_whitespace().map(str::to_owned).collect();
@@ -212,8 +212,8 @@ mod tests {
         Compared::Same
     }
 
-    /// With the flag at the default of its help a command computes with the same as without the flag. Defaults that are
-    /// words and no value are listed.
+    /// A flag at the default stated in its help gives the same as leaving the flag out. Defaults that are words, not
+    /// values, are listed.
     #[test]
     fn every_default_in_the_help_is_the_commands() {
         let (mut values, mut words) = (0, Vec::new());

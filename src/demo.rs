@@ -12,7 +12,7 @@ use super::demo_report;
 use super::exciter::complaint as complaint_of_exciter;
 use super::failure::{Failure, Verdict};
 use super::flags::{self, ArmFlags};
-use super::live::{LiveFlags, Part, Role};
+use super::live::{LiveFlags, Role, ShownRole};
 use super::output;
 use super::session::{PlantDocument, complaint, report_text};
 use super::status::{Status, Style};
@@ -24,11 +24,11 @@ use resonarm::recording::Existing;
 use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals, Speed};
 use resonarm::scenario::{Scenario, ScenarioError};
 
-/// How long plant and exciter look for each other: far longer than a machine under load keeps a thread waiting.
+/// How long plant and exciter wait for each other: far longer than a loaded machine delays a thread.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded
-/// first resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the
+/// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first
+/// resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the
 /// controller's answer to each sample, so the result is the same to the last bit on every machine, however busy.
 #[derive(Debug, Args)]
 pub(super) struct Demo {
@@ -37,7 +37,7 @@ pub(super) struct Demo {
     /// Which run loop drives the plant; in real-time a machine that stalls disturbs the result.
     #[arg(long, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
     mode: Mode,
-    /// Simulated seconds a second in lockstep; 0 is as fast as it goes.
+    /// Simulated seconds a second in lockstep; 0 is as fast as possible.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     speed: Option<f64>,
     /// Folder for demo.mcap, response.svg, response.png and its caption, response.txt; those of an earlier demo are
@@ -79,7 +79,7 @@ impl Demo {
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut scenario = self.scenario()?;
-        // A scenario that closes no loop is driven as the demo's own.
+        // A scenario without control is driven like the demo's.
         let control = match scenario.control.take().or(self::scenario()?.control) {
             Some(control) => control,
             None => return Err(ScenarioError::NoExcitation.into()),
@@ -102,7 +102,7 @@ impl Demo {
         if !self.json {
             output::print(&introduction)?;
         }
-        let part = Part {
+        let part = ShownRole {
             role: Role::PlantAndExciter,
             place: String::from("a bus in memory"),
             interface: session.interface_of_both().to_owned(),

@@ -1,4 +1,4 @@
-//! What the demo says before it begins.
+//! The demo's introduction.
 
 use super::failure::Failure;
 use resonarm::analysis::modes;
@@ -6,7 +6,7 @@ use resonarm::control::ControlSpec;
 use resonarm::run::{Mode, Speed};
 use resonarm::scenario::Scenario;
 
-/// What is about to happen.
+/// Describes the run that is about to start.
 pub(super) fn introduction(
     scenario: &Scenario,
     control: &ControlSpec,

@@ -17,8 +17,8 @@ use resonarm::recording::Recording;
 /// What can be compared.
 const PARTS: [Part; 4] = [Part::States, Part::Samples, Part::Frames, Part::Events];
 
-/// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. What differs in
-/// their configuration is told, too.
+/// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. Differences in
+/// their configuration are listed, too.
 #[derive(Debug, Args)]
 #[command(after_help = "States and samples are compared by their sample, frames and events in their order, whenever \
                         they were on the bus.\nExample: resonarm diff a.mcap b.mcap --parts states --tolerance 1e-9")]
@@ -29,10 +29,10 @@ pub(super) struct Diff {
     /// The second recording, B.
     #[arg(value_name = "B")]
     b: PathBuf,
-    /// Which records, by commas: states, samples, frames, events.
+    /// Which records, separated by commas: states, samples, frames, events.
     #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, Part::name), default_value = "states,samples")]
     parts: Vec<Part>,
-    /// How much a channel may differ, as a share of its largest magnitude in A; at 0 every bit counts.
+    /// How much a channel may differ, relative to its largest magnitude in A; at 0 every bit counts.
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     tolerance: f64,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! Walks that end early: what they found is kept, and why they ended is told.
+//! Walks that end early: their results are kept, and the reason is reported.
 
 use core::fmt::Debug;
 
@@ -8,9 +8,9 @@ use super::failure::{Failure, Verdict};
 use super::output;
 use resonarm::analysis::{AnalysisError, Backbone, Branch, EndedEarly, SingularCurve};
 
-/// Something that a walk finds piece by piece.
+/// A result that a walk builds point by point.
 pub(super) trait Walked {
-    /// How many motions it has.
+    /// The number of motions in it.
     fn motions(&self) -> usize;
 }
 
@@ -32,15 +32,14 @@ impl Walked for Backbone {
     }
 }
 
-/// Why walks of a command ended early, of which something was found.
+/// The reasons why a command's walks ended early.
 #[derive(Debug, Default)]
 pub(super) struct Early(Vec<Failure>);
 
 impl Early {
-    /// What was walked, whole or in part. `along` names what varied.
+    /// Returns the result of a walk, complete or not. `along` names the quantity that varied.
     ///
-    /// # Errors
-    /// [`Failure::Walk`] if there is not even a part.
+    /// # Errors [`Failure::Walk`] if it holds no motion.
     pub fn keep<T: Walked + Debug>(
         &mut self,
         along: &'static str,
@@ -57,10 +56,9 @@ impl Early {
         })
     }
 
-    /// The same for what is only added to a result: nothing of it is no failure yet, unless it was asked for wrongly.
+    /// The same for an addition to a result: finding nothing is no failure, unless the request was wrong.
     ///
-    /// # Errors
-    /// [`Failure::Walk`] if the interval is none.
+    /// # Errors [`Failure::Walk`] if the interval is invalid.
     pub fn keep_any<T: Walked + Debug>(
         &mut self,
         along: &'static str,
@@ -76,13 +74,13 @@ impl Early {
         }
     }
 
-    /// The reasons, for a document; none if every walk came to its end.
+    /// The reasons, for a document; `None` if every walk was completed.
     pub fn document(&self) -> Option<Value> {
         let reasons: Vec<String> = self.0.iter().map(Failure::to_string).collect();
         (!reasons.is_empty()).then(|| json!(reasons))
     }
 
-    /// What the command comes to once its results are out: the last reason, the others being told.
+    /// The command's verdict once its results are out: fails with the last reason and reports the others.
     pub fn verdict(mut self) -> Result<Verdict, Failure> {
         let last = self.0.pop();
         self.0.iter().for_each(output::complain);
@@ -90,7 +88,7 @@ impl Early {
     }
 }
 
-/// What is left of a walk that ended early, behind its message.
+/// The end of the message of a walk that ended early: how much of it is kept.
 pub(super) fn kept(motions: &usize) -> String {
     match motions {
         0 => String::new(),

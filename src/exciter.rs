@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, ThreadFlags};
-use super::live::{LiveFlags, Part, Role, SteerFlag};
+use super::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
 use super::session::{frames_text, other_sender_warning, seconds, set_filters};
@@ -32,10 +32,10 @@ pub(super) struct Exciter {
     session: SessionFlags,
     #[command(flatten)]
     thread: ThreadFlags,
-    /// How long to wait until there is a plant and it is armed, s.
+    /// How long to wait for a plant that can be armed, s.
     #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
-    /// How often to begin anew after a fault: reset and arm the plant, and begin from the start.
+    /// How often to restart after a fault: reset and arm the plant, and begin from the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
     rearm: u32,
     #[command(flatten)]
@@ -65,7 +65,7 @@ struct Document {
     responses: Vec<ResponseDocument>,
 }
 
-/// What is played without a scenario: a stepped sine below the first resonance.
+/// The default scenario: a stepped sine below the first resonance.
 pub(super) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../scenarios/bench.toml"), "scenarios/bench.toml")?)
 }
@@ -96,7 +96,7 @@ impl Exciter {
             set_filters(bus.as_mut(), &address, &session)?;
         }
         let part =
-            Part { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
+            ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
@@ -151,7 +151,7 @@ impl Exciter {
     }
 }
 
-/// Why the exciter did not do what it was for, and what to do; `None` if it did, or an error says so.
+/// Why the exciter did not complete its task, and what to do; `None` if it did, or if an error says so.
 pub(super) fn complaint(report: &ExciterReport) -> Option<String> {
     match report.outcome {
         Some(Outcome::Stopped) if report.samples_played == 0 => {

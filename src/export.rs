@@ -13,7 +13,7 @@ use resonarm::recording::Recording;
 
 /// The end of the help text.
 const HELP: &str = "\
-Formats and the files that STEM stands for:
+Formats and their files:
   csv      STEM-PART.csv  a table a part; the names of the columns have the units
   candump  STEM.log       the frames, as `candump -L` writes them and canplayer plays them
   asc      STEM.asc       the frames, for Vector's tools and what reads their logs
@@ -25,8 +25,8 @@ Parquet and MF4 are written by the Python package: python3 -m resonarm export RE
 Times are simulated time; a log of a run in real time has the machine's. Readings are of a \
 time before their sample, by the delay of the converters: their time_s says so.";
 
-/// Writes a recording in the formats of other tools, record by record, so that it may be longer than the memory. Names
-/// the files on standard error before it writes them.
+/// Writes a recording in the formats of other tools, record by record, so it may be larger than the memory. Names the
+/// files on standard error before it writes them.
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub(super) struct Export {
@@ -39,7 +39,7 @@ pub(super) struct Export {
     /// [default: that name, in the current folder].
     #[arg(long, value_name = "STEM")]
     out: Option<PathBuf>,
-    /// Which records, by commas: states, samples, frames, ticks, events [default: all that the format holds].
+    /// Which records, separated by commas: states, samples, frames, ticks, events [default: all that the format holds].
     #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(Part::ALL, Part::name))]
     parts: Vec<Part>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! What ends a command without a result, and its exit code.
+//! Errors that end a command, and their exit codes.
 
 use std::io;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ use resonarm::run::RunError;
 use resonarm::scenario::ScenarioError;
 use resonarm::study::{JournalError, StudyError};
 
-/// What a command that came to its end says.
+/// The verdict of a command that completed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Positive,
@@ -39,7 +39,7 @@ impl Verdict {
     }
 }
 
-/// What ended a command.
+/// The error that ended a command.
 #[derive(Debug, Error)]
 pub(super) enum Failure {
     #[error("{0}")]
@@ -166,7 +166,7 @@ fn analysis(error: &AnalysisError) -> Exit {
     }
 }
 
-/// A motion that can't be carried on is a verdict on the excitation, not on the way it was asked for.
+/// A motion that can't be integrated further is a verdict on the excitation, not a wrong request.
 fn integrate(error: &IntegrateError) -> Exit {
     match error {
         IntegrateError::NoConvergence { .. } | IntegrateError::Unbalanced { .. } | IntegrateError::NotFinite { .. } => {

@@ -14,12 +14,12 @@ use resonarm::run::OnShortfall;
 use resonarm::scenario::Scenario;
 use resonarm_numeric::seed;
 
-/// How many points a range may have: as many as fit in memory and in a figure with room to spare.
+/// The number of points in a range; the maximum fits easily in memory and in a figure.
 pub(super) fn points() -> RangedI64ValueParser<u32> {
     RangedI64ValueParser::new().range(2..=1_000_000)
 }
 
-/// Reads one of these by its name.
+/// Parses one of these values by its name.
 pub(super) fn one_of<T, const N: usize>(
     wanted: [T; N],
     name: impl Fn(T) -> &'static str + Clone + Send + Sync + 'static,
@@ -33,7 +33,7 @@ where
     })
 }
 
-/// The arm and its pose. [`defaults`](super::defaults) adds to the help what each command has without them.
+/// The arm and its pose. [`defaults`](super::defaults) adds each command's defaults to the help.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ArmFlags {
     /// Parameter set: irb1600-fitted or irb1600-table1.
@@ -45,7 +45,7 @@ pub(super) struct ArmFlags {
     /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm.
     #[arg(long, value_name = "DEG")]
     pub beta2_deg: Option<f64>,
-    /// TOML file with the whole scenario, in place of the defaults; flags win over it.
+    /// TOML file with the whole scenario, in place of the defaults; flags take precedence.
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
 }
@@ -69,15 +69,15 @@ pub(super) struct SessionFlags {
     pub duration_s: Option<f64>,
 }
 
-/// How much a run in real time wants a real-time thread.
+/// How strictly a run in real time needs a real-time thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum RealTimeThread {
-    /// What can be had; the rest is told.
+    /// Uses what the system grants and reports the rest.
     #[default]
     Auto,
-    /// All of it, or no run.
+    /// Refuses to run without all of it.
     Require,
-    /// Nothing.
+    /// Asks for nothing.
     Off,
 }
 
@@ -102,33 +102,33 @@ impl fmt::Display for RealTimeThread {
 /// Whether the real-time loop spins.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct SpinFlag {
-    /// Sleep until so many µs before each deadline and look at the clock from there on; auto measures how late sleeps
-    /// are, off sleeps until the deadline. At most a quarter of the period.
+    /// Sleep until this many µs before each deadline, then poll the clock; auto measures how late sleeps are, off
+    /// sleeps until the deadline. At most a quarter of the period.
     #[arg(long, value_name = "SPIN", default_value_t, allow_hyphen_values = true)]
     pub spin: Spin,
 }
 
-/// What the thread of a run in real time asks of the system.
+/// Thread settings that a run in real time asks of the system.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ThreadFlags {
-    /// Real-time scheduling, locked memory and the core: auto takes what the system gives and tells the rest, require
-    /// ends without them, off does not ask.
+    /// Real-time scheduling, locked memory and the core: auto takes what the system grants and reports the rest,
+    /// require refuses to run without them, off does not ask.
     #[arg(long, value_parser = one_of(RealTimeThread::ALL, RealTimeThread::name), default_value_t)]
     rt: RealTimeThread,
-    /// Core to pin the real-time loop to; recorder, live view and adapters of python-can leave it, if there is another.
+    /// Core to pin the real-time loop to; recorder, live view and python-can adapters move off it if there is another.
     #[arg(long, value_name = "N")]
     core: Option<usize>,
     /// SCHED_FIFO priority of the real-time loop, 1 to 99.
     #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get())]
     priority: u8,
-    /// Hold all cores of the machine out of their idle states during the run: no wake-up waits for one to come back. It
-    /// costs power, and takes time from other guests of a shared machine.
+    /// Keep all cores of the machine out of their idle states during the run, so that no wake-up waits for one to
+    /// resume. It costs power, and takes time from other guests of a shared machine.
     #[arg(long)]
     cores_awake: bool,
 }
 
 impl ThreadFlags {
-    /// What to ask for.
+    /// The settings to ask for; `None` with --rt off.
     pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
         let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
         let cores_awake = self.cores_awake;
@@ -143,7 +143,7 @@ impl ThreadFlags {
         }
     }
 
-    /// What it leads to if something is not to be had.
+    /// How to react if the system does not grant a setting.
     pub fn on_shortfall(&self) -> OnShortfall {
         match self.rt {
             RealTimeThread::Require => OnShortfall::Refuse,
@@ -153,7 +153,7 @@ impl ThreadFlags {
 }
 
 impl ArmFlags {
-    /// The scenario of the file, or `default`, with the flags in it.
+    /// The scenario of the file, or `default`, with the flags applied.
     pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = match &self.scenario {
             Some(path) => Scenario::read(path)?,
@@ -170,7 +170,7 @@ impl ArmFlags {
 }
 
 impl SessionFlags {
-    /// Refuses a length where the work ends without one, and says why.
+    /// Refuses --duration-s for work that ends by itself, and says why.
     pub fn refuse_duration(&self, why: &str) -> Result<(), Failure> {
         match self.duration_s {
             Some(duration_s) => {
@@ -181,7 +181,7 @@ impl SessionFlags {
         }
     }
 
-    /// The scenario of the file, or `default`, with the flags in it.
+    /// The scenario of the file, or `default`, with the flags applied.
     pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = self.arm.scenario(default)?;
         let simulation = &mut scenario.simulation;
@@ -195,7 +195,7 @@ impl SessionFlags {
     }
 }
 
-/// What is said of a flag whose value an error refuses.
+/// The failure for a flag whose value was refused with `error`.
 pub(super) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::Usage(format!("{flag}: {error}"))
 }

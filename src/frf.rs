@@ -21,9 +21,8 @@ use resonarm::scenario::Scenario;
 
 /// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C.
 ///
-/// As CSV a line for each frequency, with modulus and phase; as JSON complex, [real, imaginary]. Every response names
-/// its unit. With
-/// --plot both go to files beside the figure, and standard output says which.
+/// CSV has a line for each frequency, with modulus and phase; JSON has complex values, [real, imaginary]. Every
+/// response names its unit. With --plot both go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
 pub(super) struct Frf {
     #[command(flatten)]
@@ -34,7 +33,7 @@ pub(super) struct Frf {
     /// Displacement, velocity or acceleration over the drive.
     #[arg(long, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
     quantity: Quantity,
-    /// Where the response is taken; several with commas [default: all].
+    /// Where the response is taken, separated by commas [default: all].
     #[arg(long, value_parser = flags::one_of(Response::ALL, Response::name), value_delimiter = ',')]
     response: Vec<Response>,
     /// First frequency, Hz.
@@ -56,13 +55,13 @@ pub(super) struct Frf {
     json: bool,
 }
 
-/// Beyond any vibration of an arm; squares of it are numbers still.
+/// Beyond any vibration of an arm; its square is still finite.
 const HIGHEST_HZ: f64 = 1e9;
 
 /// Evenly spaced frequencies where no number is given.
 const EVEN_POINTS: u32 = 801;
 
-/// A colour each; what lies along y, and the second angle, is dashed, so that print without colours tells them apart.
+/// A colour each; responses along y and of the second angle are dashed, so that they differ in black and white.
 pub(super) const fn style(response: Response) -> Style {
     let (color, dash) = match response {
         Response::Alpha1 => (Color::Blue, Dash::Solid),
@@ -82,12 +81,12 @@ struct Document {
     drive: Drive,
     quantity: Quantity,
     frequency_hz: Vec<f64>,
-    responses: Vec<Curve>,
+    responses: Vec<ResponseCurve>,
 }
 
 /// One response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
-struct Curve {
+struct ResponseCurve {
     response: Response,
     unit: String,
     value: Vec<[f64; 2]>,
@@ -143,18 +142,17 @@ impl Frf {
             Some(points) => frequencies_hz(from, to, points, &[]),
             None => frequencies_hz(from, to, EVEN_POINTS, &modes(arm)),
         };
-        let curve = |response: Response| -> Result<Curve, Failure> {
+        let curve = |response: Response| -> Result<ResponseCurve, Failure> {
             let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
             let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
             let unit = self.unit(response);
-            Ok(Curve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
+            Ok(ResponseCurve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
         };
         let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
         Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
     }
 
-    /// The moduli of angles and of displacements in panels of their own, for their units differ, over the phases of
-    /// all.
+    /// The moduli of angles and of displacements in separate panels, since their units differ, above the phases of all.
     fn figure(&self, scenario: &Scenario, document: &Document, (arm, linear): (&Arm, &FrequencyResponse)) -> Figure {
         let natural_hz = modes(arm).map(|mode| mode.frequency_hz);
         let x = || Axis::linear("frequency (Hz)");
@@ -163,7 +161,7 @@ impl Frf {
         let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
         for curve in &document.responses {
             let response = curve.response;
-            // A zero has no logarithm: it is left out.
+            // Zeros are left out: they have no logarithm.
             let size = |[re, im]: &[f64; 2]| Some(libm::hypot(*re, *im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
             let sizes = document.frequency_hz.iter().zip(&curve.value).map(|(hz, value)| (*hz, size(value))).collect();
             let at = |hz: f64| linear.at(self.quantity, self.drive, response, hz).ok();
@@ -182,7 +180,7 @@ impl Frf {
 /// CSV: frequency, then modulus and phase of each response.
 fn table(document: &Document) -> String {
     let mut text = String::from("frequency_hz");
-    for Curve { response, unit, .. } in &document.responses {
+    for ResponseCurve { response, unit, .. } in &document.responses {
         let name = response.name().replace('-', "_");
         let unit = unit.replace(' ', "_").replace("/s²", "_s2").replace("/s", "_s");
         let unit = unit.replace("N·m", "nm").replace('N', "n");
@@ -200,13 +198,13 @@ fn table(document: &Document) -> String {
     text
 }
 
-/// Between frequencies whose phases differ by more than this the phase is looked at in between, rad.
+/// If the phases at two frequencies differ by more than this, rad, the phase is computed in between.
 const LARGEST_TURN_RAD: f64 = 0.5;
-/// How often a gap between two frequencies is halved, at most: a phase that jumps in what is left jumps.
+/// Most halvings of a gap between two frequencies; a jump in the remaining gap is a real jump.
 const MOST_HALVINGS: u32 = 40;
 
-/// The phase over frequency, degrees, without jumps at the ends of the circle: it begins within ±180° and goes on from
-/// there, through every zero and through the peaks at the natural frequencies. Where there is no response there is no
+/// The phase over frequency, degrees, without jumps at the ends of the circle: it begins within ±180° and is continuous
+/// from there, through every zero and through the peaks at the natural frequencies. Without a response there is no
 /// phase.
 fn continuous_phase(
     frequency_hz: &[f64],
@@ -231,7 +229,7 @@ fn continuous_phase(
     all.iter().map(point).filter(|(hz, _)| frequency_hz.contains(hz)).collect()
 }
 
-/// By how much the phase turns from one frequency to another, rad.
+/// The change of phase from one frequency to another, rad.
 fn turn_rad(
     at: &dyn Fn(f64) -> Option<Complex<f64>>,
     from: (f64, Complex<f64>),
@@ -267,8 +265,8 @@ pub(super) fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 mod tests {
     use super::*;
 
-    /// Poles take half a turn each, the zero of a drive point between them gives one back, however coarse the
-    /// frequencies are.
+    /// Each pole lowers the phase by half a turn, the zero of a drive point between them raises it again, however
+    /// coarse the frequencies are.
     #[test]
     fn the_phase_goes_on_through_every_peak_and_zero() {
         let arm = Scenario::default().build_arm().unwrap();

@@ -29,19 +29,19 @@ use resonarm::scenario::{READS_IMAGES, Scenario};
 /// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and
 /// C over the force in the impedance head.
 ///
-/// Modes are fitted with the ends of the record in the model, so that it may be shorter than they ring; each number has
-/// its standard deviation. The arm has to be driven by a force at C. Periods of a multisine or of bursts and segments
-/// of other records (Welch's method: a Hann window, half overlapping) are averaged to H1, H2 and coherence; an impact
-/// is taken whole. The document of --json and the CSV of --plot have all three of each response, the figure H1 and the
-/// coherence. Modes have the numbers of the scenario's arm; one that is not found is named, with the reason. If there
-/// is no mode the exit code is 1.
+/// The model of the modes includes the ends of the record, so the record may be shorter than their decay; each number
+/// has its standard deviation. The arm must be driven by a force at C. Periods of a multisine or of bursts, and
+/// segments of other records (Welch's method: a Hann window, half overlapping), are averaged to H1, H2 and coherence;
+/// an impact is taken whole. The document of --json and the CSV of --plot have all three of each response, the figure
+/// H1 and the coherence. Modes are numbered as in the scenario's arm; one that is not found is listed with the reason.
+/// If no mode is found the exit code is 1.
 ///
-/// With --angles, and of a run with any load, the joints' angles over time instead: the accelerations are integrated
-/// twice, and the arm's lengths and pose in the recording make angles of the displacements. Vibration at f has the gain
-/// 1 − (1 + (f/f0)⁴)⁻³ with the corner f0 of --from-hz. Accelerometers tell no means: they are zero. Each angle has the
-/// standard deviation that the instruments' white noise gives it. At both ends four periods of the corner are left out,
-/// but for a beginning from rest. Clipped readings are refused. The droop of the
-/// converters is taken out. Times are those of the readings, before their samples by the converters' delay.
+/// With --angles, for a run with any load, it gives the joints' angles over time instead: the accelerations are
+/// integrated twice, and the displacements are converted to angles with the arm's lengths and pose in the recording.
+/// Vibration at f has the gain 1 − (1 + (f/f0)⁴)⁻³ with the corner f0 of --from-hz. Accelerometers can't measure means,
+/// so these are zero. Each angle has the standard deviation due to the instruments' white noise. Four periods of the
+/// corner are left out at both ends, except at a start from rest. Clipped readings are refused. The droop of the
+/// converters is corrected. Times are those of the readings, earlier than their samples by the converters' delay.
 #[derive(Debug, Args)]
 pub(super) struct Identify {
     /// The recording, an MCAP file.
@@ -53,7 +53,7 @@ pub(super) struct Identify {
     /// Highest frequency, Hz [default: that of the recorded excitation; of an impact 1 over its length; or 100].
     #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
-    /// Direction of the force that is the input.
+    /// Direction of the input force.
     #[arg(long, value_enum, default_value_t = Input::Principal)]
     input: Input,
     /// Average segments of this length, s [default: whole periods, or an eighth of the record].
@@ -78,7 +78,7 @@ pub(super) struct Identify {
 /// Directions by their names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Input {
-    /// Along which the head reads most.
+    /// The direction in which the head reads most.
     Principal,
     /// Along x.
     HeadX,
@@ -99,15 +99,15 @@ impl Input {
 /// The channels, in the order of [`Record`].
 const RESPONSES: [Response; CHANNELS] = [Response::BX, Response::BY, Response::CX, Response::CY];
 const UNIT: &str = "m/s² per N";
-/// Averaged segments of a record that has no periods: an eighth of it each.
+/// Number of averaged segments of a record without periods.
 const SEGMENTS: usize = 8;
-/// Highest frequencies where nothing says more, as a part of the sample rate and in Hz.
+/// Highest frequency if nothing else gives one, as a fraction of the sample rate and in Hz.
 const HIGHEST_PART: f64 = 0.4;
 const HIGHEST_HZ: f64 = 100.0;
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm that was recorded, and its pose: what the modes can be compared with.
+    /// The recorded arm and its pose, to compare the modes with.
     configuration: Value,
     recording: String,
     samples: usize,
@@ -122,10 +122,10 @@ struct Document {
     averaging: &'static str,
     averages: usize,
     frequency_hz: Vec<f64>,
-    responses: Vec<Curve>,
+    responses: Vec<ResponseCurve>,
 }
 
-/// A mode with the number that it has in the scenario's arm; none if it is far from its modes.
+/// A mode with its number in the scenario's arm; none if it is far from the arm's modes.
 #[derive(Serialize)]
 struct NumberedMode {
     mode: Option<u8>,
@@ -135,7 +135,7 @@ struct NumberedMode {
 
 /// A response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
-struct Curve {
+struct ResponseCurve {
     response: Response,
     unit: &'static str,
     h1: Vec<[f64; 2]>,
@@ -144,7 +144,7 @@ struct Curve {
 }
 
 impl Identify {
-    /// Where accelerations are integrated.
+    /// The domain in which accelerations are integrated.
     pub(super) fn domain(&self) -> Domain {
         self.integration.unwrap_or(Domain::Frequency)
     }
@@ -228,7 +228,7 @@ impl Identify {
         })
     }
 
-    /// The band that was asked for, or that of the excitation.
+    /// The band of the flags, or that of the excitation.
     fn band(&self, waveform: Option<&Waveform>, rate_hz: f64) -> Band {
         let highest_hz = HIGHEST_PART * rate_hz;
         let (from_hz, to_hz) = match waveform {
@@ -249,7 +249,7 @@ impl Identify {
         Band { from_hz: self.from_hz.unwrap_or(from_hz), to_hz: self.to_hz.unwrap_or(to_hz) }
     }
 
-    /// The averaging that suits the excitation, or by segments if their length was given.
+    /// The averaging that suits the excitation; by segments if their length was given.
     fn averaging(&self, waveform: Option<&Waveform>, record: &Record) -> Result<Averaging, Failure> {
         let samples = |length_s: f64| libm::round(length_s * record.rate_hz()) as usize;
         if let Some(segment_s) = self.segment_s {
@@ -270,7 +270,7 @@ impl Identify {
     }
 }
 
-/// The readings of a recording. Those of sample 0 are of the state at the start alone and are left out.
+/// The readings of a recording. Those of sample 0 are left out: they only show the initial state.
 fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Direction) -> Result<Record, Failure> {
     let (mut rows, mut clipped) = (Vec::new(), 0);
     for sample in recording.samples()? {
@@ -287,8 +287,8 @@ fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Directi
     Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
 }
 
-fn curves(estimate: &FrequencyResponseEstimate) -> Vec<Curve> {
-    let curve = |(i, response): (usize, Response)| Curve {
+fn curves(estimate: &FrequencyResponseEstimate) -> Vec<ResponseCurve> {
+    let curve = |(i, response): (usize, Response)| ResponseCurve {
         response,
         unit: UNIT,
         h1: estimate.h1[i].iter().map(|z| [z.re, z.im]).collect(),
@@ -329,7 +329,7 @@ impl Document {
     /// CSV: frequency, then modulus and phase of H1 and of H2 and the coherence of each response.
     fn csv(&self) -> String {
         let mut text = String::from("frequency_hz");
-        for Curve { response, coherence, .. } in &self.responses {
+        for ResponseCurve { response, coherence, .. } in &self.responses {
             let name = response.name().replace('-', "_");
             for estimate in ["h1", "h2"] {
                 let _infallible = write!(text, ",{name}_{estimate}_modulus_m_s2_per_n,{name}_{estimate}_phase_deg");
@@ -339,7 +339,7 @@ impl Document {
         text.push('\n');
         for (k, hz) in self.frequency_hz.iter().enumerate() {
             let _infallible = write!(text, "{hz}");
-            for Curve { h1, h2, coherence, .. } in &self.responses {
+            for ResponseCurve { h1, h2, coherence, .. } in &self.responses {
                 for [re, im] in [h1[k], h2[k]] {
                     let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
                 }
@@ -351,7 +351,7 @@ impl Document {
     }
 }
 
-/// Rounded to three places, and never −0.
+/// Rounded to three decimal places, and never −0.
 fn to_three_places(value: f64) -> f64 {
     libm::rint(value * 1e3) / 1e3 + 0.0
 }

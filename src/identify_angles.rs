@@ -17,10 +17,10 @@ use resonarm::recording::Recording;
 use resonarm::rig::InstrumentName;
 use resonarm::scenario::Scenario;
 
-/// The lower corner where none is given, over the lowest natural frequency: at half of that the gain is 0.9998.
+/// The default lower corner over the lowest natural frequency: at half of the natural frequency the gain is 0.9998.
 const CORNER_PART: f64 = 0.25;
-/// A residual beyond both, over the noise and over the displacements, contradicts rigid links: mean angles alone leave
-/// less.
+/// A residual that exceeds both, over the noise and over the displacements, contradicts rigid links: mean angles alone
+/// leave less.
 const CONTRADICTION: [f64; 2] = [3.0, 0.02];
 
 /// Domains by their names.
@@ -48,7 +48,7 @@ impl Domain {
     }
 }
 
-/// What is asked for.
+/// The request.
 pub(super) struct Request<'a> {
     /// The CSV file.
     pub csv: &'a Path,
@@ -75,7 +75,8 @@ struct Document {
     largest_rad: [f64; 2],
     /// Largest standard deviations of α1 and α2.
     deviation_rad: [f64; 2],
-    /// What rigid links leave of the displacements, over the instruments' noise; null of ideal instruments.
+    /// The residual of the displacements after the fit of rigid links, over the instruments' noise; null for ideal
+    /// instruments.
     residual_over_noise: Option<f64>,
     /// The same over the displacements.
     residual_over_displacement: f64,
@@ -88,7 +89,7 @@ struct Readings {
     first_sample: u64,
 }
 
-/// Finds the angles, writes them, and tells of them.
+/// Finds the angles, writes them to the file and prints a summary.
 pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Request) -> Result<Verdict, Failure> {
     let rate_hz = 1.0 / recording.origin().dt_s;
     let arm = scenario.build_arm()?;
@@ -102,7 +103,7 @@ pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
     let mut found = joint_angles(&arm, rate_hz, &scenario.rig, &readings.accelerations_m_s2, settings)?;
     warn(scenario, &found);
     let delay = recording.origin().reading_delay_samples;
-    // The first readings tell of the time before the run.
+    // The first readings are of the time before the run.
     let before_run = (libm::ceil(delay) as usize).saturating_sub(readings.first_sample as usize + found.first);
     found.leave_out(before_run);
     let time_s = |row: usize| (readings.first_sample as f64 + (found.first + row) as f64 - delay) / rate_hz;
@@ -130,7 +131,7 @@ pub(super) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
     Ok(Verdict::Positive)
 }
 
-/// The readings from sample 1 on: those of sample 0 are of the state at the start alone.
+/// The readings from sample 1 on: those of sample 0 only show the initial state.
 fn read(recording: &Recording) -> Result<Readings, Failure> {
     let mut readings = Readings { accelerations_m_s2: Vec::new(), first_sample: 0 };
     let mut clipped = 0;
@@ -162,7 +163,7 @@ fn starts_at_rest(scenario: &Scenario, first_sample: u64) -> bool {
     first_sample == 1 && scenario.arm.initial == [0.0; 4] && !reads_gravity
 }
 
-/// Says what makes the angles doubtful.
+/// Warns of anything that makes the angles doubtful.
 fn warn(scenario: &Scenario, found: &AngleHistory) {
     if scenario.rig.faults.iter().any(|fault| fault.instrument != InstrumentName::ImpedanceHead) {
         tracing::warn!("an accelerometer had a fault in this run: the angles are those of its readings");

@@ -7,9 +7,9 @@ use serde::Serialize;
 use resonarm::analysis::Mode;
 use resonarm::identify::{Band, Identification, IdentifiedMode, MOST_NOISE_SHARE, Rejection};
 
-/// How far a mode that was found may be from the arm's, relative: arms of the same make differ by less.
+/// Largest relative distance of a found mode from the arm's: arms of the same make differ by less.
 const SAME_MODE: f64 = 0.15;
-/// How far a peak may be from a mode to be taken for its own, relative.
+/// Largest relative distance of a peak from the mode it is attributed to.
 const NEAR: f64 = 0.05;
 
 /// A mode of the scenario's arm that was not found.
@@ -29,7 +29,7 @@ pub(super) struct MissingMode {
 pub(super) enum Reason {
     /// No peak is near it.
     NoPeak,
-    /// There is a peak, to which no mode can be fitted.
+    /// There is a peak, but no mode can be fitted to it.
     NoPole {
         /// Its frequency, Hz.
         peak_hz: f64,
@@ -65,14 +65,14 @@ impl Display for MissingMode {
     }
 }
 
-/// The number of each mode that was found: that of the nearest of the arm's modes, once for each of them.
+/// The number of each mode that was found: that of the nearest of the arm's modes, each used once.
 pub(super) fn numbers(found: &[IdentifiedMode], arm: &[Mode; 2]) -> Vec<Option<u8>> {
     let off = |mode: &IdentifiedMode, of: &Mode| libm::fabs(libm::log(mode.frequency_hz / of.frequency_hz));
     let nearest = |of: &Mode| {
         let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of) < SAME_MODE);
-        // Of a mode that both are near to, the nearer has it.
-        let own = near.filter(|(_, mode)| arm.iter().all(|other| off(mode, of) <= off(mode, other)));
-        own.min_by(|(_, a), (_, b)| off(a, of).total_cmp(&off(b, of))).map(|(index, _)| index)
+        // If a found mode is near both, it belongs to the nearer one.
+        let candidates = near.filter(|(_, mode)| arm.iter().all(|other| off(mode, of) <= off(mode, other)));
+        candidates.min_by(|(_, a), (_, b)| off(a, of).total_cmp(&off(b, of))).map(|(index, _)| index)
     };
     let [first, second] = [nearest(&arm[0]), nearest(&arm[1])];
     (0..found.len())

@@ -12,7 +12,7 @@ use resonarm::recording::Existing;
 use resonarm::scenario::Scenario;
 
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
-/// `resim` does not take it. The log is read twice and never held in memory.
+/// `resim` does not accept it. The log is read twice and never held in memory.
 #[derive(Debug, Args)]
 pub(super) struct Import {
     /// The log: of `candump -L`, or ASC or BLF of Vector's tools.
@@ -25,7 +25,7 @@ pub(super) struct Import {
     /// TOML file with the scenario that was logged: its network, and its rate; it goes into the recording.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// The interface, or the channel, whose frames are wanted; needed if the log has more than one.
+    /// The interface, or the channel, whose frames are imported; needed if the log has more than one.
     #[arg(long, value_name = "NAME")]
     interface: Option<String>,
     /// Overwrite the new recording if it exists.
@@ -62,7 +62,7 @@ impl Import {
         found.ok_or_else(|| {
             let log = self.log.display();
             let names = LogFormat::ALL.map(LogFormat::name).join(", ");
-            Failure::Usage(format!("{log}: the ending tells no format: name it by --from, one of {names}"))
+            Failure::Usage(format!("{log}: the ending does not say the format: give it by --from, one of {names}"))
         })
     }
 }

@@ -1,4 +1,4 @@
-//! `resonarm integrators`: what each scheme adds to the arm, and what it costs.
+//! `resonarm integrators`: the error and the cost of each scheme.
 
 use core::fmt::Write;
 use core::hint::black_box;
@@ -18,10 +18,11 @@ use resonarm::integrate::{IntegrateError, Integrator, Scheme};
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::scenario::{ArmSection, Scenario};
 
-/// Each integration scheme's own damping and frequency error in both modes, its drift of energy, and its cost per step.
+/// Each integration scheme's numerical damping and frequency error in both modes, its drift of energy, and its cost per
+/// step.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "All is measured on the arm without its dampers and without load. docs/integrators.md tells how, and what each scheme is for."
+    after_help = "All is measured on the arm without its dampers and without load. docs/integrators.md describes how, and what each scheme is for."
 )]
 pub(super) struct Integrators {
     #[command(flatten)]
@@ -29,7 +30,7 @@ pub(super) struct Integrators {
     /// Integration steps a second, else as many as the scenario has.
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     rate_hz: Option<f64>,
-    /// Steps of free vibration over which the energy is watched, at least 10.
+    /// Steps of free vibration over which the energy is monitored, at least 10.
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(10..))]
     drift_steps: u32,
     /// Print one JSON document.
@@ -39,7 +40,7 @@ pub(super) struct Integrators {
 
 /// Where the free vibration starts: an amplitude at which the arm is far from linear.
 const START: ([f64; 2], [f64; 2]) = ([0.05, -0.08], [0.5, -1.0]);
-/// The cost is the least of so many rounds of so many steps: what else the machine does then weighs little.
+/// The cost is the minimum over these rounds of steps, which keeps the influence of other processes small.
 const COST_ROUNDS: u32 = 50;
 const COST_STEPS: u32 = 500;
 
@@ -56,7 +57,7 @@ struct Document {
     schemes: Vec<Row>,
 }
 
-/// What was measured of a scheme; what could not be is missing, and `refused` says why.
+/// The measurements of a scheme; those that failed are missing, and `refused` says why.
 #[derive(Serialize)]
 struct Row {
     scheme: Scheme,
@@ -105,7 +106,7 @@ impl Integrators {
         Ok(Verdict::Positive)
     }
 
-    /// What a scheme can't carry is said in its row; a rate that is none ends the command.
+    /// If a scheme fails, its row says why; an invalid rate ends the command.
     fn row(&self, arm: &Arm, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
         let mut row = Row { scheme, order: scheme.order(), modes: None, energy: None, cost_ns: None, refused: None };
         match self.measure(arm, rate_hz, &mut row) {

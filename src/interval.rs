@@ -1,17 +1,17 @@
-//! The interval of what varies, from flags that carry its unit.
+//! The interval of the quantity that varies, from flags that carry its unit.
 
 use super::failure::Failure;
 
-/// A pair of flags, `--from-UNIT a --to-UNIT b`, and what was given.
+/// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends {
-    /// What stands behind `--from` and `--to`, as `-hz`.
+    /// The suffix of `--from` and `--to`, as `-hz`.
     pub unit: &'static str,
     pub from: Option<f64>,
     pub to: Option<f64>,
 }
 
-/// Both ends of the interval in the unit wanted; `None` wants no interval at all. Ends in another unit are refused.
+/// Both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are refused.
 pub(super) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) -> Result<Option<(f64, f64)>, Failure> {
     let needs = wanted.map_or_else(String::new, |unit| format!(": its interval is --from{unit} a --to{unit} b"));
     for Ends { unit, from, to } in given.iter().filter(|ends| Some(ends.unit) != wanted) {

@@ -1,4 +1,4 @@
-//! `resonarm latency`: how punctual the real-time loop is on this machine, beside a loop that does nothing.
+//! `resonarm latency`: how punctual the real-time loop is on this machine, compared with a loop that does nothing.
 
 use core::fmt::Write;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::doctor;
 use super::failure::{Failure, Verdict};
 use super::flags::{SpinFlag, ThreadFlags};
-use super::latency_figure::{self, Curve, HistogramFlag};
+use super::latency_figure::{self, HistogramFlag, LatencyCurve};
 use super::output::{self, OverwriteFlag};
 use super::session::seconds;
 use resonarm_numeric::number::short;
@@ -22,16 +22,16 @@ use resonarm::realtime::{
 use resonarm::recording::Existing;
 use resonarm::run::{Histograms, Mode, Options, RecordTo, RunError, Session, Signals};
 
-/// Measures how late a loop that does nothing wakes up on this machine, and how late the plant's, side by side: in
-/// turns, on threads with the same settings. Says what would make it better.
+/// Measures how late an empty loop and the plant's loop wake up on this machine: in turns, on threads with the same
+/// settings. Says what would improve it.
 #[derive(Debug, Args)]
 #[command(
     after_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and with \
-                        --record a recording. Of each turn's percentiles the medians are told, and the longest of all.\n\n\
+                        --record a recording. Reported are the medians of the turns' percentiles, and the longest of all.\n\n\
                         Example:\n  resonarm latency --rate-hz 1000,4000,10000 --core 1"
 )]
 pub(super) struct Latency {
-    /// Samples a second, whole Hz, several by commas.
+    /// Samples a second, whole Hz, separated by commas.
     #[arg(long, value_name = "HZ", value_delimiter = ',', default_value = "1000")]
     rate_hz: Vec<f64>,
     /// How long a turn is, s.
@@ -56,7 +56,7 @@ pub(super) struct Latency {
     json: bool,
 }
 
-/// How long the controller may be held up before the plant takes it for lost, s.
+/// How long the controller may be delayed before the plant considers it lost, s.
 const PATIENCE_S: f64 = 3600.0;
 
 /// One turn of each loop.
@@ -67,17 +67,17 @@ struct Turn {
     overruns: u64,
     lost_records: u64,
     spin: Option<SpinChoice>,
-    /// What the three are of.
+    /// The histograms behind the three.
     counted: [Option<LatencyHistogram>; 3],
 }
 
-/// What was found at one rate.
+/// The results at one rate.
 #[derive(Debug, PartialEq, Serialize)]
 struct AtRate {
     rate_hz: f64,
-    /// How late the loop woke that does nothing.
+    /// How late the bare loop woke.
     bare_us: Percentiles,
-    /// How late the plant's.
+    /// How late the plant's loop woke.
     plant_us: Percentiles,
     /// How long the plant's work of a sample took.
     execution_us: Percentiles,
@@ -88,13 +88,13 @@ struct AtRate {
     overruns: u64,
     /// Records that did not reach the recording.
     lost_records: u64,
-    /// How long the plant's loop spins before a deadline, in the last turn; `null` if it was not to.
+    /// How long the plant's loop spins before a deadline, in the last turn; `null` if it does not spin.
     spin: Option<SpinChoice>,
 }
 
 #[derive(Serialize)]
 struct Document {
-    /// What the threads got; `null` if nothing was asked for.
+    /// The settings granted to the threads; `null` if none were asked for.
     thread: Option<ThreadReport>,
     rates: Vec<AtRate>,
     findings: Vec<Finding>,
@@ -130,7 +130,7 @@ impl Latency {
         if self.json {
             output::print_json(&document)?;
         } else {
-            output::print(&(table(&document) + "\n" + &doctor::told(&document.findings)))?;
+            output::print(&(table(&document) + "\n" + &doctor::in_words(&document.findings)))?;
         }
         Ok(Verdict::Positive)
     }
@@ -140,7 +140,7 @@ impl Latency {
         let mut scenario = super::exciter::scenario()?;
         scenario.simulation.rate_hz = rate_hz;
         scenario.simulation.duration_s = Some(self.turn_s);
-        // A controller that is held up is no matter of the plant's loop.
+        // A delayed controller must not disturb the plant's loop.
         (scenario.network.command_timeout_s, scenario.network.partner_timeout_s) = (PATIENCE_S, PATIENCE_S);
         let options = Options {
             record: self.record.clone().map(|path| RecordTo { path, existing }),
@@ -152,7 +152,7 @@ impl Latency {
         Ok(Session::new(scenario, Mode::RealTime, options)?)
     }
 
-    /// One turn of each loop, on threads of their own, whose settings end with them.
+    /// One turn of each loop, on separate threads, whose settings end with them.
     fn turn(
         &self,
         session: &Session,
@@ -213,15 +213,18 @@ impl AtRate {
 }
 
 /// The curves of a rate, over all turns: the plant over the bare loop.
-fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<Curve<'_>>) {
+fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<LatencyCurve<'_>>) {
     let curves = [("late, bare loop", Color::Grey), ("late, plant", Color::Blue), ("work, plant", Color::Vermillion)];
     let counted = |which: usize| turns.iter().filter_map(|turn| turn.counted[which].as_ref()).collect();
-    let curves =
-        curves.into_iter().enumerate().map(|(which, (name, color))| Curve { name, color, counted: counted(which) });
+    let curves = curves.into_iter().enumerate().map(|(which, (name, color))| LatencyCurve {
+        name,
+        color,
+        counted: counted(which),
+    });
     (Some(format!("{} Hz", short(&rate_hz))), curves.collect())
 }
 
-/// Of each percentile the median over the turns, the upper one of an even number; of the longest the longest.
+/// The median of each percentile over the turns, the upper one of an even number; the maximum of the maxima.
 fn medians(turns: impl Iterator<Item = Percentiles> + Clone) -> Percentiles {
     let median = |of: fn(&Percentiles) -> f64| {
         let mut values: Vec<f64> = turns.clone().map(|turn| of(&turn)).collect();
@@ -273,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn of_turns_the_medians_are_told_and_the_longest() {
+    fn medians_of_the_turns_and_the_longest_are_reported() {
         let turn = |bare, plant, longest| Turn {
             bare: percentiles(bare, 400.0),
             plant: percentiles(plant, longest),

@@ -1,4 +1,4 @@
-//! Latencies as a figure: how many samples were how late, or took how long.
+//! Latencies as a figure: histograms of lateness and of work time.
 
 use std::path::{Path, PathBuf};
 
@@ -11,9 +11,9 @@ use resonarm::realtime::LatencyHistogram;
 
 /// Bars in a decade of latency.
 const BARS: f64 = 20.0;
-/// Where the axis of counts ends, below one: a bar without a sample lies there.
+/// The lower end of the axis of counts, below one: empty bars have this height.
 const NONE: f64 = 0.5;
-/// The shortest latency that has a bar of its own, ns: shorter ones count there.
+/// The lower end of the first bar, ns: shorter latencies count there.
 const SHORTEST_NS: u64 = 100;
 
 /// Where to draw latencies.
@@ -25,28 +25,32 @@ pub(super) struct HistogramFlag {
 }
 
 impl HistogramFlag {
-    /// Refuses a file that is there, or a folder that is not.
+    /// Refuses an existing file, or a folder that does not exist.
     pub fn check(&self, overwrite: bool) -> Result<(), Failure> {
         OverwriteFlag { overwrite }.check(self.histogram.clone())?;
         self.histogram.as_deref().map_or(Ok(()), output::check_folder)
     }
 }
 
-/// A curve: its name, and what it counts.
-pub(super) struct Curve<'a> {
+/// A curve: its name and its histograms.
+pub(super) struct LatencyCurve<'a> {
     pub name: &'static str,
     pub color: Color,
     pub counted: Vec<&'a LatencyHistogram>,
 }
 
 /// Writes the figure: a panel for each list of curves, under its title.
-pub(super) fn write(path: &Path, subtitle: &str, panels: &[(Option<String>, Vec<Curve>)]) -> Result<(), Failure> {
+pub(super) fn write(
+    path: &Path,
+    subtitle: &str,
+    panels: &[(Option<String>, Vec<LatencyCurve>)],
+) -> Result<(), Failure> {
     let figure = Figure::new("Latency of the real-time loop").subtitle(subtitle);
     let figure = panels.iter().fold(figure, |figure, (title, curves)| figure.with(panel(title.clone(), curves)));
     Ok(figure.write_svg(path)?)
 }
 
-fn panel(title: Option<String>, curves: &[Curve]) -> Panel {
+fn panel(title: Option<String>, curves: &[LatencyCurve]) -> Panel {
     let bars: Vec<_> = curves.iter().map(|curve| bars(&curve.counted)).collect();
     let most = bars.iter().flatten().map(|(_, count)| *count).max().unwrap_or(1);
     let y = Axis::log("samples").range(NONE, 2.0 * most as f64);
@@ -62,7 +66,7 @@ fn bar(latency_ns: u64) -> i32 {
     libm::floor(BARS * libm::log10(latency_ns.max(SHORTEST_NS) as f64)) as i32
 }
 
-/// The bars from the first to the last that is not empty, with their counts.
+/// The bars from the first to the last non-empty one, with their counts.
 fn bars(counted: &[&LatencyHistogram]) -> Vec<(i32, u64)> {
     let all = || counted.iter().flat_map(|histogram| histogram.counts()).map(|(ns, count)| (bar(ns), count));
     let (Some(first), Some(last)) = (all().map(|(bar, _)| bar).min(), all().map(|(bar, _)| bar).max()) else {
@@ -75,7 +79,7 @@ fn bars(counted: &[&LatencyHistogram]) -> Vec<(i32, u64)> {
     bars
 }
 
-/// The outline of the bars, µs and counts, from the ground and back to it.
+/// The outline of the bars, µs and counts, from the base line and back to it.
 fn outline(bars: &[(i32, u64)]) -> Vec<(f64, f64)> {
     let edge_us = |bar: i32| libm::pow(10.0, f64::from(bar) / BARS) * 1e-3;
     let (Some((first, _)), Some((last, _))) = (bars.first(), bars.last()) else { return Vec::new() };
@@ -91,13 +95,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_latency_is_in_a_bar_and_the_outline_stands_on_the_ground() {
+    fn every_latency_is_in_a_bar_and_the_outline_starts_and_ends_on_the_base_line() {
         let (mut one, mut other) = (LatencyHistogram::new().unwrap(), LatencyHistogram::new().unwrap());
         [10_000, 10_100, 20_000].iter().for_each(|ns| one.record(*ns));
         [10_050, 30, 30_000_000_000].iter().for_each(|ns| other.record(*ns));
         let bars = bars(&[&one, &other]);
         assert_eq!(bars.iter().map(|(_, count)| count).sum::<u64>(), 6);
-        // From 100 ns to 30 s, which is beyond what keeps its place: 8.48 decades.
+        // From 100 ns to 30 s, the histogram's limit: 8.48 decades.
         assert_eq!((bars[0], bars.len(), bars[40]), ((40, 1), 170, (80, 3)));
         let points = outline(&bars);
         let ends = [points[0], points[points.len() - 1]];

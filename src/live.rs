@@ -1,4 +1,4 @@
-//! `--live`: what runs here, in a browser.
+//! `--live`: shows a run or a recording in a browser.
 
 use std::sync::Arc;
 
@@ -11,17 +11,17 @@ use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::Recording;
 use resonarm::run::{Session, Signals, Watch};
 
-/// From one look at the stop signal to the next, ns.
+/// Interval at which the stop signal is checked, ns.
 const LOOK_NS: u64 = 20_000_000;
 
-/// Whether somebody may watch, and where.
+/// Whether the live view is served, and where.
 #[derive(Clone, Debug, Args)]
 pub(super) struct LiveFlags {
-    /// Show what runs in a browser, at this address and port; the line that begins with `live view` says where. Without
-    /// a port a free one is taken.
+    /// Show the run in a browser, at this address and port; the line that begins with `live view` has the URL. Without
+    /// a port a free one is chosen.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1")]
     pub live: Option<String>,
-    /// Let pages of this origin watch as well, as https://app.foxglove.dev; as often as needed.
+    /// Also allow pages of this origin, as https://app.foxglove.dev; may be repeated.
     #[arg(long, value_name = "ORIGIN", requires = "live")]
     pub live_origin: Vec<String>,
 }
@@ -36,7 +36,7 @@ pub(super) struct SteerFlag {
 }
 
 impl SteerFlag {
-    /// The session, with what is steered as its controller, if it is asked for.
+    /// The session, with the steered sine as its controller if --steer is given.
     pub fn steered(self, session: Session) -> Result<(Session, Option<Steered>), Failure> {
         if !self.steer {
             return Ok((session, None));
@@ -53,13 +53,13 @@ impl SteerFlag {
 pub(super) struct Showing {
     /// Recorded seconds a second.
     pub speed: f64,
-    /// How often; 0 is without end.
+    /// How often; 0 repeats without end.
     pub times: u32,
     /// Whether it waits for its first viewer.
     pub wait: bool,
 }
 
-/// Shows a recording until it is asked to stop.
+/// Shows a recording until a signal stops it.
 pub(super) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
     let _live = serving::of_recording(flags, recording, showing)?;
     let signals = Arc::new(Signals::default());
@@ -75,15 +75,15 @@ pub(super) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) ->
 /// Which role of a session is shown, and on what.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
-pub(super) struct Part {
+pub(super) struct ShownRole {
     pub role: Role,
     /// The bus, in words.
     pub place: String,
     /// What recordings call it.
     pub interface: String,
-    /// Write the line that says where as JSON.
+    /// Write the line with the URL as JSON.
     pub json: bool,
-    /// What is steered, if something is.
+    /// The steered sine, if there is one.
     pub steered: Option<Steered>,
 }
 
@@ -95,7 +95,7 @@ pub(super) enum Role {
     PlantAndExciter,
 }
 
-/// A live view that is served as long as this is kept.
+/// A live view that is served until this is dropped.
 pub(super) struct Serving {
     watch: Watch,
     #[cfg(feature = "live")]
@@ -103,8 +103,8 @@ pub(super) struct Serving {
 }
 
 impl LiveFlags {
-    /// Serves the live view of a session, if it is asked for; the session is then watched.
-    pub fn watched(&self, session: Session, part: &Part) -> Result<(Session, Option<Serving>), Failure> {
+    /// Serves the live view of a session if --live is given; the session is then watched.
+    pub fn watched(&self, session: Session, part: &ShownRole) -> Result<(Session, Option<Serving>), Failure> {
         let serving = match &self.live {
             Some(address) => Some(serving::of_session(address, &self.live_origin, &session, part)?),
             None => None,
@@ -118,11 +118,11 @@ impl LiveFlags {
 
 #[cfg(not(feature = "live"))]
 mod serving {
-    use super::{Failure, LiveFlags, Part, Serving, Session, Showing};
+    use super::{Failure, LiveFlags, Serving, Session, Showing, ShownRole};
     use resonarm::recording::Recording;
 
-    /// Says how to get a program that can do it.
-    pub fn of_session(_: &str, _: &[String], _: &Session, _: &Part) -> Result<Serving, Failure> {
+    /// Says how to build a program with the live view.
+    pub fn of_session(_: &str, _: &[String], _: &Session, _: &ShownRole) -> Result<Serving, Failure> {
         Err(missing())
     }
 
@@ -142,7 +142,7 @@ mod serving {
 mod serving {
     use std::net::{IpAddr, SocketAddr};
 
-    use super::{Failure, LiveFlags, Part, Role, Serving, Session, Showing};
+    use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
     use resonarm::analysis::{BifurcationKind, Branch, Row, segments};
     use resonarm::arm::Load;
     use crate::output;
@@ -157,11 +157,16 @@ mod serving {
     use resonarm::run::watch;
     use resonarm::scenario::Scenario;
 
-    /// Largest turn between two motions of the computed branch: coarser than in a figure, and faster.
+    /// Largest turn between two motions of the computed branch: coarser than in a figure, and faster to compute.
     const TURN_RAD: f64 = 0.1;
 
-    /// Serves the live view of a session, and says where.
-    pub fn of_session(address: &str, origins: &[String], session: &Session, part: &Part) -> Result<Serving, Failure> {
+    /// Serves the live view of a session, and prints its URL.
+    pub fn of_session(
+        address: &str,
+        origins: &[String],
+        session: &Session,
+        part: &ShownRole,
+    ) -> Result<Serving, Failure> {
         let scenario = session.scenario();
         let arm = scenario.build_arm()?;
         let role = match part.role {
@@ -186,7 +191,7 @@ mod serving {
             arm: (part.role != Role::Exciter).then(|| arm.clone()),
             model: Model::new(about, arm),
             source: Source::Run(watcher),
-            // The load of what is steered is not that of the scenario.
+            // A steered load is not that of the scenario.
             compute: load(scenario)
                 .filter(|_| responds && part.steered.is_none())
                 .map(|load| compute(scenario.clone(), load)),
@@ -199,7 +204,7 @@ mod serving {
         Ok(Serving { watch, _live: live })
     }
 
-    /// Serves a recording, and says where; the view ends when what is returned is dropped.
+    /// Serves a recording, and prints its URL; the view ends when the returned value is dropped.
     pub fn of_recording(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<Live, Failure> {
         let Showing { speed, times, wait } = showing;
         if !SPEEDS.contains(&speed) {
@@ -229,17 +234,17 @@ mod serving {
         Ok(live)
     }
 
-    /// Says where the page is.
+    /// Prints the URL of the page.
     fn announce(live: &Live, json: bool) {
         announcement(&live.url_with_token(), live.address(), json).iter().for_each(|line| output::note(line));
     }
 
-    /// The lines that say where the page is, and whether others reach it.
+    /// The lines with the page's URL and a warning if other machines reach it.
     fn announcement(url: &str, address: SocketAddr, json: bool) -> Vec<String> {
         let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
             let port = address.port();
             format!(
-                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: whoever reaches it may look, and whoever \
+                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: anyone who reaches it may look, and anyone who \
                  reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: \
                  `ssh -L {port}:127.0.0.1:{port} HOST`"
             )
@@ -311,11 +316,11 @@ mod serving {
         use super::*;
 
         #[test]
-        fn whoever_listens_beyond_loopback_is_warned() {
+        fn listening_beyond_loopback_gives_a_warning() {
             let said = |address: &str| announcement("http://x/#t", address.parse().unwrap(), false);
             insta::assert_snapshot!(said("0.0.0.0:8080").join("\n"), @"
             live view    http://x/#t (to look only: leave out what follows #)
-            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: whoever reaches it may look, and whoever reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
+            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: anyone who reaches it may look, and anyone who reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
             ");
             for near in ["127.0.0.1:1", "127.8.0.1:1", "[::1]:1", "[::ffff:127.0.0.1]:1"] {
                 assert_eq!(said(near), ["live view    http://x/#t (to look only: leave out what follows #)"], "{near}");

@@ -1,4 +1,4 @@
-//! What is logged: levels from `-v` and from the environment variable `RESONARM_LOG`.
+//! Log levels, from `-v` and from the environment variable `RESONARM_LOG`.
 
 use std::io::IsTerminal;
 
@@ -13,7 +13,7 @@ use super::output::printable;
 /// Names level and targets: `debug`, `resonarm::bus=trace`, or several with commas between them.
 const VARIABLE: &str = "RESONARM_LOG";
 
-/// Logs to standard error: warnings, more with `-v`, and what `RESONARM_LOG` asks for.
+/// Logs to standard error: warnings, more with `-v`, and the levels of `RESONARM_LOG`.
 pub(super) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     let level = match verbose {
         0 => LevelFilter::WARN,
@@ -22,7 +22,7 @@ pub(super) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
         _ => LevelFilter::TRACE,
     };
     let filter = filter(level, &std::env::var(VARIABLE).unwrap_or_default())?;
-    // Colours are for people: none in a file or a pipe, and none where NO_COLOR (no-color.org) asks for none.
+    // No colours in a file or a pipe, nor with NO_COLOR (no-color.org).
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     let lines = tracing_subscriber::fmt::layer()
         .fmt_fields(debug_fn(|writer, field, value| match field.name() {
@@ -36,7 +36,7 @@ pub(super) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What `directives` ask for, and `level` wherever they name none.
+/// The levels in `directives`, and `level` where they name none.
 fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
     let mut filter = Targets::new().with_default(level);
     for directive in directives.split(',').map(str::trim).filter(|directive| !directive.is_empty()) {
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_is_for_all_and_a_target_for_its_part() {
+    fn a_level_applies_to_all_targets_and_a_directive_to_its_target() {
         assert_eq!(logged("", "resonarm::run"), Some(Level::WARN));
         assert_eq!(logged("debug", "resonarm::run"), Some(Level::DEBUG));
         assert_eq!(logged("OFF", "resonarm::run"), None);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_directive_is_said() {
+    fn an_invalid_directive_is_reported() {
         let complaint = filter(LevelFilter::WARN, "info,resonarm::bus=loud").unwrap_err();
         insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm::bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; it is a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm::bus=trace`"#);
     }

@@ -1,4 +1,4 @@
-//! The command line: one file a subcommand.
+//! The command line, with one file for each subcommand.
 //!
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
 //! input, 3 the environment lacks something.
@@ -78,7 +78,7 @@ use progress::Progress;
 #[command(
     after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
                         RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`. Where standard error is no terminal, a line \
-                        of progress stands there every 10 s; `error` and `off` leave it out, too."
+                        of progress is written every 10 s; the levels `error` and `off` suppress it, too."
 )]
 struct Cli {
     /// Log more: -v for what happens, -vv for every detail.
@@ -166,7 +166,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(Verdict::Positive) => ExitCode::SUCCESS,
         Ok(Verdict::Negative) => ExitCode::from(1),
-        // Whoever reads the output has had enough of it.
+        // The reader of the output has closed it.
         Err(Failure::BrokenPipe) => ExitCode::SUCCESS,
         Err(failure) => {
             output::complain(&failure);
@@ -175,16 +175,15 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Runs a command that does not count its work, with a line now and then that it is still at it.
+/// Runs a command that does not count its work, with periodic lines that it is still running.
 fn uncounted(name: &'static str, execute: impl FnOnce() -> Result<Verdict, Failure>) -> Result<Verdict, Failure> {
     let _progress = Progress::uncounted(name);
     execute()
 }
 
-/// Checks that `arguments`, the program's name left out, are a command line of this program, without doing anything.
+/// Checks that `arguments`, without the program's name, are a valid command line of this program, without running it.
 ///
-/// # Errors
-/// What the program would say of them.
+/// # Errors The message that the program would print.
 pub fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(), String> {
     let command_line = core::iter::once("resonarm").chain(arguments);
     parse(command_line).map(|_cli| ()).map_err(|error| error.to_string())

@@ -20,10 +20,10 @@ use resonarm::scenario::{ArmSection, Scenario};
 
 /// Undamped natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
 ///
-/// With gravity α = 0 is the arm at rest under its weight: β is the pose of the relaxed springs, before it sags.
+/// With gravity, α = 0 is the arm at rest under its weight; β is the pose with relaxed springs, before it sags.
 ///
 /// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal
-/// mass. With --plot CSV and JSON go to files beside the figure, and standard output says which.
+/// mass. With --plot CSV and JSON go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
 pub(super) struct Modes {
     #[command(flatten)]
@@ -110,7 +110,7 @@ impl Modes {
     }
 
     fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<(), Failure> {
-        // NaN fails it, too.
+        // False for NaN, too.
         let rises = -360.0 <= from_deg && from_deg < to_deg && to_deg <= 360.0;
         if !rises {
             return Err(Failure::Usage(format!(
@@ -127,7 +127,7 @@ impl Modes {
         };
         let poses = (0..self.points).map(in_pose).collect::<Result<_, Failure>>()?;
         let mut configuration = configuration::of_arm(scenario)?;
-        // β2 varies and stands beside each pose, and with it how far the arm sags.
+        // β2 and the sag vary: each pose has its own.
         if let Some(arm) = configuration.as_object_mut() {
             ["beta2_deg", "static_deflection_rad"].into_iter().for_each(|varied| drop(arm.remove(varied)));
         }
@@ -144,7 +144,7 @@ impl Modes {
     }
 }
 
-/// A line with how far the weight deflects the joints; empty without gravity.
+/// A line with the joints' deflection under the weight; empty without gravity.
 fn sag_text(arm: &Arm) -> String {
     if arm.parameters().gravity.is_none() {
         return String::new();

@@ -15,7 +15,7 @@ use resonarm::arm::{Load, State};
 use resonarm::plant::PlantSpecError;
 use resonarm::scenario::Scenario;
 
-/// What moves, from where, for how long, and where the results go.
+/// The arm, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
 pub(super) struct MotionFlags {
     #[command(flatten)]
@@ -28,7 +28,7 @@ pub(super) struct MotionFlags {
     /// Longest wait for a motion to settle, in time constants of the arm's slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants, allow_hyphen_values = true)]
     pub time_constants: f64,
-    /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run goes on from what it
+    /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run resumes from what it
     /// holds.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -39,7 +39,7 @@ pub(super) struct MotionFlags {
     pub json: bool,
 }
 
-/// Which ways to step.
+/// The directions of stepping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum DirectionFlag {
     /// From the lowest value.
@@ -93,12 +93,12 @@ impl MotionFlags {
         State::new([x1, x2], [v1, v2])
     }
 
-    /// How long to wait, and how many points of the section to keep of what doesn't settle.
+    /// How long to wait, and how many points of the section to keep if a motion doesn't settle.
     pub fn options(&self, section_points: usize) -> SettleOptions {
         SettleOptions { time_constants: self.time_constants, section_points }
     }
 
-    /// The folder for the results, made if it isn't there, and the journal in it; `name` is that of all files.
+    /// The folder for the results, created if missing, and the journal in it; all files are called `name`.
     pub fn make_out(&self, name: &str) -> Result<Option<PathBuf>, Failure> {
         let Some(out) = &self.out else { return Ok(None) };
         self.overwrite.check_stem(Some(&out.join(name)), output::PLOTTED)?;
@@ -106,7 +106,7 @@ impl MotionFlags {
         Ok(Some(out.join(name).with_extension("partial.jsonl")))
     }
 
-    /// Everything of these flags that results depend on.
+    /// Everything in these flags that results depend on.
     pub fn configuration(&self, scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
         let mut configuration = configuration::of(scenario, load)?;
         configuration["initial"] = json!(scenario.arm.initial);
@@ -115,7 +115,7 @@ impl MotionFlags {
     }
 }
 
-/// A number of a table where there may be none.
+/// A number in a table; empty if there is none.
 pub(super) fn or_empty(value: Option<impl ToString>) -> String {
     value.map_or(String::new(), |value| value.to_string())
 }

@@ -1,12 +1,11 @@
-//! What every numeric flag has in common.
+//! Strict parsing of all numeric flags.
 
 use core::any::TypeId;
 
 use clap::{Arg, Command};
 
-/// The command line with its numeric flags made strict: values may be negative, also after a blank, and those of type
-/// `f64` must be finite. So `--beta1-deg -1` is an angle and not an unknown flag, and `--rate-hz nan` is refused by the
-/// name of the flag.
+/// The command line with strict numeric flags: values may be negative, also after a blank, and those of type `f64` must
+/// be finite. So `--beta1-deg -1` is an angle, not an unknown flag, and the refusal of `--rate-hz nan` names the flag.
 pub(super) fn strict(command: Command) -> Command {
     command.mut_subcommands(|subcommand| strict(subcommand.mut_args(strict_flag)))
 }
@@ -30,7 +29,7 @@ fn strict_flag(arg: Arg) -> Arg {
     }
 }
 
-/// A number that is one.
+/// Parses a finite number.
 fn finite(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().map_err(|error| error.to_string())?;
     if number.is_finite() { Ok(number) } else { Err(String::from("it must be a finite number")) }

@@ -1,7 +1,7 @@
-//! What goes to standard output, standard error and files.
+//! Output to standard output, standard error and files.
 //!
-//! Standard output holds one thing: the JSON document with `--json`; else the data, if there is no other place for
-//! them; else, with `--plot` or `--out`, a summary and the names of the files that hold the data.
+//! Standard output holds one thing: with `--json` the JSON document; with `--plot` or `--out` a summary and the names
+//! of the files that hold the data; otherwise the data.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::failure::Failure;
 use resonarm_figures::plot::{Figure, beside};
 
-/// Writes text to standard output, with the control characters in it escaped.
+/// Writes text to standard output, with its control characters escaped.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(printable(text).as_bytes())?;
@@ -22,26 +22,26 @@ pub(super) fn print(text: &str) -> Result<(), Failure> {
 
 /// Writes one JSON document to standard output.
 pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    // Those that JSON leaves as they are stand inside of strings alone, where it has an escape for each.
+    // Control characters that JSON leaves unescaped occur only in strings, where JSON has an escape for each.
     let text = escape(&serde_json::to_string(value)?, is_control, |letter| format!("\\u{:04x}", u32::from(letter)))
         .into_owned();
     print(&(text + "\n"))
 }
 
-/// The text with its control characters, line feeds and tabs apart, as escapes such as `\u{1b}`: names in files of
-/// others must not move a terminal's cursor, rename its window or write backwards. All that is written to a terminal
-/// goes through it.
+/// The text with its control characters, except line feeds and tabs, as escapes such as `\u{1b}`: names in foreign
+/// files must not move a terminal's cursor, rename its window or write backwards. All output to a terminal goes through
+/// this.
 pub(super) fn printable(text: &str) -> Cow<'_, str> {
     escape(text, is_control, |letter| letter.escape_default().to_string())
 }
 
-/// The same of what stands in a line: line feeds and tabs, too.
+/// The same for text within a line: escapes line feeds and tabs, too.
 pub(super) fn in_line(text: &str) -> Cow<'_, str> {
     let is_wanted = |letter| is_control(letter) || matches!(letter, '\n' | '\t');
     escape(text, is_wanted, |letter| letter.escape_default().to_string())
 }
 
-/// Control characters (Unicode's category Cc) but line feed and tab, and those that reverse the direction of writing
+/// Control characters (Unicode's category Cc) except line feed and tab, and those that change the direction of writing
 /// (UAX #9, section 2).
 fn is_control(letter: char) -> bool {
     letter.is_control() && !matches!(letter, '\n' | '\t')
@@ -56,7 +56,7 @@ fn escape(text: &str, is_wanted: impl Fn(char) -> bool, escaped: impl Fn(char) -
     text.chars().map(letter).collect()
 }
 
-/// Writes a text file, over what is there, and returns its path.
+/// Writes a text file, replacing an existing one, and returns its path.
 pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
     match std::fs::write(&path, text) {
         Ok(()) => Ok(path),
@@ -64,12 +64,12 @@ pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
     }
 }
 
-/// Writes a file of one JSON document likewise.
+/// Likewise writes a file of one JSON document.
 pub(super) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBuf, Failure> {
     write(path, &(serde_json::to_string(value)? + "\n"))
 }
 
-/// What a figure and its data are written to: the figure, its caption, the data.
+/// The endings of the files of a figure: the figure, its caption, the data.
 pub(super) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
 
 /// Writes a figure, its caption and its data to `stem` with [`PLOTTED`] appended, and returns the paths.
@@ -85,33 +85,33 @@ pub(super) fn plot(
     Ok(files)
 }
 
-/// Says on standard output which files were written.
+/// Lists the written files on standard output.
 pub(super) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
     let names: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
     print(&format!("written to {}\n", names.join(", ")))
 }
 
-/// Writes a line to standard error, with the control characters in it escaped.
+/// Writes a line to standard error, with its control characters escaped.
 pub(super) fn note(line: &str) {
-    // If this can't be written there is nobody to tell.
+    // A failure to write this can't be reported anywhere.
     let _unwritten = writeln!(io::stderr(), "{}", printable(line));
 }
 
-/// Tells on standard error why a command failed.
+/// Writes to standard error why a command failed.
 pub(super) fn complain(failure: &Failure) {
     note(&format!("resonarm: {failure}"));
 }
 
-/// Whether files that are there may be written over. A command that writes files asks before it computes anything.
+/// Whether existing files may be overwritten. A command that writes files checks before it computes anything.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct OverwriteFlag {
-    /// Write over files that are there.
+    /// Overwrite existing files.
     #[arg(long)]
     pub overwrite: bool,
 }
 
 impl OverwriteFlag {
-    /// Refuses to go on if one of these files is there, unless it may be written over.
+    /// Fails if one of these files exists, unless it may be overwritten.
     pub fn check(self, files: impl IntoIterator<Item = PathBuf>) -> Result<(), Failure> {
         let there = files.into_iter().find(|path| !self.overwrite && path.symlink_metadata().is_ok());
         there.map_or(Ok(()), |path| Err(Failure::Exists { path }))
@@ -123,7 +123,7 @@ impl OverwriteFlag {
     }
 }
 
-/// Whether the folder is there in which STEM's files are to be: commands that compute for minutes ask before.
+/// Fails unless the folder of STEM's files exists: commands that compute for minutes check first.
 pub(super) fn check_folder(stem: &Path) -> Result<(), Failure> {
     let folder = stem.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder.map(std::fs::read_dir) {

@@ -20,7 +20,7 @@ use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series,
 use resonarm::scenario::Scenario;
 use resonarm::study::{Chain, Chains, Point};
 
-/// Points of the section to keep of a motion that doesn't settle: of one motion, and at each value of a diagram.
+/// Points of the section to keep if a motion doesn't settle: of a single motion, and at each value of a diagram.
 const SECTION_POINTS: usize = 2000;
 const DIAGRAM_POINTS: usize = 200;
 
@@ -40,7 +40,7 @@ pub(super) struct Poincare {
     /// Excitation frequency, Hz; not with --parameter frequency.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: Option<f64>,
-    /// What is stepped for a bifurcation diagram [default: nothing, one section].
+    /// Quantity to step for a bifurcation diagram [default: nothing, one section].
     #[arg(long, value_enum)]
     parameter: Option<ParameterFlag>,
     #[command(flatten)]
@@ -51,12 +51,12 @@ pub(super) struct Poincare {
     /// Which way to step.
     #[arg(long, value_enum, default_value_t, requires = "parameter")]
     direction: DirectionFlag,
-    /// Points of the section to keep of a motion that doesn't settle [default: 2000, in a diagram 200].
+    /// Points of the section to keep if a motion doesn't settle [default: 2000, in a diagram 200].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     points: Option<u32>,
 }
 
-/// What can be stepped.
+/// A quantity that can be stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ParameterFlag {
     /// Frequency of the excitation.
@@ -65,7 +65,7 @@ enum ParameterFlag {
     Amplitude,
 }
 
-/// The interval of what is stepped, in its unit.
+/// The interval of the stepped quantity, in its unit.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// One end of the frequencies, Hz.
@@ -88,11 +88,11 @@ struct RangeFlags {
     to_n: Option<f64>,
 }
 
-/// What is stepped, with its names in results and in figures.
+/// The stepped quantity, with its names in results and in figures.
 struct Stepped {
     name: &'static str,
     axis: &'static str,
-    /// The load at the crest; for the value 1 where the amplitude is stepped.
+    /// The peak load; for the value 1 where the amplitude is stepped.
     load: Load,
     sweeps: Vec<Sweep>,
 }
@@ -102,7 +102,7 @@ struct Stepped {
 struct MotionDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     direction: Option<Direction>,
-    /// What is stepped, by its name.
+    /// The stepped quantity, by its name.
     #[serde(flatten)]
     place: Map<String, Value>,
     period: Option<u32>,
@@ -290,8 +290,8 @@ impl Poincare {
 }
 
 impl Poincare {
-    /// The section in the planes of both joints, on the path of the motion if it repeats: its few points alone would
-    /// show little.
+    /// The section in the planes of both joints, over the path of the motion if it is periodic: its few points alone
+    /// would show little.
     fn section_figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
         let sine = Sine { amplitude: stepped.load, frequency_hz: self.frequency()? };
         let motion = document.motions.first();
@@ -342,7 +342,7 @@ fn path(arm: &Arm, sine: &Sine, start: [f64; 4], periods: u32) -> Result<Vec<[f6
 }
 
 impl Document {
-    /// How many motions there are of which period.
+    /// The number of motions of each period.
     fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
         let mut periods: Vec<Option<u32>> = self.motions.iter().map(|motion| motion.period).collect();
@@ -357,7 +357,7 @@ impl Document {
                 None => writeln!(
                     text,
                     "{count} {motions} not settled within {time_constants} time constants: quasi-periodic, chaotic, of a \
-                     period above 8, or still under way (more --time-constants tell)"
+                     period above 8, or still settling (try more --time-constants)"
                 ),
             };
         }
@@ -376,7 +376,7 @@ impl Document {
     }
 }
 
-/// The sections over what is stepped.
+/// The sections over the stepped quantity.
 fn diagram(document: &Document, stepped: &Stepped) -> Figure {
     let mut figure = Figure::new("Bifurcation diagram: the section at phase 0 of the excitation");
     for joint in 0..2 {
@@ -388,7 +388,7 @@ fn diagram(document: &Document, stepped: &Stepped) -> Figure {
                 Direction::Down => (Color::Vermillion, 2.0),
             };
             let direction = direction_name(sweep.direction);
-            // What repeats in a few points, what doesn't in a cloud of small ones.
+            // Periodic motions as a few points, others as a cloud of small ones.
             for (repeats, label, size) in [
                 (true, format!("stepped {direction}"), size),
                 (false, format!("stepped {direction}, not settled"), 0.4 * size),

@@ -1,7 +1,7 @@
-//! How far work is, on standard error: a bar on a terminal, elsewhere a plain line every ten seconds.
+//! Progress on standard error: a bar on a terminal, elsewhere a plain line every ten seconds.
 //!
-//! Lines are log entries in all but form: `RESONARM_LOG` leaves them out with `error` or `off`, or by the name
-//! `resonarm::progress`.
+//! The lines follow `RESONARM_LOG` like log entries: `error` and `off` suppress them, also for the target
+//! `resonarm::progress` alone.
 
 use std::io::IsTerminal;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -13,19 +13,19 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use super::output;
 use resonarm::realtime::{Clock, SystemClock};
 
-/// How long nothing is shown on a terminal, ns.
+/// Delay before anything is shown on a terminal, ns.
 const PATIENCE_NS: u64 = 2_000_000_000;
-/// From line to line where there is no terminal, and from the beginning to the first, ns.
+/// Interval of lines where there is no terminal, and delay before the first, ns.
 const PACE_NS: u64 = 10_000_000_000;
 
-/// How much is done.
+/// The progress of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Done {
-    /// Nobody knows.
+    /// Not known.
     Unknown,
-    /// So many of so many, counted in this.
+    /// Done, total, and the unit of the count.
     Of(u64, u64, &'static str),
-    /// So many of so many, of which the share says more than the count.
+    /// Done and total, shown as a percentage.
     Share(u64, u64),
 }
 
@@ -38,12 +38,12 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Of work that is called `name` and begins now.
+    /// For work that is called `name` and begins now.
     pub fn new(name: &'static str, now_ns: u64) -> Pace {
         Pace { name, start_ns: now_ns, due_ns: now_ns + PACE_NS }
     }
 
-    /// The line that is due, if one is.
+    /// The line that is due, if any.
     pub fn line(&mut self, now_ns: u64, done: Done) -> Option<String> {
         if now_ns < self.due_ns {
             return None;
@@ -53,7 +53,7 @@ impl Pace {
     }
 }
 
-/// Whether lines of progress are wanted.
+/// Whether the log levels allow lines of progress.
 pub(super) fn are_lines_wanted() -> bool {
     tracing::enabled!(target: "resonarm::progress", tracing::Level::WARN)
 }
@@ -69,7 +69,7 @@ fn words(name: &str, done: Done, after_s: u64) -> String {
     }
 }
 
-/// Shows how far work is until it is dropped: a bar on a terminal after two seconds, else lines.
+/// Shows progress until it is dropped: a bar on a terminal after two seconds, elsewhere lines.
 pub(super) struct Progress {
     bar: ProgressBar,
     start_ns: u64,
@@ -78,7 +78,7 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// Of `count` steps, counted in `what`.
+    /// For `count` steps, in units of `what`.
     pub fn new(name: &'static str, count: usize, what: &'static str) -> Progress {
         let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden()).with_message(name);
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}, {elapsed}") {
@@ -90,17 +90,17 @@ impl Progress {
         Progress { bar, start_ns: SystemClock.now_ns(), _lines: lines }
     }
 
-    /// Of work that can't be counted: lines on terminals, too.
+    /// For work that can't be counted: lines on terminals, too.
     pub fn uncounted(name: &'static str) -> Progress {
         Progress { bar: ProgressBar::hidden(), start_ns: 0, _lines: lines(name, || Done::Unknown) }
     }
 
-    /// There are this many steps.
+    /// Sets the number of steps.
     pub fn expect(&self, count: usize) {
         self.bar.set_length(count as u64);
     }
 
-    /// One step more is done.
+    /// Adds one finished step.
     pub fn step(&self) {
         let after_ns = SystemClock.now_ns().saturating_sub(self.start_ns);
         if self.bar.is_hidden() && after_ns > PATIENCE_NS && std::io::stderr().is_terminal() {
@@ -116,8 +116,8 @@ impl Drop for Progress {
     }
 }
 
-/// Writes lines on a thread of its own until what it returns is dropped. Work goes on without them if the system has no
-/// thread left.
+/// Writes lines on a separate thread until the returned sender is dropped. If the system has no thread left, work
+/// continues without them.
 fn lines(name: &'static str, done: impl Fn() -> Done + Send + 'static) -> Option<Sender<()>> {
     if !are_lines_wanted() {
         return None;
@@ -125,7 +125,7 @@ fn lines(name: &'static str, done: impl Fn() -> Done + Send + 'static) -> Option
     let (sender, ended) = mpsc::channel();
     let mut pace = Pace::new(name, SystemClock.now_ns());
     let write = move || {
-        while is_going_on(&ended, &pace) {
+        while is_still_running(&ended, &pace) {
             if let Some(line) = pace.line(SystemClock.now_ns(), done()) {
                 output::note(&line);
             }
@@ -134,8 +134,8 @@ fn lines(name: &'static str, done: impl Fn() -> Done + Send + 'static) -> Option
     thread::Builder::new().name(String::from("progress")).spawn(write).ok().map(|_thread| sender)
 }
 
-/// Waits for the time of the next line; whether the work goes on then.
-fn is_going_on(ended: &Receiver<()>, pace: &Pace) -> bool {
+/// Waits for the time of the next line; returns whether the work is still running.
+fn is_still_running(ended: &Receiver<()>, pace: &Pace) -> bool {
     let wait = Duration::from_nanos(pace.due_ns.saturating_sub(SystemClock.now_ns()));
     matches!(ended.recv_timeout(wait), Err(RecvTimeoutError::Timeout))
 }
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_come_at_a_steady_pace() {
+    fn lines_are_written_at_a_steady_pace() {
         const S: u64 = 1_000_000_000;
         let mut pace = Pace::new("walk", 5 * S);
         let times = (5..60).filter(|s| pace.line(s * S, Done::Unknown).is_some());
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_say_how_far_the_work_is() {
+    fn lines_show_the_progress() {
         let said = |done| Pace::new("walk", 0).line(12_900_000_000, done).unwrap();
         insta::assert_snapshot!(said(Done::Of(3, 25, "points")), @"walk: 3 of 25 points after 12 s");
         insta::assert_snapshot!(said(Done::Share(31_400, 60_000)), @"walk: 52 % after 12 s");

@@ -1,41 +1,41 @@
-//! What a branch can be followed in, by its name on the command line.
+//! The quantities in which a branch can be followed, by their names on the command line.
 
 use super::continuation::DriveFlags;
 use super::failure::Failure;
 use resonarm::analysis::{ArmParameter, Coordinate, UnknownArmParameter};
 
-/// Something that can vary.
+/// A quantity that can vary.
 #[derive(Clone, Debug)]
 pub(super) struct Quantity {
     /// The name in results, with its unit.
     pub name: &'static str,
     pub coordinate: Coordinate<ArmParameter>,
-    /// What stands behind `--from` and `--to`, as `-hz`.
+    /// The suffix of `--from` and `--to`, as `-hz`.
     pub unit: &'static str,
     /// For people, with its unit.
     pub label: String,
 }
 
 impl Quantity {
-    /// The quantity that `flag` names; an amplitude is one of the drive.
+    /// The quantity that `flag` names; an amplitude is that of the drive.
     pub fn parse(flag: &str, name: &str, drive: &DriveFlags) -> Result<Quantity, Failure> {
         if name == FREQUENCY {
             let label = String::from("excitation frequency (Hz)");
             return Ok(Quantity { name: "frequency_hz", coordinate: Coordinate::FrequencyHz, unit: "-hz", label });
         }
         let which: ArmParameter = name.parse().map_err(|_unknown: UnknownArmParameter| unknown(flag, name))?;
-        let own = |unit| (which.name(), unit, format!("{} ({})", which.symbol(), which.unit()));
+        let with_suffix = |unit| (which.name(), unit, format!("{} ({})", which.symbol(), which.unit()));
         let (name, unit, label) = match which {
             ArmParameter::Amplitude if drive.is_force() => ("force_n", "-n", String::from("force at C (N)")),
             ArmParameter::Amplitude => ("torque1_nm", "-nm", String::from("torque at joint 1 (N·m)")),
-            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => own("-deg"),
-            _ => own(""),
+            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => with_suffix("-deg"),
+            _ => with_suffix(""),
         };
         Ok(Quantity { name, coordinate: Coordinate::Parameter(which), unit, label })
     }
 }
 
-/// The frequency of the excitation, which is no parameter of the arm.
+/// The frequency of the excitation, which is not a parameter of the arm.
 const FREQUENCY: &str = "frequency";
 
 fn unknown(flag: &str, got: &str) -> Failure {

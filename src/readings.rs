@@ -1,4 +1,5 @@
-//! What a bench reads of computed motions, in the documents and tables of every command that gives periodic motions.
+//! The readings a bench would take of computed motions, in the documents and tables of every command for periodic
+//! motions.
 
 use core::fmt::Write;
 
@@ -9,7 +10,7 @@ use serde_json::{Map, Value, json};
 use resonarm::analysis::{ArmParameter, Coordinate, ForcedArm, Orbit, Readings, Response};
 use resonarm::excitation::Phasor;
 
-/// Whether readings are wanted.
+/// Whether to add readings.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct ReadingsFlag {
     /// Add what a bench reads at B and C to the points in JSON and CSV: the fundamental of displacement, velocity and
@@ -30,7 +31,7 @@ or acceleration, in m, m/s and m/s². With the load A sin Ωt, A with its sign, 
 with a lag from −180° to 180°. At small loads real + i imaginary is A times what `frf` gives; the phase of `frf`, by \
 which the response leads, is the lag with the other sign.";
 
-/// A help text's end: examples, then the keys, and what else there is to say of readings.
+/// The end of a help text: examples, then the keys, and further remarks on readings.
 pub(super) fn help_after(examples: &str, more: &str) -> String {
     format!("{examples}\n\n{HELP}{more}")
 }
@@ -40,15 +41,15 @@ const PLACES: [(&str, Response); 4] =
 
 type Of = fn(&Readings, Response) -> Phasor;
 
-/// Names with the units behind them.
+/// Names and units.
 const QUANTITIES: [(&str, &str, Of); 3] = [
     ("displacement", "m", Readings::displacement),
     ("velocity", "m_s", Readings::velocity),
     ("acceleration", "m_s2", Readings::acceleration),
 ];
 
-/// Parts of a phasor with their units, that of the quantity being `unit`.
-fn parts(phasor: Phasor, unit: &str) -> [(&'static str, &str, f64); 4] {
+/// The components of a phasor and their units; `unit` is that of the quantity.
+fn components(phasor: Phasor, unit: &str) -> [(&'static str, &str, f64); 4] {
     [
         ("amplitude", unit, libm::hypot(phasor.re, phasor.im)),
         ("lag", "deg", lag_deg(phasor)),
@@ -59,19 +60,20 @@ fn parts(phasor: Phasor, unit: &str) -> [(&'static str, &str, f64); 4] {
 
 /// The lag behind sin Ωt, above −180° and up to 180°.
 fn lag_deg(phasor: Phasor) -> f64 {
-    // The difference is 0 for both zeros: what is in phase does not lag by −0°, and what opposes it not by −180°.
+    // The difference is +0 for both zeros: a response in phase lags by 0°, not −0°; one in antiphase by 180°, not
+    // −180°.
     libm::atan2(0.0 - phasor.im, phasor.re).to_degrees()
 }
 
-/// Readings as a document has them.
+/// Readings as they appear in a document.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ReadingsDocument(pub Readings);
 
 impl ReadingsDocument {
     pub fn value(&self) -> Value {
         let quantity = |(name, unit, of): (&str, &str, Of), place| {
-            let numbers =
-                parts(of(&self.0, place), unit).map(|(part, unit, value)| (format!("{part}_{unit}"), json!(value)));
+            let numbers = components(of(&self.0, place), unit)
+                .map(|(component, unit, value)| (format!("{component}_{unit}"), json!(value)));
             (name.to_string(), Value::Object(Map::from_iter(numbers)))
         };
         let place = |(name, place): (&str, Response)| {
@@ -86,8 +88,9 @@ impl ReadingsDocument {
         let mut text = String::new();
         for (_, place) in PLACES {
             for (_, unit, of) in QUANTITIES {
-                for (part, _, value) in parts(of(&self.0, place), unit) {
-                    let _infallible = if part == "lag" { write!(text, ",{value}") } else { write!(text, ",{value:e}") };
+                for (component, _, value) in components(of(&self.0, place), unit) {
+                    let _infallible =
+                        if component == "lag" { write!(text, ",{value}") } else { write!(text, ",{value:e}") };
                 }
             }
         }
@@ -101,7 +104,7 @@ impl Serialize for ReadingsDocument {
     }
 }
 
-/// Reads the motions of branches that one arm was walked along.
+/// Reads the motions on the branches of one arm.
 #[derive(Clone, Debug)]
 pub(super) struct Reader {
     pub forced: ForcedArm,
@@ -114,7 +117,7 @@ impl Reader {
     }
 }
 
-/// The columns of a table, a comma before each; nothing if they are not wanted.
+/// The columns of a table, a comma before each; empty if they are not wanted.
 pub(super) fn columns(wanted: bool) -> String {
     let mut text = String::new();
     if !wanted {
@@ -122,8 +125,8 @@ pub(super) fn columns(wanted: bool) -> String {
     }
     for (place, _) in PLACES {
         for (quantity, unit, _) in QUANTITIES {
-            for (part, unit, _) in parts(Phasor::default(), unit) {
-                let _infallible = write!(text, ",{place}_{quantity}_{part}_{unit}");
+            for (component, unit, _) in components(Phasor::default(), unit) {
+                let _infallible = write!(text, ",{place}_{quantity}_{component}_{unit}");
             }
         }
     }
@@ -135,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lags_are_of_one_turn() {
+    fn lags_are_within_one_turn() {
         let lag = |re, im| lag_deg(Phasor::new(re, im)).to_string();
         assert_eq!([lag(1.0, 0.0), lag(1.0, -0.0), lag(0.0, -1.0), lag(0.0, 2.0)], ["0", "0", "90", "-90"]);
         assert_eq!([lag(-1.0, 0.0), lag(-1.0, -0.0), lag(-1.0, 1.0), lag(0.0, 0.0)], ["180", "180", "-135", "0"]);

@@ -1,4 +1,4 @@
-//! `resonarm recover`: a recording that was cut short or damaged, made whole.
+//! `resonarm recover`: repairs a truncated or damaged recording.
 
 use std::path::PathBuf;
 
@@ -8,8 +8,8 @@ use super::failure::{Failure, Verdict};
 use super::{inspect, output};
 use resonarm::recording::{Existing, Recovered, recover};
 
-/// Makes a whole recording of what can be read of one that was cut short or damaged, for tools that take none but whole
-/// files. Damaged chunks are left out and told. The old file stays as it is; if nothing can be had from it, no file is
+/// Writes the readable records of a truncated or damaged recording into a whole one, for tools that accept only whole
+/// files. Damaged chunks are left out and listed. The old file is not changed; if it has no readable record, no file is
 /// written (exit code 1).
 #[derive(Debug, Args)]
 pub(super) struct Recover {

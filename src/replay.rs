@@ -1,4 +1,4 @@
-//! `resonarm replay`: recorded frames back on a bus, for whoever listens, or against a live controller.
+//! `resonarm replay`: sends recorded frames to a bus, for any listener or against a live controller.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,8 +23,8 @@ use resonarm::run::Signals;
 
 /// Sends the frames of a recording to a bus, with their recorded timing; or shows the recording in a browser (--live).
 ///
-/// With --against it is the plant of a live controller: it sends what the recorded plant sent, waits for what the
-/// recorded controller answered, and compares the commands, sample by sample (exit code 1 at a difference).
+/// With --against it acts as the plant for a live controller: it sends the recorded plant's frames, waits for the
+/// controller's answers, and compares them with the recorded commands, sample by sample (exit code 1 at a difference).
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
                         resonarm replay run.mcap --bus vcan0 --direction sent --id 203,204 --loop 0\n  \
@@ -35,7 +35,7 @@ pub(super) struct Replay {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
     #[arg(long, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
     bus: Option<String>,
-    /// Times the recorded speed, from 0.001 to 1000000, with --live to 1000; 0 is as fast as it goes, not with --live.
+    /// Times the recorded speed, from 0.001 to 1000000, with --live to 1000; 0 is as fast as possible, not with --live.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
     speed: f64,
     #[command(flatten)]
@@ -44,7 +44,7 @@ pub(super) struct Replay {
     against: AgainstFlags,
     #[command(flatten)]
     live: LiveFlags,
-    /// With --live: stay at the first sample until somebody looks.
+    /// With --live: stay at the first sample until the first viewer connects.
     #[arg(long, requires = "live", conflicts_with = "bus")]
     wait: bool,
     /// Print one JSON document.
@@ -52,35 +52,36 @@ pub(super) struct Replay {
     json: bool,
 }
 
-/// Which frames are played, and how often.
+/// Which frames are sent, and how often.
 #[derive(Debug, Args)]
 struct SelectionFlags {
-    /// Which frames, as the plant saw them.
+    /// Which frames, from the plant's point of view.
     #[arg(long, value_enum, value_name = "DIRECTION", default_value_t = Which::Both, conflicts_with = "live")]
     direction: Which,
-    /// Only frames with these identifiers, by commas: 3 hexadecimal digits, 8 for an extended one, as candump has them.
+    /// Only frames with these identifiers, separated by commas: 3 hexadecimal digits, 8 for an extended one, as in
+    /// candump.
     #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = identifier, conflicts_with = "live")]
     id: Vec<Id>,
-    /// Identifiers that others take the place of, by commas, as 203=213. The checks of protected frames then fail.
+    /// Identifiers to replace by others, separated by commas, as 203=213. The checks of protected frames then fail.
     #[arg(long, value_name = "ID=ID,…", value_delimiter = ',', value_parser = mapping, conflicts_with = "live")]
     map: Vec<(Id, Id)>,
     #[command(flatten)]
     range: TimeRange,
-    /// How often, one behind the other; 0 is until it is stopped. With --live it then stays at its end.
+    /// How often, in succession; 0 repeats until it is stopped. With --live it then stays at its end.
     #[arg(long = "loop", value_name = "N", default_value_t = 1)]
     times: u32,
 }
 
-/// A live controller, and what of it passes.
+/// Settings for a live controller and the tolerances.
 #[derive(Debug, Args)]
 struct AgainstFlags {
     /// Compare the commands of a live controller on the bus with the recorded ones.
     #[arg(long, conflicts_with_all = ["direction", "id", "map", "from_s", "to_s", "times", "live"])]
     against: bool,
-    /// Largest difference of a commanded force that passes, N; 0 is equal on the wire.
+    /// Largest accepted difference of a commanded force, N; 0 is equal on the wire.
     #[arg(long, value_name = "N", default_value_t = 0.0)]
     limit_n: f64,
-    /// Largest difference of a commanded torque that passes, N·m.
+    /// Largest accepted difference of a commanded torque, N·m.
     #[arg(long, value_name = "N", default_value_t = 0.0)]
     limit_nm: f64,
     /// How long to wait for the controller, and for each of its answers, s.
@@ -121,7 +122,7 @@ impl Replay {
             let SelectionFlags { range, times, .. } = &self.selection;
             if range.from_s.or(range.to_s).is_some() {
                 return Err(Failure::Usage(String::from(
-                    "--from-s and --to-s are for --bus: `resonarm cut` makes a part",
+                    "--from-s and --to-s are for --bus: `resonarm cut` copies a range of time",
                 )));
             }
             live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;
@@ -182,7 +183,7 @@ impl Replay {
     }
 }
 
-/// Does `work` on the bus, until it is done or asked to stop.
+/// Runs `work` on the bus until it is done or stopped by a signal.
 fn on_bus<T: Send + 'static>(
     address: &BusAddress,
     work: impl FnOnce(&mut dyn Bus, &Signals) -> Result<T, ReplayError> + Send + 'static,

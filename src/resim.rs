@@ -1,4 +1,4 @@
-//! `resonarm resim`: a recorded run simulated again.
+//! `resonarm resim`: simulates a recorded run again.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use super::{inspect, output};
 use resonarm::recording::{Recording, build_info};
 use resonarm::replay::{self, resimulate};
 
-/// Simulates a recorded run again from its recorded loads and says whether every state is identical (else, and if the
+/// Simulates a recorded run again from its recorded loads and says whether every state is identical (if not, or if the
 /// recording is damaged, exit code 1).
 #[derive(Debug, Args)]
 pub(super) struct Resim {

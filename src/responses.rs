@@ -13,13 +13,13 @@ pub(super) struct ResponseDocument {
     frequency_hz: f64,
     /// Amplitude of the load's fundamental, N or N·m.
     load: f64,
-    /// Lag of the response that a closed loop follows; none in open loop.
+    /// Lag of the response controlled by a closed loop; none in open loop.
     phase_deg: Option<f64>,
     head_force_n: [[f64; 2]; 2],
     acceleration_b_m_s2: [[f64; 2]; 2],
     acceleration_c_m_s2: [[f64; 2]; 2],
     drift: f64,
-    /// Harmonics 2 and 3 of the head's force over its fundamental, where they are read, and both together.
+    /// Harmonics 2 and 3 of the head's force over its fundamental, if they are read; `distortion` is both together.
     force_harmonics: Option<[f64; 2]>,
     distortion: Option<f64>,
     settled: bool,
@@ -52,7 +52,7 @@ pub(super) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
     responses.iter().map(ResponseDocument::from).collect()
 }
 
-/// The responses for reading, after a blank line; nothing if there are none.
+/// The responses for people, after a blank line; empty if there are none.
 pub(super) fn table(responses: &[ResponsePoint]) -> String {
     let mut text = String::new();
     if !responses.is_empty() {

@@ -11,8 +11,8 @@ use super::configuration;
 
 use super::failure::{Failure, Verdict};
 use super::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
-use super::latency_figure::{self, Curve, HistogramFlag};
-use super::live::{LiveFlags, Part, Role, SteerFlag};
+use super::latency_figure::{self, HistogramFlag, LatencyCurve};
+use super::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use super::output;
 use super::responses::{self, ResponseDocument};
 use super::session::{
@@ -35,14 +35,13 @@ pub(super) struct Run {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C. Not for --mode free.
     #[arg(long, value_name = "BUS")]
     bus: Option<String>,
-    /// Which run loop drives the plant: real-time has samples at deadlines of the clock; in lockstep the plant waits
-    /// for the command that answers each sample; free runs plant and exciter of the scenario in one loop, without a
-    /// bus.
+    /// Which run loop drives the plant: real-time takes samples at deadlines of the clock; lockstep waits for the
+    /// command that answers each sample; free runs plant and exciter of the scenario in one loop, without a bus.
     #[arg(long, value_parser = flags::one_of(Mode::ALL, Mode::name), default_value_t)]
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
-    /// Simulated seconds a second in lockstep and free; 0 is as fast as it goes.
+    /// Simulated seconds a second in lockstep and free; 0 is as fast as possible.
     #[arg(long, value_name = "X", default_value_t = 0.0, allow_hyphen_values = true)]
     speed: f64,
     #[command(flatten)]
@@ -53,7 +52,7 @@ pub(super) struct Run {
     /// How long to wait for a controller to arm the plant, s [default: without end].
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     patience_s: Option<f64>,
-    /// What a missed deadline leads to in real time: slip, continue, fault, stop.
+    /// Reaction to a missed deadline in real time: slip, continue, fault, stop.
     #[arg(long, value_name = "POLICY", default_value_t)]
     overrun: OverrunPolicy,
     #[command(flatten)]
@@ -71,7 +70,7 @@ pub(super) struct Run {
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
-    /// Write what happens to standard error as JSON, one object a line: ready, armed, disarmed, faulted, slipped …
+    /// Write events to standard error as JSON, one object a line: ready, armed, disarmed, faulted, slipped …
     #[arg(long)]
     json_events: bool,
 }
@@ -85,12 +84,12 @@ struct Document<'a> {
     /// How the exciter ended, in a free run.
     #[serde(skip_serializing_if = "Option::is_none")]
     exciter: Option<ExciterEnd>,
-    /// What it read.
+    /// The responses it read.
     #[serde(skip_serializing_if = "Option::is_none")]
     responses: Option<Vec<ResponseDocument>>,
 }
 
-/// What is run without a scenario: a free run has an exciter, which plays something.
+/// The default scenario; that of a free run includes an excitation.
 pub(super) fn default_scenario(mode: Mode) -> Result<Scenario> {
     if mode == Mode::Free { super::exciter::scenario() } else { Ok(Scenario::default()) }
 }
@@ -147,7 +146,7 @@ impl Run {
         if self.record.record.is_none() && self.live.live.is_none() {
             set_filters(bus.as_mut(), &address, &session)?;
         }
-        let part = Part {
+        let part = ShownRole {
             role: Role::Plant,
             place: address.to_string(),
             interface: bus.name(),
@@ -156,7 +155,7 @@ impl Run {
         };
         let (session, _serving) = self.live.watched(session, &part)?;
         let signals = Arc::new(Signals::default());
-        let (mut told, events) = event_ring();
+        let (mut event_sender, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
         let length = session.scenario().duration_samples()?.map_or(Length::Unknown, Length::Samples);
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
@@ -170,8 +169,8 @@ impl Run {
                 status.write(&shown, line);
             },
             move || {
-                // A full ring loses events of the log; the recording has them.
-                let report = session.plant(bus.as_mut(), &watched, |event| _ = told.push(event))?;
+                // If the ring is full, events are missing from the log, but not from the recording.
+                let report = session.plant(bus.as_mut(), &watched, |event| _ = event_sender.push(event))?;
                 Ok::<_, RunError>(close(report, bus.close()))
             },
         )??;
@@ -189,7 +188,7 @@ impl Run {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),
         };
-        let part = Part {
+        let part = ShownRole {
             role: Role::PlantAndExciter,
             place: String::from("a virtual bus"),
             interface: session.interface_of_both().to_owned(),
@@ -214,19 +213,19 @@ impl Run {
         }
     }
 
-    /// Draws what a run with a schedule measured.
+    /// Draws the latencies of a run with a schedule.
     fn draw(&self, path: &Path, report: &PlantReport) -> Result<()> {
         let latency =
             [("late", Color::Blue, &report.histograms.wakeup), ("work", Color::Vermillion, &report.histograms.exec)];
         let curves = latency.into_iter().filter_map(|(name, color, histogram)| {
-            histogram.as_ref().map(|histogram| Curve { name, color, counted: vec![histogram] })
+            histogram.as_ref().map(|histogram| LatencyCurve { name, color, counted: vec![histogram] })
         });
         let thread = report.thread.as_ref().map_or(String::from("an ordinary thread"), ToString::to_string);
         let subtitle = format!("{} samples, {} overruns, {thread}", report.samples, report.overruns);
         latency_figure::write(path, &subtitle, &[(None, curves.collect())])
     }
 
-    /// Prints the report, whatever ended the run; then says what went wrong.
+    /// Prints the report, however the run ended; then reports what went wrong.
     fn conclude(&self, configuration: Value, report: PlantReport, exciter: Option<&ExciterReport>) -> Result<Verdict> {
         if let Some(path) = &self.histogram.histogram {
             self.draw(path, &report)?;
@@ -239,7 +238,7 @@ impl Run {
             let read = exciter.map_or(String::new(), |report| responses::table(&report.responses));
             output::print(&(report_text(&report) + &read))?;
         }
-        // That the plant left before the excitation was over is what a duration asks for.
+        // With a duration the plant may leave before the excitation is over: no complaint.
         let complaints = [
             complaint(&report),
             exciter.filter(|report| report.outcome != Some(NodeOutcome::PlantLeft)).and_then(super::exciter::complaint),
@@ -253,7 +252,7 @@ impl Run {
     }
 }
 
-/// A bus that could not be left in order is told if nothing failed before.
+/// Adds an error on closing the bus to the report, unless it has an error already.
 fn close(report: PlantReport, closed: core::result::Result<(), bus::BusError>) -> PlantReport {
     let error = report.error.or(closed.err().map(RunError::from));
     PlantReport { error, ..report }

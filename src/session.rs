@@ -1,4 +1,4 @@
-//! What `run`, `exciter` and `demo` share: flags of a session, and its report in words.
+//! Flags of a session and its report in words, for `run`, `exciter` and `demo`.
 
 use core::fmt::Write;
 use core::time::Duration;
@@ -17,7 +17,7 @@ use resonarm::realtime::Percentiles;
 use resonarm::recording::Existing;
 use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 
-/// Events on their way to standard error.
+/// Capacity of the ring of events for standard error.
 const EVENTS: usize = 256;
 
 /// Where to record.
@@ -38,15 +38,15 @@ impl RecordFlags {
     }
 }
 
-/// A time that was given as seconds.
+/// Converts the value of a flag in seconds.
 pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
         Failure::Usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
     })
 }
 
-/// Has the kernel hand over the frames of the session's network alone, which is for a run that neither records nor
-/// shows those of others. Other adapters may filter in software, and lose what tells of their controller.
+/// Makes the kernel pass only the frames of the session's network, for a run that neither records nor shows others.
+/// Other adapters may filter in software, and then lose the reports on their controller.
 pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
     match address {
         BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),
@@ -54,7 +54,7 @@ pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Ses
     }
 }
 
-/// The way of a run's events from its loop, which must not wait, to standard error.
+/// A ring for a run's events, so that its loop need not wait for standard error.
 pub(super) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
     RingBuffer::new(EVENTS)
 }
@@ -68,7 +68,7 @@ pub(super) struct EventLog {
 }
 
 impl EventLog {
-    /// Writes what has happened since the last call, above the last line.
+    /// Writes the events since the last call, above the last line.
     pub fn write(&mut self, last: &Line) {
         while let Ok(event) = self.events.pop() {
             let line = if self.json { serde_json::to_string(&event).ok() } else { self.words(&event) };
@@ -90,46 +90,46 @@ impl EventLog {
             }
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
             RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {
-                format!("the controller of {bus} is bus-off: going on for a while in case it comes back")
+                format!("the controller of {bus} is bus-off: waiting for a while in case it comes back")
             }
             RunEvent::BusLost { cause: BusLoss::Down, .. } => {
-                format!("{bus} is down: going on for a while in case it comes back")
+                format!("{bus} is down: waiting for a while in case it comes back")
             }
             RunEvent::OtherSender { sample, identifier } => format!(
-                "a frame of another network came under {identifier:#05X}, which only this plant sends, at sample {sample}: \
+                "a frame of another network arrived under {identifier:#05X}, which only this plant sends, at sample {sample}: \
                  {OTHER_SENDER}"
             ),
             RunEvent::BusBack { .. } => format!("{bus} is back: a controller can reset and arm the plant"),
             RunEvent::Controller { state, .. } => format!("the controller of {bus} is {}", state.name()),
-            // On a machine that stalls all the time a line each would be a flood; the summary has the sum.
+            // On a machine that stalls often this would flood the log; the summary has the total.
             RunEvent::Slipped { .. } => return None,
         })
     }
 }
 
 /// What to do about another sender.
-const OTHER_SENDER: &str = "two networks have one base; give each its own (network.base_id)";
+const OTHER_SENDER: &str = "two networks have the same base; give each a different one (network.base_id)";
 
 fn in_words(fault: &Fault) -> String {
     format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample)
 }
 
-/// What to say at the end of frames under this node's own identifiers; `None` if there were none.
+/// The warning at the end about frames of others under this node's identifiers; `None` if there were none.
 pub(super) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
     (bus.other_sender > 0).then(|| {
         format!(
-            "{} frames of another network came under identifiers that only this node sends: {OTHER_SENDER}",
+            "{} frames of another network arrived under identifiers that only this node sends: {OTHER_SENDER}",
             bus.other_sender
         )
     })
 }
 
-/// The frames of an end, counted.
+/// The counts of a node's frames.
 pub(super) fn frames_text(bus: &BusCounts) -> String {
     let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, .. } = bus;
     let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
     if *other_sender > 0 {
-        let _infallible = write!(text, " ({other_sender} of another network under own identifiers)");
+        let _infallible = write!(text, " ({other_sender} of another network under this node's identifiers)");
     }
     if *malformed > 0 {
         let _infallible = write!(text, ", {malformed} malformed");
@@ -137,7 +137,7 @@ pub(super) fn frames_text(bus: &BusCounts) -> String {
     text
 }
 
-/// What a plant's run came to, and of which arm, as JSON.
+/// The report of a plant's run, with its arm, as JSON.
 #[derive(Serialize)]
 pub(super) struct PlantDocument<'a> {
     /// The arm and its pose.
@@ -157,8 +157,8 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     }
     text.push('\n');
     if report.overruns > 0 {
-        let told = counted(&report.overrun_causes.in_words()).unwrap_or_default();
-        let _infallible = writeln!(text, "overruns     {told}");
+        let counts = counted(&report.overrun_causes.in_words()).unwrap_or_default();
+        let _infallible = writeln!(text, "overruns     {counts}");
     }
     if let Some(spin) = &report.spin {
         let _infallible = writeln!(text, "spinning     {spin}");
@@ -182,7 +182,7 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     }
     let _infallible = writeln!(text, "frames       {}", frames_text(&report.bus));
     let errors = &report.bus.errors;
-    let told = counted(&[
+    let counts = counted(&[
         ("faults on the wire", errors.protocol),
         ("not acknowledged", errors.no_ack),
         ("overflows", errors.overflow),
@@ -192,7 +192,7 @@ pub(super) fn report_text(report: &PlantReport) -> String {
         ("restarted", errors.restarted),
         ("of no known kind", errors.other),
     ]);
-    told.iter().for_each(|told| text.push_str(&format!("controller   {told}\n")));
+    counts.iter().for_each(|counts| text.push_str(&format!("controller   {counts}\n")));
     let refused = &report.refused;
     let reasons = counted(&[
         ("not armed", refused.not_armed),
@@ -212,13 +212,13 @@ pub(super) fn report_text(report: &PlantReport) -> String {
     text
 }
 
-/// What was counted, by kind; `None` if nothing was.
+/// The counts above 0 with their kinds; `None` if all are 0.
 fn counted(kinds: &[(&str, u64)]) -> Option<String> {
     let some = kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{count} {kind}"));
     Some(some.collect::<Vec<String>>().join(", ")).filter(|text| !text.is_empty())
 }
 
-/// Why a run did not do what it was for, and what to do; `None` if it did.
+/// Why a run failed its purpose, and what to do; `None` if it did not.
 pub(super) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (&report.emergency, report.outcome) {
         (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
@@ -245,31 +245,31 @@ mod tests {
     use resonarm::realtime::OverrunCauses;
 
     #[test]
-    fn what_happens_to_a_plant_is_told() {
+    fn events_of_a_plant_are_in_words() {
         let (_, events) = event_ring();
         let log = EventLog { events, json: false, bus: String::from("can0") };
         let fault = |code, name| Fault { code, name, detail: 2, sample: 300 };
-        let (own, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
+        let (ours, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
         let said = |event| log.words(&event).unwrap();
-        insta::assert_snapshot!(said(RunEvent::Faulted { fault: own, partner: None }), @"fault 4 (partner fault) at sample 300");
-        insta::assert_snapshot!(said(RunEvent::Faulted { fault: own, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
-        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: going on for a while in case it comes back");
-        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: going on for a while in case it comes back");
-        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: 0x203 }), @"a frame of another network came under 0x203, which only this plant sends, at sample 7: two networks have one base; give each its own (network.base_id)");
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: None }), @"fault 4 (partner fault) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: waiting for a while in case it comes back");
+        insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: waiting for a while in case it comes back");
+        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: 0x203 }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id)");
     }
 
     #[test]
-    fn frames_of_another_network_are_told_in_the_summary() {
+    fn frames_of_another_network_are_in_the_summary() {
         let bus = BusCounts { received: 30, sent: 40, e2e_errors: 7, ..BusCounts::default() };
         insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused");
         assert_eq!(other_sender_warning(&bus), None);
         let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };
-        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under own identifiers), 1 malformed");
-        insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network came under identifiers that only this node sends: two networks have one base; give each its own (network.base_id)");
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under this node's identifiers), 1 malformed");
+        insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network arrived under identifiers that only this node sends: two networks have the same base; give each a different one (network.base_id)");
     }
 
     #[test]
-    fn causes_are_told_that_there_were() {
+    fn only_causes_above_zero_are_listed() {
         let causes = OverrunCauses { woke_late: 2, step_long: 4, bus_long: 0, stolen: 58, preempted: 1 };
         insta::assert_snapshot!(counted(&causes.in_words()).unwrap(), @"58 while the host had the core, 1 while other threads had the core, 2 woke late, 4 step long");
     }

@@ -35,7 +35,7 @@ pub(super) struct Simulate {
     /// Frequency f of the excitation, Hz.
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     excitation_hz: f64,
-    /// Integration steps a second, else as many as the scenario has with this scheme.
+    /// Integration steps a second; without it as many as the scenario has with this scheme.
     #[arg(long, value_name = "R")]
     rate_hz: Option<f64>,
     /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8.
@@ -60,7 +60,7 @@ struct Document {
     wall_s: f64,
 }
 
-/// The most steps that are made, some hours of work.
+/// The largest number of steps: some hours of computation.
 const MOST_STEPS: u64 = 10_000_000_000;
 
 impl Simulate {
@@ -120,7 +120,7 @@ impl Simulate {
         Ok(Verdict::Positive)
     }
 
-    /// The whole number of steps that the duration is.
+    /// The duration as a whole number of steps.
     fn steps(&self, rate_hz: f64) -> Result<u64, Failure> {
         let exact = self.duration_s * rate_hz;
         let steps = exact.round();
@@ -132,7 +132,7 @@ impl Simulate {
         }
         if steps > MOST_STEPS as f64 {
             return Err(Failure::Usage(format!(
-                "--duration-s {} is {} steps at {} Hz: at most {MOST_STEPS} are made; take a shorter time or a lower rate",
+                "--duration-s {} is {} steps at {} Hz: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
                 short(&self.duration_s),
                 short(&steps),
                 short(&rate_hz)

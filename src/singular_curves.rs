@@ -1,4 +1,4 @@
-//! Curves of folds and period doublings in two parameters: where the plane of both changes what the arm can do.
+//! Curves of folds and period doublings in the plane of two parameters.
 
 use core::fmt::Write;
 
@@ -16,7 +16,7 @@ use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, S
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
 #[derive(Clone, Debug, Args)]
 pub(super) struct CurveFlags {
-    /// Follow the folds and period doublings of the branch in a second parameter, too: a name as for --parameter.
+    /// Also follow the folds and period doublings of the branch in a second parameter: a name as for --parameter.
     #[arg(long, value_name = "NAME", requires = "curves_to")]
     curves_in: Option<String>,
     /// Where the curves end, in the unit of the second parameter; they begin at its value on the branch.
@@ -28,15 +28,15 @@ pub(super) struct CurveFlags {
 pub(super) struct Curves {
     first: Quantity,
     second: Quantity,
-    curves: Vec<Curve>,
+    curves: Vec<BifurcationCurve>,
 }
 
-struct Curve {
+struct BifurcationCurve {
     kind: BifurcationKind,
     curve: SingularCurve,
 }
 
-/// The largest step along a curve, relative to its local size: short enough to be drawn.
+/// The largest step along a curve, relative to its local size: short enough for a smooth drawing.
 const LARGEST_STEP: f64 = 0.08;
 
 impl CurveFlags {
@@ -55,7 +55,7 @@ impl CurveFlags {
 
 impl Curves {
     /// Follows each fold and each period doubling of the branch in `second` from its value there to `to`. A curve that
-    /// comes back through another of them stands for both.
+    /// returns through another of them represents both.
     pub fn trace(
         forced: &ForcedArm,
         branch: &Branch,
@@ -69,7 +69,7 @@ impl Curves {
         let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
         let mut curves = Vec::new();
         for (kind, walked) in walked {
-            curves.extend(early.keep_any(second.name, walked)?.map(|curve| Curve { kind, curve }));
+            curves.extend(early.keep_any(second.name, walked)?.map(|curve| BifurcationCurve { kind, curve }));
         }
         Ok(Curves { first, second, curves })
     }
@@ -84,7 +84,7 @@ impl Curves {
             map
         };
         let point = |point: &SingularPoint| Value::Object(place(point));
-        let curve = |curve: &Curve| {
+        let curve = |curve: &BifurcationCurve| {
             let points: Vec<Value> = curve.curve.points.iter().map(point).collect();
             let turns: Vec<Value> = curve
                 .curve
@@ -105,7 +105,7 @@ impl Curves {
     pub fn csv(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
-        for (number, Curve { kind, curve }) in self.curves.iter().enumerate() {
+        for (number, BifurcationCurve { kind, curve }) in self.curves.iter().enumerate() {
             for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in &curve.points {
                 let _infallible = writeln!(text, "{number},{},{lambda},{mu},{h1},{h2}", kind.name());
             }
@@ -113,14 +113,14 @@ impl Curves {
         text
     }
 
-    /// Where each curve runs.
+    /// The ends of each curve.
     pub fn text(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         if self.curves.is_empty() {
             return String::from("no fold or period doubling to follow\n");
         }
         let mut text = String::new();
-        for Curve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
+        for BifurcationCurve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
             let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
             let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
             let _infallible =
@@ -147,7 +147,7 @@ impl Curves {
                 panel = panel.with(if k == 0 { line } else { line.unlabelled() });
             }
         }
-        // Where a curve comes back to the branch it ends on it, too.
+        // A curve that returns to the branch also ends on it.
         let starts: Vec<_> =
             self.curves.iter().flat_map(|curve| curve.curve.on_the_branch()).map(|p| (p.lambda, p.mu)).collect();
         if !starts.is_empty() {
@@ -162,7 +162,7 @@ impl Curves {
     }
 }
 
-/// What a turn is called in results.
+/// The name of a turn in results.
 fn turn_name(turn: &Turn) -> &'static str {
     if turn.is_cusp { "cusp" } else { "turn" }
 }

@@ -1,5 +1,5 @@
-//! How a run goes, in a line on standard error while it goes: on a terminal one that is written anew, elsewhere one now
-//! and then if it is asked for.
+//! A run's status line on standard error: rewritten in place on a terminal, elsewhere written periodically with
+//! --status-s.
 
 use core::fmt::Write;
 use core::time::Duration;
@@ -14,22 +14,22 @@ use resonarm::protocol::NodeState;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::{Shown, Signals};
 
-/// How often the line on a terminal is written anew, ns.
+/// Interval at which the line on a terminal is rewritten, ns.
 const ANEW_NS: u64 = 200_000_000;
-/// The time of which rate, load and lateness are told, ns.
+/// The window over which rate, load and lateness are measured, ns.
 const WINDOW_NS: u64 = 1_000_000_000;
 
-/// How often a line is written where there is no terminal.
+/// The interval of status lines where there is no terminal.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct StatusFlag {
-    /// Write a line with rate, load, lateness, force and state to standard error this often, s, where that is no
-    /// terminal. A terminal shows it anyway.
+    /// Write a line with rate, load, lateness, force and state to standard error at this interval, s, where that is no
+    /// terminal. A terminal always shows it.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     status_s: Option<f64>,
 }
 
 impl StatusFlag {
-    /// What is asked for.
+    /// The interval, if one is given.
     pub fn every(self) -> Result<Option<Duration>, Failure> {
         let every = self.status_s.map(|given_s| seconds("--status-s", given_s)).transpose()?;
         match (self.status_s, every) {
@@ -42,28 +42,28 @@ impl StatusFlag {
     }
 }
 
-/// Which line is written.
+/// Which kind of line is written.
 pub(super) enum Style {
     /// For people.
     People {
-        /// From line to line where there is no terminal; `None` writes none there.
+        /// The interval where there is no terminal; `None` writes none there.
         every: Option<Duration>,
     },
-    /// None: standard error holds JSON.
+    /// No line: standard error holds JSON.
     Off,
 }
 
-/// Writes the line.
+/// Writes the status line.
 pub(super) struct Status {
     style: Style,
-    /// What the gauges showed at the beginning of the window, and when, ns.
+    /// The gauges at the beginning of the window, and its time, ns.
     before: Option<(u64, Shown)>,
-    /// What is told of the last whole window.
+    /// The values of the last whole window.
     window: Option<Window>,
     written_ns: u64,
 }
 
-/// What happened in a window.
+/// Values over a window of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Window {
     /// Samples a second.
@@ -82,7 +82,7 @@ impl Status {
         Status { style, before: None, window: None, written_ns: now_ns }
     }
 
-    /// Writes the line if it is time for it.
+    /// Writes the line if it is due.
     pub fn write(&mut self, signals: &Signals, line: &mut Line) {
         let every = match self.style {
             Style::People { every } => every,
@@ -129,7 +129,7 @@ impl Window {
     }
 }
 
-/// The line: what there is to tell.
+/// The text of the line.
 fn words(shown: &Shown, window: Option<&Window>, responses: u64) -> String {
     let mut text = String::from(match shown.state {
         NodeState::BootUp => "starting",
@@ -175,7 +175,7 @@ mod tests {
     };
 
     #[test]
-    fn the_line_tells_what_there_is() {
+    fn the_line_shows_only_what_is_known() {
         insta::assert_snapshot!(words(&SHOWN, None, 0), @"not armed");
         let now = Shown {
             samples: 1500,

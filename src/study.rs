@@ -1,4 +1,4 @@
-//! Parameter studies under supervision: a progress bar, Ctrl-C, and words about what is kept.
+//! Parameter studies with a progress bar, Ctrl-C, and messages about what is kept.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use resonarm::control::Length;
 use resonarm::run::Signals;
 use resonarm::study::{BasinWalk, Basins, Chains, Control, StudyError, Walk};
 
-/// Walks along the chains, from what the journal holds. `None` if it was stopped before its end, which is told.
+/// Walks along the chains, from where the journal ends. `None` if it was stopped early, which is logged.
 pub(super) fn walk(
     name: &'static str,
     chains: Chains,
@@ -28,7 +28,7 @@ pub(super) fn walk(
     Ok(Some(walk))
 }
 
-/// Computes basins likewise, with what became of each state.
+/// Likewise computes basins, with the outcome of each state.
 pub(super) fn basins(
     basins: Basins,
     journal: Option<(&Path, &Value)>,
@@ -43,7 +43,7 @@ pub(super) fn basins(
     Ok(outcomes.map(|outcomes| (walk, outcomes)))
 }
 
-/// Does the work on a thread of its own.
+/// Does the work on a separate thread.
 fn watch<T: Send + 'static>(
     name: &'static str,
     what: &str,
@@ -51,7 +51,7 @@ fn watch<T: Send + 'static>(
     work: impl FnOnce(&Control<'_>) -> Result<T, StudyError> + Send + 'static,
 ) -> Result<T, Failure> {
     if done > 0 {
-        tracing::warn!("going on after {done} of {total} {what}");
+        tracing::warn!("resuming after {done} of {total} {what}");
     }
     let signals = Arc::new(Signals::default());
     let watched = Arc::clone(&signals);
@@ -64,9 +64,9 @@ fn watch<T: Send + 'static>(
 
 fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {
     let advice = if is_kept {
-        "the same command goes on from there"
+        "the same command resumes from there"
     } else {
-        "with --out the same command would go on from there"
+        "with --out the same command would resume from there"
     };
     tracing::error!("stopped after {done} of {total} {what}; {advice}");
 }

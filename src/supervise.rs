@@ -1,4 +1,4 @@
-//! A long run under supervision: a thread of its own for the work, tokio for everything else.
+//! Supervises a long run: a separate thread for the work, tokio for signals and progress.
 
 use std::future::Future;
 use std::io::IsTerminal;
@@ -20,11 +20,11 @@ use resonarm::run::Signals;
 
 /// How often the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
-/// Signals that come within this time of the first are the same request: timeout(1) sends its signal twice, and a
-/// terminal that is closed sends one beside the shell's.
+/// Signals within this time of the first are the same request: timeout(1) sends its signal twice, and a closing
+/// terminal sends one in addition to the shell's.
 const SAME_REQUEST: Duration = Duration::from_millis(500);
 
-/// The last line on a terminal's standard error: a progress bar, and what is shown beside it.
+/// The last line on a terminal's standard error: a progress bar and a text.
 pub(super) struct Line {
     bar: ProgressBar,
     length: Length,
@@ -42,17 +42,17 @@ impl Line {
         Line { bar: bar(length, is_on_terminal), length, is_on_terminal, shows_text: false, pace }
     }
 
-    /// Leaves out the lines of progress: others say how far the work is, or standard error holds no text for people.
+    /// Suppresses the lines of progress: other lines show it, or standard error holds no text for people.
     pub fn without_progress(&mut self) {
         self.pace = None;
     }
 
-    /// Whether there is such a line.
+    /// Whether standard error is a terminal.
     pub fn is_on_terminal(&self) -> bool {
         self.is_on_terminal
     }
 
-    /// Shows `text` in it, in place of what it showed; where there is no terminal, writes it as a line of its own.
+    /// Replaces the text in the line; where there is no terminal, writes `text` as a separate line.
     pub fn show(&mut self, text: String) {
         if !self.is_on_terminal {
             return output::note(&text);
@@ -74,7 +74,7 @@ impl Line {
         self.bar.set_message(text);
     }
 
-    /// Writes `text` above it.
+    /// Writes `text` above the line.
     pub fn note(&self, text: &str) {
         self.bar.suspend(|| output::note(text));
     }
@@ -94,19 +94,19 @@ impl Line {
     }
 }
 
-/// Does `work` on a thread of its own, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
-/// in order; another one, half a second later or more, ends the process. `length` is how long the work takes, if it is
-/// known; `tell` is called now and then with the last line of a terminal, and once at the end.
+/// Does `work` on a separate thread, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
+/// cleanly; another one, half a second later or more, ends the process. `length` is the length of the work, if it is
+/// known; `on_tick` is called periodically with the last line of a terminal, and once at the end.
 pub(super) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,
     length: Length,
-    mut tell: impl FnMut(&mut Line),
+    mut on_tick: impl FnMut(&mut Line),
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Failure> {
     let start = |source| Failure::Start { what: name, source };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
-    // Before the work begins: a signal at its very start asks it to stop, too.
+    // Before the work begins, so that a signal at its very start also stops it.
     let listening = {
         let _entered = runtime.enter();
         Listening::new().map_err(start)?
@@ -121,18 +121,18 @@ pub(super) fn supervise<T: Send + 'static>(
         })
         .map_err(start)?;
     let mut line = Line::new(name, length);
-    runtime.block_on(watch(signals, listening, &mut line, &mut tell, finished));
-    tell(&mut line);
+    runtime.block_on(watch(signals, listening, &mut line, &mut on_tick, finished));
+    on_tick(&mut line);
     line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
 }
 
-/// Waits for the end of the work, passing on what the user asks.
+/// Waits for the end of the work and passes on requests to stop.
 async fn watch(
     signals: &Signals,
     Listening { mut interrupt, mut terminate, mut hangup }: Listening,
     line: &mut Line,
-    tell: &mut impl FnMut(&mut Line),
+    on_tick: &mut impl FnMut(&mut Line),
     finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
 ) {
     let mut beat = tokio::time::interval(PROGRESS);
@@ -140,24 +140,24 @@ async fn watch(
     tokio::pin!(finished);
     loop {
         tokio::select! {
-            // An error means that the worker ended without a word: its panic shows when it is joined.
+            // An error means that the worker panicked: `join` reports it.
             _ended = &mut finished => break,
             _ = interrupt.recv() => ask_to_stop(signals, &mut asked),
             _ = terminate.recv() => ask_to_stop(signals, &mut asked),
             Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals, &mut asked),
             _ = beat.tick() => {
                 line.set_progress(signals);
-                tell(line);
+                on_tick(line);
             }
         }
     }
 }
 
-/// The signals that ask for the end.
+/// The signals that ask the work to stop.
 struct Listening {
     interrupt: Signal,
     terminate: Signal,
-    /// None if it is ignored: `nohup` has it so, and it stays so.
+    /// None if it is ignored, as `nohup` sets it: then it stays ignored.
     hangup: Option<Signal>,
 }
 
@@ -179,17 +179,17 @@ fn ignores_hangup() -> bool {
     mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 1 == 1)
 }
 
-/// Asks for the end, or ends the process at another request; `asked` is when the first came.
+/// Asks the work to stop, or ends the process at another request; `asked` is the time of the first.
 fn ask_to_stop(signals: &Signals, asked: &mut Option<Instant>) {
     let now = Instant::now();
     if now - *asked.get_or_insert(now) > SAME_REQUEST {
-        // 128 + SIGINT, as shells have it. The recording stays readable up to its last flush.
+        // 128 + SIGINT, as in shells. The recording stays readable up to its last flush.
         std::process::exit(130);
     }
     signals.stop();
 }
 
-/// A progress bar if the run is long enough and somebody can see it.
+/// A progress bar if the length is known and there is a terminal.
 fn bar(length: Length, is_on_terminal: bool) -> ProgressBar {
     let (total, template) = match length {
         Length::Samples(samples) => (samples, "{bar:40} {pos}/{len}, {elapsed} of {duration}"),

@@ -32,8 +32,8 @@ Examples:
 /// How a motion without a period is read.
 const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of the excitation.";
 
-/// Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does: jumps and
-/// hysteresis included. Every motion is followed until its end is proved.
+/// Steps the frequency of a sine up and down and lets the arm settle at each step, as on a bench, with jumps and
+/// hysteresis. Every motion is followed until it is proved to have settled.
 #[derive(Debug, Args)]
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(super) struct Sweep {
@@ -45,8 +45,8 @@ pub(super) struct Sweep {
     /// The other end, Hz.
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced, both ends among them; a resonance that they step over is told [default:
-    /// 101, and between them as many as the resonances of the forced response need].
+    /// Number of frequencies, evenly spaced, both ends among them; a resonance between two of them is reported
+    /// [default: 101, and between them as many as the resonances of the forced response need].
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
     /// Which way to step.
@@ -59,11 +59,10 @@ pub(super) struct Sweep {
     readings: ReadingsFlag,
 }
 
-/// Amplitudes that differ by more than this part belong to different motions: each was followed until its end was
-/// proved.
+/// Amplitudes with a relative difference above this belong to different motions: each was proved to have settled.
 const DIFFERENT: f64 = 1e-6;
 
-/// Evenly spaced frequencies where none are asked for.
+/// Evenly spaced frequencies without --steps.
 const STEPS: u32 = 101;
 
 /// The sweeps of one pose.
@@ -144,7 +143,7 @@ impl Sweep {
         Ok(Verdict::Positive)
     }
 
-    /// Each pose once: sweeps of the same one would be told apart by nothing.
+    /// Each pose once: two sweeps of the same pose could not be distinguished.
     fn check_poses(&self) -> Result<(), Failure> {
         let angles = &self.over_beta2_deg;
         match angles.iter().enumerate().find(|(at, angle)| angles[..*at].contains(angle)) {
@@ -165,12 +164,12 @@ impl Sweep {
         poses.into_iter().map(|pose| self.in_pose(Arm::new(scenario.parameters()?, pose)?, pose, load)).collect()
     }
 
-    /// The sweeps of one pose, over frequencies that see its resonances if none are asked for.
+    /// The sweeps of one pose; without --steps, over frequencies that resolve its resonances.
     fn in_pose(&self, arm: Arm, pose: Pose, load: &Load) -> Result<InPose, Failure> {
         let mut grid = Grid::new(self.from_hz, self.to_hz, self.steps.unwrap_or(STEPS))?;
         let step_hz = grid.values()[1] - grid.values()[0];
         let ends = [self.from_hz.min(self.to_hz), self.from_hz.max(self.to_hz)];
-        // What can't be swept is refused before resonances are looked for.
+        // Refuses invalid sweeps before the search for resonances.
         StroboscopicMap::new(&arm, Sine { amplitude: *load, frequency_hz: ends[0] })?;
         let branch = forced_response(&arm, load, ends).unwrap_or_else(|EndedEarly { reason, so_far }| {
             tracing::warn!("β2 = {}: resonances are not looked for beyond: {reason}", degrees(pose.beta2_deg));
@@ -223,7 +222,7 @@ impl PointDocument {
 }
 
 impl SweepDocument {
-    /// How many motions there are, and how many of them are not of the excitation's period.
+    /// The number of motions, and how many have another period than the excitation.
     fn periods(&self, time_constants: f64) -> String {
         let count = |wanted: fn(Option<u32>) -> bool| self.points.iter().filter(|point| wanted(point.period)).count();
         let longer = count(|period| period.is_some_and(|period| period > 1));
@@ -239,14 +238,14 @@ impl SweepDocument {
         text
     }
 
-    /// The points as a curve of |αᵢ|, where they settled or where they didn't.
+    /// The points as a curve of |αᵢ|: the settled ones or the others.
     fn curve(&self, joint: usize, settled: bool) -> Vec<(f64, f64)> {
         let of = |point: &PointDocument| (point.frequency_hz, point.amplitude_rad[joint]);
         self.points.iter().filter(|point| point.period.is_some() == settled).map(of).collect()
     }
 }
 
-/// Where two sweeps, up and down over the same frequencies, have come to different motions.
+/// Where two sweeps, up and down over the same frequencies, reached different motions.
 fn differences(up: &SweepDocument, down: &SweepDocument) -> String {
     let motion = |point: &PointDocument| (point.frequency_hz, point.amplitude_rad);
     let up: Vec<_> = up.points.iter().map(motion).collect();
@@ -269,7 +268,7 @@ impl Document {
         Ok(())
     }
 
-    /// The sweeps for reading.
+    /// The sweeps for people.
     fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
         for same in self.by_pose() {
@@ -344,7 +343,7 @@ impl Document {
         figure.columns = if one { 1 } else { 2 };
         for same in self.by_pose() {
             for joint in 0..2 {
-                // The legend stands in the last panel of the first row: where it needs a place of its own, at the edge.
+                // The legend is in the last panel of the first row: if it needs separate space, at the edge.
                 let panel = match same.first() {
                     Some(first) if !one => panel(same, joint).title(format!("β₂ = {}", degrees(first.beta2_deg))),
                     _ => panel(same, joint),

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-/// From when to when.
+/// The beginning and the end of the range.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct TimeRange {
     /// From this simulated time on, s [default: the beginning].

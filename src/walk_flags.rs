@@ -1,4 +1,5 @@
-//! How branches are walked: flags that `continue` and `backbone` share, and which of them help where a walk ends early.
+//! Flags for the walk along a branch, shared by `continue` and `backbone`, and hints which of them help if a walk ends
+//! early.
 
 use clap::Args;
 
@@ -6,7 +7,7 @@ use super::failure::Failure;
 use resonarm::analysis::{AnalysisError, BranchOptions};
 use resonarm_numeric::number::short;
 
-/// How a branch is walked.
+/// Settings of the walk along a branch.
 #[derive(Clone, Debug, Args)]
 pub(super) struct WalkFlags {
     /// Most harmonics that a motion may take.
@@ -15,12 +16,12 @@ pub(super) struct WalkFlags {
     /// Most points of a branch.
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..))]
     most_points: u32,
-    /// Largest step along a branch, as part of the motion's size.
+    /// Largest step along a branch, as a fraction of the motion's size.
     #[arg(long, value_name = "X", default_value_t = 0.25, allow_hyphen_values = true)]
     largest_step: f64,
 }
 
-/// Steps below this part are not worth walking.
+/// The smallest fraction accepted.
 const SHORTEST_STEP: f64 = 1e-6;
 
 impl WalkFlags {
@@ -40,7 +41,7 @@ impl WalkFlags {
     }
 }
 
-/// The flags that help, in brackets behind the message.
+/// The flags that help, in brackets after the message.
 pub(super) fn hint(error: &AnalysisError) -> &'static str {
     match error {
         AnalysisError::TooManyHarmonics { .. } => " (--most-harmonics)",

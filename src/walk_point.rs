@@ -1,4 +1,4 @@
-//! Points of a phase walk, as documents, tables and figures have them.
+//! Points of a phase walk, for documents, tables and figures.
 
 use core::fmt::Write;
 
@@ -25,7 +25,7 @@ pub(super) struct WalkPoint {
     pub phase_deg: f64,
     /// Amplitude of the acting load's fundamental, N or N·m.
     pub excitation: f64,
-    /// Its standard deviation by the noise of the readings, at this frequency and amplitude.
+    /// Its standard deviation due to the noise of the readings, at this frequency and amplitude.
     pub excitation_deviation: Option<f64>,
     /// Harmonics 2 and 3 of the head's force over its fundamental, and both together: the computed response is that of
     /// a pure sine.
@@ -33,7 +33,8 @@ pub(super) struct WalkPoint {
     pub distortion: Option<f64>,
     pub settled: bool,
     pub tries: u32,
-    /// Whether α1 and α2 rest on readings that were clipped in both axes: then they are right to some per cent only.
+    /// Whether α1 and α2 come from readings that were clipped in both axes: then they are accurate only to some per
+    /// cent.
     pub clipped: [bool; 2],
 }
 
@@ -56,7 +57,7 @@ impl WalkPoint {
     }
 }
 
-/// The points for reading; `unit` is that of the load.
+/// The points for people; `unit` is that of the load.
 pub(super) fn table(points: &[WalkPoint], unit: &str) -> String {
     let mut text = format!("  {:>12}  {:>7}  {:>10}  {:>10}  {:>10}  tries\n", "frequency", "lag", "load", "α1", "α2");
     for point in points {
@@ -100,7 +101,7 @@ pub(super) fn csv(points: &[WalkPoint], unit: &str) -> String {
     text
 }
 
-/// Largest turn between two motions of the computed branch: with this its lines are smooth.
+/// Largest turn between two motions of the computed branch, for smooth lines.
 const SMOOTH_RAD: f64 = 0.05;
 
 /// A point as it is drawn.
@@ -133,7 +134,7 @@ pub(super) fn figure(
     Ok(Some(drawn("Phase walk over the resonance", scenario, &load, &branch, &points)))
 }
 
-/// The computed branch around points, of which there must be one, in steps that turn by `largest_turn_rad` at most.
+/// The computed branch around `points`, at least one, in steps that turn by `largest_turn_rad` at most.
 pub(super) fn branch(
     scenario: &Scenario,
     load: &Load,
@@ -143,7 +144,7 @@ pub(super) fn branch(
     let (low, high) = points.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
         (low.min(point.frequency_hz), high.max(point.frequency_hz))
     });
-    // One point alone gets a thousandth to each side.
+    // A single point gets a thousandth to each side.
     let margin = (0.15 * (high - low)).max(1e-3 * high);
     let forced = ForcedArm::new(scenario.build_arm()?, *load, 1.0);
     let mut options = BranchOptions::new(low - margin, high + margin);

@@ -28,7 +28,7 @@ pub(super) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> 
     for joint in 0..2 {
         let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
         let panel = panel.title(format!("Link {}", joint + 1));
-        // One legend, on the right of all: both zones are in its panel.
+        // One legend, on the far right: its panel has both zones.
         let panel = panel.legend(if joint == 1 { Legend::Outside } else { Legend::None });
         figure = figure.with(views.iter().fold(panel, |panel, view| with_view(panel, view, joint)));
     }
@@ -42,7 +42,7 @@ pub(super) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> 
     figure
 }
 
-/// The computed response and backbone, and over them what was measured.
+/// The computed response and backbone, and the measured points over them.
 fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
     let panel = branch_plot::with_branches(panel, &[&view.score.branch], joint);
     let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint]));
@@ -59,7 +59,7 @@ fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
     panel
 }
 
-/// Settled points; those that are not stand in the data.
+/// Settled points; the others are only in the data.
 fn marked(panel: Panel, label: &str, (color, shape): (Color, Marker), points: &[WalkPoint], joint: usize) -> Panel {
     let settled = points.iter().filter(|point| point.settled);
     let places: Vec<_> = settled.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
@@ -70,7 +70,7 @@ fn marked(panel: Panel, label: &str, (color, shape): (Color, Marker), points: &[
     panel.with(Series::markers(label, color, shape, places).style(style))
 }
 
-/// Where a zone bends: five times as wide as its folds lie apart, else where the walk's lag is from 20° to 160°, else
+/// The range where a zone bends: five times the distance of its folds, or where the walk's lag is from 20° to 160°, or
 /// the whole zone.
 fn range(view: &View) -> (f64, f64) {
     let ends = |hz: &mut dyn Iterator<Item = f64>| {
@@ -86,7 +86,7 @@ fn range(view: &View) -> (f64, f64) {
     } else {
         (ends(&mut view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz)), 0.0)
     };
-    // One point alone gets a thousandth to each side.
+    // A single point gets a thousandth to each side.
     let margin_hz = if low < high { margin * (high - low) } else { 1e-3 * high };
     (low - margin_hz, high + margin_hz)
 }

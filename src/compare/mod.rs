@@ -23,7 +23,7 @@ use resonarm::text_file;
 #[derive(Debug, Args)]
 #[command(
     after_help = "FILE is a recording, *.mcap, whose responses are read again from its frames, or JSON with `configuration` (preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n) and `points` \
-                        (frequency_hz, harmonic1_rad, amplitude_rad, settled). The place of the branch that is nearest is that by frequency and the \
+                        (frequency_hz, harmonic1_rad, amplitude_rad, settled). The nearest place of the branch is that by frequency and the \
                         fundamental of one joint, a deviation of 2e-5 in the first counting as 1e-3 in the second.\n\n\
                         Examples:\n  \
                         resonarm experiment walk --torque1-nm 20 --plot walk\n  \
@@ -38,8 +38,7 @@ pub(super) struct Compare {
     /// The joint whose amplitude says which place of the branch is nearest, 1 or 2.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     joint: u8,
-    /// Draw the points over the branch into STEM.svg and STEM.png, and write the deviations into STEM.csv and
-    /// STEM.json.
+    /// Draw the points over the branch to STEM.svg and STEM.png, and write the deviations to STEM.csv and STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -49,14 +48,14 @@ pub(super) struct Compare {
     json: bool,
 }
 
-/// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of what
-/// counts.
+/// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of the
+/// relevant deviation.
 const STRAIGHT_RAD: f64 = 0.01;
 
-/// How far the loads of points may lie apart, relative: more, and they are of no single branch.
+/// Largest relative difference between the loads of points on a single branch.
 const SAME_LOAD: f64 = 0.02;
 
-/// What is read of a bench's document.
+/// The keys that are read from a bench's document.
 #[derive(Deserialize)]
 struct Bench {
     configuration: Configuration,
@@ -163,14 +162,14 @@ impl Compare {
             .map_err(|source| Failure::Usage(format!("{name} is no document of `experiment walk --json`: {source}")))
     }
 
-    /// Arm, pose and load of the points, if they are of one branch.
+    /// Arm, pose and load of the points, if they are on one branch.
     fn bench_of(&self, bench: &Bench) -> Result<(Scenario, Load), Failure> {
         let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n } =
             &bench.configuration;
         let name = self.file.display();
         let usage = |problem: String| Failure::Usage(format!("{name}: {problem}"));
         if bench.points.is_empty() {
-            return Err(usage(String::from("there is no point in it")));
+            return Err(usage(String::from("it has no points")));
         }
         let numbers = |point: &BenchPoint| {
             let [h1, h2] = point.harmonic1_rad;
@@ -187,7 +186,7 @@ impl Compare {
             loads.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), load| (low.min(*load), high.max(*load)));
         if most > least * (1.0 + SAME_LOAD) {
             return Err(usage(format!(
-                "its points are of loads from {least:.4} to {most:.4}: they lie on no single branch; a backbone is drawn by `resonarm backbone`"
+                "its points are of loads from {least:.4} to {most:.4}: they are not on a single branch; a backbone is drawn by `resonarm backbone`"
             )));
         }
         let parameters = toml::Table::try_from(parameters).map_err(|source| usage(source.to_string()))?;

@@ -14,9 +14,9 @@ use resonarm::recording::Recording;
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
-/// What makes a recording that can be compared.
-const HOW: &str = "responses are read of [control] and of an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
-                   `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes a recording with some";
+/// Which recordings can be compared.
+const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
+                   `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording";
 
 /// The responses in a recording, with arm, pose and load of its scenario.
 pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
@@ -49,7 +49,7 @@ pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
     Ok(Bench { configuration, points })
 }
 
-/// The angles behind a response, and the load that acted.
+/// The angles that belong to a response, and the load that acted.
 fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<BenchPoint, Failure> {
     let angles = JointAngles::of(response, arm);
     Ok(BenchPoint {
@@ -61,10 +61,10 @@ fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<Ben
     })
 }
 
-/// Amplitude of the load that acted, N or N·m: in open loop a shaker leaves the arm another force than was commanded.
+/// Amplitude of the load that acted, N or N·m: in open loop a shaker's force on the arm differs from the commanded one.
 ///
-/// Of the images of the held command that the converters fold onto the fundamental, the head reads the share that goes
-/// into the arm far above the natural frequencies.
+/// The converters fold images of the held command onto the fundamental; of these the head reads the share that acts on
+/// the arm far above the natural frequencies.
 fn acting(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<f64, Failure> {
     let (Some(spec), Some(shaker)) = (&scenario.excitation, &scenario.rig.shaker) else { return Ok(response.load) };
     let command_n = spec.amplitude.load().force_n;
@@ -74,7 +74,7 @@ fn acting(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<f6
     Ok(head.map(|axis| axis.norm_sqr()).sum().sqrt())
 }
 
-/// The load of all points: the one that a control law holds, in open loop the mean of those that acted.
+/// The load of all points: under control the one held by the law, in open loop the mean of those that acted.
 fn load(scenario: &Scenario, points: &[BenchPoint]) -> Load {
     match (&scenario.control, &scenario.excitation) {
         (Some(control), _) => control.amplitude().load(),

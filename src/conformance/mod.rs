@@ -1,4 +1,4 @@
-//! `resonarm conformance`: whether a node on a bus keeps the protocol.
+//! `resonarm conformance`: whether a node on a bus conforms to the protocol.
 
 mod report;
 
@@ -20,48 +20,49 @@ use resonarm::run::Mode;
 use resonarm_numeric::seed;
 use report::Row;
 
-/// Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what it does wrong.
-/// It makes a plant shake its arm and fault.
+/// Tests whether a plant or an exciter on a bus conforms to the protocol: acts as the other node, and reports
+/// violations. It makes a plant shake its arm and fault.
 #[derive(Debug, Args)]
 pub(super) struct Conformance {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
     #[arg(long, value_name = "BUS")]
     bus: String,
-    /// The node under test. An exciter must be started again whenever it ends, as by a loop in a shell.
+    /// The node under test. An exciter must be restarted whenever it ends, as by a loop in a shell.
     #[arg(long)]
     role: Role,
-    /// The mode in which the node is: each has cases of its own.
+    /// The mode of the node: each has its specific cases.
     #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
     mode: Mode,
     #[command(flatten)]
     network: NetworkFlags,
-    /// Only the cases whose names begin so, such as plant-hello; may be given more than once.
+    /// Only the cases whose names begin with this, such as plant-hello; may be repeated.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
-    /// Force that a plant is commanded along x, both ways, N.
+    /// Force commanded to a plant along x, in both directions, N.
     #[arg(long, value_name = "N", default_value_t = 5.0)]
     force_n: f64,
     /// A force that the plant must refuse for its size, N [default: none is tried; in the FD profile 1.01 times the
-    /// limit that the plant states]. A plant that takes it applies it.
+    /// limit that the plant states]. A plant that accepts it applies it.
     #[arg(long, value_name = "N")]
     beyond_n: Option<f64>,
-    /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that takes it
+    /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that accepts it
     /// applies it.
     #[arg(long, value_name = "N/S")]
     beyond_n_per_s: Option<f64>,
     /// A force along x that drives the plant beyond its largest travel, N [default: none is tried].
     #[arg(long, value_name = "N")]
     beyond_travel_n: Option<f64>,
-    /// How long the node under test is waited for, s.
+    /// How long to wait for the node under test, s.
     #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
     patience_s: f64,
-    /// Bit rate of the bus, Hz: some cases are tried at 70 % of it, too [default: they are not].
+    /// Bit rate of the bus, Hz: some cases are also tried at 70 % of it [default: they are not].
     #[arg(long, value_name = "HZ", value_parser = value_parser!(u32).range(10_000..=1_000_000))]
     bit_rate_hz: Option<u32>,
-    /// How long good and bad frames at random are sent, s; 0 is not at all.
+    /// How long to send random good and bad frames, s; 0 sends none.
     #[arg(long, value_name = "S", default_value_t = 5.0, allow_hyphen_values = true)]
     soak_s: f64,
-    /// Frequency of the sine that an exciter is set to command, Hz, with its amplitude [default: no sine is expected].
+    /// Frequency of the sine that the exciter is set up to command, Hz, with its amplitude [default: no sine is
+    /// expected].
     #[arg(long, value_name = "HZ")]
     expect_frequency_hz: Option<f64>,
     /// Amplitude of that sine as a force along x, N; a ramp may come before.
@@ -73,13 +74,13 @@ pub(super) struct Conformance {
     /// Process of the node under test on this machine, to be stopped for 0.4 s in one case [default: it isn't].
     #[arg(long, value_name = "PID", value_parser = value_parser!(i32).range(1..))]
     pid: Option<i32>,
-    /// What is drawn at random; and which bit of the first damaged frame is wrong, the next has the next one wrong.
+    /// Seed of the random frames, and the first bit to damage; each further damaged frame has the next bit wrong.
     #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
     seed: u64,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
-    /// Write the report as JUnit XML, too.
+    /// Also write the report as JUnit XML.
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
     /// Record every frame, and where each case begins and ends, into this MCAP file.
@@ -143,13 +144,13 @@ impl Conformance {
             Err(error) => (None, Some(error)),
         };
         let document = report::Document::new(self.role.into(), rows, commands, recording);
-        self.tell(&document)?;
+        self.write_report(&document)?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
         Ok(Verdict::of(document.is_positive()))
     }
 
-    /// What the cases found, and what became of the bus if it was lost: the cases after that are not run.
+    /// The results of the cases, and the error if the bus was lost: the cases after that are not run.
     fn rows(
         &self,
         cases: &[Case],
@@ -190,7 +191,7 @@ impl Conformance {
     }
 
     /// Prints and writes the report.
-    fn tell(&self, document: &report::Document) -> Result<(), Failure> {
+    fn write_report(&self, document: &report::Document) -> Result<(), Failure> {
         if let Some(path) = &self.junit {
             output::write(path.clone(), &document.junit())?;
         }
@@ -215,7 +216,7 @@ impl Conformance {
         })
     }
 
-    /// Refuses forces that mean nothing, that the profile can't carry, and that the role has no use for.
+    /// Refuses forces that are invalid, beyond the profile's range, or not used for the role.
     fn check_forces(&self, network: Network) -> Result<(), Failure> {
         let of_plant = [
             ("--beyond-n", "N", self.beyond_n),
@@ -251,7 +252,7 @@ impl Conformance {
         for (flag, given) in [("--beyond-n", self.beyond_n), ("--beyond-travel-n", self.beyond_travel_n)] {
             if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
                 return Err(Failure::Usage(format!(
-                    "{flag} is {beyond_n} N, and --force-n {force_n} N: what is beyond must be more"
+                    "{flag} is {beyond_n} N, and --force-n {force_n} N: it must be larger"
                 )));
             }
         }

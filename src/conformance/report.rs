@@ -11,7 +11,7 @@ use resonarm_numeric::number::short;
 use resonarm::protocol::Node;
 use resonarm::recording::Summary;
 
-/// What one case found.
+/// The result of one case.
 #[derive(Serialize)]
 pub(super) struct Row {
     case: &'static str,
@@ -36,13 +36,13 @@ pub(super) struct Row {
 struct RefusedRow {
     message: String,
     count: u64,
-    /// What was expected and what came, of the first of them.
+    /// Expected and received values of the first of them.
     reason: String,
     /// The first of them, as candump writes it.
     frame: String,
-    /// The same with the right CRC, if its CRC was wrong.
+    /// The same with the correct CRC, if its CRC was wrong.
     expected_frame: Option<String>,
-    /// All of it, for people.
+    /// The whole row, for people.
     #[serde(skip)]
     text: String,
 }
@@ -90,7 +90,7 @@ impl Row {
         }
     }
 
-    /// A case for which there was no bus any more.
+    /// A case after the bus was lost.
     pub fn not_run(case: &Case) -> Row {
         Row {
             case: case.id,
@@ -152,7 +152,7 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
     counts.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
-/// What is in an attribute of XML, which has no control characters.
+/// Escapes text for an attribute of XML, which has no control characters.
 fn escaped(text: &str) -> String {
     output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -167,14 +167,14 @@ pub(super) struct Document {
     skipped: usize,
     not_run: usize,
     cases: Vec<Row>,
-    /// The ranges of what an exciter commanded.
+    /// The ranges of an exciter's commands.
     commands: CommandsRow,
     recording: Option<Summary>,
-    /// Demands that no case can see.
+    /// Requirements that no case can test.
     untested: Vec<Untested>,
 }
 
-/// The ranges of what was commanded, the smallest and the largest; null where nothing was.
+/// The ranges of the commands, smallest and largest; null where there were none.
 #[derive(Serialize)]
 struct CommandsRow {
     force_x_n: Option<[f64; 2]>,
@@ -201,10 +201,10 @@ impl CommandsRow {
             ("torque1_nm", "N m", self.torque1_nm),
             ("torque2_nm", "N m", self.torque2_nm),
         ];
-        let told = ranges.into_iter().filter_map(|(name, unit, range)| {
+        let stated = ranges.into_iter().filter_map(|(name, unit, range)| {
             range.map(|[min, max]| format!("{name} {} to {} {unit}", short(&min), short(&max)))
         });
-        told.collect::<Vec<_>>().join(", ")
+        stated.collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -236,7 +236,7 @@ impl Document {
         }
     }
 
-    /// Whether every case that could be tried was passed: an empty bus passes none.
+    /// Whether every case that could be run was passed: an empty bus passes none.
     pub fn is_positive(&self) -> bool {
         self.failed + self.inconclusive + self.not_run == 0
     }

@@ -1,4 +1,4 @@
-//! `resonarm doctor`: what this machine can do.
+//! `resonarm doctor`: what this machine supports.
 
 mod queues;
 mod reception;
@@ -13,7 +13,7 @@ use super::output;
 use resonarm::bus::socketcan;
 use resonarm::realtime::{Finding, Privileges};
 
-/// Says what this machine can do (CAN, real-time privileges, clock) and how to mend what it can't.
+/// Says what this machine supports (CAN, real-time privileges, clock) and how to fix what is missing.
 #[derive(Debug, Args)]
 pub(super) struct Doctor {
     /// Print one JSON document.
@@ -35,17 +35,17 @@ impl Doctor {
         if self.json {
             output::print_json(&Document { findings })?;
         } else {
-            output::print(&told(&findings))?;
+            output::print(&in_words(&findings))?;
         }
         Ok(Verdict::Positive)
     }
 }
 
-/// The findings for people, with their mends.
-pub(super) fn told(findings: &[Finding]) -> String {
+/// The findings for people, with the fixes.
+pub(super) fn in_words(findings: &[Finding]) -> String {
     let mut text = String::new();
     for Finding { subject, state, mend } in findings {
-        let mark = if mend.is_none() { "ok  " } else { "mend" };
+        let mark = if mend.is_none() { "ok  " } else { "fix " };
         let _infallible = writeln!(text, "{mark}  {subject:21} {state}");
         if let Some(mend) = mend {
             let _infallible = writeln!(text, "      {:21} {mend}", "");

@@ -8,14 +8,14 @@ use serde::Deserialize;
 use resonarm::bus::socketcan;
 use resonarm::realtime::Finding;
 
-/// A transmit queue that holds more than a node has to send at once, and all that a `replay` sends in 10 ms.
+/// A transmit queue that holds more than a node sends at once, and everything a `replay` sends in 10 ms.
 const TRANSMIT_QUEUE: u32 = 100;
-/// What the kernel takes off the interfaces before a core gets to it: the kernel's own default.
+/// Packets queued by the kernel until a core processes them: the kernel's default.
 const BACKLOG: usize = 1000;
-/// Disciplines that send frames as they came and drop none behind a sender's back.
+/// Disciplines that send frames in order and drop none without an error.
 const IN_ORDER: [&str; 5] = ["pfifo_fast", "pfifo", "bfifo", "noqueue", "netem"];
 
-/// What `ip -json link show` says of an interface.
+/// An interface in the output of `ip -json link show`.
 #[derive(Debug, Deserialize)]
 struct Link {
     ifname: String,
@@ -65,7 +65,7 @@ fn transmit_queue(link: &Link) -> Finding {
     Finding { subject: "transmit queue", state, mend }
 }
 
-/// A limit of the kernel; `None` where it can't be seen, as in most containers.
+/// A limit of the kernel; `None` where it is not visible, as in most containers.
 fn limit(subject: &'static str, name: &str, least: usize, unit: &str) -> Option<Finding> {
     let text = fs::read_to_string(format!("/proc/sys/net/core/{name}")).ok()?;
     Some(judge(subject, name, text.trim().parse().ok()?, least, unit))
@@ -87,8 +87,8 @@ mod tests {
     }
 
     #[test]
-    fn a_short_queue_and_one_that_reorders_are_told_with_the_mend() {
-        // As `ip -json link show` of iproute2 6.1 has it, shortened.
+    fn a_short_queue_and_one_that_reorders_are_reported_with_the_fix() {
+        // Output of `ip -json link show` of iproute2 6.1, shortened.
         let json = r#"[
             {"ifindex":1,"ifname":"lo","mtu":65536,"qdisc":"noqueue","txqlen":1000,"link_type":"loopback"},
             {"ifindex":2,"ifname":"can0","mtu":16,"qdisc":"pfifo_fast","txqlen":10,"link_type":"can"},
@@ -96,8 +96,8 @@ mod tests {
             {"ifindex":4,"ifname":"can2","mtu":72,"qdisc":"pfifo_fast","txqlen":1000,"link_type":"can"},
             {"ifindex":5,"ifname":"vcan0","mtu":72,"qdisc":"noqueue","link_type":"can"}]"#;
         let links: Vec<Link> = serde_json::from_str(json).unwrap();
-        let told: Vec<String> = links.iter().skip(1).map(|link| text(&transmit_queue(link))).collect();
-        insta::assert_snapshot!(told.join("\n"), @r"
+        let found: Vec<String> = links.iter().skip(1).map(|link| text(&transmit_queue(link))).collect();
+        insta::assert_snapshot!(found.join("\n"), @r"
         can0: 10 frames, pfifo_fast | a burst finds it full: `sudo ip link set can0 txqueuelen 1000`
         can1: 1000 frames, fq_codel | fq_codel may reorder frames or drop them unseen: `sudo tc qdisc replace dev can1 root pfifo_fast`
         can2: 1000 frames, pfifo_fast | ok
@@ -106,9 +106,9 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_below_what_is_asked_for_is_told_with_the_mend() {
-        let told = |got| text(&judge("receive buffer", "rmem_max", got, 2 << 20, "bytes"));
-        insta::assert_snapshot!(told(212_992), @"at most 212992 bytes (net.core.rmem_max) | `sudo sysctl net.core.rmem_max=2097152` allows what this program asks for");
-        insta::assert_snapshot!(told(4 << 20), @"at most 4194304 bytes (net.core.rmem_max) | ok");
+    fn a_limit_below_the_requested_size_is_reported_with_the_fix() {
+        let found = |got| text(&judge("receive buffer", "rmem_max", got, 2 << 20, "bytes"));
+        insta::assert_snapshot!(found(212_992), @"at most 212992 bytes (net.core.rmem_max) | `sudo sysctl net.core.rmem_max=2097152` allows what this program asks for");
+        insta::assert_snapshot!(found(4 << 20), @"at most 4194304 bytes (net.core.rmem_max) | ok");
     }
 }

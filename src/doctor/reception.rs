@@ -1,10 +1,9 @@
-//! Whether the frames of an interface reach the programs in the order in which they came.
+//! Whether the frames of an interface reach the programs in the order of their arrival.
 //!
 //! A driver without NAPI hands each frame to the core that takes the interrupt (`netif_rx`). Where interrupts go to
-//! several cores, the frames of a burst may overtake one another: so it was with `gs_usb` before Linux 6.6 (Linux
-//! commit "can: gs_usb: convert to NAPI/rx-offload to avoid OoO reception", M. Kleine-Budde, 2023). Interrupts on one
-//! core keep the order with every driver. Which drivers have NAPI the kernel does not say in a file that means the
-//! same in all its versions.
+//! several cores, the frames of a burst may overtake one another: `gs_usb` did so before Linux 6.6 (Linux commit "can:
+//! gs_usb: convert to NAPI/rx-offload to avoid OoO reception", M. Kleine-Budde, 2023). Interrupts on one core keep the
+//! order with every driver. The kernel has no file, stable over its versions, that lists the drivers with NAPI.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +11,7 @@ use std::path::{Path, PathBuf};
 use resonarm::bus::socketcan;
 use resonarm::realtime::Finding;
 
-/// The order of reception of each CAN interface that has hardware.
+/// The order of reception of each CAN interface with hardware.
 pub(super) fn findings() -> Vec<Finding> {
     let names = socketcan::interfaces().unwrap_or_default();
     names.iter().filter_map(|name| finding(Path::new("/"), name)).collect()
@@ -53,8 +52,8 @@ mod tests {
 
     use super::*;
 
-    /// What is told of a USB adapter as the kernel shows it: the interrupt is that of the controller, above it.
-    fn told(cores: &str) -> String {
+    /// The finding on a USB adapter as the kernel shows it: the interrupt is that of the controller above it.
+    fn in_words(cores: &str) -> String {
         let root = tempfile::tempdir().unwrap();
         let root = root.path();
         let controller = root.join("sys/devices/pci0000:00/0000:00:14.0");
@@ -73,9 +72,9 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_whose_frames_may_overtake_is_told_with_the_mend() {
-        insta::assert_snapshot!(told("0-3\n"), @"can0: gs_usb, interrupt 27 on cores 0-3 | a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core takes them in: `echo 0 | sudo tee /proc/irq/27/smp_affinity_list`");
-        insta::assert_snapshot!(told("2\n"), @"can0: gs_usb, interrupt 27 on cores 2 | ok");
+    fn an_adapter_whose_frames_may_overtake_is_reported_with_the_fix() {
+        insta::assert_snapshot!(in_words("0-3\n"), @"can0: gs_usb, interrupt 27 on cores 0-3 | a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core takes them in: `echo 0 | sudo tee /proc/irq/27/smp_affinity_list`");
+        insta::assert_snapshot!(in_words("2\n"), @"can0: gs_usb, interrupt 27 on cores 2 | ok");
     }
 
     #[test]

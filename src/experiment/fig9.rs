@@ -35,7 +35,7 @@ pub(in crate) struct Fig9 {
     /// Force in the first zone, N.
     #[arg(long, value_name = "N", default_value_t = 100.0, allow_hyphen_values = true)]
     first_force_n: f64,
-    /// Force in the second zone, N: with more than about 16 N accelerations leave the range of the wire, 1638 m/s².
+    /// Force in the second zone, N: above about 16 N accelerations exceed the range of the wire, 1638 m/s².
     #[arg(long, value_name = "N", default_value_t = 15.0, allow_hyphen_values = true)]
     second_force_n: f64,
     /// Lowest frequency, Hz. The zones meet halfway between the natural frequencies.
@@ -44,14 +44,13 @@ pub(in crate) struct Fig9 {
     /// Highest frequency, Hz.
     #[arg(long, value_name = "F", default_value_t = 46.0, allow_hyphen_values = true)]
     to_hz: f64,
-    /// Largest step of the sines, Hz; at the resonance they are dense.
+    /// Largest step of the sines, Hz; near the resonance the steps are smaller.
     #[arg(long, value_name = "F", default_value_t = 0.5, allow_hyphen_values = true)]
     step_hz: f64,
     /// Number of points of each walk.
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(3..=1000))]
     points: u16,
-    /// Draw everything into STEM.svg and STEM.png, its caption into STEM.txt, the data into STEM.csv and
-    /// STEM.json.
+    /// Draw everything to STEM.svg and STEM.png, with the caption in STEM.txt and the data in STEM.csv and STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -61,7 +60,7 @@ pub(in crate) struct Fig9 {
     json: bool,
 }
 
-/// Most steps of a stepped sine, beside those of the walk.
+/// Most steps of a stepped sine, in addition to those of the walk.
 const MOST_STEPS: f64 = 1e4;
 /// Points of each backbone.
 const BACKBONE_POINTS: usize = 10;
@@ -69,7 +68,7 @@ const BACKBONE_POINTS: usize = 10;
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
-    /// Whether it was asked to stop before all was measured.
+    /// Whether it was stopped before all was measured.
     interrupted: bool,
     zones: Vec<ZoneDocument>,
     simulated_s: f64,
@@ -85,11 +84,12 @@ struct ZoneDocument {
     backbone: Run,
     up: Run,
     down: Run,
-    /// What was measured against what is computed; none if a run did not finish: what is missing is no measurement.
+    /// The comparison with the computed response; none if a run did not finish, since the measurement is then
+    /// incomplete.
     computed: Option<Computed>,
 }
 
-/// What a controller has read, and how it ended.
+/// The responses that a controller read, and how it ended.
 #[derive(Serialize)]
 struct Run {
     points: Vec<WalkPoint>,
@@ -129,8 +129,8 @@ impl Fig9 {
         let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&arm, zone, measured));
         let scores = scores.collect::<Result<Vec<_>, _>>()?;
-        let parts = zones.iter().zip(&measured).zip(&scores);
-        let zone_documents = parts.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &arm));
+        let results = zones.iter().zip(&measured).zip(&scores);
+        let zone_documents = results.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &arm));
         let zone_documents: Vec<_> = zone_documents.collect();
         let interrupted = zone_documents.iter().flat_map(ZoneDocument::runs).any(|(_, run)| run.end.is_stopped());
         let document = Document {
@@ -210,14 +210,14 @@ impl Fig9 {
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
     let (experiment, signals, scenario) = (Arc::new(experiment), Arc::new(Signals::default()), scenario.clone());
     let (watched, whole) = (Arc::clone(&experiment), Arc::clone(&signals));
-    let tell = move |_line: &mut Line| {
+    let on_tick = move |_line: &mut Line| {
         whole.set_responses(watched.responses() as usize);
         if whole.is_stopped() {
             watched.stop();
         }
     };
     let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
-    Ok(supervise("experiment", &signals, length, tell, move || experiment.measure(&scenario))??)
+    Ok(supervise("experiment", &signals, length, on_tick, move || experiment.measure(&scenario))??)
 }
 
 /// The bench of the experiment.

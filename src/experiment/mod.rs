@@ -1,4 +1,4 @@
-//! `resonarm experiment`: whole experiments in one process, through the wire's codec.
+//! `resonarm experiment`: whole experiments in one process, through the encoder and decoder of the wire.
 
 pub(super) mod fig9;
 mod walk;

@@ -1,5 +1,5 @@
-//! `resonarm experiment walk`: the response at constant load through a resonance, folds or not, or the backbone, by a
-//! closed loop.
+//! `resonarm experiment walk`: the response at constant load through a resonance, with or without folds, or the
+//! backbone, in a closed loop.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,21 +27,21 @@ use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, Session, Si
 use resonarm::scenario::Scenario;
 
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
-/// lag of the response behind the load of 10° to 170°. Amplitudes are those that the accelerometers tell.
+/// lag of the response behind the load of 10° to 170°. Amplitudes are computed from the accelerometers.
 #[derive(Debug, Args)]
 pub(in crate) struct Walk {
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
     drive: DriveFlags,
-    /// Amplitude of a force at point C in the direction of the scenario's shaker, N. Without a load of its own the walk
-    /// takes that of the scenario's control or excitation.
+    /// Amplitude of a force at point C in the direction of the scenario's shaker, N. If no load is given the walk takes
+    /// that of the scenario's control or excitation.
     #[arg(long, value_name = "A", conflicts_with_all = ["torque1_nm", "force_x_n", "force_y_n"])]
     force_n: Option<f64>,
     /// The mode whose resonance is walked through, 1 or 2.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
     mode_number: Option<u8>,
-    /// Walk the backbone: a lag of 90° at loads from a tenth of the one that is given up to it.
+    /// Walk the backbone: a lag of 90° at loads from a tenth of the given one up to it.
     #[arg(long)]
     backbone: bool,
     /// Number of points.
@@ -50,8 +50,8 @@ pub(in crate) struct Walk {
     /// Record everything into this MCAP file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Draw the points over the computed branch into STEM.svg and STEM.png, the caption into STEM.txt, their data into
-    /// STEM.csv and STEM.json.
+    /// Draw the points over the computed branch to STEM.svg and STEM.png, with the caption in STEM.txt and their data
+    /// in STEM.csv and STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -96,7 +96,7 @@ impl Walk {
         self.conclude(&scenario, report, &signals, wall_s)
     }
 
-    /// What the flags say, else the scenario, else the defaults.
+    /// The walk of the flags, or of the scenario, or the default.
     fn spec(&self, scenario: &Scenario) -> Result<PhaseWalkSpec, Failure> {
         let of_scenario = match &scenario.control {
             Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
@@ -115,7 +115,7 @@ impl Walk {
         Ok(spec)
     }
 
-    /// The load of the flags, else that of the scenario's control or excitation.
+    /// The load of the flags, or that of the scenario's control or excitation.
     fn amplitude(&self, scenario: &Scenario) -> Result<Amplitude, Failure> {
         let drive = &self.drive;
         let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
@@ -183,9 +183,9 @@ impl Walk {
     }
 }
 
-/// A force along a shaker; what is rounding of its direction is 0.
+/// A force along a shaker; components due to rounding of its direction are 0.
 fn along(shaker: &ShakerSpec, force_n: f64) -> Amplitude {
-    let component = |part: f64| if part.abs() < 1e-12 { 0.0 } else { part * force_n };
+    let component = |share: f64| if share.abs() < 1e-12 { 0.0 } else { share * force_n };
     let direction = shaker.direction();
     Amplitude { force_x_n: component(direction.x), force_y_n: component(direction.y), ..Amplitude::default() }
 }

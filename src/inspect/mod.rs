@@ -1,4 +1,4 @@
-//! `resonarm inspect`: what is in a recording.
+//! `resonarm inspect`: shows the contents of a recording.
 
 mod plot;
 
@@ -14,7 +14,7 @@ use resonarm_figures::plot::Figure;
 use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, Statistics, statistics};
 
-/// What is in a recording: its run, its problems and faults, its contents, and whether it is whole (else exit code 1).
+/// Shows a recording: its run, its problems and faults, its contents, and whether it is whole (if not, exit code 1).
 #[derive(Debug, Args)]
 pub(super) struct Inspect {
     /// The recording, an MCAP file.
@@ -23,7 +23,7 @@ pub(super) struct Inspect {
     /// lost frames and of events.
     #[arg(long)]
     statistics: bool,
-    /// Draw angles, load and readings over time, as STEM.svg and STEM.png, the caption as STEM.txt.
+    /// Draw angles, load and readings over time to STEM.svg and STEM.png, with the caption in STEM.txt.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -37,7 +37,7 @@ pub(super) struct Inspect {
 struct Document<'a> {
     #[serde(flatten)]
     summary: &'a RecordingSummary,
-    /// What is wrong with the run or its recording.
+    /// Problems of the run or its recording.
     problems: Vec<Problem>,
     /// With --statistics.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,16 +67,16 @@ impl Inspect {
     }
 }
 
-/// Something wrong with a run or its recording.
+/// A problem of a run or its recording.
 #[derive(Clone, Debug, Serialize)]
 struct Problem {
     /// `fault`, `other sender`, `clipped`, `gap`, `lost` or `refused`.
     kind: &'static str,
-    /// What it is.
+    /// Its description.
     what: String,
 }
 
-/// What is wrong with a run or its recording; the integrity stands elsewhere.
+/// Problems of a run or its recording, except its integrity.
 fn problems(summary: &RecordingSummary, statistics: Option<&Statistics>) -> Vec<Problem> {
     let mut problems = Vec::new();
     let mut problem = |kind, what| problems.push(Problem { kind, what });
@@ -101,12 +101,12 @@ fn problems(summary: &RecordingSummary, statistics: Option<&Statistics>) -> Vec<
         problem("refused", format!("{count} frames, {reason}"));
     }
     if let Some(lost) = statistics.map(|statistics| statistics.lost_frames).filter(|lost| *lost > 0) {
-        problem("lost", format!("{lost} frames on the bus, as the counters tell"));
+        problem("lost", format!("{lost} frames on the bus, according to the counters"));
     }
     problems
 }
 
-/// What to say of a recording that is not whole.
+/// The note on a recording that is not whole.
 pub(super) fn integrity_note(integrity: &Integrity) -> Option<String> {
     let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
     match integrity {

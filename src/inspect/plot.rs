@@ -5,7 +5,7 @@ use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 use resonarm::recording::channels::{Channel, Kind, Quantity};
 use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
 
-/// Spans of time in which the least and the largest value are drawn: about two in each px.
+/// Spans of time; each is drawn by its least and its largest value, about two spans a px.
 const SPANS: usize = 1200;
 
 /// Panels: name of the y axis, what is drawn, and whether as the instruments read it.
@@ -57,7 +57,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
     let span = |sample: u64| ((sample - first) / width) as usize;
     for record in recording.records()? {
         match record? {
-            // The end of a run has a state and no load.
+            // The end of a run has a state but no load.
             Record::State(state) if state.is_end => {}
             Record::State(state) => {
                 let (values, span) = (state.values(), span(state.sample));

@@ -1,4 +1,4 @@
-//! The figures drawn: stable blue, unstable red and dashed.
+//! Draws the figures: stable blue, unstable red and dashed.
 
 use resonarm::analysis;
 use resonarm_figures::paper::{Abscissa, Curve, Curves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way};
@@ -36,12 +36,12 @@ pub(super) fn curves(curves: &Curves) -> plot::Figure {
 const HEADROOM: f64 = 1.15;
 /// The same for logarithmic panels: room for a row of names and the lines to their peaks.
 const LOG_HEADROOM: f64 = 30.0;
-/// A panel without a range shows each curve where it has at least this part of the panel's highest peak, or half of its
-/// own,
+/// A panel without a range shows each curve where it has at least this fraction of the panel's highest peak, or half of
+/// the curve's,
 const SHOWN: f64 = 0.05;
-/// and this part of the width more on either side.
+/// and additionally this fraction of the width on either side.
 const MARGIN: f64 = 0.08;
-/// What a logarithmic panel shows of amplitudes: down from its highest peak, by this factor.
+/// A logarithmic panel shows amplitudes from its highest peak down to this fraction of it.
 const DECADES: f64 = 1e-5;
 
 fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
@@ -74,7 +74,7 @@ fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
     if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
 }
 
-/// The panel with what was measured, the links counting from 0. The marks are those of `experiment fig9`.
+/// The panel with the measured points; links count from 0. The marks are those of `experiment fig9`.
 fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], link: usize) -> plot::Panel {
     for way in Way::ALL {
         let (color, shape) = match way {
@@ -117,17 +117,17 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
     [low - MARGIN * (high - low), high + MARGIN * (high - low)]
 }
 
-/// The stretches of one stability, with gaps between them.
+/// The points of one stability, with gaps between their intervals.
 fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
     let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[panel.link - 1]);
     analysis::stretches(&branch.motions, Motion::stable, stable, at)
 }
 
-/// A maximum between samples is that of a zone if it is as high as the highest sample, but for this.
+/// A maximum between samples is a zone's peak if it reaches this fraction of the highest sample.
 const SAME: f64 = 0.999;
 
-/// The panel with the names of its curves: over their peaks, in logarithmic panels in a row for each zone, since there
-/// peaks of several poses crowd.
+/// The panel with the names of its curves: over their peaks; in logarithmic panels in a row for each zone, since there
+/// the peaks of several poses are crowded.
 fn with_names<'a>(
     mut drawn: plot::Panel,
     panel: &Panel,
@@ -148,11 +148,11 @@ fn with_names<'a>(
     rows.into_iter().filter(|row| !row.is_empty()).fold(drawn, plot::Panel::row)
 }
 
-/// Where the name of a curve stands.
+/// The place of a curve's name.
 enum Named {
     /// Over its peak in each zone that has one.
     Peaks([Option<(f64, f64)>; 2]),
-    /// Where it ends, or is highest if it has no peak.
+    /// At its end, or at its highest point if it has no peak.
     End(Option<(f64, f64)>),
 }
 
@@ -163,7 +163,8 @@ fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
         return Named::End(branch.motions.last().map(at));
     }
     let maxima = branch.maxima(link);
-    // A zone that the panel cuts off may rise to its edge: that is no peak, nor is what is lower than the edge.
+    // A zone that is cut off by the panel may rise to the edge: neither that is a peak, nor anything lower than the
+    // edge.
     let peak = |zone: [f64; 2]| {
         let (from, to) = (zone[0].max(range[0]), zone[1].min(range[1]));
         let highest = branch.peak(link, [from, to]).ok()?.amplitude_rad[link];

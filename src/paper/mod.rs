@@ -1,4 +1,4 @@
-//! `resonarm paper`: the figures and statements of Gierlak & Warmiński (2023), computed anew.
+//! `resonarm paper`: reproduces the figures and statements of Gierlak & Warmiński (2023).
 
 mod draw;
 
@@ -17,17 +17,18 @@ use resonarm_figures::paper::{Figure, MeasuredZones, NaturalFrequencies, PaperEr
 use resonarm_figures::plot;
 use resonarm::realtime::{Clock, SystemClock};
 
-/// Makes the figures of Gierlak & Warmiński (2023) anew, and holds the paper's statements against what is computed.
+/// Reproduces the figures of Gierlak & Warmiński (2023), and checks the paper's statements against the computed
+/// results.
 ///
-/// Every figure is written as SVG and PNG, with its caption, CSV and JSON. What the paper leaves open stands in the
-/// settings file, a copy of which goes along. Exit code 1 says that a statement could not be computed; whether
-/// statements hold does not matter to it.
+/// Every figure is written as SVG and PNG, with its caption, CSV and JSON. Values that the paper does not give are in
+/// the settings file, which is copied to the folder. Exit code 1 means that a statement could not be computed; it does
+/// not depend on whether statements hold.
 #[derive(Debug, Args)]
 pub(super) struct Paper {
-    /// What to make.
+    /// The figure or the statements to compute.
     #[arg(value_enum)]
     what: What,
-    /// Folder for the files; made if it isn't there. `claims` can do without.
+    /// Folder for the files, created if missing. Optional for `claims`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -35,7 +36,7 @@ pub(super) struct Paper {
     /// Parameter set of Figs. 4, 5, 7 and 9; the others show both.
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
-    /// Draw Fig. 9 as it was measured: the settled points of FILE, the document of `experiment fig9 --json`, over
+    /// Draw Fig. 9 with measured points: the settled points of FILE, the document of `experiment fig9 --json`, over
     /// curves for the arm and the forces in it. For `fig9`.
     #[arg(long, value_name = "FILE", conflicts_with = "preset")]
     measured: Option<PathBuf>,
@@ -47,7 +48,7 @@ pub(super) struct Paper {
     json: bool,
 }
 
-/// What to make.
+/// The figure or the statements to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
     /// Natural frequencies over β2.
@@ -66,11 +67,11 @@ enum What {
     All,
 }
 
-/// The figures of curves, by their names here.
+/// The figures with curves.
 const CURVES: [(What, Figure); 4] =
     [(What::Fig4, Figure::Fig4), (What::Fig5, Figure::Fig5), (What::Fig7, Figure::Fig7), (What::Fig9, Figure::Fig9)];
 
-/// What was made.
+/// The results.
 #[derive(Serialize)]
 struct Document {
     figures: Vec<Made>,
@@ -115,7 +116,7 @@ impl Paper {
         Ok(Verdict::of(document.claims.is_none_or(|report| report.is_complete())))
     }
 
-    /// The files that will be written and may not be there; the same settings may.
+    /// The files that will be written and must not exist yet; identical settings may.
     fn files(&self, folder: &Path, settings: &str) -> Vec<PathBuf> {
         let figures = CURVES.iter().filter(|(what, _)| self.wants(*what)).map(|(_, figure)| figure.name());
         let figures = figures.chain(self.wants(What::Fig3).then_some("fig3"));
@@ -124,8 +125,10 @@ impl Paper {
         if self.wants(What::Claims) {
             files.extend(["claims.json", "claims.md"].map(|name| folder.join(name)));
         }
-        let own = folder.join("settings.toml");
-        files.extend((!fs::read(&own).is_ok_and(|there| there == settings.as_bytes())).then_some(own));
+        let settings_file = folder.join("settings.toml");
+        files.extend(
+            (!fs::read(&settings_file).is_ok_and(|there| there == settings.as_bytes())).then_some(settings_file),
+        );
         files
     }
 
@@ -133,7 +136,7 @@ impl Paper {
         self.what == what || self.what == What::All
     }
 
-    /// The text of the settings, and what it says.
+    /// The text of the settings, and the parsed settings.
     fn settings(&self) -> Result<(String, Settings), Failure> {
         match &self.settings {
             None => Ok((Settings::EMBEDDED.to_string(), Settings::embedded().map_err(PaperError::from)?)),
@@ -141,7 +144,7 @@ impl Paper {
         }
     }
 
-    /// What was measured, if it is to be drawn.
+    /// The measured points, if they are to be drawn.
     fn measured(&self) -> Result<Option<MeasuredZones>, Failure> {
         match &self.measured {
             Some(_) if self.what != What::Fig9 => {
@@ -152,7 +155,7 @@ impl Paper {
         }
     }
 
-    /// The folder for files, which figures need.
+    /// The folder for the files; required for figures.
     fn folder(&self) -> Result<Option<&Path>, Failure> {
         match &self.out {
             None if self.what != What::Claims => Err(Failure::Usage(String::from("figures need a folder: --out DIR"))),

@@ -1,4 +1,4 @@
-//! `resonarm protocol decode`: what frames say.
+//! `resonarm protocol decode`: explains frames.
 
 use core::fmt::Write;
 use std::io::{self, BufRead};
@@ -15,13 +15,13 @@ use crate::output;
 use resonarm_numeric::number::short;
 use resonarm::protocol::{DecodeError, Message, Receiver};
 
-/// Says what frames mean, and whether a receiver takes them: form, E2E protection, content. Counters are judged from
-/// frame to frame, as a receiver does that has listened from the first one on.
+/// Explains frames, and says whether a receiver accepts them: form, E2E protection, content. Counters are checked from
+/// frame to frame, as by a receiver that listens from the first one on.
 #[derive(Debug, Args)]
 pub(super) struct Decode {
     /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from
     /// standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol decode <
-    /// can0.log`. A line that is neither is told, counted and left out; then the exit code is 1.
+    /// can0.log`. Other lines are reported, counted and left out; then the exit code is 1.
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     #[command(flatten)]
@@ -31,35 +31,35 @@ pub(super) struct Decode {
     json: bool,
 }
 
-/// How much of a line without a frame is shown.
+/// Number of characters shown of a line without a frame.
 const SHOWN_CHARS: usize = 80;
 
-/// How many frames of each verdict.
+/// The number of frames of each verdict.
 #[derive(Default, Serialize)]
 struct Counts {
     frames: u64,
     taken: u64,
     refused: u64,
-    /// Of other protocols or networks.
+    /// Frames of other protocols or networks.
     foreign: u64,
-    /// As the counters tell.
+    /// Frames lost according to the counters.
     lost: u64,
     /// Lines that hold no frame.
     unreadable_lines: u64,
 }
 
-/// What became of a frame.
+/// The verdict on a frame.
 enum Verdicted {
     Taken(Message),
     Refused(DecodeError),
     Foreign,
 }
 
-/// What was read so far.
+/// The state of decoding.
 struct Decoding {
     receiver: Receiver,
     counts: Counts,
-    /// Where the result is one document: the frames, and the lines that hold none.
+    /// With --json: the frames, and the lines that hold none.
     rows: Option<[Vec<Value>; 2]>,
 }
 
@@ -82,7 +82,7 @@ impl Decode {
 }
 
 impl Decoding {
-    /// Every line of a log. What is no line of one is told, and left out.
+    /// Decodes every line of a log. Other lines are reported and left out.
     fn lines(&mut self, log: impl BufRead) -> Result<(), Failure> {
         for (line, number) in log.split(b'\n').zip(1..) {
             let line = line.map_err(|error| Failure::Usage(format!("standard input can't be read: {error}")))?;
@@ -121,7 +121,7 @@ impl Decoding {
         Ok(())
     }
 
-    /// Tells what there was in all.
+    /// Prints the totals.
     fn finish(mut self) -> Result<Verdict, Failure> {
         self.counts.lost = self.receiver.lost();
         let Counts { frames, refused, unreadable_lines, .. } = self.counts;
@@ -141,7 +141,7 @@ fn parse(line: &str) -> Result<LogLine, String> {
     })
 }
 
-/// An argument that is no frame may be the name of a file with some.
+/// An argument that is no frame may be the name of a file with frames.
 fn not_a_frame(argument: &str, reason: String) -> Failure {
     Failure::Usage(match Path::new(argument).is_file() {
         true => format!("{reason}. It is a file: `resonarm protocol decode < {argument}` reads it"),

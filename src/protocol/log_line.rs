@@ -3,12 +3,12 @@
 use resonarm::can_log::{self, CanLogError, LoggedFrame};
 use resonarm::protocol::{Frame, FrameTextError};
 
-/// A frame and what stood before it.
+/// A frame and its time and interface.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LogLine {
-    /// When it was seen, s, where the log says.
+    /// Its time, s, if the log has it.
     pub time_s: Option<f64>,
-    /// On which interface, where the log says.
+    /// Its interface, if the log has it.
     pub interface: Option<String>,
     /// The frame.
     pub frame: Frame,
@@ -17,8 +17,7 @@ pub(super) struct LogLine {
 impl LogLine {
     /// Reads `FRAME` or `(TIME) INTERFACE FRAME [DIRECTION]`.
     ///
-    /// # Errors
-    /// What the line has that it can't have.
+    /// # Errors A description of the invalid text.
     pub fn parse(line: &str) -> Result<LogLine, String> {
         let line = line.trim();
         if !line.contains(char::is_whitespace) {
@@ -27,7 +26,7 @@ impl LogLine {
         }
         match can_log::parse_line(line) {
             Ok(LoggedFrame { time_ns, interface, frame, .. }) => {
-                // Digit by digit: a count of nanoseconds in our days has more digits than a number of this type.
+                // Seconds and remainder separately: a present-day count of nanoseconds has more digits than this type.
                 let (seconds, rest) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
                 Ok(LogLine { time_s: format!("{seconds}.{rest:09}").parse().ok(), interface, frame })
             }

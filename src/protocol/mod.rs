@@ -1,4 +1,4 @@
-//! `resonarm protocol`: the wire's documents and C header, and its frames explained and made.
+//! `resonarm protocol`: the specification, DBC and C header of the wire, and decoding and encoding of frames.
 
 mod decode;
 mod encode;
@@ -10,15 +10,15 @@ use super::failure::{Failure, Verdict};
 use super::{flags, output};
 use resonarm::protocol::{DEFAULT_BASE, Network, Node, Profile, SPEC, dbc, header};
 
-/// The wire: its specification, DBC and C header, and its frames explained and made.
+/// Prints the specification, DBC and C header of the wire; decodes and encodes frames.
 #[derive(Debug, Args)]
 pub(super) struct Protocol {
     #[command(subcommand)]
-    part: Part,
+    action: Action,
 }
 
 #[derive(Debug, Subcommand)]
-enum Part {
+enum Action {
     /// Prints the specification, in Markdown.
     Spec,
     /// Prints the DBC of a network, for cantools, SavvyCAN, Vector's tools and the like.
@@ -76,14 +76,14 @@ impl NetworkFlags {
 
 impl Protocol {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        match &self.part {
-            Part::Spec => output::print(SPEC).map(|()| Verdict::Positive),
-            Part::Dbc(flags) => output::print(&dbc::Dbc(flags.network()?).to_string()).map(|()| Verdict::Positive),
-            Part::Header(flags) => {
+        match &self.action {
+            Action::Spec => output::print(SPEC).map(|()| Verdict::Positive),
+            Action::Dbc(flags) => output::print(&dbc::Dbc(flags.network()?).to_string()).map(|()| Verdict::Positive),
+            Action::Header(flags) => {
                 output::print(&header::Header(flags.network()?).to_string()).map(|()| Verdict::Positive)
             }
-            Part::Decode(decode) => decode.execute(),
-            Part::Encode(encode) => encode.execute(),
+            Action::Decode(decode) => decode.execute(),
+            Action::Encode(encode) => encode.execute(),
         }
     }
 }

@@ -194,8 +194,8 @@ fn examples_of_the_help_run() {
 #[test]
 fn help_says_what_there_is() {
     insta::assert_snapshot!(done("backbone -h"), @r"
-    Follows a resonance to larger amplitudes: its frequency, the excitation that it takes, whether it
-    hardens or softens
+    Follows a resonance to larger amplitudes: its frequency, the excitation it needs, whether it hardens
+    or softens
 
     Usage: resonarm backbone [OPTIONS]
 
@@ -206,26 +206,26 @@ fn help_says_what_there_is() {
           --beta1-deg <DEG>     Angle β1 of link 1 against the x axis, degrees [default: 0]
           --beta2-deg <DEG>     Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                 [default: 60]
-          --scenario <FILE>     TOML file with the whole scenario, in place of the defaults; flags win
-                                over it
+          --scenario <FILE>     TOML file with the whole scenario, in place of the defaults; flags take
+                                precedence
           --mode <N>            Linear mode in which the curve begins: 1, the slower, or 2 [default: 1]
           --undamped            The nonlinear normal mode of the arm without dampers, which takes no
                                 excitation
           --torque1-nm <A>      Amplitude of a torque at joint 1, N·m
           --force-x-n <A>       Amplitude of a force at point C along x, N
           --force-y-n <A>       Amplitude of a force at point C along y, N
-          --to-rad <RAD>        The curve ends where |α1| or |α2| is this, rad; or where the excitation
-                                has the amplitude given [default: 0.3]
+          --to-rad <RAD>        The curve ends where |α1| or |α2| reaches this, rad, or where the
+                                excitation reaches the amplitude given [default: 0.3]
           --most-harmonics <N>  Most harmonics that a motion may take [default: 64]
           --most-points <N>     Most points of a branch [default: 20000]
-          --largest-step <X>    Largest step along a branch, as part of the motion's size [default:
-                                0.25]
+          --largest-step <X>    Largest step along a branch, as a fraction of the motion's size
+                                [default: 0.25]
           --readings            Add what a bench reads at B and C to the points in JSON and CSV: the
                                 fundamental of displacement, velocity and acceleration
           --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
                                 of the excitation is given; caption, CSV and JSON beside them, of the
                                 forced response STEM-response.csv
-          --overwrite           Write over files that are there
+          --overwrite           Overwrite existing files
           --json                Print one JSON document
       -h, --help                Print help (see more with '--help')
     ");

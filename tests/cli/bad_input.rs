@@ -117,7 +117,7 @@ fn scenarios_that_are_too_much() {
     let run = ["run", "--bus", "memory", "--patience-s", "-1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
     assert_snapshot!(complaint(here(), 2, &["backbone", "--to-rad", "1e300"]), @"resonarm: --to-rad is 1e300: it must be above 0 and at most 3.1416 rad");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are made; take a shorter time or a lower rate");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; take a shorter time or a lower rate");
 }
 
 /// A seed of 64 bits goes into a recording and comes back.

@@ -68,7 +68,7 @@ fn says_what_can_t_be_compared() {
     let points = empty["points"].take();
     empty["points"] = Value::Array(Vec::new());
     fs::write(folder.join("empty.json"), empty.to_string()).unwrap();
-    assert_snapshot!(complaint(folder, 2, &["compare", "empty.json"]), @"resonarm: empty.json: there is no point in it");
+    assert_snapshot!(complaint(folder, 2, &["compare", "empty.json"]), @"resonarm: empty.json: it has no points");
     empty["points"] = Value::Array(vec![points[0].clone()]);
     empty["points"][0]["harmonic1_rad"][1] = 0.into();
     fs::write(folder.join("zero.json"), empty.to_string()).unwrap();
@@ -153,7 +153,7 @@ fn says_why_a_recording_can_t_be_compared() {
     assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version refuses the recorded plant (another DBC): read it with the version that recorded it");
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
     record(folder, "swept", &format!("[excitation]\namplitude = {{ force_x_n = 5 }}\nprofile = {{ {swept} }}\n"));
-    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: none was read before its end; responses are read of [control] and of an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes a recording with some");
+    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: none was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording");
     fs::write(folder.join("text.mcap"), "frequency").unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "text.mcap"]), @"resonarm: `text.mcap` is not an MCAP file: it begins with `frequenc`");
 }

@@ -15,17 +15,17 @@ fn help_names_each_flag() {
     let help = resonarm(Path::new("."), &["conformance", "--help"]);
     assert_eq!((help.code, help.stderr.as_str()), (0, ""));
     assert_snapshot!(help.stdout, @r"
-    Tests whether a plant or an exciter on a bus keeps the protocol: plays the other side, and says what
-    it does wrong. It makes a plant shake its arm and fault
+    Tests whether a plant or an exciter on a bus conforms to the protocol: acts as the other node, and
+    reports violations. It makes a plant shake its arm and fault
 
     Usage: resonarm conformance [OPTIONS] --bus <BUS> --role <ROLE>
 
     Options:
           --bus <BUS>                 The bus: vcan0, can0, python-can:interface=I,channel=C
       -v, --verbose...                Log more: -v for what happens, -vv for every detail
-          --role <ROLE>               The node under test. An exciter must be started again whenever it
+          --role <ROLE>               The node under test. An exciter must be restarted whenever it
                                       ends, as by a loop in a shell [possible values: plant, exciter]
-          --mode <MODE>               The mode in which the node is: each has cases of its own [default:
+          --mode <MODE>               The mode of the node: each has its specific cases [default:
                                       real-time] [possible values: real-time, lockstep]
           --base <ID>                 Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default:
                                       0x200]
@@ -33,36 +33,37 @@ fn help_names_each_flag() {
           --exciter-id <N>            Node id of the exciter, 1 to 127 [default: 2]
           --profile <PROFILE>         Frames of commands and samples [default: classic] [possible
                                       values: classic, fd]
-          --case <NAME>               Only the cases whose names begin so, such as plant-hello; may be
-                                      given more than once
-          --force-n <N>               Force that a plant is commanded along x, both ways, N [default: 5]
+          --case <NAME>               Only the cases whose names begin with this, such as plant-hello;
+                                      may be repeated
+          --force-n <N>               Force commanded to a plant along x, in both directions, N
+                                      [default: 5]
           --beyond-n <N>              A force that the plant must refuse for its size, N [default: none
                                       is tried; in the FD profile 1.01 times the limit that the plant
-                                      states]. A plant that takes it applies it
+                                      states]. A plant that accepts it applies it
           --beyond-n-per-s <N/S>      A rate of change of the force that the plant must refuse, N/s
-                                      [default: none is tried]. A plant that takes it applies it
+                                      [default: none is tried]. A plant that accepts it applies it
           --beyond-travel-n <N>       A force along x that drives the plant beyond its largest travel, N
                                       [default: none is tried]
-          --patience-s <S>            How long the node under test is waited for, s [default: 10]
-          --bit-rate-hz <HZ>          Bit rate of the bus, Hz: some cases are tried at 70 % of it, too
+          --patience-s <S>            How long to wait for the node under test, s [default: 10]
+          --bit-rate-hz <HZ>          Bit rate of the bus, Hz: some cases are also tried at 70 % of it
                                       [default: they are not]
-          --soak-s <S>                How long good and bad frames at random are sent, s; 0 is not at
-                                      all [default: 5]
-          --expect-frequency-hz <HZ>  Frequency of the sine that an exciter is set to command, Hz, with
-                                      its amplitude [default: no sine is expected]
+          --soak-s <S>                How long to send random good and bad frames, s; 0 sends none
+                                      [default: 5]
+          --expect-frequency-hz <HZ>  Frequency of the sine that the exciter is set up to command, Hz,
+                                      with its amplitude [default: no sine is expected]
           --expect-force-n <N>        Amplitude of that sine as a force along x, N; a ramp may come
                                       before
           --expect-torque-nm <NM>     Amplitude of that sine as a torque at joint 1, N m; a ramp may
                                       come before
           --pid <PID>                 Process of the node under test on this machine, to be stopped for
                                       0.4 s in one case [default: it isn't]
-          --seed <N>                  What is drawn at random; and which bit of the first damaged frame
-                                      is wrong, the next has the next one wrong [default: 0]
+          --seed <N>                  Seed of the random frames, and the first bit to damage; each
+                                      further damaged frame has the next bit wrong [default: 0]
           --json                      Print one JSON document
-          --junit <FILE>              Write the report as JUnit XML, too
+          --junit <FILE>              Also write the report as JUnit XML
           --record <FILE>             Record every frame, and where each case begins and ends, into this
                                       MCAP file
-          --overwrite                 Write over files that are there
+          --overwrite                 Overwrite existing files
       -h, --help                      Print help
     ");
 }
@@ -104,7 +105,7 @@ fn forces_that_cannot_be() {
     assert_snapshot!(on_vcan0(&["--force-n", "700"]), @"resonarm: --force-n is 700 N, and commands of the classic profile go to ±655.34 N: --profile fd carries more");
     assert_snapshot!(on_vcan0(&["--beyond-n", "700"]), @"resonarm: --beyond-n is 700 N, and commands of the classic profile go to ±655.34 N: --profile fd carries more");
     assert_snapshot!(on_vcan0(&["--beyond-travel-n", "1e39", "--profile", "fd"]), @"resonarm: --beyond-travel-n is 1e39 N, and commands of the fd profile go to ±3.4028234663852886e38 N");
-    assert_snapshot!(on_vcan0(&["--beyond-n", "5"]), @"resonarm: --beyond-n is 5 N, and --force-n 5 N: what is beyond must be more");
+    assert_snapshot!(on_vcan0(&["--beyond-n", "5"]), @"resonarm: --beyond-n is 5 N, and --force-n 5 N: it must be larger");
     assert_snapshot!(on_vcan0(&["--expect-force-n", "20", "--expect-frequency-hz", "15"]), @"resonarm: --expect-frequency-hz is for --role exciter: leave it out");
     let of_exciter = |arguments: &[&str]| {
         complaint(Path::new("."), 2, &[&["conformance", "--role", "exciter", "--bus", "vcan0"], arguments].concat())

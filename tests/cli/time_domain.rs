@@ -71,7 +71,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
     assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
     let kept = lines(&partial) - 1;
     assert!(
-        errors(&output).contains(&format!("stopped after {kept} of 202 points; the same command goes on from there"))
+        errors(&output).contains(&format!("stopped after {kept} of 202 points; the same command resumes from there"))
     );
     assert!(kept < 202 && !stopped.join("sweep.csv").exists());
 
@@ -82,7 +82,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
 
     let resumed = into(&stopped, &SWEEP).output().unwrap();
     assert!(resumed.status.success() && !partial.exists(), "{}", errors(&resumed));
-    assert!(errors(&resumed).contains(&format!("going on after {kept} of 202 points")), "{}", errors(&resumed));
+    assert!(errors(&resumed).contains(&format!("resuming after {kept} of 202 points")), "{}", errors(&resumed));
     assert!(into(&whole, &SWEEP).output().unwrap().status.success());
     for file in ["sweep.csv", "sweep.json", "sweep.svg", "sweep.png", "sweep.txt"] {
         let [a, b] = [&stopped, &whole].map(|folder| std::fs::read(folder.join(file)).unwrap());
@@ -198,8 +198,8 @@ fn help_says_what_there_is() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     insta::assert_snapshot!(help("sweep"), @r"
-    Steps the frequency of a sine up and down and lets the arm settle at each step, as a bench does:
-    jumps and hysteresis included. Every motion is followed until its end is proved
+    Steps the frequency of a sine up and down and lets the arm settle at each step, as on a bench, with
+    jumps and hysteresis. Every motion is followed until it is proved to have settled
 
     Usage: resonarm sweep [OPTIONS] --from-hz <F> --to-hz <F>
 
@@ -211,7 +211,7 @@ fn help_says_what_there_is() {
           --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                      [default: 60]
           --scenario <FILE>          TOML file with the whole scenario, in place of the defaults; flags
-                                     win over it
+                                     take precedence
           --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
           --force-x-n <A>            Amplitude of a force at point C along x, N
           --force-y-n <A>            Amplitude of a force at point C along y, N
@@ -220,14 +220,14 @@ fn help_says_what_there_is() {
           --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
                                      slowest mode [default: 40]
           --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
-                                     captions. A stopped run goes on from what it holds
-          --overwrite                Write over files that are there
+                                     captions. A stopped run resumes from what it holds
+          --overwrite                Overwrite existing files
           --json                     Print one JSON document
           --from-hz <F>              One end of the frequencies, Hz
           --to-hz <F>                The other end, Hz
           --steps <N>                Number of frequencies, evenly spaced, both ends among them; a
-                                     resonance that they step over is told [default: 101, and between
-                                     them as many as the resonances of the forced response need]
+                                     resonance between two of them is reported [default: 101, and
+                                     between them as many as the resonances of the forced response need]
           --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
           --over-beta2-deg <DEG,…>   Sweep at each of these angles β2 instead of one, degrees
           --readings                 Add what a bench reads at B and C to the points in JSON and CSV:
@@ -248,7 +248,7 @@ fn help_says_what_there_is() {
           --beta2-deg <DEG>          Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                      [default: 60]
           --scenario <FILE>          TOML file with the whole scenario, in place of the defaults; flags
-                                     win over it
+                                     take precedence
           --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
           --force-x-n <A>            Amplitude of a force at point C along x, N
           --force-y-n <A>            Amplitude of a force at point C along y, N
@@ -257,11 +257,11 @@ fn help_says_what_there_is() {
           --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
                                      slowest mode [default: 40]
           --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
-                                     captions. A stopped run goes on from what it holds
-          --overwrite                Write over files that are there
+                                     captions. A stopped run resumes from what it holds
+          --overwrite                Overwrite existing files
           --json                     Print one JSON document
           --frequency-hz <F>         Excitation frequency, Hz; not with --parameter frequency
-          --parameter <PARAMETER>    What is stepped for a bifurcation diagram [default: nothing, one
+          --parameter <PARAMETER>    Quantity to step for a bifurcation diagram [default: nothing, one
                                      section] [possible values: frequency, amplitude]
           --from-hz <F>              One end of the frequencies, Hz
           --to-hz <F>                The other end, Hz
@@ -272,8 +272,8 @@ fn help_says_what_there_is() {
           --steps <N>                Number of values, evenly spaced, both ends among them [default:
                                      101]
           --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
-          --points <N>               Points of the section to keep of a motion that doesn't settle
-                                     [default: 2000, in a diagram 200]
+          --points <N>               Points of the section to keep if a motion doesn't settle [default:
+                                     2000, in a diagram 200]
       -h, --help                     Print help (see more with '--help')
     ");
 }

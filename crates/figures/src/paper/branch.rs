@@ -1,4 +1,4 @@
-//! Branches of forced motions, and what is read off them.
+//! Branches of forced motions, and the values read from them.
 
 use serde::{Serialize, Serializer};
 
@@ -9,7 +9,7 @@ use resonarm_analysis::{
 };
 use resonarm_dynamics::arm::{Arm, Load, Preset};
 
-/// What drives the arm.
+/// The excitation of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Drive {
@@ -45,7 +45,7 @@ pub enum Stability {
     Stable,
     /// They grow.
     Unstable,
-    /// The motion is a bifurcation, where this changes or the branch turns.
+    /// The motion is a bifurcation, where the stability changes or the branch turns.
     Marginal,
 }
 
@@ -72,7 +72,7 @@ pub struct Motion {
     pub harmonic1_rad: [f64; 2],
     /// Its stability.
     pub stability: Stability,
-    /// What bifurcation it is, if it is one.
+    /// The kind of bifurcation, if it is one.
     pub bifurcation: Option<Event>,
 }
 
@@ -89,7 +89,7 @@ impl Motion {
         Motion { frequency_hz, excitation, amplitude_rad, harmonic1_rad, stability, bifurcation }
     }
 
-    /// Whether small disturbances die out; at a bifurcation neither.
+    /// Whether small disturbances die out; `None` at a bifurcation.
     pub fn stable(&self) -> Option<bool> {
         match self.stability {
             Stability::Stable => Some(true),
@@ -109,7 +109,7 @@ pub struct ForcedBranch {
     pub beta1_deg: f64,
     /// β2, degrees.
     pub beta2_deg: f64,
-    /// What drives the arm.
+    /// The excitation of the arm.
     pub drive: Drive,
     /// The natural frequencies of the linearised arm, Hz.
     pub natural_hz: [f64; 2],
@@ -121,8 +121,8 @@ pub(super) fn by_name<S: Serializer>(preset: &Preset, serializer: S) -> Result<S
     serializer.serialize_str(preset.name())
 }
 
-/// The largest step, relative to the size of the motion: a resonance is a circle to the walk, and this makes 60 points
-/// of one.
+/// The largest step, relative to the size of the motion: a resonance is a circle in the walk's coordinates, and gets 60
+/// points.
 const SMOOTH_STEP: f64 = 0.1;
 
 fn options(from: f64, to: f64) -> BranchOptions {
@@ -132,7 +132,7 @@ fn options(from: f64, to: f64) -> BranchOptions {
 }
 
 impl ForcedBranch {
-    /// The motions over the frequency, from one to the other, under an excitation of this amplitude.
+    /// The motions over the frequency, from one value to another, under an excitation of this amplitude.
     ///
     /// # Errors
     /// [`PaperError::Analysis`] says which branch could not be followed, where and why.
@@ -185,12 +185,12 @@ impl ForcedBranch {
     }
 
     /// Neighbouring motions in pairs, and whether those between them are stable. Between two bifurcations they are
-    /// taken to be unstable.
+    /// assumed to be unstable.
     pub fn segments(&self) -> impl Iterator<Item = (&Motion, &Motion, bool)> {
         segments(&self.motions, Motion::stable)
     }
 
-    /// Where the resonance zones of both modes are looked for, Hz.
+    /// The ranges in which the resonance zones of both modes are searched, Hz.
     pub fn zones_hz(&self) -> [[f64; 2]; 2] {
         self.natural_hz.map(super::figure::zone_hz)
     }
@@ -201,7 +201,7 @@ impl ForcedBranch {
     }
 }
 
-/// The motions of a branch with its bifurcations in their places.
+/// The motions of a branch, with its bifurcations inserted in order.
 fn joined(branch: &Branch, excitation: impl Fn(&Orbit) -> f64) -> Vec<Motion> {
     branch.rows().iter().map(|row| Motion::new(row, excitation(row.orbit))).collect()
 }

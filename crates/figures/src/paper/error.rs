@@ -12,13 +12,13 @@ use resonarm_numeric::number::{rounded, short};
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PaperError {
-    /// The settings are none, or ask for what can't be.
+    /// The settings are invalid, or ask for something impossible.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// What was measured can't be used.
+    /// The measured points can't be used.
     #[error(transparent)]
     Measured(#[from] MeasuredError),
-    /// There is no such arm.
+    /// The arm is invalid.
     #[error(transparent)]
     Arm(#[from] ArmError),
     /// A curve could not be followed.
@@ -28,15 +28,15 @@ pub enum PaperError {
         preset: Preset,
         /// The pose, degrees.
         beta2_deg: f64,
-        /// What drives the arm.
+        /// The excitation.
         drive: String,
-        /// Why, and what to try.
+        /// The reason, and what to try.
         source: AnalysisError,
     },
     /// A motion could not be integrated.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
-    /// A curve that a claim is about has no resonance where it should have one.
+    /// The curve of a claim has no resonance where one is expected.
     #[error(
         "{preset} at β2 = {beta2_deg}°: no motion between {from_hz} and {to_hz} Hz",
         beta2_deg = short(.beta2_deg), from_hz = rounded(.from_hz, 3), to_hz = rounded(.to_hz, 3)

@@ -1,4 +1,4 @@
-//! The figures as data: which curves they show, and in which panels.
+//! The figures as data: their curves and panels.
 
 use serde::Serialize;
 
@@ -23,7 +23,7 @@ pub enum Figure {
 }
 
 impl Figure {
-    /// The name by which it is asked for, and of its files.
+    /// Its name on the command line and of its files.
     pub const fn name(self) -> &'static str {
         match self {
             Figure::Fig4 => "fig4",
@@ -40,32 +40,32 @@ struct Job {
     label: String,
     arm: Arm,
     drive: Drive,
-    walk: Walk,
+    walk: Varied,
 }
 
-/// What varies along a curve.
+/// The quantity that varies along a curve.
 #[derive(Clone, Copy, Debug)]
-enum Walk {
+enum Varied {
     Frequency { amplitude: f64, range_hz: [f64; 2] },
     Amplitude { largest: f64, frequency_hz: f64 },
 }
 
-/// Curves that belong into one panel.
+/// The curves of one panel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Panel {
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// Which link's amplitude, 1 or 2.
+    /// The link whose amplitude is shown, 1 or 2.
     pub link: usize,
-    /// What varies.
+    /// The quantity that varies.
     pub abscissa: Abscissa,
     /// Whether the amplitude is drawn by its logarithm.
     pub logarithmic: bool,
-    /// The part of the abscissa that is shown; all of it if none is given.
+    /// The range of the abscissa that is shown; all of it if none is given.
     pub range: Option<[f64; 2]>,
-    /// Whether each curve carries its name; else there is one, or the title has all of them.
+    /// Whether each curve is labelled with its name; if not, there is one curve, or the title has all names.
     pub names: bool,
-    /// The curves, by their places in [`Curves::curves`].
+    /// The curves, as indices in [`Curves::curves`].
     pub curves: Vec<usize>,
 }
 
@@ -97,17 +97,17 @@ pub struct Curves {
     /// The preset.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
-    /// The arm, the same in all curves; its pose stands beside each.
+    /// The arm, the same in all curves; each curve has its pose.
     pub parameters: Parameters,
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// The conditions under which it holds.
+    /// The conditions under which it was computed.
     pub conditions: String,
     /// Its panels.
     pub panels: Vec<Panel>,
     /// Its curves.
     pub curves: Vec<Curve>,
-    /// What a bench measured, to be drawn over the curves of every panel.
+    /// Points measured on a bench, drawn over the curves of every panel.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<MeasuredPoint>,
 }
@@ -124,8 +124,8 @@ pub struct Plan {
     measured: Vec<MeasuredPoint>,
 }
 
-/// The part of a mode's natural frequency on either side of it in which its resonance zone is looked for. Zones of this
-/// width do not meet, since f2 > 1.4 f1 at all poses of both presets.
+/// Half the width of the range in which a mode's resonance zone is searched, relative to its natural frequency. The two
+/// ranges do not overlap, since f2 > 1.4 f1 at all poses of both presets.
 const ZONE: f64 = 0.15;
 
 /// The frequencies of a resonance zone, Hz.
@@ -134,10 +134,9 @@ pub(super) fn zone_hz(natural_hz: f64) -> [f64; 2] {
 }
 
 impl Plan {
-    /// What a figure needs.
+    /// The curves and panels of a figure.
     ///
-    /// # Errors
-    /// [`PaperError`] if the settings ask for a pose that can't be.
+    /// # Errors [`PaperError`] if the settings ask for an impossible pose.
     pub fn new(figure: Figure, preset: Preset, settings: &Settings) -> Result<Plan, PaperError> {
         let subject = Subject::new(preset, settings)?;
         let (title, conditions) = match figure {
@@ -168,7 +167,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Fig. 9 of an arm that was measured: a curve for each zone, under its force, and the points over it.
+    /// Fig. 9 of a measured arm: a curve for each zone, under its force, and the points over it.
     pub fn measured(measured: &MeasuredZones) -> Plan {
         let (pose, zones) = (measured.arm.pose(), &measured.zones);
         let forces: Vec<String> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
@@ -193,7 +192,7 @@ impl Plan {
         plan
     }
 
-    /// How many curves it has.
+    /// The number of its curves.
     pub fn curve_count(&self) -> usize {
         self.jobs.len()
     }
@@ -206,10 +205,10 @@ impl Plan {
         let subject = &self.subject;
         let work = |job: &Job| {
             let branch = match job.walk {
-                Walk::Frequency { amplitude, range_hz } => {
+                Varied::Frequency { amplitude, range_hz } => {
                     ForcedBranch::over_frequency(subject, &job.arm, (job.drive, amplitude), range_hz)
                 }
-                Walk::Amplitude { largest, frequency_hz } => {
+                Varied::Amplitude { largest, frequency_hz } => {
                     ForcedBranch::over_amplitude(subject, &job.arm, (job.drive, largest), frequency_hz)
                 }
             };
@@ -224,7 +223,7 @@ impl Plan {
 
     /// Adds a curve over the frequency and returns its place.
     fn over_frequency(&mut self, label: String, arm: Arm, drive: (Drive, f64), range_hz: [f64; 2]) -> usize {
-        let walk = Walk::Frequency { amplitude: drive.1, range_hz };
+        let walk = Varied::Frequency { amplitude: drive.1, range_hz };
         self.jobs.push(Job { label, arm, drive: drive.0, walk });
         self.jobs.len() - 1
     }
@@ -264,7 +263,7 @@ impl Plan {
         let (five, preset) = (&settings.figure5, self.subject.preset());
         let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
         for &beta2_deg in five.beta2_deg.of(preset) {
-            let (arm, walk) = (self.subject.bent(beta2_deg)?, Walk::Amplitude { largest, frequency_hz });
+            let (arm, walk) = (self.subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
             self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, walk });
         }
         let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
@@ -296,7 +295,7 @@ impl Plan {
                 |force: &f64| self.over_frequency(format!("{force} N"), arm.clone(), (Drive::ForceX, *force), zone);
             let curves = forces.iter().map(add).collect();
             let listed: Vec<String> = forces.iter().map(f64::to_string).collect();
-            // Peaks over each other leave no room for names.
+            // Peaks above each other leave no room for names.
             let title = format!("{title}, β₂ = {detail}°, from low to high {} N", listed.join(", "));
             self.unnamed(title, link, None, curves);
         }

@@ -1,4 +1,4 @@
-//! What is read off a branch: peaks, widths, and how far its stable motions are apart.
+//! Values read from a branch: peaks, widths, and the ratio of its stable motions.
 
 use super::{ForcedBranch, Motion, PaperError};
 use resonarm_analysis::{Maximum, half_power_width_hz, maxima};
@@ -23,16 +23,16 @@ impl ForcedBranch {
         maxima(&self.curve(link))
     }
 
-    /// The width of a link's resonance, stable or not, as [`half_power_width_hz`] has it.
+    /// The width of a link's resonance, stable or not, by [`half_power_width_hz`].
     pub fn half_power_width_hz(&self, link: usize) -> Option<f64> {
-        // Bifurcations may lie beyond the steps next to them.
+        // Bifurcations may be beyond the steps next to them.
         let all: Vec<(f64, f64)> =
             self.motions.iter().map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect();
         half_power_width_hz(&self.curve(link), &all)
     }
 
     /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1
-    /// where there is one motion only.
+    /// if there is only one motion at each frequency.
     pub fn largest_ratio(&self, link: usize) -> (f64, f64) {
         let stable: Vec<[(f64, f64); 2]> = self
             .segments()
@@ -54,8 +54,8 @@ impl ForcedBranch {
         largest
     }
 
-    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the walk. Bifurcations are left out: one can lie
-    /// so near to a step that the slope between them is rounding.
+    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the walk. Bifurcations are left out: one can be
+    /// so near to a step that the slope between them is dominated by rounding.
     fn curve(&self, link: usize) -> Vec<(f64, f64)> {
         let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
         steps.map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect()
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn measures_are_those_of_a_curve_drawn_by_hand() {
+    fn measures_match_a_curve_drawn_by_hand() {
         use Stability::*;
         // Up to a fold at (4, 3), back below to another at (2, 1), on to (6, 0.5).
         let s = branch(&[
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn prominence_is_how_far_one_must_climb_down() {
+    fn prominence_is_the_relative_drop_on_both_sides() {
         let waves = [0.0, 2.0, 1.9, 2.5, 1.0, 1.5, 0.0];
         let points: Vec<_> = waves.iter().enumerate().map(|(i, a)| (i as f64, *a, Stability::Stable)).collect();
         let prominences: Vec<f64> = branch(&points).maxima(1).iter().map(|top| top.prominence).collect();
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(prominences.len(), 3);
     }
 
-    /// A peak that leans by a hundred of its widths: its sides run along the same frequencies.
+    /// A peak that leans by a hundred of its widths: its sides cover the same frequencies.
     #[test]
     fn the_top_of_a_leaning_peak_is_not_overshot() {
         for offset in [-0.04, 0.0, 0.013, 0.05] {
@@ -133,7 +133,7 @@ mod tests {
     }
 
     /// A linear resonance 1/√(x² + 1), x = (f − f₀)/(ζf₀), is 2ζf₀ wide; sampled every tenth of a radian of its circle,
-    /// and off its top.
+    /// but not at its peak.
     #[test]
     fn width_and_peak_of_a_sampled_resonance_are_good_to_1e_5() {
         let [f0, half_width] = [40.0, 0.035];
@@ -147,7 +147,7 @@ mod tests {
         assert!((top.amplitude_rad - 1.0).abs() < 1e-5, "{top:?}");
         let width = resonance.half_power_width_hz(0).unwrap();
         assert!((width / (2.0 * half_width) - 1.0).abs() < 1e-4, "{width}");
-        // A bifurcation beside the highest step, off by the error of its location, changes nothing.
+        // A bifurcation beside the highest step, off by its location error, changes nothing.
         let (mut marked, highest) = (resonance.clone(), 15);
         let mut fold = marked.motions[highest].clone();
         fold.amplitude_rad = fold.amplitude_rad.map(|amplitude| amplitude * (1.0 - 1e-6));

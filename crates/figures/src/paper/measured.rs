@@ -1,4 +1,4 @@
-//! What a bench measured in the position of Fig. 9: the document of `experiment fig9 --json`.
+//! Points measured on a bench in the position of Fig. 9: the document of `experiment fig9 --json`.
 
 use std::path::{Path, PathBuf};
 
@@ -22,29 +22,29 @@ pub enum MeasuredError {
         /// Why.
         source: std::io::Error,
     },
-    /// It is something else.
+    /// It is another document.
     #[error("{origin} is no document of `experiment fig9 --json`: {source}")]
     Parse {
         /// Its name.
         origin: String,
-        /// Where it differs.
+        /// The difference.
         source: serde_json::Error,
     },
-    /// The arm is none.
+    /// The arm is invalid.
     #[error("{origin}: {source}")]
     Arm {
         /// Name of the document.
         origin: String,
-        /// What is wrong with it.
+        /// The reason.
         source: ArmError,
     },
     /// It has no zones.
-    #[error("{origin}: there is no zone in it")]
+    #[error("{origin}: it has no zones")]
     NoZone {
         /// Name of the document.
         origin: String,
     },
-    /// A zone's number is impossible.
+    /// A number of a zone is impossible.
     #[error("{origin}: zone {zone}: {key} is {got}: it must be {expected}", got = short(.got))]
     Value {
         /// Name of the document.
@@ -53,9 +53,9 @@ pub enum MeasuredError {
         zone: usize,
         /// The key.
         key: &'static str,
-        /// What it has.
+        /// The value.
         got: f64,
-        /// What would do.
+        /// The accepted values.
         expected: &'static str,
     },
     /// No point in it settled.
@@ -82,7 +82,7 @@ impl Way {
     /// Every way.
     pub const ALL: [Way; 3] = [Way::Up, Way::Down, Way::Walk];
 
-    /// In words, as figures have it.
+    /// In words, for figures.
     pub const fn label(self) -> &'static str {
         match self {
             Way::Up => "sine up",
@@ -92,10 +92,10 @@ impl Way {
     }
 }
 
-/// A motion that was measured.
+/// A measured motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MeasuredPoint {
-    /// How.
+    /// How it was measured.
     pub way: Way,
     /// Frequency of the excitation, Hz.
     pub frequency_hz: f64,
@@ -103,25 +103,25 @@ pub struct MeasuredPoint {
     pub amplitude_rad: [f64; 2],
 }
 
-/// A zone that was measured under one force.
+/// A zone measured under one force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredZone {
     /// Amplitude of the force at the tip along x, N.
     pub force_n: f64,
     /// First and last frequency, Hz.
     pub range_hz: [f64; 2],
-    /// Its points that settled, way by way.
+    /// Its settled points, grouped by way.
     pub points: Vec<MeasuredPoint>,
 }
 
-/// The zones that a bench measured of an arm.
+/// The zones of an arm measured on a bench.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredZones {
     /// The preset.
     pub preset: Preset,
     /// The arm in its pose.
     pub arm: Arm,
-    /// The preset, and what differs from it.
+    /// The preset and the differences from it.
     pub label: String,
     /// The zones in the order of the document, at least one.
     pub zones: Vec<MeasuredZone>,
@@ -175,7 +175,7 @@ impl MeasuredZones {
         MeasuredZones::parse(&text, &path.display().to_string())
     }
 
-    /// Reads a document; `origin` is what to call it in messages. Keys that are not needed are passed over.
+    /// Reads a document; `origin` is its name in messages. Other keys are ignored.
     ///
     /// # Errors
     /// [`MeasuredError`] names what is missing or impossible.
@@ -277,32 +277,32 @@ mod tests {
         assert_eq!(read.zones[1].points, [point(Way::Up, 34.5), point(Way::Down, 35.5), point(Way::Walk, 36.5)]);
     }
 
-    /// What is said of the document with another value at a place.
+    /// The error message for the document with another value at a place.
     fn says(place: &str, value: serde_json::Value) -> String {
         let mut document = document();
         *document.pointer_mut(place).unwrap() = value;
-        MeasuredZones::parse(&document.to_string(), "own.json").unwrap_err().to_string()
+        MeasuredZones::parse(&document.to_string(), "zones.json").unwrap_err().to_string()
     }
 
     #[test]
     fn errors_say_what_is_wrong_where() {
-        insta::assert_snapshot!(says("/zones", [0; 0].into()), @"own.json: there is no zone in it");
-        insta::assert_snapshot!(says("/zones/0/force_n/0", (-1).into()), @"own.json: zone 1: force_n along x is -1: it must be a positive number");
-        insta::assert_snapshot!(says("/zones/1/force_n/1", 3.into()), @"own.json: zone 2: force_n along y is 3: it must be 0, since Fig. 9 is of a force along x");
-        insta::assert_snapshot!(says("/zones/1/range_hz/1", 30.into()), @"own.json: zone 2: range_hz, its end, is 30: it must be larger than its start");
-        insta::assert_snapshot!(says("/zones/0/up/points/1/frequency_hz", 0.into()), @"own.json: zone 1: frequency_hz of a point is 0: it must be a positive number");
-        insta::assert_snapshot!(says("/zones/0/walk/points/0/amplitude_rad/1", (-0.5).into()), @"own.json: zone 1: amplitude_rad of a point is -0.5: it must be zero or a positive number");
-        insta::assert_snapshot!(says("/configuration/beta2_deg", serde_json::Value::Null), @"own.json is no document of `experiment fig9 --json`: invalid type: null, expected f64 at line 1 column 52");
-        insta::assert_snapshot!(says("/configuration/preset", "irb".into()), @"own.json: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
+        insta::assert_snapshot!(says("/zones", [0; 0].into()), @"zones.json: it has no zones");
+        insta::assert_snapshot!(says("/zones/0/force_n/0", (-1).into()), @"zones.json: zone 1: force_n along x is -1: it must be a positive number");
+        insta::assert_snapshot!(says("/zones/1/force_n/1", 3.into()), @"zones.json: zone 2: force_n along y is 3: it must be 0, since Fig. 9 is of a force along x");
+        insta::assert_snapshot!(says("/zones/1/range_hz/1", 30.into()), @"zones.json: zone 2: range_hz, its end, is 30: it must be larger than its start");
+        insta::assert_snapshot!(says("/zones/0/up/points/1/frequency_hz", 0.into()), @"zones.json: zone 1: frequency_hz of a point is 0: it must be a positive number");
+        insta::assert_snapshot!(says("/zones/0/walk/points/0/amplitude_rad/1", (-0.5).into()), @"zones.json: zone 1: amplitude_rad of a point is -0.5: it must be zero or a positive number");
+        insta::assert_snapshot!(says("/configuration/beta2_deg", serde_json::Value::Null), @"zones.json is no document of `experiment fig9 --json`: invalid type: null, expected f64 at line 1 column 52");
+        insta::assert_snapshot!(says("/configuration/preset", "irb".into()), @"zones.json: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
         let mut unsettled = document();
         for zone in unsettled["zones"].as_array_mut().unwrap() {
             for run in ["up", "down", "walk"] {
                 zone[run]["points"][0]["settled"] = false.into();
             }
         }
-        let unsettled = MeasuredZones::parse(&unsettled.to_string(), "own.json").unwrap_err();
-        insta::assert_snapshot!(unsettled, @"own.json: none of its points has settled: there is nothing to draw");
-        let absent = MeasuredZones::read("/nonexistent/own.json".as_ref()).unwrap_err();
-        insta::assert_snapshot!(absent, @"can't read /nonexistent/own.json: No such file or directory (os error 2)");
+        let unsettled = MeasuredZones::parse(&unsettled.to_string(), "zones.json").unwrap_err();
+        insta::assert_snapshot!(unsettled, @"zones.json: none of its points has settled: there is nothing to draw");
+        let absent = MeasuredZones::read("/nonexistent/zones.json".as_ref()).unwrap_err();
+        insta::assert_snapshot!(absent, @"can't read /nonexistent/zones.json: No such file or directory (os error 2)");
     }
 }

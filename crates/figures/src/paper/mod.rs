@@ -1,8 +1,8 @@
-//! The figures and statements of Gierlak & Warmiński (2023), computed anew.
+//! Reproduces the figures and statements of Gierlak & Warmiński (2023).
 //!
-//! [`Settings`] hold what the paper states and what it leaves open. [`Figure`] makes the data of its figures by
-//! continuation, [`claims`] holds its statements against them, for both presets. Drawing and writing are the command
-//! line's.
+//! [`Settings`] hold the values that the paper states and choices for those it does not. [`Figure`] computes the data
+//! of its figures by continuation, [`claims`] checks its statements, for both presets. The command line draws and
+//! writes them.
 
 mod branch;
 pub mod claims;

@@ -9,7 +9,7 @@ use resonarm_dynamics::arm::Preset;
 use resonarm_numeric::number::{rounded, short};
 use resonarm_files::toml_error::TomlError;
 
-/// Everything that the paper states or leaves open about its figures.
+/// All parameters of the figures, stated in the paper or chosen here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -29,7 +29,7 @@ pub struct Settings {
     pub figure9: Figure9,
     /// The force pulse of Section 1.
     pub pulse: Pulse,
-    /// What the paper leaves open, over the ranges in which statements are judged.
+    /// The ranges of unstated parameters over which statements are judged.
     pub scan: Scan,
 }
 
@@ -75,7 +75,7 @@ pub struct Figure5 {
     pub frequency_hz: f64,
     /// Poses, degrees, ascending.
     pub beta2_deg: PerPreset<Vec<f64>>,
-    /// Where the curves end, N·m.
+    /// The torque at which the curves end, N·m.
     pub largest_torque_nm: PerPreset<f64>,
 }
 
@@ -119,7 +119,7 @@ pub struct Figure9 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pulse {
-    /// Its crest, N.
+    /// Its peak, N.
     pub force_n: f64,
     /// The amplitude that the paper states, m.
     pub amplitude_m: f64,
@@ -129,7 +129,7 @@ pub struct Pulse {
     pub length_s: f64,
 }
 
-/// Ranges of what the paper leaves open.
+/// Ranges of parameters that the paper does not state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scan {
@@ -141,9 +141,9 @@ pub struct Scan {
     pub height_m: Vec<f64>,
     /// Lengths of the pulse of Section 1, s, ascending.
     pub pulse_length_s: Vec<f64>,
-    /// How far the poses of Fig. 5 are apart, degrees.
+    /// Step between the poses of Fig. 5, degrees.
     pub figure5_step_deg: f64,
-    /// How near its frequency is to the first natural frequency at these poses, relative to that.
+    /// Largest distance of its frequency from the first natural frequency at these poses, relative to the latter.
     pub figure5_nearness: f64,
     /// More poses for strong excitation, degrees, ascending.
     pub strong_beta2_deg: Vec<f64>,
@@ -171,9 +171,9 @@ pub enum SettingsError {
     Value {
         /// The key.
         key: String,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The accepted values.
         expected: &'static str,
     },
     /// A list has too few numbers.
@@ -193,7 +193,7 @@ pub enum SettingsError {
         key: String,
         /// A value.
         before: f64,
-        /// The one behind it.
+        /// The next one.
         after: f64,
     },
     /// The tip can't reach the line.
@@ -218,13 +218,12 @@ impl Settings {
 
     /// The settings that come with the program.
     ///
-    /// # Errors
-    /// As [`Settings::parse`]; tests hold that there is none.
+    /// # Errors As [`Settings::parse`]; tests ensure that there is none.
     pub fn embedded() -> Result<Settings, SettingsError> {
         Settings::parse(Settings::EMBEDDED, "scenarios/paper/settings.toml")
     }
 
-    /// Reads a settings file: its text, and what it says.
+    /// Reads a settings file: returns its text and the settings.
     ///
     /// # Errors
     /// [`SettingsError::Read`] if the file can't be read; else as [`Settings::parse`].
@@ -235,7 +234,7 @@ impl Settings {
         Ok((text, settings))
     }
 
-    /// Reads settings from their text; `origin` is what to call it in messages. Every key must be there.
+    /// Reads settings from their text; `origin` is its name in messages. Every key is required.
     ///
     /// # Errors
     /// [`SettingsError`] names the key that is unknown, missing or impossible.
@@ -341,7 +340,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn those_that_come_with_the_program_are_settings() {
+    fn the_embedded_settings_are_valid() {
         let settings = Settings::embedded().unwrap();
         assert_eq!(settings.figure4.beta2_deg, [0.0, 30.0, 60.0, 90.0, 120.0, 150.0]);
         assert_eq!(toml::from_str::<Settings>(&toml::to_string(&settings).unwrap()).unwrap(), settings);
@@ -349,11 +348,11 @@ mod tests {
 
     fn says(from: &str, to: &str) -> String {
         assert!(Settings::EMBEDDED.contains(from), "{from}");
-        Settings::parse(&Settings::EMBEDDED.replacen(from, to, 1), "own.toml").unwrap_err().to_string()
+        Settings::parse(&Settings::EMBEDDED.replacen(from, to, 1), "test.toml").unwrap_err().to_string()
     }
 
     #[test]
-    fn errors_name_the_key_and_what_would_do() {
+    fn errors_name_the_key_and_the_accepted_values() {
         insta::assert_snapshot!(says("length2_m = 0.6", "length2_m = -0.6"), @"length2_m has -0.6: it must be a positive number");
         insta::assert_snapshot!(says("length2_m = 0.6", "length2_m = -1e300"), @"length2_m has -1e300: it must be a positive number");
         insta::assert_snapshot!(says("[26.0, 46.0]", "[1e300, 1e299]"), @"figure9.range_hz has 1e299 after 1e300: its values must ascend");
@@ -364,7 +363,7 @@ mod tests {
         insta::assert_snapshot!(says("[50.0, 100.0, 200.0, 400.0]", "[50.0]"), @"figure7.second_zone_force_n.irb1600-fitted has 1 values: it must have at least 2");
         insta::assert_snapshot!(says("height_m = -0.2", "heigth_m = -0.25").lines().last().unwrap(), @"Did you mean `height_m`?");
         insta::assert_snapshot!(says("length2_m = 0.6", "").lines().last().unwrap(), @"missing field `length2_m`");
-        let absent = Settings::read("/nonexistent/own.toml".as_ref()).unwrap_err();
-        insta::assert_snapshot!(absent, @"can't read the settings /nonexistent/own.toml: No such file or directory (os error 2)");
+        let absent = Settings::read("/nonexistent/test.toml".as_ref()).unwrap_err();
+        insta::assert_snapshot!(absent, @"can't read the settings /nonexistent/test.toml: No such file or directory (os error 2)");
     }
 }

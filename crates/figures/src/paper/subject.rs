@@ -23,7 +23,7 @@ impl Subject {
         Ok(Subject { preset, parameters, height_m: settings.line.height_m })
     }
 
-    /// The arm that was measured, its tip on the line at the height at which it was.
+    /// The measured arm, with the line at the height of its tip.
     pub(super) fn measured(measured: &MeasuredZones) -> Subject {
         let (preset, arm) = (measured.preset, &measured.arm);
         Subject { preset, parameters: *arm.parameters(), height_m: arm.points(&Vector2::zeros()).c_m.y }
@@ -39,7 +39,7 @@ impl Subject {
         &self.parameters
     }
 
-    /// The preset, and what differs from it.
+    /// The preset and the differences from it.
     ///
     /// # Errors
     /// [`PaperError::Arm`] if the preset's file can't be read.
@@ -49,7 +49,7 @@ impl Subject {
         Ok(if own == preset { name.to_string() } else { format!("{name} with length2_m = {own} (preset {preset})") })
     }
 
-    /// The arm at β1 = 0, which has no influence on an arm that is driven at its joints.
+    /// The arm at β1 = 0, which does not matter for an arm driven at its joints.
     ///
     /// # Errors
     /// [`PaperError::Arm`] for an impossible angle.

@@ -1,5 +1,5 @@
-//! The figures held against the linear theory and independent numbers, and the verdicts on the paper's statements, for
-//! both presets.
+//! Compares the figures with the linear theory and independent numbers, and checks the verdicts on the paper's
+//! statements, for both presets.
 
 use core::sync::atomic::AtomicUsize;
 use core::sync::atomic::Ordering::Relaxed;
@@ -17,7 +17,7 @@ fn curves(figure: Figure, preset: Preset, settings: &Settings) -> Curves {
     Plan::new(figure, preset, settings).unwrap().compute(|| ()).unwrap()
 }
 
-/// Where a motion is small, it is that of the linearised arm.
+/// Small motions match the linearised arm.
 #[test]
 fn the_small_motions_of_figure_4_are_the_linear_response() {
     let settings = Settings::embedded().unwrap();
@@ -80,8 +80,8 @@ fn the_folds_of_figure_4_are_those_of_the_oracles() {
     assert_eq!(compared, 8);
 }
 
-/// The settings that come with the program, with shorter scans: all of what is judged there takes a minute at full
-/// optimisation, and is done by `tests/paper/`.
+/// The embedded settings with shorter scans: the full scans take a minute at full optimisation, and are run by
+/// `tests/paper/`.
 fn shorter() -> Settings {
     let mut settings = Settings::embedded().unwrap();
     let scan = &mut settings.scan;
@@ -92,7 +92,7 @@ fn shorter() -> Settings {
 }
 
 #[test]
-fn verdicts_and_numbers_stay_what_they_are() {
+fn verdicts_and_numbers_do_not_change() {
     let done = AtomicUsize::new(0);
     let mut expected = 0;
     let report = judge(&shorter(), |count| expected = count, || _ = done.fetch_add(1, Relaxed)).unwrap();

@@ -1,8 +1,8 @@
-//! Ranges of axes, and where values lie on the page.
+//! Ranges of axes, and positions of values on the page.
 
 use super::{Axis, Panel, PlotError, Scale, Style};
 
-/// Part of the axis left free beyond the data at either end.
+/// Fraction of the axis left free beyond the data at either end.
 const MARGIN: f64 = 0.04;
 
 /// An axis on the page: value `low` at `from` px, `high` at `to` px.
@@ -16,7 +16,8 @@ pub(super) struct AxisMap {
 }
 
 impl AxisMap {
-    /// Where `value` lies, px. With g the identity or log10: from + (to − from) · (g(v) − g(low)) / (g(high) − g(low)).
+    /// The position of `value`, px. With g the identity or log10: from + (to − from) · (g(v) − g(low)) / (g(high) −
+    /// g(low)).
     pub fn px(&self, value: f64) -> f64 {
         let part = (along(self.scale, value) - along(self.scale, self.low))
             / (along(self.scale, self.high) - along(self.scale, self.low));
@@ -24,7 +25,7 @@ impl AxisMap {
     }
 }
 
-/// The value as it lies along the axis.
+/// The value in the scale of the axis.
 fn along(scale: Scale, value: f64) -> f64 {
     match scale {
         Scale::Linear | Scale::Degrees => value,
@@ -84,13 +85,13 @@ pub(super) fn check(title: &str, index: usize, panel: &Panel) -> Result<(), Plot
     if drawn == 0 { Err(PlotError::NoPoints { title: title.to_owned(), panel: index }) } else { Ok(()) }
 }
 
-/// The range of an axis: the one it names, else that of the data in `panels`, which share it, with a margin.
+/// The range of an axis: the one it states, or that of the data in `panels`, which share it, with a margin.
 ///
-/// Lines may touch the ends of the x axis; everything else keeps off by [`MARGIN`]. Data that all have one value get a
-/// range about it.
+/// Lines may touch the ends of the x axis; everything else keeps the distance [`MARGIN`]. Data that all have one value
+/// get a range around it.
 pub(super) fn range(coordinate: Coordinate, panels: &[&Panel]) -> Result<(f64, f64), PlotError> {
     let Some(axis) = panels.first().map(|panel| coordinate.axis(panel)) else {
-        return Ok((0.0, 1.0)); // no panel, so nobody looks
+        return Ok((0.0, 1.0)); // no panel: the range is not used
     };
     let (low, high) = axis.range.unwrap_or_else(|| data_range(coordinate, axis.scale, panels));
     let ordered = low.is_finite() && high.is_finite() && low < high && (high - low).is_finite();

@@ -1,15 +1,15 @@
-//! The line below a figure's title, cut to its width, and what the caption says beside it.
+//! The line below a figure's title, cut to its width, and the additional lines of the caption.
 
 use super::font::Fonts;
 use super::scene::Weight;
 
-/// The conditions under which a figure holds.
+/// The conditions of a figure.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Subtitle {
-    /// What stands in one line below the title, the most important first. Of parts with `, ` between them those that
-    /// have no room are left out, with `…` in their place; the caption has them all.
+    /// The line below the title, the most important first. If its parts, separated by `, `, do not all fit, the last
+    /// are replaced by `…`; the caption has them all.
     pub line: String,
-    /// What only the caption says, a line each.
+    /// Additional lines of the caption.
     pub more: Vec<String>,
 }
 
@@ -26,7 +26,7 @@ impl From<&str> for Subtitle {
 }
 
 impl Subtitle {
-    /// The subtitle with one part more at the end of its line; an empty one adds nothing.
+    /// The subtitle with `part` appended to its line; an empty one adds nothing.
     #[must_use]
     pub fn and(mut self, part: impl AsRef<str>) -> Subtitle {
         let part = part.as_ref();
@@ -37,7 +37,7 @@ impl Subtitle {
         self
     }
 
-    /// As many parts of the line, from its beginning, as `width` has room for; the first in any case.
+    /// As many parts of the line, from its beginning, as fit in `width`; the first in any case.
     pub(super) fn fitting(&self, fonts: &Fonts, size: f64, width: f64) -> String {
         let fits = |text: &str| fonts.width(text, size, Weight::Regular) <= width;
         if fits(&self.line) {

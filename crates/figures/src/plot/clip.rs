@@ -1,15 +1,15 @@
-//! Lines cut to a rectangle, and points that can't be seen left out.
+//! Cuts lines to a rectangle, and leaves out points that are not visible.
 
 use super::scene::{Point, Rect};
 
-/// Points that follow each other within a strip of this width are drawn as four; px.
+/// Consecutive points within a strip of this width are drawn as four; px.
 const STRIP: f64 = 0.25;
-/// Points nearer than this to the one before are left out; px.
+/// Points nearer than this to the previous one are left out; px.
 const NEAR: f64 = 0.05;
 /// Beyond this the position of a point no longer matters; px.
 const FAR: f64 = 1e7;
 
-/// The parts of the polyline through `points` that lie in `area`, each thinned. A NaN breaks the line; a point alone
+/// The parts of the polyline through `points` inside `area`, each thinned. A NaN breaks the line; a single point
 /// between two gaps gives a run of that point twice, which a round pen draws as a dot.
 pub(super) fn runs(points: impl Iterator<Item = Point>, area: &Rect) -> Vec<Vec<Point>> {
     let mut runs: Vec<Vec<Point>> = Vec::new();
@@ -54,8 +54,8 @@ fn finish(runs: &mut Vec<Vec<Point>>, current: &mut Vec<Point>, dot: Option<Poin
     }
 }
 
-/// The part of the segment from `a` to `b` that lies in `area` (Y.-D. Liang, B. A. Barsky, "A New Concept and Method
-/// for Line Clipping", ACM Trans. Graph. 3 (1984)).
+/// The part of the segment from `a` to `b` inside `area` (Y.-D. Liang, B. A. Barsky, "A New Concept and Method for Line
+/// Clipping", ACM Trans. Graph. 3 (1984)).
 ///
 /// On a + t (b − a) each side of the rectangle reads p t ≤ q. It bounds t from below where p < 0, from above where p >
 /// 0.
@@ -82,10 +82,9 @@ pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)>
     (enter <= leave).then(|| (at(enter), at(leave)))
 }
 
-/// What of `points` can be seen. Of those that follow each other within a vertical strip the first, the lowest, the
-/// highest and the last cover the same ink (U. Jugel, Z. Jerzak, G. Hackenbroich, V. Markl, "M4: A
-/// Visualization-Oriented Time Series Data Aggregation", Proc. VLDB Endow. 7 (2014)); of points nearer than [`NEAR`]
-/// one does.
+/// The visible ones of `points`. Of consecutive points within a vertical strip the first, the lowest, the highest and
+/// the last cover the same ink (U. Jugel, Z. Jerzak, G. Hackenbroich, V. Markl, "M4: A Visualization-Oriented Time
+/// Series Data Aggregation", Proc. VLDB Endow. 7 (2014)); of points nearer than [`NEAR`] one is enough.
 fn thinned(points: &[Point]) -> Vec<Point> {
     let mut kept: Vec<Point> = Vec::new();
     let strip = |point: &Point| libm::floor(point[0] / STRIP);
@@ -123,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_cut_at_the_edge_and_come_back() {
+    fn lines_are_cut_at_the_edge_and_reenter() {
         let line = [[-10.0, 25.0], [50.0, 25.0], [50.0, 75.0], [90.0, 75.0], [90.0, 10.0]];
         assert_eq!(cut(&line), [vec![[0.0, 25.0], [50.0, 25.0], [50.0, 50.0]], vec![[90.0, 50.0], [90.0, 10.0]]]);
         assert!(cut(&[[-10.0, 10.0], [10.0, -20.0]]).is_empty(), "passes the corner outside");
@@ -150,13 +149,13 @@ mod tests {
     }
 
     #[test]
-    fn points_far_outside_do_not_upset_the_arithmetic() {
+    fn points_far_outside_do_not_disturb_the_arithmetic() {
         assert_eq!(cut(&[[50.0, -1e300], [50.0, 1e300]]), [vec![[50.0, 0.0], [50.0, 50.0]]]);
     }
 
     proptest! {
         #[test]
-        fn what_is_kept_lies_inside_and_on_the_segment(
+        fn the_kept_part_is_inside_and_on_the_segment(
             ax in -200.0..300.0_f64, ay in -100.0..150.0_f64, bx in -200.0..300.0_f64, by in -100.0..150.0_f64,
         ) {
             let cut = segment([ax, ay], [bx, by], &AREA);

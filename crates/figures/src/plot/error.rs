@@ -37,9 +37,9 @@ pub enum PlotError {
         series: usize,
         /// Which point of that.
         point: usize,
-        /// Its x.
+        /// Its x coordinate.
         x: f64,
-        /// Its y.
+        /// Its y coordinate.
         y: f64,
     },
     /// A value on a logarithmic axis isn't positive.
@@ -64,9 +64,9 @@ pub enum PlotError {
     Range {
         /// Label of the axis.
         axis: String,
-        /// Where it was to begin.
+        /// The requested beginning.
         low: f64,
-        /// Where it was to end.
+        /// The requested end.
         high: f64,
     },
     /// The image would be too large.
@@ -82,13 +82,13 @@ pub enum PlotError {
     Font {
         /// Name of the font.
         name: &'static str,
-        /// What the font reader said.
+        /// The font reader's message.
         why: String,
     },
     /// The image can't be encoded.
     #[error("the PNG image can't be encoded: {why}")]
     Encode {
-        /// What the encoder said.
+        /// The encoder's message.
         why: String,
     },
     /// The file can't be written.
@@ -96,7 +96,7 @@ pub enum PlotError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }

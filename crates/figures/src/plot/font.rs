@@ -5,7 +5,7 @@ use ttf_parser::{Face, OutlineBuilder};
 use super::PlotError;
 use super::scene::Weight;
 
-/// Family names for SVG: the embedded font's own, then what most systems have that is nearly as wide, then any.
+/// Family names for SVG: the embedded font, then common fonts of nearly the same width, then any.
 pub(super) const FAMILY: &str = "'DejaVu Sans','Bitstream Vera Sans',Verdana,Helvetica,Arial,sans-serif";
 
 /// Height of a capital letter over the em square, to centre text on a line.
@@ -42,8 +42,8 @@ impl Fonts {
         f64::from(units) * size / f64::from(face.units_per_em())
     }
 
-    /// Draws `text` from the origin along the x axis into `outline`, in units of the font, y upwards; returns how many
-    /// units make an em. A character that the font lacks is drawn as a box.
+    /// Draws `text` from the origin along the x axis into `outline`, in units of the font, y upwards; returns the
+    /// number of units in an em. A character that the font lacks is drawn as a box.
     pub fn outline(&self, text: &str, weight: Weight, outline: &mut impl OffsetOutline) -> f64 {
         let face = self.face(weight);
         let mut x = 0;
@@ -56,7 +56,7 @@ impl Fonts {
         f64::from(face.units_per_em())
     }
 
-    /// `text` broken at spaces into lines no wider than `width`; a word wider than that stands alone.
+    /// `text` broken at spaces into lines no wider than `width`; a wider word gets its own line.
     pub fn wrap(&self, text: &str, size: f64, weight: Weight, width: f64) -> Vec<String> {
         let mut lines: Vec<String> = Vec::new();
         for word in text.split_whitespace() {
@@ -77,7 +77,7 @@ fn advance(face: &Face<'_>, c: char) -> u32 {
     face.glyph_hor_advance(face.glyph_index(c).unwrap_or_default()).unwrap_or(0).into()
 }
 
-/// An outline that is told where the next glyph begins.
+/// An outline that receives the start of each glyph.
 pub(super) trait OffsetOutline: OutlineBuilder {
     /// The next glyph begins `x` units of the font to the right of the text's origin.
     fn start_at(&mut self, x: f32);

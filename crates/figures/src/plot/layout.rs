@@ -1,7 +1,7 @@
-//! From a figure to a scene: where everything stands.
+//! Lays out a figure as a scene.
 //!
 //! Widths first: the left margin of a column holds its widest tick labels, so that plots below each other line up; the
-//! right one holds legends that found no free corner. Then heights, row by row.
+//! right one holds legends without a free corner. Then heights, row by row.
 
 use super::axis::{self, AxisMap, Coordinate};
 use super::font::Fonts;
@@ -21,18 +21,18 @@ const LEADING: f64 = 1.3;
 /// Room above a plot for a panel's title, and for the power of ten of its y axis.
 const PANEL_TITLE: f64 = 22.0;
 const FACTOR: f64 = 18.0;
-/// Room below a plot for tick labels, and for the axis label; and what stands instead where the panel below has them.
+/// Room below a plot for tick labels, and for the axis label; and the room left if the panel below has them.
 const X_TICK_LABELS: f64 = 22.0;
 const X_LABEL: f64 = 24.0;
 const X_SHARED: f64 = 12.0;
 
-/// What is known of a panel before its plot has a place.
+/// A panel before its plot has a place.
 struct Draft<'a> {
     panel: &'a Panel,
     row: usize,
     column: usize,
     x_range: (f64, f64),
-    /// Whether the x axis is written below this panel, and not below one further down that shares it.
+    /// Whether the x axis is labelled below this panel, not below a lower one that shares it.
     writes_x: bool,
     y_ticks: Ticks,
     y_tick_width: f64,
@@ -96,7 +96,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
 }
 
 /// The panels that share the x axis of panel `index`, itself included: its neighbours above and below with an equal
-/// one.
+/// axis.
 fn sharing_x(figure: &Figure, index: usize) -> Vec<usize> {
     let column: Vec<usize> = (index % figure.columns..figure.panels.len()).step_by(figure.columns).collect();
     let groups = column.chunk_by(|a, b| figure.panels[*a].x == figure.panels[*b].x);
@@ -112,7 +112,7 @@ fn plot_height(figure: &Figure) -> f64 {
     }
 }
 
-/// Title, in as many lines as it needs, and subtitle, in one, and where the rest begins.
+/// Title, in as many lines as needed, and subtitle, in one, and the y at which the rest begins.
 fn heading(figure: &Figure, fonts: &Fonts, width: f64) -> (Vec<Shape>, f64) {
     let room = width - 2.0 * EDGE;
     let title = fonts.wrap(&figure.title, TITLE_SIZE, Weight::Bold, room);
@@ -176,7 +176,7 @@ fn right_of(draft: &Draft<'_>) -> f64 {
     if draft.legend_outside && !draft.entries.is_empty() { draft.entries.width() + EDGE } else { EDGE / 2.0 }
 }
 
-/// Legends for which the plots have no free corner go outside. Tells whether there are more of them than before.
+/// Moves legends without a free corner outside. Returns whether there are more of them than before.
 fn move_legends_outside(drafts: &mut [Draft<'_>], plots: &[Rect]) -> bool {
     let mut moved = false;
     for (draft, plot) in drafts.iter_mut().zip(plots) {

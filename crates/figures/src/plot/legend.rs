@@ -11,7 +11,7 @@ const LINE: f64 = 19.0;
 const PADDING: f64 = 7.0;
 const SAMPLE: f64 = 28.0;
 const GAP: f64 = 8.0;
-/// How far a legend inside a plot stays from its frame, and from the data.
+/// Distance of a legend inside a plot from its frame, and from the data.
 const INSET: f64 = 6.0;
 const CLEARANCE: f64 = 3.0;
 
@@ -22,7 +22,7 @@ pub(super) struct Entries<'a> {
 }
 
 impl<'a> Entries<'a> {
-    /// Those of `panel`: its series that have a label and at least one point to draw, each label and style once.
+    /// The entries of `panel`: its series with a label and at least one point to draw, each label and style once.
     pub fn new(panel: &'a Panel, fonts: &Fonts) -> Self {
         let mut entries: Vec<(&str, Style)> = Vec::new();
         let named = |series: &'a Series| series.label.as_deref().map(|label| (label, series.style));
@@ -76,7 +76,7 @@ impl<'a> Entries<'a> {
         }
     }
 
-    /// What it covers with its upper left corner at `[left, top]`.
+    /// The area it covers with its upper left corner at `[left, top]`.
     pub fn area(&self, [left, top]: Point) -> Rect {
         Rect { left, top, right: left + self.width, bottom: top + self.height() }
     }
@@ -95,7 +95,7 @@ fn sample(style: Style, left: f64, y: f64) -> Shape {
     }
 }
 
-/// A place in `plot` where the legend covers no data: a corner, else the middle of a side.
+/// A place in `plot` where the legend covers no data: a corner, or the middle of a side.
 pub(super) fn free_corner(
     panel: &Panel,
     entries: &Entries<'_>,
@@ -118,7 +118,7 @@ pub(super) fn free_corner(
     })
 }
 
-/// What can be seen of a series.
+/// The visible part of a series.
 enum Drawn {
     Runs(Vec<Vec<Point>>),
     Markers { at: Vec<Point>, size: f64 },

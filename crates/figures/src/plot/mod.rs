@@ -31,17 +31,17 @@ pub use style::{Color, Dash, Marker, Style};
 pub struct Figure {
     /// The title; broken into lines where it is too long.
     pub title: String,
-    /// A line below the title: the conditions under which it holds.
+    /// A line below the title: the conditions of the figure.
     pub subtitle: Subtitle,
     /// The panels, row by row. Panels below each other whose x axes are equal share them: one range, labels on the
     /// lowest.
     pub panels: Vec<Panel>,
-    /// How many panels stand beside each other, at least 1.
+    /// The number of panels side by side, at least 1.
     pub columns: usize,
 }
 
 impl Figure {
-    /// What [`Figure::write`] appends: SVG, PNG and the caption.
+    /// The endings that [`Figure::write`] appends: SVG, PNG and the caption.
     pub const ENDINGS: [&'static str; 3] = [".svg", ".png", ".txt"];
 
     /// A figure without panels, of one column.
@@ -55,7 +55,7 @@ impl Figure {
         Self { subtitle: subtitle.into(), ..self }
     }
 
-    /// The figure with one panel more.
+    /// The figure with another panel.
     #[must_use]
     pub fn with(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
@@ -78,7 +78,7 @@ impl Figure {
         png::image(&layout::scene(self)?)
     }
 
-    /// Writes the figure as SVG to `path`, over what is there.
+    /// Writes the figure as SVG to `path`, replacing an existing file.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn, or the file can't be written.
@@ -86,7 +86,7 @@ impl Figure {
         write_file(path, self.to_svg()?.as_bytes())
     }
 
-    /// Writes the figure as PNG of 300 dpi to `path`, over what is there.
+    /// Writes the figure as PNG of 300 dpi to `path`, replacing an existing file.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn, or the file can't be written.
@@ -94,7 +94,7 @@ impl Figure {
         write_file(path, &self.to_png()?)
     }
 
-    /// The caption: title and subtitle in full, and what else the subtitle says, a line each.
+    /// The caption: title, subtitle in full, and its additional lines.
     pub fn caption(&self) -> String {
         let Subtitle { line, more } = &self.subtitle;
         let lines = [&self.title, line].into_iter().chain(more).filter(|line| !line.is_empty());
@@ -116,7 +116,7 @@ impl Figure {
     }
 }
 
-/// `stem` with `ending` appended, as `.csv`; what stands after a dot in `stem` stays.
+/// `stem` with `ending` appended, as `.csv`; text after a dot in `stem` is kept.
 pub fn beside(stem: &Path, ending: &str) -> PathBuf {
     let mut path = stem.as_os_str().to_owned();
     path.push(ending);
@@ -130,19 +130,19 @@ fn write_file(path: &Path, bytes: &[u8]) -> Result<(), PlotError> {
 /// One pair of axes and what is drawn in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// A title of its own, for figures with several panels.
+    /// A title, for figures with several panels.
     pub title: Option<String>,
     /// The horizontal axis.
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// What is drawn, the last on top.
+    /// The series, the last on top.
     pub series: Vec<Series>,
-    /// Words near points of the panel; those whose point lies outside of the axes are not drawn.
+    /// Words near points of the panel; those whose point is outside of the axes are not drawn.
     pub notes: Vec<Note>,
-    /// Names of peaks that crowd, each list in a row of its own above its peaks.
+    /// Names of crowded peaks, each list in a separate row above its peaks.
     pub rows: Vec<Vec<Note>>,
-    /// Where the legend stands.
+    /// The place of the legend.
     pub legend: Legend,
 }
 
@@ -158,7 +158,7 @@ impl Panel {
         Self { title: Some(title.into()), ..self }
     }
 
-    /// The panel with one series more, on top of those before.
+    /// The panel with another series, on top of the others.
     #[must_use]
     pub fn with(mut self, series: Series) -> Self {
         self.series.push(series);
@@ -166,7 +166,7 @@ impl Panel {
     }
 
     /// The panel with names in a row above these points, side by side in the order of the points, each with a line down
-    /// to its own. For peaks too near to each other for [`Panel::notes`]. A name whose point lies outside of the axes
+    /// to its point. For peaks too near to each other for [`Panel::notes`]. A name whose point is outside of the axes
     /// isn't drawn.
     #[must_use]
     pub fn row(mut self, names: Vec<Note>) -> Self {
@@ -174,14 +174,14 @@ impl Panel {
         self
     }
 
-    /// The panel with its legend there.
+    /// The panel with its legend at this place.
     #[must_use]
     pub fn legend(self, legend: Legend) -> Self {
         Self { legend, ..self }
     }
 }
 
-/// Words near a point of a panel, for example the name of a curve at its peak. They stand off the lines and off each
+/// Words near a point of a panel, for example the name of a curve at its peak. They keep clear of the lines and of each
 /// other, if there is room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {
@@ -191,7 +191,7 @@ pub struct Note {
     pub text: String,
 }
 
-/// Where the legend of a panel stands.
+/// The place of a panel's legend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Legend {
     /// In the corner of the panel where it covers no data; if there is none, to the right of the panel.
@@ -199,18 +199,18 @@ pub enum Legend {
     Auto,
     /// To the right of the panel.
     Outside,
-    /// Nowhere.
+    /// No legend.
     None,
 }
 
 /// An axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What it measures, with the unit, for example `frequency (Hz)`.
+    /// The quantity with its unit, for example `frequency (Hz)`.
     pub label: String,
-    /// How values lie along it.
+    /// The scale of its values.
     pub scale: Scale,
-    /// From where to where it goes; `None` takes what the data need.
+    /// Its range; `None` fits the data.
     pub range: Option<(f64, f64)>,
 }
 
@@ -230,19 +230,19 @@ impl Axis {
         Self { label: label.into(), scale: Scale::Log, range: None }
     }
 
-    /// The axis from `low` to `high`; what lies beyond is cut off.
+    /// The axis from `low` to `high`; data beyond are cut off.
     #[must_use]
     pub fn range(self, low: f64, high: f64) -> Self {
         Self { range: Some((low, high)), ..self }
     }
 }
 
-/// How values lie along an axis.
+/// The scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// Evenly, with ticks at 1, 2 or 5 times a power of ten.
     Linear,
-    /// Evenly, with ticks at parts of a turn: multiples of 15, 30, 45, 90 or 180, where these are dense enough.
+    /// Evenly, with ticks at fractions of a turn: multiples of 15, 30, 45, 90 or 180, where these are dense enough.
     Degrees,
     /// By their logarithm, with ticks at powers of ten; values must be positive.
     Log,
@@ -251,7 +251,7 @@ pub enum Scale {
 /// Points drawn in one style.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// Its name in the legend; `None` keeps it out.
+    /// Its name in the legend; `None` leaves it out.
     pub label: Option<String>,
     /// The points (x, y). One with a NaN isn't drawn, and breaks a line.
     pub points: Vec<(f64, f64)>,
@@ -270,7 +270,7 @@ impl Series {
         Self::line("stable", Color::Stable, points)
     }
 
-    /// Unstable motions of a branch: a dashed red line, which print without colours tells from a stable one.
+    /// Unstable motions of a branch: a dashed red line, distinct from a stable one without colours.
     pub fn unstable(points: Vec<(f64, f64)>) -> Self {
         let style = Style::Line { color: Color::Unstable, width: 1.6, dash: Dash::Dashed };
         Self::line("unstable", Color::Unstable, points).style(style)

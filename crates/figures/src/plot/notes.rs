@@ -1,4 +1,4 @@
-//! Where the words of a panel stand: near their points, off the lines, the legend and each other.
+//! Places the notes of a panel: near their points, clear of the lines, the legend and each other.
 
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
@@ -7,21 +7,20 @@ use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, W
 use super::{Dash, Note, Style};
 
 pub(super) const SIZE: f64 = 12.0;
-/// Between the words and what is around them.
+/// Gap around the words.
 pub(super) const GAP: f64 = 3.0;
-/// Places to the sides are tried this far apart, places above each other by the height of a line.
+/// Distance between the places tried to the sides; vertically it is the height of a line.
 const STEP: f64 = 6.0;
 const LINE: f64 = 13.0;
-/// How many places are tried to either side, and how many lines up and down.
+/// The number of places tried to either side, and of lines up and down.
 const SIDEWAYS: i32 = 16;
 const UP: i32 = 5;
 const DOWN: i32 = -3;
-/// From words that stand farther than this from their point a thin line leads to it.
+/// Words farther than this from their point get a thin line to it.
 const NEAR: f64 = 8.0;
 pub(super) const LEADER: Stroke = Stroke { color: [0x80, 0x80, 0x80], width: 0.6, dash: Dash::Solid };
 
-/// Draws the notes, each at the nearest free place off the areas that are `taken`; where there is none, above its
-/// point.
+/// Draws the notes, each at the nearest place clear of the areas that are `taken`; if there is none, above its point.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>, mut taken: Vec<Rect>) {
     if cell.panel.notes.is_empty() {
         return;
@@ -69,7 +68,7 @@ fn free_area(at: Point, width: f64, plot: &Rect, lines: &[Vec<Point>], taken: &[
     places.into_iter().map(|(sideways, up)| above(sideways, up)).find(free).unwrap_or(above(0, 0))
 }
 
-/// The line from words to their point, if they stand far from it.
+/// The line from words to their point, if they are far from it.
 fn leader(at: Point, area: &Rect) -> Option<Shape> {
     let nearest = [at[0].clamp(area.left, area.right), at[1].clamp(area.top, area.bottom)];
     let far = libm::hypot(nearest[0] - at[0], nearest[1] - at[1]) > NEAR;

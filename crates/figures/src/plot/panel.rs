@@ -19,7 +19,7 @@ pub(super) const GRID: Stroke = Stroke { color: [0xDD, 0xDD, 0xDD], width: 0.6, 
 const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };
 const MARKER_OUTLINE: f64 = 1.3;
 
-/// A panel and where its parts stand.
+/// A panel and the positions of its parts.
 pub(super) struct Cell<'a> {
     pub panel: &'a Panel,
     pub plot: Rect,
@@ -30,7 +30,7 @@ pub(super) struct Cell<'a> {
     pub y_tick_width: f64,
     /// The label of the y axis, in lines.
     pub y_label: Vec<String>,
-    /// Whether the x axis is written below this panel.
+    /// Whether the x axis is labelled below this panel.
     pub writes_x: bool,
     pub entries: Entries<'a>,
     /// Upper left corner of the legend.
@@ -57,7 +57,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     }
 }
 
-/// Where the points of `series` lie on the page; NaN stays NaN.
+/// The positions of the points of `series` on the page; NaN stays NaN.
 pub(super) fn on_page<'a>(series: &'a Series, x: &'a AxisMap, y: &'a AxisMap) -> impl Iterator<Item = Point> + 'a {
     series.points.iter().map(|point| [x.px(point.0), y.px(point.1)])
 }

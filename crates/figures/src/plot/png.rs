@@ -36,7 +36,7 @@ fn draw(canvas: &mut Pixmap, fonts: &Fonts, shape: &Shape) {
         }
         Shape::Lines { runs, stroke } => stroke_path(canvas, path(runs, Ends::Open), stroke),
         Shape::Markers { at, shape, size, fill, stroke } => {
-            // One after the other, so that an outline lies over the marker below it, as in the order of the points.
+            // One after the other, so that markers overlap in the order of the points.
             for at in at {
                 let outline = marker(*shape, *at, size / 2.0);
                 if *shape != Marker::Cross {
@@ -132,7 +132,7 @@ fn draw_text(canvas: &mut Pixmap, fonts: &Fonts, text: &Text) {
     fill_path(canvas, outline.builder.finish(), text.color, transform);
 }
 
-/// Collects glyphs one beside the other.
+/// Collects glyphs side by side.
 struct Outline {
     builder: PathBuilder,
     x: f32,
@@ -166,7 +166,7 @@ impl OutlineBuilder for Outline {
     }
 }
 
-/// The image began as white, so every pixel is opaque, and its alpha says nothing.
+/// The image started as white, so every pixel is opaque, and alpha is not needed.
 fn encode(canvas: &Pixmap) -> Result<Vec<u8>, PlotError> {
     let rgb: Vec<u8> = canvas.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
     let mut bytes = Vec::new();

@@ -6,13 +6,13 @@ use super::notes::{GAP, LEADER, SIZE, words};
 use super::panel::Cell;
 use super::scene::{Point, Rect, Shape, Weight};
 
-/// Between names beside each other.
+/// Gap between adjacent names.
 const SPACE: f64 = 7.0;
-/// From the highest peak of a row to where its lines bend, and from there to the names.
+/// Height from the highest peak of a row to the bend of its lines, and from there to the names.
 const KNEE: f64 = 5.0;
 const RISE: f64 = 17.0;
 
-/// A name, where its point is on the page, and which row it belongs to.
+/// A name, the position of its point on the page, and its row.
 struct Entry<'a> {
     note: &'a Note,
     at: Point,
@@ -20,7 +20,7 @@ struct Entry<'a> {
     width: f64,
 }
 
-/// Draws the rows of names and returns the areas that they take. Names of all rows keep out of each other's way.
+/// Draws the rows of names and returns the areas they cover. Names of different rows do not overlap.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> Vec<Rect> {
     let mut entries: Vec<Entry<'_>> = Vec::new();
     for (row, notes) in cell.panel.rows.iter().enumerate() {
@@ -50,7 +50,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> V
     taken
 }
 
-/// From where to where names may stand: inside of the plot, and beside the legend.
+/// The horizontal range for names: inside of the plot, and beside the legend.
 fn sides(cell: &Cell<'_>) -> (f64, f64) {
     let (mut left, mut right) = (cell.plot.left + GAP, cell.plot.right - GAP);
     if let Some(legend) = cell.legend_at.map(|corner| cell.entries.area(corner)) {
@@ -64,12 +64,12 @@ fn sides(cell: &Cell<'_>) -> (f64, f64) {
     (left, right)
 }
 
-/// The centres of names of these widths, in their order and apart, nearest to where they are wanted.
+/// The centres of names of these widths, in order and without overlap, nearest to the wanted positions.
 ///
-/// Centres c must obey c(i+1) − c(i) ≥ s(i+1) − s(i), with s the centres of the names packed side by side. So u = c − s
-/// must ascend, and Σ (c − wanted)² is least for the isotonic regression of wanted − s: neighbours that descend are
+/// Centres c must satisfy c(i+1) − c(i) ≥ s(i+1) − s(i), with s the centres of the names packed side by side. So u = c
+/// − s must ascend, and Σ (c − wanted)² is least for the isotonic regression of wanted − s: neighbours that descend are
 /// pooled to their mean (M. Ayer, H. D. Brunk, G. M. Ewing, W. T. Reid, E. Silverman, "An Empirical Distribution
-/// Function for Sampling with Incomplete Information", Ann. Math. Statist. 26 (1955)). Bounds cut that off.
+/// Function for Sampling with Incomplete Information", Ann. Math. Statist. 26 (1955)). The bounds clamp the result.
 fn spread(wanted: &[f64], widths: &[f64], (left, right): (f64, f64)) -> Vec<f64> {
     let mut packed = Vec::with_capacity(widths.len());
     let mut end = 0.0;
@@ -95,12 +95,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_stand_where_they_are_wanted_or_as_near_as_can_be() {
+    fn names_are_as_near_as_possible_to_the_wanted_positions() {
         let widths = [20.0, 20.0, 20.0];
         assert_eq!(spread(&[50.0, 100.0, 150.0], &widths, (0.0, 200.0)), [50.0, 100.0, 150.0]);
-        // Three that want the same place stand about it, a space apart.
+        // Three with the same wanted position are centred on it, a space apart.
         assert_eq!(spread(&[100.0; 3], &widths, (0.0, 200.0)), [73.0, 100.0, 127.0]);
-        // At a side they are pushed in, and keep their order.
+        // At a side they are moved inside, and keep their order.
         assert_eq!(spread(&[0.0, 5.0, 190.0], &widths, (0.0, 200.0)), [10.0, 37.0, 190.0]);
         assert_eq!(spread(&[195.0; 3], &widths, (0.0, 200.0)), [136.0, 163.0, 190.0]);
         assert!(spread(&[], &[], (0.0, 200.0)).is_empty());

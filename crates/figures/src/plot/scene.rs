@@ -1,4 +1,4 @@
-//! What a laid-out figure consists of. Coordinates and lengths are in px of 1/96 inch, y downwards.
+//! The elements of a laid-out figure. Coordinates and lengths are in px of 1/96 inch, y downwards.
 
 use super::style::{Dash, Marker};
 
@@ -14,13 +14,13 @@ pub(super) const WHITE: Rgb = [255, 255, 255];
 pub(super) struct Scene {
     pub width: f64,
     pub height: f64,
-    /// For readers that can't see it.
+    /// The text alternative for readers who can't see the figure.
     pub title: String,
     /// In the order of drawing.
     pub shapes: Vec<Shape>,
 }
 
-/// One thing to draw.
+/// An element to draw.
 pub(super) enum Shape {
     Rect { area: Rect, fill: Rgb },
     Lines { runs: Vec<Vec<Point>>, stroke: Stroke },
@@ -61,7 +61,7 @@ pub(super) enum Weight {
     Bold,
 }
 
-/// Which point of the baseline stands at [`Text::at`].
+/// Which point of the baseline is at [`Text::at`].
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -89,7 +89,7 @@ impl Rect {
         (self.left..=self.right).contains(&x) && (self.top..=self.bottom).contains(&y)
     }
 
-    /// Whether the insides have a point in common.
+    /// Whether the interiors have a point in common.
     pub fn meets(&self, other: &Self) -> bool {
         let across = self.left < other.right && other.left < self.right;
         across && self.top < other.bottom && other.top < self.bottom

@@ -1,6 +1,6 @@
 //! Colours, lines and markers.
 
-/// Colours that people with any colour vision tell apart: the eight of M. Okabe, K. Ito, "Color Universal Design",
+/// Colours that people with any colour vision can distinguish: the eight of M. Okabe, K. Ito, "Color Universal Design",
 /// 2008, grey, and, for stable and unstable branches, two of the vibrant scheme of P. Tol, "Colour Schemes", 2021.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Color {
@@ -10,7 +10,7 @@ pub enum Color {
     Unstable,
     /// Black.
     Black,
-    /// Grey, for what stays behind the data.
+    /// Grey, for elements behind the data.
     Grey,
     /// Blue.
     Blue,

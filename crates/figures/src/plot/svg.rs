@@ -60,7 +60,7 @@ fn text_element(text: &Text) -> String {
     format!("<text {place} font-size=\"{size}\"{weight}{anchor} fill=\"{fill}\">{content}</text>")
 }
 
-/// The attributes of a pen. Ends are round, so that a dot shows, but for dashes, which would grow together.
+/// The attributes of a pen. Ends are round, so that a dot is visible, except for dashes, which would merge.
 fn pen(stroke: &Stroke) -> String {
     let (line, width) = (color(stroke.color), number(stroke.width));
     if stroke.dash == Dash::Solid {
@@ -112,7 +112,7 @@ fn color([red, green, blue]: Rgb) -> String {
     format!("#{red:02X}{green:02X}{blue:02X}")
 }
 
-/// A length or a place, to hundredths of a px.
+/// A length or a position, to hundredths of a px.
 fn number(value: f64) -> String {
     decimal(hundredths(value))
 }
@@ -121,7 +121,7 @@ fn hundredths(value: f64) -> i64 {
     libm::round(value * 100.0) as i64
 }
 
-/// A number of hundredths without zeros that say nothing.
+/// A number of hundredths without trailing zeros.
 fn decimal(hundredths: i64) -> String {
     let sign = if hundredths < 0 { "-" } else { "" };
     let (whole, part) = (hundredths.unsigned_abs() / 100, hundredths.unsigned_abs() % 100);
@@ -132,7 +132,7 @@ fn decimal(hundredths: i64) -> String {
     }
 }
 
-/// Text for XML 1.0: marked-up characters escaped, those that XML can't hold replaced.
+/// Text for XML 1.0: markup characters escaped, forbidden ones replaced.
 fn escaped(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_xml_forbids_is_escaped() {
+    fn markup_and_forbidden_characters_are_escaped() {
         assert_eq!(escaped("a<b & \"c\">\u{1}d\ne"), "a&lt;b &amp; &quot;c&quot;&gt;\u{fffd}d e");
     }
 }

@@ -1,4 +1,4 @@
-//! Whole figures. With `RESONARM_PLOT_DIR` set, they are written there to be looked at.
+//! Whole figures. With `RESONARM_PLOT_DIR` set, they are written there for inspection.
 
 use super::*;
 
@@ -108,7 +108,7 @@ fn every_figure() -> [(&'static str, Figure); 3] {
 }
 
 #[test]
-fn figures_are_written_as_both_and_are_the_same_every_time() {
+fn figures_are_written_as_svg_and_png_and_are_reproducible() {
     let folder = tempfile::tempdir().unwrap();
     let folder = std::env::var_os("RESONARM_PLOT_DIR").map_or(folder.path().to_owned(), PathBuf::from);
     for (name, figure) in every_figure() {
@@ -121,7 +121,7 @@ fn figures_are_written_as_both_and_are_the_same_every_time() {
     }
 }
 
-/// A subtitle has one line, of as many parts as fit; the caption has all.
+/// The subtitle's line has as many parts as fit; the caption has all.
 #[test]
 fn a_long_subtitle_is_cut_to_a_line_and_whole_in_the_caption() {
     let parts: Vec<String> = (1..=20).map(|k| format!("part {k}")).collect();
@@ -136,7 +136,7 @@ fn a_long_subtitle_is_cut_to_a_line_and_whole_in_the_caption() {
     assert!(short.to_svg().unwrap().contains(">a part, another<"));
 }
 
-/// What an `<svg>` element holds, by a reader that knows only tags and attributes.
+/// The value of an attribute in the text of an element.
 fn attribute<'a>(element: &'a str, name: &str) -> Option<&'a str> {
     element.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split_once('"')).map(|(value, _)| value)
 }
@@ -186,7 +186,7 @@ fn the_legend_covers_no_data_or_goes_outside() {
         let label = svg.lines().find(|line| line.contains(">data<")).map(str::to_owned);
         label.map(|label| attribute(&label, "x").unwrap().parse::<f64>().unwrap())
     };
-    // Rising data leave the upper left free, falling ones the upper right; data all over leave nothing.
+    // Rising data leave the upper left free, falling ones the upper right; data everywhere leave no corner.
     assert!(label_x(panel().with(line(vec![(0.0, 0.0), (1.0, 1.0)]))).unwrap() < 200.0);
     let right = label_x(panel().with(line(vec![(0.0, 1.0), (1.0, 0.0)]))).unwrap();
     assert!((500.0..700.0).contains(&right));
@@ -202,7 +202,7 @@ fn refused(panel: Panel) -> String {
 }
 
 #[test]
-fn what_can_not_be_drawn_is_said() {
+fn figures_that_cannot_be_drawn_are_refused() {
     let line = |points: &[(f64, f64)]| Series::line("s", Color::Blue, points.to_vec());
     let linear = || Panel::new(Axis::linear("f (Hz)"), Axis::linear("a (rad)"));
     insta::assert_snapshot!(Figure::new("Test").to_svg().unwrap_err(), @"the figure `Test` has 0 panels in 1 columns; it needs at least one of each");
@@ -228,7 +228,7 @@ fn what_can_not_be_drawn_is_said() {
 }
 
 #[test]
-fn small_data_have_a_range_about_them() {
+fn equal_data_get_a_range_around_them() {
     for points in [vec![(1.0, 0.0)], vec![(5.0, 5.0), (5.0, 5.0)], vec![(0.0, -3.0)]] {
         let panel = Panel::new(Axis::linear("x"), Axis::linear("y"));
         let svg = Figure::new("")
@@ -240,7 +240,7 @@ fn small_data_have_a_range_about_them() {
 }
 
 #[test]
-fn notes_stand_over_their_points_and_nowhere_else() {
+fn notes_outside_of_the_axes_are_not_drawn() {
     let panel = Panel::new(Axis::linear("x").range(0.0, 1.0), Axis::linear("y"));
     let line = Series::line("l", Color::Blue, vec![(0.0, 0.0), (1.0, 1.0)]);
     let note = |x, text: &str| Note { at: (x, 0.5), text: text.to_owned() };

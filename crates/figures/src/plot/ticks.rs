@@ -1,4 +1,4 @@
-//! Ticks: where they stand, and what is written beside them.
+//! Ticks: their positions and labels.
 
 use super::Scale;
 use super::axis::AxisMap;
@@ -6,18 +6,18 @@ use super::axis::AxisMap;
 /// The ticks of an axis.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Ticks {
-    /// Values that carry a label, with it.
+    /// Values with their labels.
     pub labelled: Vec<(f64, String)>,
     /// Values between them.
     pub minor: Vec<f64>,
-    /// The power of ten that all labels have in common, for example `×10⁻³`.
+    /// The power of ten common to all labels, for example `×10⁻³`.
     pub factor: Option<String>,
 }
 
-/// Minor ticks nearer than this to each other are left out; px.
+/// Smallest distance of minor ticks; px.
 const MINOR_APART: f64 = 6.0;
 
-/// The ticks of `axis`: as many as have room, where a label takes `room(label)` px along the axis.
+/// The ticks of `axis`: as many as fit, where a label needs `room(label)` px along the axis.
 pub(super) fn ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
     match axis.scale {
         Scale::Log if axis.high / axis.low >= 3.0 => log_ticks(axis, room),
@@ -48,7 +48,7 @@ fn degree_steps() -> Vec<Step> {
     steps.map(|(mantissa, parts)| Step { mantissa, exponent: 0, parts }).to_vec()
 }
 
-/// The densest of `steps`, given in ascending order, whose labels have room; the last that gives two labels otherwise.
+/// The densest of `steps`, given in ascending order, whose labels fit; if none, the last that gives two labels.
 fn linear_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64, steps: Vec<Step>) -> Ticks {
     let mut best = Ticks::default();
     for step in steps {
@@ -72,7 +72,7 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     let (first, last) = (libm::ceil(axis.low / size - 1e-9) as i64, libm::floor(axis.high / size + 1e-9) as i64);
     let largest = axis.low.abs().max(axis.high.abs());
     let magnitude = libm::floor(libm::log10(largest)) as i32;
-    // In common: a multiple of three, where plain numbers would be long.
+    // The common power: a multiple of three, used if plain numbers would be long.
     let common = if (-2..5).contains(&magnitude) { 0 } else { magnitude.div_euclid(3) * 3 };
     let digits = (common - step.exponent).max(0) as usize;
     let scaled = power_of_ten(step.exponent - common);
@@ -91,8 +91,7 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     }
 }
 
-/// Powers of ten, every one, or every second, third … where they have no room; below two decades also 2 and 5 times
-/// these.
+/// Powers of ten: every one, or every second, third … if they do not fit; below two decades also 2 and 5 times these.
 fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
     let decades = libm::log10(axis.high / axis.low);
     let (first, last) = (libm::floor(libm::log10(axis.low)) as i32, libm::ceil(libm::log10(axis.high)) as i32);
@@ -145,7 +144,7 @@ fn log_label(multiple: i32, exponent: i32, plain: bool) -> String {
     }
 }
 
-/// Whether neighbouring labels keep apart.
+/// Whether neighbouring labels do not overlap.
 fn have_room(axis: &AxisMap, labelled: &[(f64, String)], room: &dyn Fn(&str) -> f64) -> bool {
     labelled.windows(2).all(|pair| {
         let apart = (axis.px(pair[1].0) - axis.px(pair[0].0)).abs();
@@ -163,7 +162,7 @@ fn power_of_ten(exponent: i32) -> f64 {
     }
 }
 
-/// `number` with the sign that typography knows; no sign before zero.
+/// `number` with a typographic minus sign; no sign before zero.
 fn minus(number: &str) -> String {
     match number.strip_prefix('-') {
         Some(digits) if digits.contains(|c: char| ('1'..='9').contains(&c)) => format!("−{digits}"),
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn linear_ticks_stand_at_1_2_5() {
+    fn linear_ticks_are_at_1_2_5() {
         insta::assert_snapshot!(labels(Scale::Linear, 0.0, 80.0), @"0 10 20 30 40 50 60 70 80");
         insta::assert_snapshot!(labels(Scale::Linear, -0.013, 0.041), @"−0.01 0.00 0.01 0.02 0.03 0.04");
         insta::assert_snapshot!(labels(Scale::Linear, 20.4, 20.9), @"20.4 20.5 20.6 20.7 20.8 20.9");
@@ -220,14 +219,14 @@ mod tests {
     }
 
     #[test]
-    fn degrees_stand_at_parts_of_a_turn() {
+    fn degree_ticks_are_at_fractions_of_a_turn() {
         insta::assert_snapshot!(labels(Scale::Degrees, -180.0, 180.0), @"−180 −135 −90 −45 0 45 90 135 180");
         insta::assert_snapshot!(labels(Scale::Degrees, -5.0, 95.0), @"0 15 30 45 60 75 90");
         insta::assert_snapshot!(labels(Scale::Degrees, 0.0, 8.0), @"0 1 2 3 4 5 6 7 8");
     }
 
     #[test]
-    fn log_ticks_stand_at_decades() {
+    fn log_ticks_are_at_decades() {
         insta::assert_snapshot!(labels(Scale::Log, 1.0, 1000.0), @"1 10 100 1000");
         insta::assert_snapshot!(labels(Scale::Log, 3e-7, 2e-2), @"10⁻⁶ 10⁻⁵ 10⁻⁴ 10⁻³ 10⁻²");
         insta::assert_snapshot!(labels(Scale::Log, 1e-18, 1e3), @"10⁻¹⁸ 10⁻¹⁵ 10⁻¹² 10⁻⁹ 10⁻⁶ 10⁻³ 10⁰ 10³");

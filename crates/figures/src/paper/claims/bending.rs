@@ -1,4 +1,4 @@
-//! Stiff and soft: which way the zones bend, read off their backbones.
+//! Stiff and soft: which way the zones bend, read from their backbones.
 
 use super::super::figure::zone_hz;
 use super::super::{Drive, PaperError, Subject};
@@ -11,7 +11,7 @@ use resonarm_dynamics::arm::Arm;
 #[derive(Clone, Debug)]
 pub(super) struct Bent {
     pub bending: Option<Bending>,
-    /// How far the resonance has moved from small to full excitation, Hz.
+    /// The shift of the resonance from small to full excitation, Hz.
     pub shift_hz: f64,
 }
 
@@ -67,7 +67,7 @@ pub(super) fn bent(subject: &Subject, arm: &Arm, mode: usize, drive: (Drive, f64
 const SMALL_DEG: f64 = 50.0;
 const LARGE_DEG: f64 = 100.0;
 
-/// Whether the backbones of a mode, up to the torque, are of a kind at each of the poses of Fig. 4 that are asked for.
+/// Whether the backbones of a mode, up to the torque, are of a kind at each of the selected poses of Fig. 4.
 fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn(&Bent) -> bool) -> Judgement {
     let poses: Vec<f64> = survey.settings.figure4.beta2_deg.iter().copied().filter(|pose| wanted(*pose)).collect();
     survey.over_torques(mode, |driven| {
@@ -98,7 +98,7 @@ pub(super) fn first_stiff_when_straight(survey: &Survey<'_>) -> Judgement {
 }
 
 /// "Which for large β2 transits into a mixed softening–hardening curve" (Section 4): the backbone turns, in either
-/// order; the words tell which.
+/// order, which the words state.
 pub(super) fn first_mixed_when_bent(survey: &Survey<'_>) -> Judgement {
     each(survey, 0, |beta2_deg| beta2_deg >= LARGE_DEG, Bent::is_mixed)
 }

@@ -3,9 +3,9 @@
 use super::survey::{Driven, Seen, Survey, forces_n, heights_m, torques_nm};
 use super::{Case, Number, Verdict};
 
-/// What a statement's function returns.
+/// The return value of a statement's function.
 pub(super) struct Judgement {
-    /// What the cases vary.
+    /// The quantity that varies between the cases.
     pub over: &'static str,
     /// The case of the figures.
     pub own: usize,
@@ -24,7 +24,7 @@ impl Opinion {
         Opinion { holds, value: value.into(), numbers }
     }
 
-    /// The case that it is about.
+    /// Makes it a case, labelled `at`.
     fn case(at: String, opinion: Seen<Opinion>) -> Case {
         match opinion {
             Ok(Opinion { holds, value, numbers }) => {
@@ -40,12 +40,12 @@ pub(super) fn number(of: impl Into<String>, value: f64, unit: &'static str) -> N
     Number { of: of.into(), value, unit }
 }
 
-/// A number as text with a proper minus.
+/// A number as text with a typographic minus sign.
 pub(super) fn signed(value: f64) -> String {
     value.to_string().replace('-', "−")
 }
 
-/// Whether all of some parts hold, if that is known: one that doesn't is enough to know that not.
+/// Whether all parts hold, if that is known: one that doesn't is enough for `false`.
 pub(super) fn all_hold(parts: impl Iterator<Item = Seen<bool>>) -> Seen<bool> {
     let (mut unknown, mut holds) = (None, true);
     for part in parts {
@@ -60,7 +60,7 @@ pub(super) fn all_hold(parts: impl Iterator<Item = Seen<bool>>) -> Seen<bool> {
     }
 }
 
-/// A statement to which nothing is left open.
+/// A statement without a varied parameter.
 pub(super) fn once(opinion: Seen<Opinion>) -> Judgement {
     Judgement { over: "", own: 0, cases: vec![Opinion::case(String::new(), opinion)] }
 }

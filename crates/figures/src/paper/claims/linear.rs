@@ -1,4 +1,4 @@
-//! Section 3 and what Section 4 says of natural frequencies: the linear arm. Nothing is left open to these statements.
+//! Section 3 and the natural frequencies in Section 4: the linear arm. These statements have no open parameters.
 
 use super::cases::{Judgement, Opinion, number, once};
 use super::survey::{Seen, Survey};
@@ -11,7 +11,7 @@ fn frequencies(survey: &Survey<'_>, beta2_deg: f64) -> Seen<[f64; 2]> {
 }
 
 /// "The natural frequencies of the robot arm vibrations depend strongly on its position" (Section 3). No number follows
-/// from "strongly": each of the two must vary by more than a tenth. The numbers tell how far that is from mattering.
+/// from "strongly": each of the two must vary by more than a tenth. The numbers show how little that threshold matters.
 pub(super) fn depend_on_pose(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let all = (-180..=180).map(|beta2_deg| frequencies(survey, f64::from(beta2_deg)));
@@ -67,8 +67,7 @@ pub(super) fn draw_together(survey: &Survey<'_>) -> Judgement {
     once(opinion())
 }
 
-/// Fig. 4a is the "entire spectrum" from 0 to 80 Hz and Fig. 4c shows second zones: f2 lies below 80 Hz at all its
-/// poses.
+/// Fig. 4a is the "entire spectrum" from 0 to 80 Hz and Fig. 4c shows second zones: f2 is below 80 Hz at all its poses.
 pub(super) fn within_the_range(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
         let end_hz = survey.settings.range_hz[1];

@@ -1,8 +1,8 @@
-//! The paper's statements, each with what was computed for both presets, and whether it holds.
+//! The paper's statements, each with the results for both presets and whether it holds.
 //!
-//! A statement that depends on what the paper leaves open (the amplitude of an excitation, the line of Fig. 6, the
-//! length of a pulse) is judged once for each value of a stated range, [`Scan`](crate::paper::settings::Scan): these
-//! are its cases.
+//! A statement that depends on a parameter that the paper does not state (the amplitude of an excitation, the line of
+//! Fig. 6, the length of a pulse) is judged once for each value of a given range,
+//! [`Scan`](crate::paper::settings::Scan): these are its cases.
 
 mod bending;
 mod cases;
@@ -55,28 +55,28 @@ impl Verdict {
 /// A number behind a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Number {
-    /// What it is of: a pose, a force, a zone.
+    /// What it belongs to: a pose, a force, a zone.
     pub of: String,
-    /// The number, with its unit in its name in `unit`.
+    /// The number, in the unit of `unit`.
     pub value: f64,
     /// Its unit; empty for a ratio.
     pub unit: &'static str,
 }
 
-/// A statement judged for one value of what the paper leaves open.
+/// A statement judged for one value of an unstated parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Case {
-    /// The value; empty if nothing is left open.
+    /// The value; empty without an unstated parameter.
     pub at: String,
     /// Whether the statement holds there.
     pub verdict: Verdict,
-    /// What was computed, in words with rounded numbers, or why it could not be.
+    /// The result in words with rounded numbers, or why it could not be computed.
     pub value: String,
     /// The numbers.
     pub numbers: Vec<Number>,
 }
 
-/// What became of a statement for a preset.
+/// The verdict on a statement for a preset.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// The preset.
@@ -84,32 +84,33 @@ pub struct Finding {
     pub preset: Preset,
     /// Whether the statement holds, in all cases together.
     pub verdict: Verdict,
-    /// What the cases vary; empty if nothing is left open.
+    /// The parameter that varies between the cases; empty if there is none.
     pub over: &'static str,
-    /// Which of the cases is that of the figures.
+    /// The index of the figures' case.
     pub own: usize,
     /// The cases.
     pub cases: Vec<Case>,
 }
 
-/// A statement of the paper and what became of it.
+/// A statement of the paper and its verdicts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Claim {
     /// A name.
     pub id: &'static str,
     /// The section of the paper that makes it.
     pub section: &'static str,
-    /// What is said, in our words.
+    /// The statement, in our words.
     pub statement: &'static str,
-    /// What is computed, and when it counts as holding.
+    /// The criterion: what is computed, and when the statement holds.
     pub rule: &'static str,
-    /// Whether I_S2 of `irb1600-fitted` was chosen so that this statement holds: for that preset it tests nothing then.
+    /// Whether I_S2 of `irb1600-fitted` was chosen so that this statement holds: for that preset it is then no
+    /// evidence.
     pub chosen_for: bool,
-    /// For each preset.
+    /// The findings for each preset.
     pub findings: Vec<Finding>,
 }
 
-/// The statements, held against the computed.
+/// The statements, checked against the computed results.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Each statement.
@@ -117,7 +118,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether every statement could be judged, in one of its cases at least.
+    /// Whether every statement could be judged in at least one of its cases.
     pub fn is_complete(&self) -> bool {
         self.claims.iter().flat_map(|claim| &claim.findings).all(|finding| finding.verdict != Verdict::NotComputed)
     }
@@ -133,8 +134,8 @@ struct Statement {
     judge: fn(&Survey<'_>) -> Judgement,
 }
 
-/// Judges every statement for both presets, over all cores. `begin` is told how many computations there are, and `done`
-/// is called after each. What can't be computed is said in the report.
+/// Judges every statement for both presets, over all cores. `begin` is called with the number of computations, and
+/// `done` after each. The report lists those that failed.
 ///
 /// # Errors
 /// [`PaperError::Arm`] if a preset can't be read.
@@ -179,7 +180,7 @@ fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
     Finding { preset: survey.subject.preset(), verdict, over, own, cases }
 }
 
-/// Whether enough of some parts could be computed to speak of all of them: two thirds.
+/// Whether enough cases could be computed for a verdict: two thirds.
 fn enough(computed: usize, all: usize) -> bool {
     3 * computed >= 2 * all
 }

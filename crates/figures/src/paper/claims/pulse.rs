@@ -1,4 +1,4 @@
-//! Section 1: the vibration that a force pulse leaves behind, by integration in time.
+//! Section 1: the vibration after a force pulse, by integration in time.
 
 use core::f64::consts::PI;
 
@@ -33,7 +33,7 @@ impl Excitation for HalfSine {
 
 /// Steps a second: 35 in a period of the fastest mode of both presets, 569 Hz.
 const RATE_HZ: f64 = 20_000.0;
-/// How long the free vibration is watched, s: some ten periods of the slower mode, in which damping takes 1 % away.
+/// Length of the free vibration, s: some ten periods of the slower mode, in which damping reduces it by 1 %.
 const WATCHED_S: f64 = 0.5;
 
 /// The largest displacement of C after a pulse, m.
@@ -52,7 +52,7 @@ fn amplitude_m(arm: &Arm, pulse: &HalfSine) -> Result<f64, PaperError> {
 }
 
 /// "The amplitude of the vibrations in the robot caused by a force pulse of 100 N is 0.1 mm" (Section 1). A number with
-/// one digit stands for what rounds to it: 0.05 mm or more, less than 0.15 mm.
+/// one digit means any value that rounds to it: 0.05 mm or more, less than 0.15 mm.
 pub(super) fn amplitude(survey: &Survey<'_>) -> Judgement {
     let settings = survey.settings;
     let mut lengths_s = settings.scan.pulse_length_s.clone();
@@ -79,8 +79,8 @@ mod tests {
     use resonarm_dynamics::arm::Preset;
     use crate::paper::{Settings, Subject};
 
-    /// A blow much shorter than the modes' periods gives the arm the momentum JᵀF·2T/π at once: α̇ = M⁻¹ of it, and the
-    /// joints swing up with v = J α̇; what follows is linear in the force.
+    /// A blow much shorter than the modes' periods gives the arm the momentum JᵀF·2T/π at once: α̇ = M⁻¹ times it, and
+    /// C starts with v = J α̇; the motion after it is linear in the force.
     #[test]
     fn a_short_blow_is_a_momentum() {
         let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();

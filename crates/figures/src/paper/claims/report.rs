@@ -5,11 +5,11 @@ use core::fmt::Write;
 use super::{Claim, Finding, Report, Verdict};
 use resonarm_dynamics::arm::Preset;
 
-/// More labels of cases than this are not listed.
+/// The largest number of cases whose labels are listed.
 const LISTED: usize = 7;
 
 impl Finding {
-    /// The cases of a verdict: how many, and which, if these are few.
+    /// The number of cases with a verdict, and their labels if they are few.
     fn of(&self, verdict: Verdict) -> (usize, String) {
         let labels = self.cases.iter().filter(|case| case.verdict == verdict).map(|case| case.at.as_str());
         let labels: Vec<&str> = labels.collect();
@@ -17,8 +17,8 @@ impl Finding {
         (labels.len(), listed.unwrap_or_default())
     }
 
-    /// In how many of the cases the statement holds, in which, and which could not be computed; empty if nothing is
-    /// left open.
+    /// In how many of the cases the statement holds, in which, and which could not be computed; empty for a statement
+    /// without an unstated parameter.
     pub fn share(&self) -> String {
         if self.over.is_empty() {
             return String::new();
@@ -33,7 +33,7 @@ impl Finding {
         text
     }
 
-    /// What was computed: the share of the cases, and the numbers of the figures' own.
+    /// The result: the share of the cases, and the numbers of the figures' case.
     pub fn value(&self) -> String {
         let Some(own) = self.cases.get(self.own) else { return String::new() };
         if self.over.is_empty() {
@@ -44,7 +44,7 @@ impl Finding {
 }
 
 impl Report {
-    /// How many statements hold for a preset, in words.
+    /// The number of statements of each verdict for a preset, in words.
     fn summary(&self, preset: Preset) -> String {
         let all: Vec<(bool, Verdict)> = self
             .claims
@@ -134,12 +134,12 @@ fn mark(claim: &Claim, finding: &Finding) -> &'static str {
     if claim.chosen_for && finding.preset == Preset::Irb1600Fitted { "*" } else { "" }
 }
 
-/// Text in Markdown: what has a meaning there is escaped.
+/// Escapes the characters that have a meaning in Markdown.
 fn plain(text: &str) -> String {
     text.replace('*', "\\*").replace('_', "\\_").replace('<', "\\<")
 }
 
-/// Text in a cell of a table, where `|` would end it.
+/// Escapes text for a cell of a table, which `|` would end.
 fn cell(text: &str) -> String {
     plain(text).replace('|', "\\|")
 }
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn the_share_of_the_cases_and_what_is_missing_is_said() {
+    fn the_share_of_the_cases_and_the_missing_ones_are_stated() {
         use Verdict::{DoesNotHold as Not, Holds, NotComputed as Unknown};
         let value = |verdicts: &[Verdict]| {
             let finding = finding(Preset::Irb1600Table1, verdicts);

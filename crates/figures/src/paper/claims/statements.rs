@@ -1,5 +1,5 @@
-//! The statements. Each rule is what the paper's words mean, without a look at what comes out; where words such as
-//! "strongly" or "significantly" leave room the rule says its number. The functions quote the paper.
+//! The statements. Each rule follows from the paper's words, independent of the result; for words such as "strongly" or
+//! "significantly" the rule states its threshold. The functions quote the paper.
 
 use super::{Statement, bending, linear, pulse, tip, torque};
 

@@ -1,4 +1,4 @@
-//! What the statements are judged on: the resonance zones of an arm, over everything that the paper leaves open.
+//! The data on which statements are judged: the resonance zones of an arm, over the ranges of the unstated parameters.
 
 use super::super::figure::zone_hz;
 use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
@@ -7,15 +7,15 @@ use resonarm_analysis::Maximum;
 use resonarm_analysis::{BifurcationKind, modes};
 use resonarm_dynamics::arm::{Arm, Preset};
 
-/// Something computed, or why it could not be.
+/// A result, or why it could not be computed.
 pub(super) type Seen<T> = Result<T, String>;
 
-/// What drives the arm, and where.
+/// The excitation of the arm, and where it acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Driven {
     /// A torque at joint 1, N·m.
     Torque { nm: f64 },
-    /// A force along x at the tip, N, which is on a line of this height, m.
+    /// A force along x at the tip, N; the tip is on a line of this height, m.
     Force { n: f64, height_m: f64 },
 }
 
@@ -35,7 +35,7 @@ impl Driven {
     }
 }
 
-/// A resonance zone: that of a mode (0 or 1) in a pose, driven.
+/// A resonance zone: that of a mode (0 or 1) in a pose under an excitation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     pub driven: Driven,
@@ -43,7 +43,7 @@ pub(super) struct Place {
     pub mode: usize,
 }
 
-/// What is read off a zone.
+/// Values read from a zone.
 #[derive(Clone, Debug)]
 pub(super) struct Zone {
     /// Of each link, the highest first.
@@ -85,7 +85,7 @@ impl Zone {
         self.width_hz[link].ok_or_else(|| String::from("a zone without a maximum"))
     }
 
-    /// How many folds there are.
+    /// The number of folds.
     pub fn folds(&self) -> usize {
         self.folds_hz.len()
     }
@@ -101,7 +101,7 @@ impl Zone {
     }
 }
 
-/// A place seen.
+/// The results for a place.
 #[derive(Clone, Debug)]
 pub(super) struct View {
     place: Place,
@@ -134,7 +134,7 @@ pub(super) struct Survey<'a> {
     pub over_torque: Vec<Folds>,
 }
 
-/// `own` among `values`, ascending.
+/// `values` and `own` together, ascending.
 fn with(values: &[f64], own: &[f64]) -> Vec<f64> {
     let mut all = [values, own].concat();
     all.sort_by(f64::total_cmp);
@@ -142,7 +142,7 @@ fn with(values: &[f64], own: &[f64]) -> Vec<f64> {
     all
 }
 
-/// Torques that are scanned, with that of the figure, N·m.
+/// The scanned torques and that of the figure, N·m.
 pub(super) fn torques_nm(settings: &Settings, preset: Preset, mode: usize) -> Vec<f64> {
     with(&settings.scan.torque_nm, &[own_torque_nm(settings, preset, mode)])
 }
@@ -153,17 +153,17 @@ pub(super) fn own_torque_nm(settings: &Settings, preset: Preset, mode: usize) ->
     *[&four.torque_nm, &four.second_zone_torque_nm][mode].of(preset)
 }
 
-/// Forces that are scanned, with those of Figs. 7 and 9, N.
+/// The scanned forces and those of Figs. 7 and 9, N.
 pub(super) fn forces_n(settings: &Settings) -> Vec<f64> {
     with(&settings.scan.force_n, &[settings.figure7.force_n, settings.figure9.force_n])
 }
 
-/// Heights that are scanned, with that of the figures, m.
+/// The scanned heights and that of the figures, m.
 pub(super) fn heights_m(settings: &Settings) -> Vec<f64> {
     with(&settings.scan.height_m, &[settings.line.height_m])
 }
 
-/// What a preset needs.
+/// The computations for a preset.
 pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, PaperError> {
     let mut driven: Vec<(Driven, Vec<f64>)> = Vec::new();
     let torques = with(&torques_nm(settings, subject.preset(), 0), &torques_nm(settings, subject.preset(), 1));
@@ -234,7 +234,7 @@ fn folds_over_torque(subject: &Subject, settings: &Settings, beta2_deg: f64) -> 
 }
 
 impl<'a> Survey<'a> {
-    /// Takes in what was computed.
+    /// Collects the results.
     pub fn new(subject: &'a Subject, settings: &'a Settings, done: impl Iterator<Item = Done>) -> Survey<'a> {
         let mut survey = Survey { subject, settings, views: Vec::new(), over_torque: Vec::new() };
         for done in done {
@@ -250,7 +250,7 @@ impl<'a> Survey<'a> {
         self.views.iter().find(|view| view.place == place).ok_or_else(|| format!("not surveyed: {place:?}"))
     }
 
-    /// What is read off a zone.
+    /// Values read from a zone.
     pub fn zone(&self, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<&Zone> {
         self.view(Place { driven, beta2_deg, mode })?.zone.as_ref().map_err(String::clone)
     }
@@ -260,12 +260,12 @@ impl<'a> Survey<'a> {
         self.view(Place { driven, beta2_deg, mode })?.bent.as_ref().map_err(String::clone)
     }
 
-    /// All zones that could be computed, with what drives them.
+    /// All zones that could be computed, with their places.
     pub fn zones(&self) -> impl Iterator<Item = (Place, &Zone)> {
         self.views.iter().filter_map(|view| Some((view.place, view.zone.as_ref().ok()?)))
     }
 
-    /// How many zones there are, computed or not.
+    /// The number of zones, computed or not.
     pub fn zone_count(&self) -> usize {
         self.views.len()
     }

@@ -5,7 +5,7 @@ use super::survey::{Driven, Seen, Survey, Zone, forces_n};
 use super::{Number, enough};
 use resonarm_analysis::Bending;
 
-/// "Significantly greater", and "so small" beside another: at least twice.
+/// "Significantly greater", and "so small" in comparison: at least twice.
 const SIGNIFICANT: f64 = 2.0;
 
 /// The peak of a link (0 or 1) in one zone over that in the other.
@@ -46,8 +46,8 @@ pub(super) fn link2_in_the_second_zone(survey: &Survey<'_>) -> Judgement {
 }
 
 /// "The phenomenon of the slope of the characteristics […] is more clearly visible in the second resonance zone for
-/// both elements" (Section 4): on their common axis the backbone of the second zone moves by more Hz than that of the
-/// first, at each position of Fig. 7. A backbone is that of both links.
+/// both elements" (Section 4): on the common axis the backbone of the second zone moves by more Hz than that of the
+/// first, at each position of Fig. 7. Both links have the same backbone.
 pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
     let seven = &survey.settings.figure7;
     survey.over_heights_and_forces(seven.force_n, |driven| {
@@ -71,8 +71,8 @@ pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// Whether a width grows from each excitation to the next, as far as it can be computed. If it does, enough must have
-/// been computed to say so; a width that falls decides at once.
+/// Whether a width grows from each excitation to the next, as far as it can be computed. For a yes, enough must have
+/// been computed; a single width that falls is a no.
 pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> Seen<f64>) -> Seen<Opinion> {
     let seen: Vec<Seen<f64>> = excitations.iter().map(|excitation| width(*excitation)).collect();
     let computed = seen.iter().take_while(|width| width.is_ok()).count();
@@ -93,7 +93,7 @@ pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> S
     Ok(Opinion::new(grows, value, numbers))
 }
 
-/// The excitations, and from which on there is no result.
+/// The excitations, and those from which on there is no result.
 fn computed_at(excitations: &[f64], computed: usize, unit: &str) -> String {
     let words = |excitations: &[f64]| excitations.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
     let (seen, rest) = excitations.split_at(computed);
@@ -123,7 +123,7 @@ pub(super) fn first_zone_widens(survey: &Survey<'_>) -> Judgement {
     widens(survey, 0, 1)
 }
 
-/// A maximum that is seen in a figure: the curve falls by this part of its height on both of its sides.
+/// A maximum visible in a figure: the curve falls by this fraction of its height on both sides.
 pub(super) const PROMINENCE: f64 = 0.05;
 
 /// The same sentence, the first half: the amplitude of link 2 has one maximum along the branch under the smallest

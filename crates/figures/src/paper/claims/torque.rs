@@ -43,7 +43,7 @@ pub(super) fn second_zone_shifts_down(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(1, |driven| falls(survey, |beta2_deg| peak_hz(survey, driven, beta2_deg, 1), "peak"))
 }
 
-/// Two motions of one frequency are two if their amplitudes differ by more than rounding, relative.
+/// Motions of one frequency are distinct if their amplitudes differ by more than this, relative: more than rounding.
 const APART: f64 = 1e-6;
 
 /// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible,
@@ -76,12 +76,12 @@ pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// What rounds to six.
+/// The values that round to six.
 const SIX: Range<f64> = 5.5..6.5;
 
 /// "The amplitude values can vary by up to six times depending on the direction of changes in the forcing frequency"
 /// (Section 6): the largest ratio of stable amplitudes of link 1 at one frequency in Fig. 4 rounds to 6. One zone with
-/// a larger ratio is enough to know that it does not.
+/// a larger ratio is enough for a no.
 pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
         let (mut numbers, mut unknown) = (Vec::new(), None);
@@ -133,7 +133,7 @@ pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
             for mode in [0, 1] {
                 let [down, up] = [beta2_deg, -beta2_deg].map(|beta2_deg| landmarks(survey, beta2_deg, mode));
                 let (down, up) = (down.map_err(|why| why.to_string())?, up.map_err(|why| why.to_string())?);
-                // Another number of folds is a difference of its own.
+                // A different number of folds is a difference, too.
                 largest = if down.len() == up.len() { largest } else { f64::INFINITY };
                 compared += down.len();
                 for (down, up) in down.as_flattened().iter().zip(up.as_flattened()) {
@@ -206,7 +206,7 @@ pub(super) fn zones_widen(survey: &Survey<'_>) -> Judgement {
 }
 
 /// "For larger excitation amplitudes, period doubling, saddle-node points and Neimark–Sacker bifurcation were observed"
-/// (Section 6): found in one zone of the scans at least. That there is none takes enough of them.
+/// (Section 6): found in one zone of the scans at least. A no requires enough computed zones.
 fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
     let found: Vec<_> = survey.zones().filter(|(_, zone)| !zone.bifurcations_hz(kind).is_empty()).collect();
     let least = |of: fn(Driven) -> Option<f64>| {
