@@ -1,11 +1,11 @@
-//! What is known of each sample, put together from what is told piece by piece.
+//! Rows: the numbers of each sample, combined from separate records.
 
 use std::collections::VecDeque;
 
 use crate::arm::Load;
 use crate::recording::{Clipped, SampleRecord, StateRecord};
 
-/// The numbers of a sample, by name and in their order.
+/// The names of a sample's numbers, in order.
 pub const CHANNELS: [&str; 12] = [
     "torque1_nm",
     "torque2_nm",
@@ -21,7 +21,7 @@ pub const CHANNELS: [&str; 12] = [
     "alpha2_rad",
 ];
 
-/// What the bits that tell clipped readings stand for, the lowest first: the order of recordings.
+/// The readings that the bits of clipped readings refer to, the lowest first: the order of recordings.
 pub const CLIPPED_BITS: [&str; 6] = [
     "acceleration_b_x_m_s2",
     "acceleration_b_y_m_s2",
@@ -31,34 +31,34 @@ pub const CLIPPED_BITS: [&str; 6] = [
     "head_force_y_n",
 ];
 
-/// The numbers of a sample; NaN where nothing is known.
+/// The numbers of a sample; NaN where unknown.
 pub type Numbers = [f32; CHANNELS.len()];
 
-/// What is known of a sample.
+/// The known values of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
-    /// Which readings were beyond the range of their sensor, by [`CLIPPED_BITS`]; `None` if they don't say.
+    /// Which readings were beyond the range of their sensor, by [`CLIPPED_BITS`]; `None` if unknown.
     pub clipped: Option<u32>,
 }
 
 impl Row {
-    /// A sample of which nothing is known, and so nothing is read that could be clipped.
+    /// A sample without any known value, and so without clipped readings.
     pub const UNKNOWN: Row = Row { numbers: [f32::NAN; CHANNELS.len()], clipped: Some(0) };
 }
 
-/// The bit that tells whether this number of a row was clipped, if it is a reading.
+/// The bit for this number of a row among the clipped readings, if it is a reading.
 pub fn clipped_bit(channel: usize) -> Option<u32> {
     let name = CHANNELS.get(channel)?;
     CLIPPED_BITS.iter().position(|bit| bit == name).map(|bit| 1 << bit)
 }
 
-/// What was clipped in either of two samples; `None` if one of them doesn't say.
+/// The readings clipped in either of two samples; `None` if unknown for one of them.
 pub fn clipped_in_either(one: Option<u32>, other: Option<u32>) -> Option<u32> {
     one.zip(other).map(|(one, other)| one | other)
 }
 
-/// A sample whose row waits for its other half at most while so many newer ones come.
+/// A row waits for its other half until there are this many newer rows.
 const LONGEST_WAIT: usize = 2048;
 
 const LOAD: u8 = 1;
@@ -71,26 +71,26 @@ struct Pending {
     known: u8,
 }
 
-/// Rows on their way: load and state of a sample come apart from its readings.
+/// Incomplete rows: load and state of a sample come apart from its readings.
 #[derive(Debug, Default)]
 pub struct Rows {
     pending: VecDeque<Pending>,
     /// The sample after the last handed out.
     next: u64,
-    /// Nothing more comes of samples before this one.
+    /// No more data come for samples before this one.
     settled: u64,
     restarted: bool,
 }
 
 impl Rows {
-    /// Takes a state with its load. The load at the end of a run means nothing.
+    /// Takes a state with its load. The load at the end of a run is meaningless.
     pub fn state(&mut self, record: &StateRecord) {
         let ([t1, t2], [fx, fy], [a1, a2]) = (record.torque_nm, record.force_n, record.alpha_rad);
         let load = if record.is_end { [f64::NAN; 4] } else { [t1, t2, fx, fy] };
         self.put(record.sample, LOAD, &[(0, &load), (10, &[a1, a2])]);
     }
 
-    /// Takes a load that an exciter commands.
+    /// Takes the load that an exciter commands.
     pub fn command(&mut self, sample: u64, load: &Load) {
         let (t, f) = (load.torque_nm, load.force_n);
         self.put(sample, LOAD, &[(0, &[t.x, t.y, f.x, f.y])]);
@@ -105,7 +105,7 @@ impl Rows {
         }
     }
 
-    /// Puts numbers into the row of a sample. A sample before those handed out begins another series.
+    /// Writes numbers into the row of a sample. A sample before those returned begins another series.
     fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) -> Option<&mut Row> {
         if sample < self.next {
             *self = Rows { pending: VecDeque::new(), next: sample, settled: 0, restarted: true };
@@ -123,12 +123,12 @@ impl Rows {
         Some(&mut pending.row)
     }
 
-    /// Nothing more comes of this sample and of those before it.
+    /// No more data come for this sample and those before it.
     pub fn settle(&mut self, sample: u64) {
         self.settled = sample + 1;
     }
 
-    /// The next row that is whole, or of which nothing more comes, or that has waited long enough.
+    /// The next row that is complete, or gets no more data, or has waited long enough.
     pub fn pop(&mut self) -> Option<(u64, Row)> {
         let is_due = self.pending.len() > LONGEST_WAIT;
         let is_over = |first: &Pending| is_due || first.sample < self.settled || first.known == LOAD | READINGS;
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_come_together_in_any_order() {
+    fn halves_are_combined_in_any_order() {
         let mut rows = Rows::default();
         rows.readings(&readings(0));
         rows.readings(&readings(1));
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn clipped_readings_are_told_by_their_bits() {
+    fn clipped_readings_have_their_bits() {
         let mut rows = Rows::default();
         let [mut clipped, none, not_told] = [0, 1, 2].map(readings);
         clipped.clipped = Some(Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE });
@@ -179,14 +179,14 @@ mod tests {
             rows.readings(&record);
             rows.command(record.sample, &Load::default());
         }
-        let told: Vec<Option<u32>> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
+        let clipped: Vec<Option<u32>> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
         let bit = |name: &str| 1 << CLIPPED_BITS.iter().position(|bit| *bit == name).unwrap();
         let both = bit("acceleration_c_y_m_s2") | bit("head_force_x_n");
-        assert_eq!(told, [Some(both), Some(0), None]);
+        assert_eq!(clipped, [Some(both), Some(0), None]);
     }
 
     #[test]
-    fn half_a_row_is_handed_out_in_the_end_and_an_earlier_sample_begins_anew() {
+    fn half_a_row_is_returned_in_the_end_and_an_earlier_sample_starts_over() {
         let mut rows = Rows::default();
         (0..=LONGEST_WAIT as u64).for_each(|sample| rows.readings(&readings(sample)));
         assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));
