@@ -96,4 +96,4 @@ def test_the_node_without_a_flaw_passes_every_case(programs, role, flags):
 def test_a_plant_that_takes_the_answer_to_another_sample_is_failed_in_lockstep(programs):
     bench = Bench(programs, "plant", "--lockstep", "--flaw", "takes-others")
     found = bench.judged("lockstep-plant-other-samples")
-    assert found["verdict"] == "failed" and "goes on to" in found["reason"], found
+    assert found["verdict"] == "failed" and "continues with" in found["reason"], found

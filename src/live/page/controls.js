@@ -24,7 +24,7 @@ export class Controls {
       event.preventDefault();
       this.set();
     });
-    // A set-point that was refused is no longer expected once it is edited.
+    // Editing a refused set-point clears the answer, so that it can be requested again.
     form.addEventListener("input", () => {
       this.isEdited = true;
       if (form.checkValidity()) this.answer("");

@@ -15,8 +15,8 @@ export function decode(buffer, channels) {
   return { head, stretches, rows };
 }
 
-// Connects, and reconnects when the connection is lost before the run is over; `received` takes text messages, `updated`
-// binary ones.
+// Connects, and reconnects when the connection is lost before the run is over; `received` takes text messages,
+// `updated` binary ones.
 export function connect({ received, updated, linked }) {
   let [socket, over] = [null, false];
   const open = () => {
