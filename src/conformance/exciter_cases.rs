@@ -17,6 +17,7 @@ use crate::protocol::{
 /// A heartbeat that must be sent at once is late after this time, ns. The protocol does not say how long a node may
 /// take: this is less than the 80 ms after which the next one is due in most nodes, and longer than a machine usually
 /// stops a process. A node fails only if it is this late three times.
+const AT_ONCE_NS: u64 = 75 * MS;
 /// How long samples may be answered before the heartbeat operational, ns: a controller may send frames of low
 /// identifiers first.
 const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;

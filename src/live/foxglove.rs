@@ -23,7 +23,7 @@ use crate::recording::{Batch, Batcher, Event, FrameBatcher, MessageType, Plot, P
 use crate::run::{self, CommandRecord};
 
 /// Both names of the subprotocol.
-/// Both names of the subprotocol.
+pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 /// The channels that may be published; a channel's number is its index here.
 const CHANNELS: [Channel; 9] = [
     Channel::Recorded(MessageType::State),
