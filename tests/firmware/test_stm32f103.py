@@ -45,13 +45,13 @@ SILENCE_S = 0.15
 
 
 class Firmware:
-    """A controller on an emulated processor; `CFSR` tells in a failure whether it has trapped."""
+    """A controller on an emulated processor; `CFSR` shows in a failure whether it has trapped."""
 
     def __init__(self, sim):
         self.sim, self.spoken_s = sim, 0.0
 
     def step(self):
-        """Goes on for a little time; the frames it sent."""
+        """Runs for a short time; returns the frames it sent."""
         self.sim.run_for(STEP)
         frames = [frame["payload"] for frame in self.sim.frames()]
         sent = [frame for frame in frames if frame["direction"] == "tx"]
@@ -119,8 +119,8 @@ def drive(programs, null_modem, scenario, recording, firmware):
 
 def states(sent):
     """What the controller's heartbeats say, each change once."""
-    told = [message.data[0] for message in sent if message.arbitration_id == EXCITER_HEARTBEAT]
-    return [state for state, before in zip(told, [None, *told], strict=False) if state != before]
+    states = [message.data[0] for message in sent if message.arbitration_id == EXCITER_HEARTBEAT]
+    return [state for state, before in zip(states, [None, *states], strict=False) if state != before]
 
 
 @on

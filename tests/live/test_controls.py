@@ -41,7 +41,7 @@ def test_the_set_point_is_shown_to_everybody_and_confirmed(browser, programs):
         each.until(f"{NOW} === 'set: 12.5 N at 15 Hz, -30°'")
     page.until(f"{ANSWER} === ''")
     assert "asked for 12.5 N at 15 Hz, -30°" in page.value("answers")
-    # Who comes later is told, and who has written nothing sees what another has set.
+    # A later viewer gets it, and one that has not edited its form sees the set-point of another.
     assert Viewer(url).next("set-point") == {"kind": "set-point", "load": 12.5, "frequency_hz": 15, "phase_deg": -30}
     viewer = Viewer(url, token)
     assert viewer.ask({"set": {"load": 3, "frequency_hz": 16, "phase_deg": 0}}) == {"kind": "taken"}

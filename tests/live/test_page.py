@@ -90,7 +90,7 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
 
 
 def test_the_page_keeps_up_with_a_run_at_1_khz(browser, programs):
-    """How many pictures a second are drawn depends on the machine, which may stop any process, and is only told; that
+    """How many pictures a second are drawn depends on the machine, which may stop any process, and is only printed; that
     every sample comes, for three seconds without a gap, does not."""
     page = open_page(browser, free_run(programs))
     look = "[performance.now(), resonarm.data.frames, resonarm.data.drawing_ms]"
@@ -115,7 +115,7 @@ CAUSES = {
 def recorded_with_missed_deadlines(programs, folder):
     """What a run in real time says of itself that was stopped while it went, and its recording. Ten stops of thirty
     periods each miss deadlines, whatever else the machine does. With timeouts of a minute and a small load, which the
-    walk can't raise to a limit however late its answers are, the run goes on."""
+    walk can't raise to a limit however late its answers are, the run continues."""
     scenario = folder / "patient.toml"
     walk = Path("scenarios/demo.toml").read_text().replace("force_x_n = 14.0", "force_x_n = 0.1")
     scenario.write_text(walk + "\n[network]\ncommand_timeout_s = 60.0\npartner_timeout_s = 60.0\n")
@@ -136,10 +136,10 @@ def recorded_with_missed_deadlines(programs, folder):
 def test_missed_deadlines_are_shown_with_their_causes(browser, programs, tmp_path):
     said, recording = recorded_with_missed_deadlines(programs, tmp_path)
     counts = said["overrun_causes"]
-    told = [f"{counts[cause]} {words}" for cause, words in CAUSES.items() if counts[cause]]
-    assert said["overruns"] >= 10 and told
+    causes = [f"{counts[cause]} {words}" for cause, words in CAUSES.items() if counts[cause]]
+    assert said["overruns"] >= 10 and causes
     page = open_page(browser, programs.resonarm("replay", recording, "--live"), **PHONE)
-    all_of_them = f"{said['overruns']} deadlines missed: {', '.join(told)}"
+    all_of_them = f"{said['overruns']} deadlines missed: {', '.join(causes)}"
     shown = "document.getElementById('overruns').textContent"
     page.until(f"{shown} === {json.dumps(all_of_them)}")
     # From the beginning once more they are counted anew.
@@ -227,11 +227,11 @@ BAD_PIXELS = """((selector) => {
     for (let k = 0; k < pixels.length; k += 4) count += near(k);
     return count;
 })"""
-# The arm as an exciter draws it, which is told no angles and takes them from the accelerations.
+# The arm as an exciter draws it, which knows no angles and computes them from the accelerations.
 AS_AN_EXCITER = """(() => {
     const { rows, rowsClipped, newest, about } = resonarm.data;
-    const untold = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
-    resonarm.views.arm.draw(untold, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
+    const unknown = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
+    resonarm.views.arm.draw(unknown, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
     return document.getElementById('arm-clipped').textContent;
 })()"""
 

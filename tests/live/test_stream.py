@@ -168,7 +168,7 @@ def test_nonsense_and_wrong_tokens_change_nothing(programs):
     nothing = "EOF while parsing a value at line 1 column 0"
     for said, why in [("", nothing), ("{}", "missing field `token` at line 1 column 2")]:
         assert viewer.say(said) == {"kind": "refused", "why": f"that is no request: {why}"}
-    # A viewer that goes on like this is let go, as is one whose message is too long; the others see nothing of it.
+    # A viewer that keeps doing this is dropped, as is one whose message is too long; the others are not affected.
     other = Viewer(url)
     with pytest.raises(ConnectionClosed):
         for _ in range(50):
@@ -262,7 +262,7 @@ TOPICS = {
 
 
 def streamed(program, subprotocol, *topics, count=200):
-    """What the client of Foxglove's makers was told, and of each topic the times, ns, and the messages."""
+    """All that Foxglove's own client received, and of each topic the times, ns, and the messages."""
     environment = os.environ | {"NODE_PATH": str(Path(NODE_MODULES).resolve())}
     url = address(program)[0].replace("http:", "ws:")
     command = ["node", "tests/live/foxglove.js", url, subprotocol, str(count), *topics]
