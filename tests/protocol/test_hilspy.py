@@ -1,6 +1,6 @@
 """Holds both profiles to hilspy, a client that knows the protocol by its DBC files alone.
 
-It reads the golden frames from a candump log, decodes them, and judges CRC and counter by the E2E of its own.
+It reads the golden frames from a candump log, decodes them, and checks CRC and counter by its own E2E.
 """
 
 import json

@@ -28,7 +28,7 @@ class Browser:
     def __enter__(self):
         self.folder = Path(tempfile.mkdtemp())
         arguments = [shutil.which("chromium"), *FLAGS, f"--user-data-dir={self.folder}", "about:blank"]
-        # A session of its own, so that its helpers end with it.
+        # A separate session, so that its helpers end with it.
         nowhere = {stream: subprocess.DEVNULL for stream in ("stdin", "stdout", "stderr")}
         self.process = subprocess.Popen(arguments, **nowhere, start_new_session=True)
         port_file = self.folder / "DevToolsActivePort"
@@ -68,7 +68,7 @@ class Page:
             self.call(f"{domain}.enable")
 
     def call(self, method, **parameters):
-        """What the browser answers; what it tells meanwhile is looked through for errors."""
+        """The browser's answer; its messages meanwhile are searched for errors."""
         number = next(self.numbers)
         self.socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
         while (said := json.loads(self.socket.recv(PATIENCE_S))).get("id") != number:

@@ -63,22 +63,22 @@ class Viewer:
         self.token = token
         self.about = self.next("about")
 
-    def next(self, kind, holds=lambda told: True):
+    def next(self, kind, holds=lambda message: True):
         """The next message of that kind of which something holds."""
         end = time.monotonic() + PATIENCE_S
         while True:
             assert time.monotonic() < end, f"waited {PATIENCE_S} s for {kind}"
-            told = self.socket.recv(PATIENCE_S)
-            told = update(told) if isinstance(told, bytes) else json.loads(told)
-            if told["kind"] == kind and holds(told):
-                return told
+            message = self.socket.recv(PATIENCE_S)
+            message = update(message) if isinstance(message, bytes) else json.loads(message)
+            if message["kind"] == kind and holds(message):
+                return message
 
     def say(self, text):
         """The answer to a text."""
         self.socket.send(text)
         while True:
-            told = self.socket.recv(PATIENCE_S)
-            if isinstance(told, str) and (answer := json.loads(told))["kind"] in ("taken", "refused"):
+            message = self.socket.recv(PATIENCE_S)
+            if isinstance(message, str) and (answer := json.loads(message))["kind"] in ("taken", "refused"):
                 return answer
 
     def ask(self, request, token=None):

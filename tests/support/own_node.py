@@ -296,7 +296,7 @@ class Exciter(Node):
     def __init__(self, wire, lockstep):
         super().__init__(wire, lockstep)
         self.answered, self.stale, self.n, self.is_over = None, 0, 0, False
-        self.parts, self.plant_state, self.retry_s = {}, None, 0.0
+        self.indices, self.plant_state, self.retry_s = {}, None, 0.0
         self.boot()
 
     def sample(self):
@@ -333,7 +333,7 @@ class Exciter(Node):
         elif name == "Sensors":
             self.whole(content[1])
         elif name in ("ImpedanceHead", "AccelerometerB", "AccelerometerC"):
-            self.part(name, struct.unpack("<hhH", content)[2])
+            self.take_frame(name, struct.unpack("<hhH", content)[2])
 
     def watch(self, state):
         self.plant_state = state
@@ -364,15 +364,15 @@ class Exciter(Node):
             self.wire.send("OperatorCommand", bytes([RESET, 1, 0, 0, 0, 0]))
         self.wire.send("OperatorCommand", bytes([ARM, 1, 0, 0, 0, 0]))
 
-    def part(self, name, index):
+    def take_frame(self, name, index):
         """Takes a frame of a sample, which is whole when it has all three, in their order."""
-        self.parts[name] = index
+        self.indices[name] = index
         missing = {"without-head": "ImpedanceHead", "without-b": "AccelerometerB"}.get(self.flaw)
-        needed = [part for part in ("ImpedanceHead", "AccelerometerB", "AccelerometerC") if part != missing]
+        needed = [frame for frame in ("ImpedanceHead", "AccelerometerB", "AccelerometerC") if frame != missing]
         last = "AccelerometerC"
         if self.flaw == "without-c":
             needed, last = needed[:2], "AccelerometerB"
-        if name == last and all(self.parts.get(part) == index for part in needed):
+        if name == last and all(self.indices.get(frame) == index for frame in needed):
             self.whole(index)
 
     def whole(self, index):

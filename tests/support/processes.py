@@ -61,7 +61,7 @@ class Program:
             time.sleep(0.05)
 
     def asleep(self):
-        """Whether it waits for something, as the kernel tells; one that has ended does, too."""
+        """Whether it waits for something, according to the kernel; one that has ended does, too."""
         state = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()[0]
         return state in "SZ"
 
@@ -137,7 +137,7 @@ def free_port():
 
 
 def receivers():
-    """The interfaces on which somebody receives every frame, as the kernel tells."""
+    """The interfaces on which a socket receives every frame, according to the kernel."""
     lists = Path("/proc/net/can/rcvlist_all").read_text()
     return {line.split()[0] for line in lists.splitlines() if line[:3] == "   " and "device" not in line}
 

@@ -31,7 +31,7 @@ class Run(SimpleNamespace):
 
 
 def session(folder, plant_bus, exciter_bus, scenario, *, candump=None):
-    """A whole run in lockstep, plant and exciter as processes of their own; what the two and candump said."""
+    """A whole run in lockstep, plant and exciter as separate processes; the output of both and of candump."""
     recording = folder / "run.mcap"
     common = ["--mode", "lockstep", "--scenario", scenario, "--json"]
     with Programs() as programs:
