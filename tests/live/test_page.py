@@ -11,10 +11,10 @@ from pathlib import Path
 from live_view import SMALL_RANGE, address, free_run, open_page
 from processes import free_port, wait_until
 
-# What a phone shows, CSS pixels.
+# A phone's screen, CSS pixels.
 PHONE = {"width": 390, "height": 844, "touch": True}
 
-# Whether what stands in a section stands one below the other.
+# Whether the elements of a section are one below the other.
 IN_ORDER = """[...document.querySelectorAll('section')].every((section) => {
     if (section.id === 'controls') return true;
     const parts = [...section.querySelectorAll('h2, canvas, p, ol')];
@@ -102,7 +102,7 @@ def test_the_page_keeps_up_with_a_run_at_1_khz(browser, programs):
     assert page.errors == []
 
 
-# What the summary of a run calls the causes, in its order.
+# The causes as a run's summary names them, in its order.
 CAUSES = {
     "stolen": "while the host had the core",
     "preempted": "while other threads had the core",
@@ -142,7 +142,7 @@ def test_missed_deadlines_are_shown_with_their_causes(browser, programs, tmp_pat
     all_of_them = f"{said['overruns']} deadlines missed: {', '.join(causes)}"
     shown = "document.getElementById('overruns').textContent"
     page.until(f"{shown} === {json.dumps(all_of_them)}")
-    # From the beginning once more they are counted anew.
+    # When played again they are counted from zero.
     page.value("resonarm.ask('pause')")
     page.value("resonarm.ask({ seek: { time_s: 0 } })")
     page.until(f"['', '0 deadlines missed'].includes({shown})")
@@ -214,7 +214,7 @@ def test_set_points_lead_the_force_and_its_response_is_read(browser, programs):
     assert page.errors == []
 
 
-# What stands beside the titles of the panels, by the panel.
+# The notes beside the titles of the panels, by panel.
 CLIPPED = ("force", "b", "c", "lissajous", "spectrum", "arm")
 # How many pixels of a canvas have the colour of what is wrong, but for what the edge of a line takes of it.
 BAD_PIXELS = """((selector) => {

@@ -1,4 +1,4 @@
-"""What the live view sends and refuses, by clients other than its own page."""
+"""The messages that the live view sends to clients other than its own page, and the requests that it refuses."""
 
 import base64
 import json
@@ -92,7 +92,7 @@ def test_foreign_origins_and_hosts_are_refused(programs):
 
 
 def raw(url):
-    """A connection on which nothing is said yet."""
+    """A connection without any message so far."""
     host, port = url.removeprefix("http://").rstrip("/").split(":")
     return socket.create_connection((host, int(port)), PATIENCE_S)
 
@@ -216,10 +216,10 @@ def test_nothing_listens_unless_it_is_asked_for(programs):
 
 
 def test_fifty_viewers_and_five_who_read_nothing_are_served_and_the_run_goes_on(programs):
-    """Who does not read loses updates, which are counted, and is let go; nobody else waits for that."""
+    """A viewer that does not read loses updates, which are counted, and is dropped; others don't wait for that."""
     run = free_run(programs, "--json")
     url, token = address(run)
-    # Connected, and then they read nothing, not even what the system holds for them.
+    # They connect, and then read nothing, not even the data that the system buffers for them.
     idle = [Viewer(url, max_queue=1, sock=small(url)) for _ in range(5)]
     with ThreadPoolExecutor(50) as pool:
         viewers = list(pool.map(lambda _: Viewer(url, token), range(50)))
@@ -233,7 +233,7 @@ def test_fifty_viewers_and_five_who_read_nothing_are_served_and_the_run_goes_on(
 
 
 def small(url):
-    """A connection whose system holds little of what nobody reads."""
+    """A connection whose system buffers little unread data."""
     host, port = url.removeprefix("http://").rstrip("/").split(":")
     raw = socket.socket()
     raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -254,7 +254,7 @@ def test_who_comes_late_is_told_what_was(programs):
     assert kept["rows"] == 2048 and kept["first"] + kept["rows"] == kept["sample"] + 1
 
 
-# What recordings have, and the arm for 3D views.
+# The topics of recordings, and the arm for 3D views.
 TOPICS = {
     "/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples", "/timing/ticks", "/events",
     "/can/frames", "/arm",
@@ -297,7 +297,7 @@ def check_frames(batches, recording):
 
 
 def check_arm(updates, recording, about, start_ns):
-    """Holds streamed scenes to the recorded states: base, elbow and tip, their vibration as large as is said."""
+    """Compares streamed scenes with the recorded states: base, elbow and tip, their vibration as large as stated."""
     beta, length_m = np.array(about["beta_rad"]), about["lengths_m"]
     for time_ns, update in updates:
         published(SceneUpdate.DESCRIPTOR, update)

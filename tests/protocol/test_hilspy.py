@@ -46,7 +46,7 @@ def cases():
 
 
 def read(path, profile):
-    """What hilspy makes of each line of a log: a message, or the error with which it refuses the line."""
+    """hilspy's result for each line of a log: a message, or the error with which it refuses the line."""
     codec = {"e2e": protection(profile), "decode_choices": False}
     with hilspy.open(f"file://{path}?format=candump", f"dbc:{PROTOCOL / FILES[profile]}", **codec) as channel:
         for _ in path.read_text().splitlines():

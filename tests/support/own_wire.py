@@ -139,7 +139,7 @@ class Wire:
         return ("", 0, b"") if name is None else self.checked(name, data, is_fd) or ("", 0, b"")
 
     def checked(self, name, data, is_fd):
-        """What a frame says, or None if it is refused."""
+        """The message in a frame, or None if it is refused."""
         if name in (ONLY_CLASSIC if self.fd else ONLY_FD):
             return None
         form = FD.get(name) if self.fd else None

@@ -130,7 +130,7 @@ class Programs:
 
 
 def free_port():
-    """A port of 127.0.0.1 on which nobody listens."""
+    """A free port of 127.0.0.1."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return free.getsockname()[1]
@@ -143,7 +143,7 @@ def receivers():
 
 
 def wait_until(holds, what, timeout_s=PATIENCE_S):
-    """Polls until `holds()` is true, and returns what it returned."""
+    """Polls until `holds()` is true, and returns its value."""
     end = time.monotonic() + timeout_s
     while not (value := holds()):
         assert time.monotonic() < end, f"waited {timeout_s} s for {what}"

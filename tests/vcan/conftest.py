@@ -1,4 +1,4 @@
-"""What the tests on vcan share. Run them by `tests/vcan/with-vcan`, one after another: they use the same interface."""
+"""Fixtures of the tests on vcan. Run them by `tests/vcan/with-vcan`, one after another: they use the same interface."""
 
 import os
 from functools import cached_property

@@ -46,7 +46,7 @@ class Wire:
             self.socket.recv(16)
 
     def error(self, classes, controller=0):
-        """Says what a controller says: the kernel hands it to everybody who asked for the class."""
+        """Sends a controller's error frame: the kernel passes it to every socket that asked for the class."""
         self.socket.send(struct.pack("=IB3x8s", ERROR_FLAG | classes, 8, bytes([0, controller])))
 
 

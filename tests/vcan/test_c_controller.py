@@ -30,7 +30,7 @@ def controller(programs, *arguments):
 
 
 def points(program):
-    """What the controller says of each frequency."""
+    """The controller's results for each frequency."""
     lines = re.findall(r"^point (.*)$", program.stdout, re.MULTILINE)
     return [{name: float(value) for name, value in (word.split("=") for word in line.split())} for line in lines]
 

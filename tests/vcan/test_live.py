@@ -88,7 +88,7 @@ def test_a_plant_whose_exciter_died_faults_is_reset_and_not_armed_without_one(pr
 
 
 def foxglove_messages(program):
-    """What a client of the Foxglove WebSocket protocol that wants everything is sent: topics and decoded messages."""
+    """Topics and decoded messages that a Foxglove WebSocket client gets that subscribes to everything."""
     url = address(program)[0].replace("http:", "ws:")
     with connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None, **OPEN) as client:
         assert json.loads(client.recv(PATIENCE_S))["op"] == "serverInfo"

@@ -166,7 +166,7 @@ def test_what_is_neither_recorded_nor_watched_is_filtered_by_the_kernel(tmp_path
         exciter = programs.resonarm("exciter", *common)
         played, ran = exciter.result(), plant.result()
         assert played["outcome"] == "finished" and ran["bus"]["sent"] > 1000
-        # All that one end receives the other has sent, but for what was sent before it listened.
+        # One end receives all that the other has sent, except frames from before it listened.
         assert ran["bus"]["received"] <= played["bus"]["sent"] + (20 if record else 0)
         foreign = Recording.whole(record[1]).frames_of(1, 0x123) if record else []
         assert (len(foreign), ran["bus"]["received"] > played["bus"]["sent"]) == ((20, True) if record else (0, False))

@@ -10,7 +10,7 @@ from test_conformance import ROUNDS, SKIPPED, ended, passes_every_case
 NODE = Path(__file__).parents[1] / "support" / "own_node.py"
 SINE = ["--expect-frequency-hz", 15, "--expect-force-n", 20]
 
-# The case that must fail a node with the flaw, and what it says.
+# The case that must fail a node with the flaw, and its reason.
 CRC = {flaw: ("hello", "its hello is wrong: ") for flaw in ("wrong-polynomial", "wrong-start", "wrong-data-id")}
 BOTH = {
     "counter-by-2": ("counters", "a step of 2, not 1"),

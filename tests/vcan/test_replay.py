@@ -22,7 +22,7 @@ def short(tmp_path_factory):
 
 
 def replayed(programs, path, *options):
-    """What `resonarm replay` says, and the frames that candump sees."""
+    """The output of `resonarm replay`, and the frames that candump sees."""
     dump = programs.candump()
     played = programs.resonarm("replay", path, "--bus", "vcan0", "--json", *options).result()
     return played, wire.log(dump)

@@ -37,7 +37,7 @@ class OnTerminal:
         self.reader.start()
 
     def read(self, end):
-        # Linux ends the reading of a terminal that nobody has open by EIO.
+        # Linux ends the reading of a terminal that no process has open by EIO.
         try:
             while piece := os.read(end, 4096):
                 self.seen += piece
