@@ -35,18 +35,18 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
         Profile::Classic => &kinds,
         Profile::Fd => &[MessageKind::Sensors],
     };
-    let Some(first) = parts.iter().position(|(kind, _)| *kind == wanted[0]) else {
+    let Some(first) = frames.iter().position(|(kind, _)| *kind == wanted[0]) else {
         return late("no samples within 300 ms");
     };
-    let start = parts[first].1;
-    for (n, (kind, index)) in parts[first..].iter().enumerate() {
+    let start = frames[first].1;
+    for (n, (kind, index)) in frames[first..].iter().enumerate() {
         let expected = (wanted[n % wanted.len()], start.wrapping_add((n / wanted.len()) as u16));
         if (*kind, *index) != expected {
             let (wanted, sample) = expected;
             return failed(format!("{kind} with index {index} came instead of {wanted} with index {sample}"));
         }
     }
-    t.note(format!("{} frames", parts.len()));
+    t.note(format!("{} frames", frames.len()));
     Ok(())
 }
 

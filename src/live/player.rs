@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::LiveError;
-use super::branches::stand_back;
+use super::branches::lower_priority;
 use super::message::{PlayerOrder, PlayerStatus};
 use super::model::SHOWN_S;
 use super::source::{Played, Player, Source};
@@ -58,7 +58,7 @@ pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
 
 fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), LiveError> {
     let work = || {
-        stand_back(NICE);
+        lower_priority(NICE);
         work();
     };
     thread::Builder::new().name(name.to_owned()).spawn(work).map(drop).map_err(LiveError::Thread)

@@ -17,7 +17,7 @@ use tokio::sync::{broadcast, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use super::admission::{Origins, Token};
-use super::branches::{Branches, ComputeBranch, stand_back};
+use super::branches::{Branches, ComputeBranch, lower_priority};
 use super::connections::{self, LIMITS};
 use super::foxglove::{self, Channel, Published, Stream};
 use super::model::Model;
@@ -120,7 +120,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let thread = thread::Builder::new()
         .name(String::from("live"))
         .spawn(move || {
-            stand_back(NICE);
+            lower_priority(NICE);
             if let Err(error) = runtime.block_on(run(listener, shared, beats, stopped)) {
                 tracing::error!("the live view has ended: {error}");
             }

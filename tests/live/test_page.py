@@ -90,7 +90,7 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
 
 
 def test_the_page_keeps_up_with_a_run_at_1_khz(browser, programs):
-    """How many pictures a second are drawn depends on the machine, which may stop any process, and is only printed; that
+    """How many pictures a second are drawn depends on the machine, which may stop any process, and is only printed;
     every sample comes, for three seconds without a gap, does not."""
     page = open_page(browser, free_run(programs))
     look = "[performance.now(), resonarm.data.frames, resonarm.data.drawing_ms]"

@@ -79,7 +79,7 @@ def test_a_controller_that_was_stopped_is_a_fault_and_arms_again(programs, tmp_p
     assert faults and {fault["fault"]["code"] for fault in faults} <= {1, 4}
     assert faults[0]["fault"]["code"] == 1 and plant.result()["fault"] is None
     assert len(events(plant, "armed")) == ended["rearmed"] + 1
-    # In simulated time: from the last accepted command to zero force within the timeout, the ramp and one sample period.
+    # In simulated time: from the last accepted command to zero force within timeout, ramp and one sample period.
     recording = Recording.whole(path)
     force_n = recording.states[:, 6]
     for fault in recording.topics["/events"]:
