@@ -167,7 +167,7 @@ def test_nonsense_and_wrong_tokens_change_nothing(programs):
         assert viewer.ask({"set": good | wrong}) == {"kind": "refused", "why": why}
     nothing = "EOF while parsing a value at line 1 column 0"
     for said, why in [("", nothing), ("{}", "missing field `token` at line 1 column 2")]:
-        assert viewer.say(said) == {"kind": "refused", "why": f"that is no request: {why}"}
+        assert viewer.say(said) == {"kind": "refused", "why": f"this is not a request: {why}"}
     # A viewer that keeps doing this is dropped, as is one whose message is too long; the others are not affected.
     other = Viewer(url)
     with pytest.raises(ConnectionClosed):

@@ -276,7 +276,7 @@ static void take_samples(
 }
 #endif
 
-static void tell_leave(resonarm_exciter *exciter)
+static void send_leaving(resonarm_exciter *exciter)
 {
     if (exciter->leave == RESONARM_LEAVE_ASKED_ && exciter->phase == RESONARM_DONE_) {
         exciter->leave = RESONARM_LEAVE_TOLD_;
@@ -339,7 +339,7 @@ void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, c
     default:
         break;
     }
-    tell_leave(exciter);
+    send_leaving(exciter);
 }
 
 static bool is_sensor_lost(const resonarm_exciter *exciter)
@@ -364,7 +364,7 @@ void resonarm_exciter_handle_deadline(resonarm_exciter *exciter, uint64_t now_ns
     } else if (exciter->phase == RESONARM_PLAYING_ && is_sensor_lost(exciter)) {
         fault(exciter, now_ns, RESONARM_SENSOR_TIMEOUT, exciter->sequence.last);
     }
-    tell_leave(exciter);
+    send_leaving(exciter);
 }
 
 uint64_t resonarm_exciter_next_deadline_ns(const resonarm_exciter *exciter)
@@ -421,7 +421,7 @@ void resonarm_exciter_leave(resonarm_exciter *exciter, uint64_t now_ns)
     if (exciter->leave == RESONARM_STAY_) {
         exciter->leave = RESONARM_LEAVE_ASKED_;
         resonarm_exciter_stop(exciter, now_ns);
-        tell_leave(exciter);
+        send_leaving(exciter);
     }
 }
 

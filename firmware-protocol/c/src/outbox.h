@@ -1,6 +1,6 @@
 /** @file outbox.h
- * @brief The messages that a node has yet to send (section 8, "Bus lost"): emergencies, heartbeats, requests, hellos and
- * capabilities in their order, then the latest command. */
+ * @brief The messages that a node has yet to send (section 8, "Bus lost"): emergencies, heartbeats, requests, hellos
+ * and capabilities in their order, then the latest command. */
 #ifndef RESONARM_OUTBOX_H
 #define RESONARM_OUTBOX_H
 
