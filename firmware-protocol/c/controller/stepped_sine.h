@@ -56,8 +56,8 @@ resonarm_answer open_loop_answer(void *context, const resonarm_sample *sample);
 
 /** @name Held
  * At each frequency the amplitude F of the force in the head is brought to the wanted one, F0: the command's amplitude
- * c is held, F is read once it has settled, and c becomes c F0/F, which is exact where the arm answers linearly. While c
- * is held there is no feedback, so no gain has to suit the arm. The reading is the fundamental over whole periods
+ * c is held, F is read once it has settled, and c becomes c F0/F, which is exact where the arm answers linearly. While
+ * c is held there is no feedback, so no gain has to suit the arm. The reading is the fundamental over whole periods
  * under a Hann window, which suppresses an offset and other frequencies. */
 /**@{*/
 
