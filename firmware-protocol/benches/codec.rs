@@ -9,8 +9,8 @@ use resonarm_protocol::{Frame, Message, MessageKind, Network, Profile, Receiver,
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-/// Frames a turn. A multiple of the 15 and of the 256 values that a counter has, so that each turn goes on where the
-/// one before ended.
+/// Frames per turn: a multiple of the 15 and of the 256 values of a counter, so that each turn continues where the
+/// last one ended.
 const FRAMES: usize = 15 * 256;
 
 fn main() {

@@ -1,6 +1,6 @@
-//! How many bits a frame takes on a wire: exactly, with the stuff bits of its content, and at most.
+//! The number of bits that a frame takes on a bus: exactly, with its own stuff bits, or at most.
 //!
-//! ISO 11898-1:2015. After five equal bits in a row a sender puts in one of the other level, which counts for the next
+//! ISO 11898-1:2015. After five equal bits in a row a sender inserts one of the other level, which counts for the next
 //! five.
 //!
 //! ```text
@@ -13,17 +13,17 @@
 //!                                                           └─── at the data bit rate, if BRS is set ─────┘
 //! ```
 //!
-//! In an FD frame the count of the stuff bits and the CRC, of 17 bits up to 16 bytes of data and of 21 beyond, have a
-//! fixed stuff bit before their first bit and after every fourth, one at least that no other joins. So the length of an
-//! FD frame does not depend on its CRC, and none is computed.
+//! In an FD frame the count of the stuff bits and the CRC (17 bits for up to 16 bytes of data, else 21) have a fixed
+//! stuff bit before their first bit and after every fourth, even if there was a stuff bit just before. So the length of
+//! an FD frame does not depend on its CRC, which is not computed.
 //!
-//! The bit rate changes at the sample points of BRS and of the CRC delimiter. With sample points at the same share of
-//! both bit times the frame takes exactly as long as if BRS had the nominal bit time and the delimiter the data bit
+//! The bit rate changes at the sample points of BRS and of the CRC delimiter. With sample points at the same fraction
+//! of both bit times the frame takes exactly as long as if BRS had the nominal bit time and the delimiter the data bit
 //! time, which is how they are counted.
 
 use crate::frame::{Frame, FrameFormat, Id};
 
-/// Bits by the rate at which they are sent: of a frame, or of a second.
+/// Bits by the rate at which they are sent: of a frame, or per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bits {
     /// At the nominal bit rate: the arbitration phases.
@@ -33,22 +33,22 @@ pub struct Bits {
 }
 
 impl Bits {
-    /// The bits of both rates.
+    /// The bits at both rates.
     pub const fn total(self) -> u64 {
         self.nominal + self.data
     }
 
-    /// The bits of this and of the other.
+    /// The sum.
     pub const fn plus(self, other: Bits) -> Bits {
         Bits { nominal: self.nominal + other.nominal, data: self.data + other.data }
     }
 
-    /// So many times as many.
+    /// The multiple.
     pub const fn times(self, factor: u64) -> Bits {
         Bits { nominal: self.nominal * factor, data: self.data * factor }
     }
 
-    /// How long they take, ns, the bits of each rate rounded up.
+    /// Their duration, ns, the bits of each rate rounded up.
     pub const fn time_ns(self, rates: BitRates) -> u64 {
         const SECOND_NS: u64 = 1_000_000_000;
         (self.nominal * SECOND_NS).div_ceil(rates.nominal_hz as u64)
@@ -86,7 +86,7 @@ pub enum IdFormat {
 pub enum Stuffing {
     /// None: the least that a frame can take.
     None,
-    /// As many as no frame of the format and length exceeds.
+    /// The most that any frame of the format and length can have.
     Worst,
 }
 
@@ -110,9 +110,9 @@ const fn fd_check(len: usize) -> u64 {
 
 /// The bits of a frame of `len` bytes, intermission included, without stuff bits or with the most.
 ///
-/// Among s stuffed bits at most one is put in after the first five, and then one after every four: ⌊(s − 1)/4⌋. In an
-/// FD frame FDF, res and BRS differ, so that no five equal bits end among them, and none is put in behind the last bit.
-/// Of the frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien,
+/// Among s stuffed bits at most one is inserted after the first five, and then one after every four: ⌊(s − 1)/4⌋. In an
+/// FD frame FDF, res and BRS differ, so that no five equal bits end among them, and none is inserted after the last
+/// bit. For frames of 8 bytes this gives the 135 and 160 bits of R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien,
 /// "Controller Area Network (CAN) schedulability analysis: Refuted, revisited and revised", Real-Time Systems 35
 /// (2007), doi:10.1007/s11241-007-9012-7.
 pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stuffing) -> Bits {
@@ -132,7 +132,7 @@ pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stu
             Bits { nominal: stuffed + most * ((stuffed - 1) / 4) + CLASSICAL_TAIL + INTERMISSION, data: 0 }
         }
         FrameFormat::Fd { bit_rate_switch, .. } => {
-            // To BRS, and of these the bits before FDF.
+            // Bits up to BRS, and those of them before FDF.
             let (head, before) = match id {
                 IdFormat::Standard => (17, 14),
                 IdFormat::Extended => (36, 33),
@@ -165,18 +165,18 @@ pub enum Level {
     Recessive,
 }
 
-/// How many bits behind bit `k` of `frame`, counted from SOF as 0, a receiver sees an error, if bit `k` is not what was
-/// sent and all behind it have the level `behind`, as those of an error flag; 0 is at bit `k`. `None` if it sees none:
-/// of SOF alone, where behind it the bus is idle.
+/// After how many bits a receiver detects an error if bit `k` of `frame`, counted from SOF as 0, is not as sent
+/// and all later bits have the level `behind`, as those of an error flag; 0 means at bit `k`. `None` if it detects
+/// none: only for SOF followed by an idle bus.
 ///
 /// ```text
 /// among stuffed bits    at the sixth equal bit in a row
 /// stuff count and CRC   of FD: at a fixed stuff bit like the bit before it
-/// CRC delimiter         if it is dominant; else behind the ACK delimiter, since the CRC is wrong
+/// CRC delimiter         if it is dominant; else after the ACK delimiter, since the CRC is wrong
 /// from there on         at bit k: these bits have one level
 /// ```
 ///
-/// What the bits of an FD frame's CRC are is not computed: the bit before bit `k` counts as unlike it there.
+/// The bits of an FD frame's CRC are not computed: there, the bit before bit `k` is taken to differ from it.
 pub fn noticed_after(frame: &Frame, k: u64, behind: Level) -> Option<u64> {
     let line = Line::of(frame, Some(k));
     let (stuffed, checked) = match frame.format() {
@@ -201,7 +201,7 @@ pub fn noticed_after(frame: &Frame, k: u64, behind: Level) -> Option<u64> {
     Some(checked - k + if behind == Level::Dominant { 0 } else { 2 })
 }
 
-/// Without BRS all of the frame has the nominal bit rate.
+/// Without BRS the whole frame has the nominal bit rate.
 const fn split(bit_rate_switch: bool, nominal: u64, data: u64) -> Bits {
     if bit_rate_switch { Bits { nominal, data } } else { Bits { nominal: nominal + data, data: 0 } }
 }
@@ -215,25 +215,25 @@ const fn fd_length_code(len: usize) -> u32 {
     }
 }
 
-/// What has been put on the line so far.
+/// The bits sent so far.
 struct Line {
     /// Bits, stuff bits included.
     bits: u64,
-    /// Of an FD frame, the bits up to BRS.
+    /// Of an FD frame: the bits up to BRS.
     head: u64,
     level: bool,
-    /// How many bits of this level there are in a row, 0 before the first.
+    /// The number of successive bits of this level, 0 before the first.
     run: u8,
     /// CRC-15 of the bits without stuff bits: x¹⁵ + x¹⁴ + x¹⁰ + x⁸ + x⁷ + x⁴ + x³ + 1, start 0.
     crc: u16,
-    /// The bit that is not what was sent.
+    /// The bit that is not as sent.
     watched: Option<u64>,
-    /// Its level, and how many bits of this level it makes in a row.
+    /// Its level, and how many successive bits have this level.
     disturbed: Option<(Level, u8)>,
 }
 
 impl Line {
-    /// The frame up to where its stuff bits end: the CRC of a classical frame, the data of an FD frame.
+    /// The frame up to the end of its stuff bits: the CRC of a classical frame, the data of an FD frame.
     fn of(frame: &Frame, watched: Option<u64>) -> Line {
         let mut line = Line { bits: 0, head: 0, level: true, run: 0, crc: 0, watched, disturbed: None };
         line.put(0, 1);
@@ -242,7 +242,7 @@ impl Line {
             FrameFormat::Remote => line.classical(frame, 1),
             FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
                 line.identifier(frame.id(), 0);
-                // IDE of an 11-bit identifier, FDF, res, BRS; a 29-bit one has had its IDE.
+                // IDE of an 11-bit identifier, FDF, res, BRS; a 29-bit identifier already has its IDE.
                 match frame.id() {
                     Id::Standard(_) => line.put(0b0100 | u32::from(bit_rate_switch), 4),
                     Id::Extended(_) => line.put(0b100 | u32::from(bit_rate_switch), 3),
@@ -253,14 +253,14 @@ impl Line {
                 frame.data().iter().for_each(|byte| line.put(u32::from(*byte), 8));
             }
         }
-        // Behind the last bit of an FD frame's data there is a fixed stuff bit, and no other.
+        // After the last data bit of an FD frame there is a fixed stuff bit, and no other.
         if line.run == 5 && !matches!(frame.format(), FrameFormat::Fd { .. }) {
             line.push(!line.level);
         }
         line
     }
 
-    /// Puts the lowest `count` bits of `value`, the most significant first.
+    /// Appends the lowest `count` bits of `value`, the most significant first.
     fn put(&mut self, value: u32, count: u32) {
         for k in (0..count).rev() {
             let level = value >> k & 1 == 1;

@@ -1,4 +1,4 @@
-//! Messages that wait to be sent: all of a frame but its counter and CRC.
+//! Messages to be sent: a frame without counter and CRC.
 
 use crate::e2e::{Protection, profile5, profile11};
 use crate::error::EncodeError;
@@ -6,11 +6,11 @@ use crate::frame::Frame;
 use crate::message::{Message, MessageKind};
 use crate::network::Network;
 
-/// What a message is on the wire. A [`Message`] is larger, for two samples in a frame.
+/// The content of a message on the wire. A [`Message`] is larger, for two samples in a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Content {
     kind: MessageKind,
-    /// How it is protected, and with which data id.
+    /// Its protection and data id.
     protection: Option<(Protection, u16)>,
     /// Counter and CRC are zero.
     frame: Frame,

@@ -1,4 +1,4 @@
-//! The DBC files that the layouts come from, their hashes, and the same for another base and other node ids.
+//! The DBC files that define the layouts, their hashes, and the DBC for another base and other node ids.
 
 use core::fmt::{self, Write};
 
@@ -14,15 +14,15 @@ pub const fn text(profile: Profile) -> &'static str {
 }
 
 /// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It stands
-/// for the layouts, so it is the same whatever the base and the node ids.
+/// identifies the layouts, so it is the same for every base and all node ids.
 pub const fn hash(profile: Profile) -> u32 {
     const HASHES: [u32; 2] = [crc32(text(Profile::Classic).as_bytes()), crc32(text(Profile::Fd).as_bytes())];
     HASHES[profile as usize]
 }
 
-/// The DBC of a network: [`text`] with the identifiers, node ids and data ids that the network has.
+/// The DBC of a network: [`text`] with the network's identifiers, node ids and data ids.
 ///
-/// Identifiers stand after `BO_`, `SG_`, `VAL_` and `SIG_VALTYPE_`, each of which begins a line or follows `CM_` or the
+/// Identifiers follow `BO_`, `SG_`, `VAL_` and `SIG_VALTYPE_`, each of which begins a line or follows `CM_` or the
 /// name of an attribute.
 #[derive(Clone, Copy, Debug)]
 pub struct Dbc(pub Network);
@@ -53,7 +53,7 @@ impl Dbc {
     }
 }
 
-/// The message whose identifier a line has, with what stands before and after the identifier.
+/// The message whose identifier a line has, with the text before and after the identifier.
 fn identifier(profile: Profile, line: &str) -> Option<(&str, MessageKind, &str)> {
     const BEFORE: [&str; 6] = ["BO_ ", "CM_ BO_ ", "CM_ SG_ ", "VAL_ ", "SIG_VALTYPE_ ", "BA_ \""];
     let word = BEFORE.into_iter().find(|word| line.starts_with(word))?;
@@ -98,7 +98,7 @@ mod tests {
     fn the_files_have_unix_line_ends_and_are_ascii() {
         for profile in Profile::ALL {
             let text = text(profile);
-            assert!(!text.contains('\r'), "another line end would give another hash");
+            assert!(!text.contains('\r'), "another line end gives another hash");
             assert!(text.is_ascii());
             assert!(text.ends_with('\n'));
         }

@@ -1,11 +1,11 @@
-//! [`Frame`] as the drivers of microcontrollers take it: the trait of crate `embedded-can`.
+//! [`Frame`] for the drivers of microcontrollers: the trait of crate `embedded-can`.
 
 use embedded_can::{ExtendedId, StandardId};
 
 use crate::frame::{Frame, FrameFormat, Id};
 
-/// A driver makes classical frames; a CAN FD frame is made by [`Frame::new`]. Of a CAN FD frame `is_data_frame` holds
-/// and `dlc` gives its length in bytes, as of every frame.
+/// A driver makes classical frames; [`Frame::new`] makes CAN FD frames. For a CAN FD frame `is_data_frame` is true
+/// and `dlc` returns its length in bytes, as for every frame.
 impl embedded_can::Frame for Frame {
     fn new(id: impl Into<embedded_can::Id>, data: &[u8]) -> Option<Frame> {
         Frame::classic(own(id.into()), data).ok()
@@ -24,7 +24,7 @@ impl embedded_can::Frame for Frame {
     }
 
     fn id(&self) -> embedded_can::Id {
-        // Every frame's identifier fits its format, so the zeros never stand for another.
+        // Every identifier fits its format, so the zeros are never used.
         match Frame::id(self) {
             Id::Standard(id) => embedded_can::Id::Standard(StandardId::new(id).unwrap_or(StandardId::ZERO)),
             Id::Extended(id) => embedded_can::Id::Extended(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO)),
@@ -53,7 +53,7 @@ mod tests {
     use crate::{Heartbeat, Message, Network, Node, NodeState, Receiver, Transmitter};
     use embedded_can::Frame as _;
 
-    /// What a driver does with a frame that came in or goes out: takes it apart, and makes it again.
+    /// Takes a frame apart and makes it again, as a driver does.
     fn through_a_driver(frame: &Frame) -> Option<Frame> {
         let id = embedded_can::Frame::id(frame);
         if frame.is_remote_frame() {

@@ -121,7 +121,7 @@ pub enum DecodeError {
     Counter {
         /// The message.
         kind: MessageKind,
-        /// What is wrong with it.
+        /// The fault.
         fault: CounterFault,
         /// The counter in the frame.
         got: u8,
@@ -132,7 +132,7 @@ pub enum DecodeError {
         kind: MessageKind,
         /// The byte of the frame, from 0.
         byte: usize,
-        /// The bits that must be zero, as they came.
+        /// The bits that must be zero, as received.
         got: u8,
     },
     /// A signal has the reserved count −32768, "not available".
@@ -168,7 +168,7 @@ pub enum DecodeError {
 }
 
 impl DecodeError {
-    /// The message under whose identifier the frame came.
+    /// The message of the frame's identifier.
     pub const fn kind(&self) -> MessageKind {
         match *self {
             DecodeError::Format { kind, .. }
@@ -184,7 +184,7 @@ impl DecodeError {
         }
     }
 
-    /// Whether the E2E protection refused the frame (CRC or counter), and not its form or content.
+    /// Whether the E2E protection refused the frame (CRC or counter), rather than its form or content.
     pub const fn is_e2e(&self) -> bool {
         matches!(self, DecodeError::Crc { .. } | DecodeError::Counter { .. })
     }
@@ -256,7 +256,7 @@ mod tests {
         insta::assert_snapshot!(unsendable(Message::ExciterHello(hello)), @"ExciterHello: rate_hz is 0, not in 1 to 65535; nothing was sent");
     }
 
-    /// What a receiver says to each frame in turn.
+    /// The receiver's errors for each frame in turn.
     fn refusals(frames: &[(u16, FrameFormat, &[u8])]) -> String {
         let mut receiver = Receiver::new(Network::default());
         let say = |&(id, format, data): &(u16, FrameFormat, &[u8])| {
@@ -276,7 +276,7 @@ mod tests {
     fn says_why_a_frame_is_refused() {
         let classic = FrameFormat::Classic;
         let fd = FrameFormat::Fd { bit_rate_switch: false, error_state_indicator: false };
-        // A CRC of 0 stands for the right one.
+        // A CRC of 0 is replaced by the right one.
         insta::assert_snapshot!(refusals(&[
             (0x201, FrameFormat::Remote, &[0; 8]),
             (0x201, fd, &[0; 8]),

@@ -1,4 +1,4 @@
-//! One CAN frame as it goes over a bus: identifier, format, payload.
+//! A CAN frame: identifier, format, payload.
 
 use core::fmt;
 
@@ -70,11 +70,11 @@ pub struct Frame {
 pub enum FrameError {
     /// The identifier is too large for its format.
     Id(Id),
-    /// The length is not one that the format has.
+    /// The format does not have this length.
     Length {
         /// The bytes given.
         got: usize,
-        /// The format they were meant for.
+        /// The intended format.
         format: FrameFormat,
     },
 }
@@ -131,14 +131,14 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
-    /// A frame of this protocol, whose identifiers and lengths fit by construction: of the `form`, with `data`, which
-    /// is zero beyond the form's length.
+    /// A frame of this protocol, whose identifiers and lengths are valid by construction: of the `form`, with `data`,
+    /// which is zero beyond the form's length.
     pub(crate) fn of_form(id: u16, form: &Form, data: [u8; 64]) -> Frame {
         debug_assert!(data[form.length..].iter().all(|byte| *byte == 0));
         Frame { id: Id::Standard(id), format: form.format, len: form.length as u8, data }
     }
 
-    /// All bytes there may be: those beyond the length stay zero.
+    /// All bytes of the buffer: those beyond the length stay zero.
     pub(crate) const fn bytes_mut(&mut self) -> &mut [u8; 64] {
         &mut self.data
     }
@@ -161,7 +161,7 @@ impl Frame {
         }
     }
 
-    /// The length the frame states, in bytes. For a remote frame the length asked for.
+    /// The length the frame states, in bytes; of a remote frame the length requested.
     pub const fn len(&self) -> usize {
         self.len as usize
     }
@@ -178,7 +178,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// As `candump` and `cansend` write a frame: `123#1122`, `123#R2`, `123##1AABB`.
+/// In the form of `candump` and `cansend`: `123#1122`, `123#R2`, `123##1AABB`.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.id)?;

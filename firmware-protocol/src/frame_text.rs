@@ -5,20 +5,20 @@ use core::str::FromStr;
 
 use crate::frame::{Frame, FrameError, FrameFormat, Id};
 
-/// Why a text is no frame.
+/// Why a text is not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameTextError {
     /// There is no `#`.
     NoHash,
     /// The identifier is not of 3 or 8 hexadecimal digits.
     Id,
-    /// After `#R` stands something else than a length from 0 to 8.
+    /// `#R` is not followed by a length from 0 to 8.
     RemoteLength,
-    /// After `##` stands no hexadecimal digit for the flags.
+    /// `##` is not followed by a hexadecimal digit for the flags.
     Flags,
     /// The data are not pairs of hexadecimal digits.
     Data,
-    /// There can be no such frame.
+    /// An impossible frame.
     Frame(FrameError),
 }
 
@@ -39,7 +39,7 @@ impl fmt::Display for FrameTextError {
 
 impl core::error::Error for FrameTextError {}
 
-/// As `cansend` takes a frame; the inverse of [`Frame`]'s `Display`.
+/// Reads the form of `cansend`; the inverse of [`Frame`]'s `Display`.
 impl FromStr for Frame {
     type Err = FrameTextError;
 
@@ -72,7 +72,7 @@ fn identifier(text: &str) -> Option<Id> {
     }
 }
 
-/// Fills `bytes` from pairs of digits, which may be parted by dots, and returns how many there are.
+/// Fills `bytes` from pairs of digits, which dots may separate, and returns how many there are.
 fn data(text: &str, bytes: &mut [u8; 64]) -> Option<usize> {
     let mut length = 0;
     let mut digits = text.chars().filter(|c| *c != '.');

@@ -1,20 +1,20 @@
-//! The gate of a plant: what a command must pass before it acts on the arm.
+//! The gate of a plant: the checks that a command must pass before it acts on the arm.
 
 use crate::{NodeState, Refusal};
 
 /// Whether a quantity keeps its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// It does, or there is none.
+    /// It does, or there is no limit.
     Within,
     /// It doesn't.
     Beyond,
 }
 
-/// What a command meets at the plant when it comes.
+/// The plant's state against its limits for a command received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandCheck {
-    /// The load, against what the exciter can produce, as far as its limits and its direction go.
+    /// The load, against what the exciter can produce by its limits and its direction.
     pub range: Limit,
     /// The sample periods that the change from the load held to this one takes at the largest rate of change; 0
     /// without such a limit.
@@ -26,19 +26,18 @@ pub struct CommandCheck {
 /// Judges every command that a plant receives: `SPEC.md`, section 8, "Commands refused".
 ///
 /// A command passes if the plant is operational and within its travel, if it answers a sample that is neither too old
-/// nor still to come, nor the one that the last command taken answers, nor one before it, if the exciter can produce
-/// it, and if it doesn't change the load too fast. What the frame itself must be, a [`Receiver`](crate::Receiver) has
-/// judged before.
+/// nor in the future, newer than the one that the last accepted command answers, if the exciter can produce
+/// it, and if it doesn't change the load too fast. A [`Receiver`](crate::Receiver) has already checked the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandGate {
     age_limit: u64,
     answered: Option<u64>,
-    /// The sample that the last command in sequence answers, taken or not.
+    /// The sample that the last command in sequence answers, accepted or not.
     judged: Option<u64>,
 }
 
 impl CommandGate {
-    /// A change may be larger by this part than its time allows: loads are differences of rounded numbers.
+    /// A change may exceed the limit by this fraction: loads are differences of rounded numbers.
     const ROUNDING: f64 = 1e-9;
 
     /// A gate for commands that answer a sample at most `command_age_ns` of samples old, rounded down, at `rate_hz`
@@ -48,31 +47,32 @@ impl CommandGate {
         CommandGate { age_limit, answered: None, judged: None }
     }
 
-    /// The plant is armed: no sample is answered since.
+    /// Arms the plant: no sample has been answered since.
     pub const fn arm(&mut self) {
         self.answered = None;
         self.judged = None;
     }
 
-    /// The sample that the last command taken answers, since arming.
+    /// The sample that the last accepted command answers, since arming.
     pub const fn answered(&self) -> Option<u64> {
         self.answered
     }
 
-    /// Takes a command that answers the sample of index `index`, or says why not. The plant is in `state` and sent
-    /// `sample` last, counted without the modulus of the wire.
+    /// Accepts a command that answers the sample of index `index`, or returns why not. The plant is in `state` and last
+    /// sent `sample`, counted without the modulus of the wire.
     ///
-    /// With the age a = (sample − index) mod 2¹⁶ the sample answered is sample − a. One still to come has an age of
-    /// nearly 2¹⁶, which is beyond any limit; one from before the first sample is none.
+    /// With the age a = (sample − index) mod 2¹⁶ the sample answered is sample − a. A future one has an age of
+    /// nearly 2¹⁶, which is beyond any limit; one before the first sample does not exist.
     ///
     /// A change has n = s − s' sample periods of time, at least 1, where s is the sample answered and s' that of the
-    /// last command in sequence, taken or not, since arming; the first has 1. So lost commands give the next one time,
-    /// and refused ones don't: a jump is not taken later, when its load would have been reached at the largest rate.
-    /// As s' is never before the sample answered last, what all commands taken change is within that rate.
+    /// last command in sequence, accepted or not, since arming; the first has 1. So lost commands give the next one
+    /// time, and refused ones don't: a refused jump is not accepted later, when its load would have been reached at the
+    /// largest rate. As s' is never before the sample answered last, the sum of all accepted changes is within that
+    /// rate.
     ///
     /// # Errors
     /// The first reason, in this order: state, travel, age, sequence, range, rate of
-    /// change. A command that is refused leaves the sample unanswered.
+    /// change. A refused command leaves the sample unanswered.
     pub fn take(&mut self, state: NodeState, sample: u64, index: u16, check: &CommandCheck) -> Result<(), Refusal> {
         if state != NodeState::Operational {
             return Err(Refusal::NotArmed);
@@ -92,7 +92,7 @@ impl CommandGate {
             return Err(Refusal::OutOfRange);
         }
         let most = periods as f64 * (1.0 + CommandGate::ROUNDING);
-        // What is not a number is no change that could be allowed.
+        // A change that is not a number is never allowed.
         (check.change_periods <= most).then_some(()).ok_or(Refusal::RateOfChange)?;
         self.answered = Some(answered);
         Ok(())

@@ -1,4 +1,4 @@
-//! The C header of a network: what `c/include/resonarm.h` builds on.
+//! The C header of a network, which `c/include/resonarm.h` includes.
 
 use core::fmt;
 
@@ -46,7 +46,7 @@ impl fmt::Display for Header {
     }
 }
 
-/// What is the same in every network.
+/// The definitions common to all networks.
 fn protocol(f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let hash = |profile| dbc::hash(profile) & Hello::DBC_HASH_MASK;
     f.write_str("\n/** @name Protocol */\n/**@{*/\n")?;
@@ -100,7 +100,7 @@ fn message(f: &mut fmt::Formatter<'_>, network: Network, kind: MessageKind) -> f
     writeln!(f, "#define {name}_BYTES {length}u")
 }
 
-/// The name of a message as C writes it: `RESONARM_FORCE_COMMAND` for `ForceCommand`.
+/// The name of a message in C: `RESONARM_FORCE_COMMAND` for `ForceCommand`.
 struct Macro(&'static str);
 
 impl fmt::Display for Macro {

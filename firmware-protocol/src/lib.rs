@@ -1,8 +1,8 @@
 //! The CAN protocol between the Resonarm plant and an exciter controller.
 //!
-//! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware. [`node`] has an
-//! exciter's whole node; `firmware/` beside this crate is a firmware of it. With the feature `embedded-can` a [`Frame`]
-//! is one that drivers of microcontrollers take.
+//! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware. [`node`] contains an
+//! exciter's complete node; `firmware/` beside this crate is a firmware with it. With the feature `embedded-can`,
+//! [`Frame`] implements that crate's trait for drivers of microcontrollers.
 //! `SPEC.md` beside this crate is the specification; `resonarm.dbc` and `resonarm-fd.dbc` are the source of truth for
 //! layouts.
 //!

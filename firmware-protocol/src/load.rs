@@ -1,11 +1,11 @@
-//! How much of a bus a network takes: the sum over a table of what is sent how often.
+//! The bus load of a network: the sum over a table of frames and their rates.
 
 use crate::bits::{self, BitRates, Bits, IdFormat, Stuffing};
 use crate::frame::FrameFormat;
 use crate::message::{Cycle, MessageKind, SamplesPerFrame};
 use crate::network::Profile;
 
-/// A kind of frame, and how often it is sent.
+/// A kind of frame, and its rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
     /// The format of its identifier.
@@ -18,8 +18,8 @@ pub struct Stream {
     pub per_second: u64,
 }
 
-/// What a running network sends: with each frame of samples a command of one kind and the sensor messages; and
-/// heartbeats, hellos and what else has a period, of both nodes.
+/// The frames of a running network: with each frame of samples one command and the sensor messages; and the
+/// heartbeats, hellos and other periodic messages of both nodes.
 pub fn streams(profile: Profile, rate_hz: u16, samples: SamplesPerFrame) -> impl Iterator<Item = Stream> {
     const SECOND_NS: u64 = 1_000_000_000;
     let unused = match samples {
@@ -38,15 +38,15 @@ pub fn streams(profile: Profile, rate_hz: u16, samples: SamplesPerFrame) -> impl
     })
 }
 
-/// The bits a second that these take together.
+/// The total bits per second.
 pub fn bits_per_second(streams: impl Iterator<Item = Stream>, stuffing: Stuffing) -> Bits {
     streams.fold(Bits::default(), |sum, Stream { id, format, len, per_second }| {
         sum.plus(bits::bounds(id, format, len, stuffing).times(per_second))
     })
 }
 
-/// The share of the time for which bits a second take the bus. Above 0.8 single frames wait noticeably, above 1 they
-/// can't all be sent.
+/// The fraction of time for which these bits per second occupy the bus. Above 0.8 single frames wait noticeably; above
+/// 1 they can't all be sent.
 pub fn share(per_second: Bits, rates: BitRates) -> f64 {
     per_second.nominal as f64 / f64::from(rates.nominal_hz) + per_second.data as f64 / f64::from(rates.data_hz)
 }

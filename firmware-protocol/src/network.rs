@@ -1,8 +1,8 @@
-//! Where the messages lie among the 2048 identifiers of a network, and who speaks.
+//! The messages' identifiers in a network, and its nodes.
 
 use core::fmt;
 
-/// The base identifier of a network that nothing else was chosen for.
+/// The default base identifier of a network.
 pub const DEFAULT_BASE: u16 = 0x200;
 
 /// The smallest base identifier.
@@ -14,14 +14,14 @@ pub const BASE_MAX: u16 = 0x570;
 /// The largest node id (CiA 301).
 pub const NODE_ID_MAX: u8 = 127;
 
-/// The frames that a network's commands and samples take. Everything else is the same in both.
+/// The frames of a network's commands and samples. All other messages are the same in both profiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Profile {
     /// Classical CAN: 8 bytes, a frame for each instrument, 16-bit counts, E2E Profile 11.
     #[default]
     Classic = 0,
-    /// CAN FD: up to 64 bytes, a frame for a whole sample, IEEE 754 single precision, E2E Profile 5.
+    /// CAN FD: up to 64 bytes, one frame for a whole sample, IEEE 754 single precision, E2E Profile 5.
     Fd = 1,
 }
 
@@ -38,7 +38,7 @@ impl Profile {
     }
 }
 
-/// The name is none of a profile's.
+/// A name that is not a profile's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnknownProfile;
 
@@ -54,7 +54,7 @@ impl core::error::Error for UnknownProfile {}
 impl core::str::FromStr for Profile {
     type Err = UnknownProfile;
 
-    /// The profile of a name ([`Profile::name`]).
+    /// The profile with this name ([`Profile::name`]).
     fn from_str(name: &str) -> Result<Profile, UnknownProfile> {
         Profile::ALL.into_iter().find(|profile| profile.name() == name).ok_or(UnknownProfile)
     }
@@ -70,7 +70,7 @@ impl fmt::Display for Profile {
 ///
 /// The base is a multiple of `0x10` in [`BASE_MIN`]`..=`[`BASE_MAX`]: the range in which CANopen (CiA 301, predefined
 /// connection set) has its process data objects. NMT, SYNC, TIME, SDO, LSS and the heartbeats of other nodes stay free.
-/// Several networks share a bus if their bases differ and no node id is given twice.
+/// Several networks share a bus if their bases and all node ids differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Network {
     base: u16,
@@ -79,7 +79,7 @@ pub struct Network {
     profile: Profile,
 }
 
-/// Why a network can't be.
+/// Why a network is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkError {
     /// The base is outside [`BASE_MIN`]`..=`[`BASE_MAX`].
@@ -188,7 +188,7 @@ impl Default for Network {
     }
 }
 
-/// A node of a network, by its role. The discriminant is the number that stands for it in messages.
+/// A node of a network, by its role. The discriminant is its number in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Node {
@@ -202,12 +202,12 @@ impl Node {
     /// Both nodes.
     pub const ALL: [Node; 2] = [Node::Plant, Node::Exciter];
 
-    /// The number that stands for the node in messages, whatever its node id.
+    /// The node's number in messages, independent of its node id.
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// The node of a number, if it is one.
+    /// The node with this number, if there is one.
     pub const fn from_number(number: u8) -> Option<Node> {
         match number {
             1 => Some(Node::Plant),
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong_with_a_base() {
+    fn errors_describe_what_is_wrong_with_a_base() {
         let said = |base| Network::new(base).map_err(|error| error.to_string());
         assert_eq!(said(0x580), Err("base identifier 0x580 is outside 0x180 to 0x570".to_string()));
         assert_eq!(said(0x205), Err("base identifier 0x205 is not a multiple of 0x10: take 0x200".to_string()));
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_nodes_go_there_and_back() {
+    fn numbers_of_nodes_convert_in_both_directions() {
         for node in Node::ALL {
             assert_eq!(Node::from_number(node.number()), Some(node));
             assert_ne!(node.partner(), node);

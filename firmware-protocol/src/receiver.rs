@@ -1,4 +1,4 @@
-//! Frames to messages.
+//! Decodes frames to messages.
 
 use crate::e2e::{Protection, Supervision, profile5, profile11};
 use crate::error::DecodeError;
@@ -7,7 +7,7 @@ use crate::message::{Heartbeat, Message, MessageKind, Payload};
 use crate::network::{Network, Node};
 use crate::state::NodeState;
 
-/// Takes the frames of a network: checks form, protection and content of each, and supervises the counters.
+/// Receives the frames of a network: checks form, protection and content of each, and supervises the counters.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     network: Network,
@@ -16,25 +16,25 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// A receiver that takes the first counter it sees of every message.
+    /// A receiver that accepts the first counter of every message.
     pub const fn new(network: Network) -> Receiver {
         Receiver { network, supervisions: [Supervision::new(); MessageKind::COUNT], lost: 0 }
     }
 
-    /// The network it listens to.
+    /// The network.
     pub const fn network(&self) -> Network {
         self.network
     }
 
-    /// How many frames the counters say were lost since the start, without those whose loss broke the sequence.
+    /// How many frames were lost since the start, by the counters, except those whose loss broke the sequence.
     pub const fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// The message in a frame, or `None` if the frame is not one of this protocol.
+    /// The message in a frame, or `None` if the frame is not the protocol's.
     ///
-    /// Checked in this order: format, length, CRC, counter, content. The boot-up heartbeat of a node starts the
-    /// supervision of everything that the node sends anew.
+    /// Checked in this order: format, length, CRC, counter, content. A node's boot-up heartbeat restarts the
+    /// supervision of all its messages.
     ///
     /// # Errors
     /// [`DecodeError`] if the frame has an identifier of the protocol and is not valid. Its content must not be used.
@@ -63,7 +63,7 @@ impl Receiver {
         Ok(Some(message))
     }
 
-    /// Starts the supervision of everything that `node` sends anew: the next frame of each message is taken with any
+    /// Restarts the supervision of all messages of `node`: the next frame of each is accepted with any
     /// counter.
     fn restart(&mut self, node: Node) {
         for kind in MessageKind::ALL {

@@ -8,10 +8,10 @@ use crate::network::Profile;
 /// The largest count; the smallest is its negative.
 pub const RAW_MAX: i16 = i16::MAX;
 
-/// The reserved count that stands for "not available".
+/// The reserved count for "not available".
 pub const RAW_NOT_AVAILABLE: i16 = i16::MIN;
 
-/// How a physical quantity is counted.
+/// The counts of a physical quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
     counts_per_unit: u16,
@@ -31,7 +31,7 @@ pub const ACCELERATION: Scale = Scale { counts_per_unit: 20 };
 pub enum Count {
     /// The value is in range.
     InRange(i16),
-    /// The value rounds beyond the range; this is the end of the range that it lies beyond.
+    /// The value rounds to a count beyond the range; this is the nearer end of the range.
     Beyond(i16),
     /// The value is not a number or infinite.
     NotFinite,
@@ -48,7 +48,7 @@ impl Scale {
         self.value(RAW_MAX)
     }
 
-    /// The largest value that the signals of a profile can say, in units of the quantity; the smallest is its negative.
+    /// The largest value of a profile's signals, in units of the quantity; the smallest is its negative.
     pub const fn limit(self, profile: Profile) -> f64 {
         match profile {
             Profile::Classic => self.max(),
@@ -58,7 +58,7 @@ impl Scale {
 
     /// The count for `value`.
     ///
-    /// A count c stands for every value whose product with the counts per unit rounds to c, so the range reaches half
+    /// A count c represents every value whose product with the counts per unit rounds to c, so the range reaches half
     /// a count beyond [`Scale::max`].
     pub const fn count(self, value: f64) -> Count {
         let scaled = value * self.counts_per_unit as f64;
@@ -73,7 +73,7 @@ impl Scale {
         }
     }
 
-    /// The value that a count stands for, in units of the quantity.
+    /// The value of a count, in units of the quantity.
     pub const fn value(self, raw: i16) -> f64 {
         raw as f64 / self.counts_per_unit as f64
     }
@@ -81,7 +81,7 @@ impl Scale {
 
 /// The integer nearest to `x`, ties to even, for |x| ≤ 2⁵¹.
 ///
-/// With c = 2⁵² + 2⁵¹ the sum x + c lies in [2⁵², 2⁵³], where a double has a unit of exactly 1: the addition rounds x
+/// With c = 2⁵² + 2⁵¹ the sum x + c is in [2⁵², 2⁵³], where a double has a unit of exactly 1: the addition rounds x
 /// to an integer, nearest and ties to even (c is even), and subtracting c again is exact.
 const fn round_ties_even(x: f64) -> f64 {
     const C: f64 = 6_755_399_441_055_744.0;
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn every_count_goes_there_and_back() {
+    fn every_count_converts_in_both_directions() {
         for scale in [FORCE, TORQUE, ACCELERATION] {
             for raw in -RAW_MAX..=RAW_MAX {
                 assert_eq!(scale.count(scale.value(raw)), Count::InRange(raw));

@@ -1,11 +1,11 @@
-//! The states of a node, as CANopen has them (CiA 301), and the one table of their transitions.
+//! The states of a node, as in CANopen (CiA 301), and the table of their transitions.
 
 use core::fmt;
 
-/// The state of a node, as its heartbeat tells it.
+/// The state of a node, as in its heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NodeState {
-    /// The node has just started; it says so once.
+    /// The node has just started; it reports this once.
     BootUp,
     /// The node runs, exchanges hellos and measures; the force is zero.
     PreOperational,
@@ -15,12 +15,12 @@ pub enum NodeState {
     Fault,
 }
 
-/// What moves a node from state to state.
+/// An event that changes a node's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StateEvent {
     /// The node has finished its start.
     Started,
-    /// The operator arms the node. The node must have found its partner compatible before.
+    /// The operator arms the node, which must have found its partner compatible.
     Arm,
     /// The operator disarms the node.
     Disarm,
@@ -30,7 +30,7 @@ pub enum StateEvent {
     Fault,
 }
 
-/// Every transition there is: from, event, to. A pair that is not here changes nothing.
+/// All transitions: from, event, to. Other pairs change nothing.
 const TRANSITIONS: [(NodeState, StateEvent, NodeState); 7] = [
     (NodeState::BootUp, StateEvent::Started, NodeState::PreOperational),
     (NodeState::BootUp, StateEvent::Fault, NodeState::Fault),
@@ -59,7 +59,7 @@ impl NodeState {
     pub const ALL: [NodeState; 4] =
         [NodeState::BootUp, NodeState::PreOperational, NodeState::Operational, NodeState::Fault];
 
-    /// The byte that stands for the state in a heartbeat (CiA 301).
+    /// The byte of the state in a heartbeat (CiA 301).
     pub const fn heartbeat_byte(self) -> u8 {
         match self {
             NodeState::BootUp => 0x00,
@@ -69,7 +69,7 @@ impl NodeState {
         }
     }
 
-    /// The state that a heartbeat's byte stands for, if it is one.
+    /// The state of a heartbeat's byte, if there is one.
     pub const fn from_heartbeat_byte(byte: u8) -> Option<NodeState> {
         match byte {
             0x00 => Some(NodeState::BootUp),
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heartbeat_bytes_go_there_and_back() {
+    fn heartbeat_bytes_convert_in_both_directions() {
         let known: std::vec::Vec<u8> =
             (0..=255).filter(|&byte| NodeState::from_heartbeat_byte(byte).is_some()).collect();
         assert_eq!(known, [0x00, 0x04, 0x05, 0x7F]);
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_left_by_reset_alone() {
+    fn only_a_reset_leaves_a_fault() {
         for event in StateEvent::ALL {
             let expected = (event == StateEvent::Reset).then_some(NodeState::PreOperational);
             assert_eq!(next(NodeState::Fault, event), expected, "{event:?}");
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_seen_in_every_other_state() {
+    fn a_fault_is_possible_in_every_other_state() {
         for state in NodeState::ALL {
             let expected = (state != NodeState::Fault).then_some(NodeState::Fault);
             assert_eq!(next(state, StateEvent::Fault), expected, "{state:?}");
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn no_transition_stands_twice() {
+    fn no_transition_occurs_twice() {
         for (i, (from, on, _)) in TRANSITIONS.iter().enumerate() {
             assert!(TRANSITIONS[..i].iter().all(|(f, o, _)| (f, o) != (from, on)), "{from:?} {on:?}");
         }

@@ -1,9 +1,9 @@
-//! Periods, timeouts and limits, in nanoseconds unless the name says otherwise. `SPEC.md` says who keeps them.
+//! Periods, timeouts and limits, in nanoseconds unless the name says otherwise. `SPEC.md` says which node applies them.
 
 /// Every node sends its heartbeat at least this often, and at once when its state changes.
 pub const HEARTBEAT_PERIOD_NS: u64 = 100_000_000;
 
-/// In real time, of the time listened: a partner without a sign of life for this long is lost: three heartbeats and
+/// In real time, in time listened: a partner without a heartbeat for this long is lost: three heartbeats and
 /// half a period.
 pub const HEARTBEAT_TIMEOUT_NS: u64 = 350_000_000;
 
@@ -11,18 +11,18 @@ pub const HEARTBEAT_TIMEOUT_NS: u64 = 350_000_000;
 /// has booted.
 pub const HELLO_PERIOD_NS: u64 = 1_000_000_000;
 
-/// In real time, of the time listened: an operational plant without a valid command for this long has lost its
+/// In real time, in time listened: an operational plant without a valid command for this long has lost its
 /// controller, and an operational node that could not send any of its frames for this long has lost the bus.
 pub const COMMAND_TIMEOUT_NS: u64 = 20_000_000;
 
-/// In real time: a command that answers a sample older than this is late and refused.
+/// In real time: a command that answers a sample older than this is refused as late.
 pub const COMMAND_AGE_NS: u64 = COMMAND_TIMEOUT_NS;
 
-/// When the plant leaves the state operational, by a fault or disarmed, the held command goes linearly to zero in this
+/// When the plant leaves the state operational, by a fault or disarmed, the load held goes linearly to zero in this
 /// time.
 pub const FORCE_RAMP_NS: u64 = 50_000_000;
 
-/// In lockstep: how long, of the time listened, each node waits for the other. It stands for all other timeouts.
+/// In lockstep, in time listened: how long each node waits for the other. It replaces all other timeouts.
 pub const LOCKSTEP_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// The lowest sample rate, in Hz, that a real-time run can have: two sample periods in [`COMMAND_TIMEOUT_NS`].
@@ -31,7 +31,7 @@ pub const REAL_TIME_RATE_MIN_HZ: u16 = 100;
 /// In lockstep: the most that counts as listened between two looks at the clock. In real time it is a sample period.
 pub const LOCKSTEP_LOOK_NS: u64 = 20_000_000;
 
-/// How many samples with a repeated or older index make a fault of the exciter, counted from arming.
+/// How many samples with a repeated or older index make the exciter fault, counted from arming.
 pub const STALE_SAMPLES_LIMIT: u64 = 10;
 
 /// The smallest [`sample_window`].
@@ -42,7 +42,7 @@ pub const fn sample_period_ns(rate_hz: u16) -> u64 {
     1_000_000_000 / if rate_hz == 0 { 1 } else { rate_hz as u64 }
 }
 
-/// How far, in samples, the index of a sample may be from the last one answered: [`HEARTBEAT_TIMEOUT_NS`] of samples,
+/// How far, in samples, the index of a sample may be from the last one answered: [`HEARTBEAT_TIMEOUT_NS`] in samples,
 /// rounded down, and at least [`SAMPLE_WINDOW_MIN`]. Always below 2¹⁵.
 pub const fn sample_window(rate_hz: u16) -> u16 {
     let samples = (rate_hz as u64 * HEARTBEAT_TIMEOUT_NS / 1_000_000_000) as u16;

@@ -1,4 +1,4 @@
-//! Messages to frames.
+//! Encodes messages to frames.
 
 use crate::content::Content;
 use crate::error::EncodeError;
@@ -24,7 +24,7 @@ impl Transmitter {
         self.network
     }
 
-    /// The frame of a message. Every call takes the next counter of the message, so each frame must be sent, once and
+    /// The frame of a message. Every call uses the next counter of the message, so each frame must be sent, once and
     /// in order; to send a message again, make another frame.
     ///
     /// # Errors
@@ -36,12 +36,12 @@ impl Transmitter {
         Ok(frame)
     }
 
-    /// The frame of a message with the counter that is next.
+    /// The frame of a message with its next counter.
     pub(crate) fn next(&self, content: &Content) -> Frame {
         content.frame(self.counters[content.kind() as usize])
     }
 
-    /// The counter of a kind of message is spent.
+    /// The counter of a kind of message is used.
     pub(crate) fn sent(&mut self, kind: MessageKind) {
         if let Some(protection) = kind.form(self.network.profile()).and_then(|form| form.protection) {
             let counter = &mut self.counters[kind as usize];

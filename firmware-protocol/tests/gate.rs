@@ -1,4 +1,4 @@
-//! The gate of a plant: which commands it takes, and why not the others.
+//! The gate of a plant: which commands it accepts, and why it refuses the others.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use proptest::prelude::*;
@@ -94,7 +94,7 @@ fn what_the_exciter_cannot_produce_leaves_the_sample_unanswered() {
 }
 
 #[test]
-fn the_first_reason_is_told() {
+fn the_first_reason_is_reported() {
     let mut gate = gate();
     assert_eq!(take(&mut gate, 3), Ok(()));
     let mut refused =
@@ -125,7 +125,7 @@ fn a_change_has_the_samples_since_the_last_command_in_sequence() {
     assert_eq!(change(&mut gate, 20, 1.0), Ok(()), "the first");
     assert_eq!(change(&mut gate, 19, 1.01), Err(Refusal::RateOfChange));
     assert_eq!(gate.answered(), Some(SAMPLE - 20));
-    assert_eq!(change(&mut gate, 18, 1.01), Err(Refusal::RateOfChange), "a jump that goes on is refused again");
+    assert_eq!(change(&mut gate, 18, 1.01), Err(Refusal::RateOfChange), "a repeated jump is refused again");
     assert_eq!(change(&mut gate, 17, 1.0), Ok(()), "what one sample period allows");
     assert_eq!(change(&mut gate, 14, 3.01), Err(Refusal::RateOfChange));
     assert_eq!(change(&mut gate, 11, 3.0), Ok(()), "after two commands that were lost");
@@ -143,7 +143,7 @@ fn a_command_that_is_out_of_sequence_gives_and_takes_no_time() {
     let out_of_range = CommandCheck { range: Limit::Beyond, ..FREE };
     assert_eq!(judge(&mut gate, 3, &out_of_range), Err(Refusal::OutOfRange));
     assert_eq!(change(&mut gate, 2, 1.01), Err(Refusal::RateOfChange), "since the one that is out of range");
-    assert_eq!(change(&mut gate, 5, 1.0), Ok(()), "one before those that were refused has a period of its own");
+    assert_eq!(change(&mut gate, 5, 1.0), Ok(()), "a sample before the refused ones has its own period");
     gate.arm();
     assert_eq!(change(&mut gate, 0, 1.01), Err(Refusal::RateOfChange), "the first since arming");
 }
@@ -155,7 +155,7 @@ fn rounding_is_no_change() {
     }
     let mut gate = gate();
     assert_eq!(change(&mut gate, 20, 0.0), Ok(()));
-    assert_eq!(change(&mut gate, 0, 20.0 * (1.0 + 0.9e-9)), Ok(()), "in parts of the change");
+    assert_eq!(change(&mut gate, 0, 20.0 * (1.0 + 0.9e-9)), Ok(()), "relative to the change");
 }
 
 /// No frame is as short; a receiver refuses it by its length.
@@ -166,9 +166,9 @@ fn data_without_content_have_the_crc_of_the_data_id() {
 }
 
 proptest! {
-    /// Whatever is asked, what is taken is new, of a sample that was sent, and not too old.
+    /// Every accepted command answers a sample that is new, was sent, and is not too old.
     #[test]
-    fn what_is_taken_rises_and_is_fresh(
+    fn accepted_commands_answer_rising_recent_samples(
         asked in prop::collection::vec((0_u64..200, any::<u16>(), 0_u16..30, any::<bool>()), 1..200),
     ) {
         let (mut gate, mut sample) = (gate(), 65_000);
@@ -186,7 +186,7 @@ proptest! {
         }
     }
 
-    /// Whatever is commanded, what is taken changes no faster than the limit allows over the samples answered: from one
+    /// For any commands, the accepted load changes no faster than the limit allows over the samples answered: from one
     /// command taken to the next, and from zero before the first command in sequence.
     #[test]
     fn the_load_follows_at_the_largest_rate_at_most(

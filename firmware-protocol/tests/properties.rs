@@ -46,7 +46,7 @@ fn any_frame() -> impl Strategy<Value = Frame> {
 
 /// The frame with its reserved bytes of zero, where it is one of the FD profile's, and with a CRC that fits its
 /// content: so that many are taken.
-fn mended(profile: Profile, frame: Frame) -> Frame {
+fn corrected(profile: Profile, frame: Frame) -> Frame {
     common::with_content(profile, &frame, |data| match data.len() {
         16 => data[6..8].fill(0),
         32 => (data[3], data[6], data[7]) = (data[3] & 0x3F, 0, 0),
@@ -134,7 +134,7 @@ proptest! {
     ) {
         let network = common::network(profile);
         let mut receiver = Receiver::new(network);
-        for frame in frames.into_iter().map(|frame| mended(profile, frame)) {
+        for frame in frames.into_iter().map(|frame| corrected(profile, frame)) {
             let Ok(Some(message)) = receiver.accept(&frame) else { continue };
             let mut transmitter = Transmitter::new(network);
             let again = (0..=u8::MAX).map(|_| transmitter.frame(&message)).any(|again| again == Ok(frame));

@@ -212,7 +212,7 @@ fn the_details_of_a_hello_that_does_not_fit_have_the_order_of_the_code() {
     order.insert(0, Mismatch::NoHello as u16);
     let order = order.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
     let text = words("## 9. Faults");
-    assert!(text.contains(&format!("the first is told in the order {order}:")), "{order}");
+    assert!(text.contains(&format!("the first is reported in the order {order}:")), "{order}");
 }
 
 #[test]

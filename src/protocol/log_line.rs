@@ -56,7 +56,7 @@ mod tests {
     fn says_what_is_wrong() {
         let said = |line| LogLine::parse(line).unwrap_err();
         insta::assert_snapshot!(said("  vcan0  201   [2]  11 22"), @"it is neither a frame, as 201#1122, nor a line of `candump -L`");
-        insta::assert_snapshot!(said("(now) vcan0 201#1122"), @r#""(now)" is no time in brackets, as (12.345678)"#);
+        insta::assert_snapshot!(said("(now) vcan0 201#1122"), @r#""(now)" is not a time in brackets such as (12.345678)"#);
         insta::assert_snapshot!(said("201#112"), @"the data must be pairs of hexadecimal digits");
     }
 }

@@ -100,7 +100,7 @@ fn what_cannot_be_imported_is_said() {
     let early = resonarm(folder.path(), &["import", "early.log", "early.mcap"]);
     assert_snapshot!(early.stdout, @"early.mcap: 2 frames of 0.100 s; left out 0 of other interfaces and 0 lines or objects that are no frames");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
-    assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
+    assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L` such as (12.345678) vcan0 201#1122");
     assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending does not say the format: give it by --from, one of candump, asc, blf");
     assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: 4 bytes are expected, 0 are there");
     // A log is read twice: a pipe has nothing the second time.

@@ -26,7 +26,7 @@ lockstep_timeout_s = {PATIENCE_S}.0
 [arm]
 beta1_deg = 30.0
 """
-# What main.c of the port plays, and the firmware in Rust.
+# The sines of the port's main.c and of the firmware in Rust.
 SINES = """
 [excitation]
 amplitude = { force_x_n = 150.0 }
@@ -38,20 +38,20 @@ PLANT_HEARTBEAT, EXCITER_HEARTBEAT = 0x701, 0x702
 # Faults of a Cortex-M3 (Configurable Fault Status Register), and frames in bxCAN's FIFO 0.
 CFSR, CAN_RF0R = 0xE000ED28, 0x4000640C
 STEP = "20us"
-# What held_spec.h of the port holds, and a count of forces in the classic profile.
+# The settings in the port's held_spec.h, and a count of forces in the classic profile.
 HELD_N, HELD_HZ, HEAD_N = 20.0, 45.0, 0.02
 # The longest silence of a firmware that lives: a heartbeat's period, and half of one.
 SILENCE_S = 0.15
 
 
 class Firmware:
-    """A controller on an emulated processor; `CFSR` tells in a failure whether it has trapped."""
+    """A controller on an emulated processor; `CFSR` shows in a failure whether it has trapped."""
 
     def __init__(self, sim):
         self.sim, self.spoken_s = sim, 0.0
 
     def step(self):
-        """Goes on for a little time; the frames it sent."""
+        """Runs for a short time; returns the frames it sent."""
         self.sim.run_for(STEP)
         frames = [frame["payload"] for frame in self.sim.frames()]
         sent = [frame for frame in frames if frame["direction"] == "tx"]
@@ -118,9 +118,9 @@ def drive(programs, null_modem, scenario, recording, firmware):
 
 
 def states(sent):
-    """What the controller's heartbeats say, each change once."""
-    told = [message.data[0] for message in sent if message.arbitration_id == EXCITER_HEARTBEAT]
-    return [state for state, before in zip(told, [None, *told], strict=False) if state != before]
+    """The states in the controller's heartbeats, each change once."""
+    states = [message.data[0] for message in sent if message.arbitration_id == EXCITER_HEARTBEAT]
+    return [state for state, before in zip(states, [None, *states], strict=False) if state != before]
 
 
 @on

@@ -40,7 +40,7 @@ def built():
 
 
 def measured(programs):
-    """What llvm-cov says of each file of the gate, and the arguments with which it says more."""
+    """llvm-cov's report on each file of the gate, and the arguments for a detailed one."""
     WORK.mkdir(parents=True, exist_ok=True)
     for old in WORK.glob("*.profraw"):
         old.unlink()

@@ -1,4 +1,4 @@
-"""What the tests of the live view start, and end whatever happens."""
+"""Programs that the tests of the live view start, and end in any case."""
 
 import pytest
 from browser import Browser

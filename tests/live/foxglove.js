@@ -1,6 +1,6 @@
 // A client of the Foxglove WebSocket protocol, as its makers implement it: `node foxglove.js URL SUBPROTOCOL COUNT`.
-// Subscribes to every channel, waits for COUNT messages and one of each topic named after it, and prints what it was
-// told as one JSON document.
+// Subscribes to every channel, waits for COUNT messages and one of each topic named after it, and prints all it
+// received as one JSON document.
 
 const { FoxgloveClient } = require("@foxglove/ws-protocol");
 const WebSocket = require("ws");
@@ -8,16 +8,16 @@ const WebSocket = require("ws");
 const [url, subprotocol, count, ...topics] = process.argv.slice(2);
 const socket = new WebSocket(url, [subprotocol]);
 const client = new FoxgloveClient({ ws: socket });
-const told = { serverInfo: null, channels: [], messages: [], errors: [] };
+const received = { serverInfo: null, channels: [], messages: [], errors: [] };
 const subscribed = new Map();
 const seen = new Set();
 
-client.on("error", (error) => told.errors.push(String(error)));
-client.on("status", (status) => told.errors.push(status.message));
-client.on("serverInfo", (info) => { told.serverInfo = info; });
+client.on("error", (error) => received.errors.push(String(error)));
+client.on("status", (status) => received.errors.push(status.message));
+client.on("serverInfo", (info) => { received.serverInfo = info; });
 client.on("advertise", (channels) => {
   for (const channel of channels) {
-    told.channels.push(channel);
+    received.channels.push(channel);
     subscribed.set(client.subscribe(channel.id), channel);
   }
 });
@@ -25,10 +25,10 @@ client.on("message", ({ subscriptionId, timestamp, data }) => {
   const { topic, schemaName } = subscribed.get(subscriptionId);
   seen.add(topic);
   const bytes = Buffer.from(data.buffer, data.byteOffset, data.byteLength).toString("base64");
-  if (told.messages.length < 10 * Number(count)) told.messages.push({ topic, schemaName, timestamp: String(timestamp), bytes });
-  if (told.messages.length >= Number(count) && topics.every((wanted) => seen.has(wanted))) client.close();
+  if (received.messages.length < 10 * Number(count)) received.messages.push({ topic, schemaName, timestamp: String(timestamp), bytes });
+  if (received.messages.length >= Number(count) && topics.every((wanted) => seen.has(wanted))) client.close();
 });
 client.on("close", () => {
-  told.subprotocol = socket.protocol;
-  process.stdout.write(JSON.stringify(told), () => process.exit(0));
+  received.subprotocol = socket.protocol;
+  process.stdout.write(JSON.stringify(received), () => process.exit(0));
 });

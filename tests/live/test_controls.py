@@ -1,4 +1,4 @@
-"""What is asked for from the page, and what keys do on it."""
+"""Requests and keys of the page."""
 
 import re
 
@@ -33,7 +33,7 @@ def test_the_set_point_is_shown_to_everybody_and_confirmed(browser, programs):
     looker.until("window.resonarm?.data?.frames > 3")
     looker.until(f"{NOW} === 'set: 0 N at {at_first} Hz, 0°'")
     assert write(page, load=12.5, frequency=15, phase=-30)
-    # What is asked for is said until the exciter has it.
+    # The request is shown until the exciter has it.
     page.value(f"window.answers = []; new MutationObserver(() => answers.push({ANSWER}))"
                ".observe(document.getElementById('answer'), { childList: true })")  # fmt: skip
     press_set(page)
@@ -41,7 +41,7 @@ def test_the_set_point_is_shown_to_everybody_and_confirmed(browser, programs):
         each.until(f"{NOW} === 'set: 12.5 N at 15 Hz, -30°'")
     page.until(f"{ANSWER} === ''")
     assert "asked for 12.5 N at 15 Hz, -30°" in page.value("answers")
-    # Who comes later is told, and who has written nothing sees what another has set.
+    # A later viewer gets it, and one that has not edited its form sees the set-point of another.
     assert Viewer(url).next("set-point") == {"kind": "set-point", "load": 12.5, "frequency_hz": 15, "phase_deg": -30}
     viewer = Viewer(url, token)
     assert viewer.ask({"set": {"load": 3, "frequency_hz": 16, "phase_deg": 0}}) == {"kind": "taken"}

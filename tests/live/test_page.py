@@ -11,10 +11,10 @@ from pathlib import Path
 from live_view import SMALL_RANGE, address, free_run, open_page
 from processes import free_port, wait_until
 
-# What a phone shows, CSS pixels.
+# A phone's screen, CSS pixels.
 PHONE = {"width": 390, "height": 844, "touch": True}
 
-# Whether what stands in a section stands one below the other.
+# Whether the elements of a section are one below the other.
 IN_ORDER = """[...document.querySelectorAll('section')].every((section) => {
     if (section.id === 'controls') return true;
     const parts = [...section.querySelectorAll('h2, canvas, p, ol')];
@@ -90,7 +90,7 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
 
 
 def test_the_page_keeps_up_with_a_run_at_1_khz(browser, programs):
-    """How many pictures a second are drawn depends on the machine, which may stop any process, and is only told; that
+    """How many pictures a second are drawn depends on the machine, which may stop any process, and is only printed;
     every sample comes, for three seconds without a gap, does not."""
     page = open_page(browser, free_run(programs))
     look = "[performance.now(), resonarm.data.frames, resonarm.data.drawing_ms]"
@@ -102,7 +102,7 @@ def test_the_page_keeps_up_with_a_run_at_1_khz(browser, programs):
     assert page.errors == []
 
 
-# What the summary of a run calls the causes, in its order.
+# The causes as a run's summary names them, in its order.
 CAUSES = {
     "stolen": "while the host had the core",
     "preempted": "while other threads had the core",
@@ -115,7 +115,7 @@ CAUSES = {
 def recorded_with_missed_deadlines(programs, folder):
     """What a run in real time says of itself that was stopped while it went, and its recording. Ten stops of thirty
     periods each miss deadlines, whatever else the machine does. With timeouts of a minute and a small load, which the
-    walk can't raise to a limit however late its answers are, the run goes on."""
+    walk can't raise to a limit however late its answers are, the run continues."""
     scenario = folder / "patient.toml"
     walk = Path("scenarios/demo.toml").read_text().replace("force_x_n = 14.0", "force_x_n = 0.1")
     scenario.write_text(walk + "\n[network]\ncommand_timeout_s = 60.0\npartner_timeout_s = 60.0\n")
@@ -136,13 +136,13 @@ def recorded_with_missed_deadlines(programs, folder):
 def test_missed_deadlines_are_shown_with_their_causes(browser, programs, tmp_path):
     said, recording = recorded_with_missed_deadlines(programs, tmp_path)
     counts = said["overrun_causes"]
-    told = [f"{counts[cause]} {words}" for cause, words in CAUSES.items() if counts[cause]]
-    assert said["overruns"] >= 10 and told
+    causes = [f"{counts[cause]} {words}" for cause, words in CAUSES.items() if counts[cause]]
+    assert said["overruns"] >= 10 and causes
     page = open_page(browser, programs.resonarm("replay", recording, "--live"), **PHONE)
-    all_of_them = f"{said['overruns']} deadlines missed: {', '.join(told)}"
+    all_of_them = f"{said['overruns']} deadlines missed: {', '.join(causes)}"
     shown = "document.getElementById('overruns').textContent"
     page.until(f"{shown} === {json.dumps(all_of_them)}")
-    # From the beginning once more they are counted anew.
+    # When played again they are counted from zero.
     page.value("resonarm.ask('pause')")
     page.value("resonarm.ask({ seek: { time_s: 0 } })")
     page.until(f"['', '0 deadlines missed'].includes({shown})")
@@ -214,7 +214,7 @@ def test_set_points_lead_the_force_and_its_response_is_read(browser, programs):
     assert page.errors == []
 
 
-# What stands beside the titles of the panels, by the panel.
+# The notes beside the titles of the panels, by panel.
 CLIPPED = ("force", "b", "c", "lissajous", "spectrum", "arm")
 # How many pixels of a canvas have the colour of what is wrong, but for what the edge of a line takes of it.
 BAD_PIXELS = """((selector) => {
@@ -227,11 +227,11 @@ BAD_PIXELS = """((selector) => {
     for (let k = 0; k < pixels.length; k += 4) count += near(k);
     return count;
 })"""
-# The arm as an exciter draws it, which is told no angles and takes them from the accelerations.
+# The arm as an exciter draws it, which knows no angles and computes them from the accelerations.
 AS_AN_EXCITER = """(() => {
     const { rows, rowsClipped, newest, about } = resonarm.data;
-    const untold = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
-    resonarm.views.arm.draw(untold, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
+    const unknown = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
+    resonarm.views.arm.draw(unknown, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
     return document.getElementById('arm-clipped').textContent;
 })()"""
 

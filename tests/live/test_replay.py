@@ -66,7 +66,7 @@ def test_the_time_bar_works_while_the_recording_is_halted_also_by_keys(browser, 
     assert page.value("[resonarm.data.times[0], resonarm.data.times.length, resonarm.data.rows.length]") == [0, 89, 898]
     tips, tip = set(), "[resonarm.data.frames, resonarm.views.arm.tip.join()]"
     first, _ = page.value(tip)
-    wait_until(lambda: (told := page.value(tip)) and tips.add(told[1]) or told[0] > first + 20, "twenty pictures")
+    wait_until(lambda: (shown := page.value(tip)) and tips.add(shown[1]) or shown[0] > first + 20, "twenty pictures")
     assert len(tips) == 1
     page.value("document.querySelector('[data-step=\"1\"]').click()")
     assert at(page, LAST - 2) == [LAST - 2, True, False]
@@ -87,8 +87,8 @@ def test_a_recording_waits_for_its_first_viewer(programs):
     assert viewer.next("player") == {"kind": "player", "playing": False, "speed": 1, "sample": 0}
     samples = []
     while samples[-1:] != [LAST]:
-        told = viewer.next("update")
-        samples += range(told["first"], told["first"] + told["rows"])
+        message = viewer.next("update")
+        samples += range(message["first"], message["first"] + message["rows"])
     assert samples == list(range(LAST + 1))
     over = {"kind": "player", "playing": False, "speed": 1, "sample": LAST}
     wait_until(lambda: Viewer(url).next("player") == over, "the end")
@@ -97,7 +97,7 @@ def test_a_recording_waits_for_its_first_viewer(programs):
 def test_a_recording_that_is_over_is_shown_as_a_whole_to_whoever_comes(browser, programs):
     program = replay(programs)
     first = Viewer(*address(program))
-    first.next("player", lambda told: not told["playing"])
+    first.next("player", lambda message: not message["playing"])
     page = open_page(browser, program)
     assert at(page, LAST) == [LAST, True, False]
     assert page.value("[resonarm.data.times.length, resonarm.data.rows.length]") == [90, LAST + 1]
@@ -110,7 +110,7 @@ def test_a_recording_is_played_as_often_and_as_fast_as_is_asked_for(programs):
     assert viewer.next("player")["speed"] == 4
     for _ in range(2):
         viewer.next("restarted")
-    viewer.next("player", lambda told: not told["playing"] and told["sample"] == LAST)
+    viewer.next("player", lambda message: not message["playing"] and message["sample"] == LAST)
 
 
 def test_orders_beyond_the_recording_are_refused(programs):

@@ -1,4 +1,4 @@
-"""What the live view sends and refuses, by clients other than its own page."""
+"""The messages that the live view sends to clients other than its own page, and the requests that it refuses."""
 
 import base64
 import json
@@ -36,11 +36,11 @@ def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
     assert viewer.ask({"set": {"load": 50, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
     rows, stretches = {}, {}
     while len(rows) < 1500:
-        told = viewer.next("update")
-        both = zip(told["numbers"], told["rows_clipped"], strict=True)
-        rows |= {told["first"] + k: row for k, row in enumerate(both)}
-        all_three = zip(told["least"], told["largest"], told["stretches_clipped"], strict=True)
-        stretches |= dict(zip(told["stretches"], all_three, strict=True))
+        update = viewer.next("update")
+        both = zip(update["numbers"], update["rows_clipped"], strict=True)
+        rows |= {update["first"] + k: row for k, row in enumerate(both)}
+        all_three = zip(update["least"], update["largest"], update["stretches_clipped"], strict=True)
+        stretches |= dict(zip(update["stretches"], all_three, strict=True))
     assert viewer.about["channels"][2:4] == ["force_x_n", "force_y_n"]
     assert run.stop() == 0
     exported = programs.resonarm("export", recording, "--to", "csv", "--parts", "samples,states", "--out", table)
@@ -59,10 +59,10 @@ def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
         assert bits == clipped[sample - first], sample
     assert {0, 0b0100} <= {bits for _, bits in rows.values()}
     for begin, (least, largest, bits) in stretches.items():
-        told = recorded[begin - first : begin - first + 10]
-        if len(told) == 10 and begin >= 10:
-            assert np.allclose(least, told.min(axis=0), rtol=1e-6, atol=1e-12), begin
-            assert np.allclose(largest, told.max(axis=0), rtol=1e-6, atol=1e-12), begin
+        samples = recorded[begin - first : begin - first + 10]
+        if len(samples) == 10 and begin >= 10:
+            assert np.allclose(least, samples.min(axis=0), rtol=1e-6, atol=1e-12), begin
+            assert np.allclose(largest, samples.max(axis=0), rtol=1e-6, atol=1e-12), begin
             assert bits == np.bitwise_or.reduce(clipped[begin - first : begin - first + 10]), begin
 
 
@@ -92,7 +92,7 @@ def test_foreign_origins_and_hosts_are_refused(programs):
 
 
 def raw(url):
-    """A connection on which nothing is said yet."""
+    """A connection without any message so far."""
     host, port = url.removeprefix("http://").rstrip("/").split(":")
     return socket.create_connection((host, int(port)), PATIENCE_S)
 
@@ -167,8 +167,8 @@ def test_nonsense_and_wrong_tokens_change_nothing(programs):
         assert viewer.ask({"set": good | wrong}) == {"kind": "refused", "why": why}
     nothing = "EOF while parsing a value at line 1 column 0"
     for said, why in [("", nothing), ("{}", "missing field `token` at line 1 column 2")]:
-        assert viewer.say(said) == {"kind": "refused", "why": f"that is no request: {why}"}
-    # A viewer that goes on like this is let go, as is one whose message is too long; the others see nothing of it.
+        assert viewer.say(said) == {"kind": "refused", "why": f"this is not a request: {why}"}
+    # A viewer that keeps doing this is dropped, as is one whose message is too long; the others are not affected.
     other = Viewer(url)
     with pytest.raises(ConnectionClosed):
         for _ in range(50):
@@ -176,7 +176,7 @@ def test_nonsense_and_wrong_tokens_change_nothing(programs):
     long = Viewer(url)
     with pytest.raises(ConnectionClosed):
         long.say("x" * 100_000)
-    other.next("update", lambda told: told["sample"] > 100)
+    other.next("update", lambda update: update["sample"] > 100)
     with socket.create_connection(("127.0.0.1", int(url.rstrip("/").rsplit(":")[-1]))) as raw:
         raw.sendall(b"\x16\x03\x01\x00nonsense\r\n\r\n")
     assert Viewer(url, token).ask("disarm") == {"kind": "taken"}
@@ -200,7 +200,7 @@ def test_a_port_in_use_is_said(programs):
 def test_what_is_no_address_is_said(programs, given):
     run = programs.resonarm("run", "--mode", "free", "--live", given)
     assert run.wait() == 2
-    expected = "it is an address, as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080"
+    expected = "not an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080"
     assert run.stderr == f"resonarm: --live is `{given}`: {expected}\n"
 
 
@@ -216,24 +216,24 @@ def test_nothing_listens_unless_it_is_asked_for(programs):
 
 
 def test_fifty_viewers_and_five_who_read_nothing_are_served_and_the_run_goes_on(programs):
-    """Who does not read loses updates, which are counted, and is let go; nobody else waits for that."""
+    """A viewer that does not read loses updates, which are counted, and is dropped; others don't wait for that."""
     run = free_run(programs, "--json")
     url, token = address(run)
-    # Connected, and then they read nothing, not even what the system holds for them.
+    # They connect, and then read nothing, not even the data that the system buffers for them.
     idle = [Viewer(url, max_queue=1, sock=small(url)) for _ in range(5)]
     with ThreadPoolExecutor(50) as pool:
         viewers = list(pool.map(lambda _: Viewer(url, token), range(50)))
-        everybody = list(pool.map(lambda viewer: viewer.next("update", lambda told: told["viewers"] == 55), viewers))
-        let_go = list(pool.map(lambda viewer: viewer.next("update", lambda told: told["viewers"] == 50), viewers))
+        everybody = list(pool.map(lambda viewer: viewer.next("update", lambda now: now["viewers"] == 55), viewers))
+        let_go = list(pool.map(lambda viewer: viewer.next("update", lambda now: now["viewers"] == 50), viewers))
     assert len(everybody) == len(let_go) == 50 and len(idle) == 5
-    viewers[0].next("update", lambda told: told["lost_updates"] > 5)
+    viewers[0].next("update", lambda update: update["lost_updates"] > 5)
     assert viewers[0].ask("disarm") == {"kind": "taken"}
     said = run.result()
     assert said["samples"] > let_go[0]["sample"] and said["outcome"] == "disarmed"
 
 
 def small(url):
-    """A connection whose system holds little of what nobody reads."""
+    """A connection whose system buffers little unread data."""
     host, port = url.removeprefix("http://").rstrip("/").split(":")
     raw = socket.socket()
     raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -244,7 +244,7 @@ def small(url):
 def test_who_comes_late_is_told_what_was(programs):
     url, _ = address(free_run(programs))
     first = Viewer(url)
-    first.next("update", lambda told: told["sample"] > 3000)
+    first.next("update", lambda update: update["sample"] > 3000)
     late = Viewer(url)
     assert late.next("state")["state"] == "operational"
     assert late.next("event")["name"].startswith("state.")
@@ -254,7 +254,7 @@ def test_who_comes_late_is_told_what_was(programs):
     assert kept["rows"] == 2048 and kept["first"] + kept["rows"] == kept["sample"] + 1
 
 
-# What recordings have, and the arm for 3D views.
+# The topics of recordings, and the arm for 3D views.
 TOPICS = {
     "/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples", "/timing/ticks", "/events",
     "/can/frames", "/arm",
@@ -262,19 +262,19 @@ TOPICS = {
 
 
 def streamed(program, subprotocol, *topics, count=200):
-    """What the client of Foxglove's makers was told, and of each topic the times, ns, and the messages."""
+    """All that Foxglove's own client received, and of each topic the times, ns, and the messages."""
     environment = os.environ | {"NODE_PATH": str(Path(NODE_MODULES).resolve())}
     url = address(program)[0].replace("http:", "ws:")
     command = ["node", "tests/live/foxglove.js", url, subprotocol, str(count), *topics]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["subprotocol"], told["errors"]) == (subprotocol, [])
-    decode, messages = decoders(told["channels"]), {channel["topic"]: [] for channel in told["channels"]}
-    for message in told["messages"]:
+    received = json.loads(done.stdout)
+    assert (received["subprotocol"], received["errors"]) == (subprotocol, [])
+    decode, messages = decoders(received["channels"]), {channel["topic"]: [] for channel in received["channels"]}
+    for message in received["messages"]:
         decoded = decode[message["topic"]](base64.b64decode(message["bytes"]))
         messages[message["topic"]].append((int(message["timestamp"]), decoded))
-    return told, messages
+    return received, messages
 
 
 def check_frames(batches, recording):
@@ -297,7 +297,7 @@ def check_frames(batches, recording):
 
 
 def check_arm(updates, recording, about, start_ns):
-    """Holds streamed scenes to the recorded states: base, elbow and tip, their vibration as large as is said."""
+    """Compares streamed scenes with the recorded states: base, elbow and tip, their vibration as large as stated."""
     beta, length_m = np.array(about["beta_rad"]), about["lengths_m"]
     for time_ns, update in updates:
         published(SceneUpdate.DESCRIPTOR, update)
@@ -319,8 +319,8 @@ def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, su
     run = free_run(programs, "--record", tmp_path / "run.mcap")
     viewer = Viewer(*address(run))
     assert viewer.ask({"set": {"load": 30, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
-    told, messages = streamed(run, subprotocol, *(TOPICS - {"/timing/ticks", "/events"}))
-    assert told["serverInfo"]["name"].startswith("resonarm ")
+    received, messages = streamed(run, subprotocol, *(TOPICS - {"/timing/ticks", "/events"}))
+    assert received["serverInfo"]["name"].startswith("resonarm ")
     assert set(messages) == TOPICS
     steps = []
     for _, batch in messages["/plant/steps"]:

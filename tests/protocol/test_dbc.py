@@ -76,7 +76,7 @@ class Network:
             e2e_p11_protect(data, self.data_id(message), increment_counter=False)
 
     def is_protected_well(self, message, data):
-        """Whether the CRC is right, by protecting the content anew and by the library's own check."""
+        """Whether the CRC is right, by protecting the content again and by the library's own check."""
         again = bytearray(data)
         self.protect(message, again)
         start = 2 if message.is_fd else 1
@@ -164,13 +164,13 @@ class Receiver:
 
 
 def counted(signal, value):
-    """The count of a value, and whether it lies beyond the range."""
+    """The count of a value, and whether it is beyond the range."""
     count = round(value * round(1 / signal.scale))
     return (int(math.copysign(32767, count)), True) if abs(count) > 32767 else (int(count), False)
 
 
 def rounded(signal, value):
-    """The single of a value, and whether it lies beyond the range."""
+    """The single of a value, and whether it is beyond the range."""
     near = single(value)
     return (math.copysign(SINGLE_MAX, value), True) if math.isinf(near) else (near, False)
 

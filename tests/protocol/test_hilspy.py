@@ -1,6 +1,6 @@
 """Holds both profiles to hilspy, a client that knows the protocol by its DBC files alone.
 
-It reads the golden frames from a candump log, decodes them, and judges CRC and counter by the E2E of its own.
+It reads the golden frames from a candump log, decodes them, and checks CRC and counter by its own E2E.
 """
 
 import json
@@ -46,7 +46,7 @@ def cases():
 
 
 def read(path, profile):
-    """What hilspy makes of each line of a log: a message, or the error with which it refuses the line."""
+    """hilspy's result for each line of a log: a message, or the error with which it refuses the line."""
     codec = {"e2e": protection(profile), "decode_choices": False}
     with hilspy.open(f"file://{path}?format=candump", f"dbc:{PROTOCOL / FILES[profile]}", **codec) as channel:
         for _ in path.read_text().splitlines():

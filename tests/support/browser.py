@@ -14,7 +14,7 @@ from pathlib import Path
 from processes import PATIENCE_S, wait_until
 from websockets.sync.client import connect
 
-# What keeps Chromium from looking for a sandbox, a graphics card and its maker's servers.
+# Keeps Chromium from using a sandbox, a graphics card and its maker's servers.
 FLAGS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--mute-audio",
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-default-apps",
@@ -28,7 +28,7 @@ class Browser:
     def __enter__(self):
         self.folder = Path(tempfile.mkdtemp())
         arguments = [shutil.which("chromium"), *FLAGS, f"--user-data-dir={self.folder}", "about:blank"]
-        # A session of its own, so that its helpers end with it.
+        # A separate session, so that its helpers end with it.
         nowhere = {stream: subprocess.DEVNULL for stream in ("stdin", "stdout", "stderr")}
         self.process = subprocess.Popen(arguments, **nowhere, start_new_session=True)
         port_file = self.folder / "DevToolsActivePort"
@@ -57,7 +57,7 @@ class Browser:
 
 
 class Page:
-    """A page, and what it has complained of."""
+    """A page, and its errors."""
 
     def __init__(self, url):
         # Closed at the latest when the browser ends.
@@ -68,7 +68,7 @@ class Page:
             self.call(f"{domain}.enable")
 
     def call(self, method, **parameters):
-        """What the browser answers; what it tells meanwhile is looked through for errors."""
+        """The browser's answer; its messages meanwhile are searched for errors."""
         number = next(self.numbers)
         self.socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
         while (said := json.loads(self.socket.recv(PATIENCE_S))).get("id") != number:
@@ -96,7 +96,7 @@ class Page:
         return result["result"].get("value")
 
     def until(self, expression):
-        """Waits until it holds, and returns what it came to."""
+        """Waits until it holds, and returns its value."""
         return wait_until(lambda: self.value(expression), expression)
 
     def text(self, selector):
@@ -113,7 +113,7 @@ class Page:
                 self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **typed)
 
     def picture(self, path):
-        """Saves what is seen as PNG, and returns its bytes."""
+        """Saves a screenshot as PNG, and returns its bytes."""
         picture = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         Path(path).write_bytes(picture)
         return picture

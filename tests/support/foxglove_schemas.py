@@ -20,7 +20,7 @@ def times(schema):
 def published(descriptor, message):
     """Holds a message in JSON to the published schema: every field is there, and of its type."""
     if times(descriptor):
-        assert set(message) == {"sec", "nsec"} and all(type(part) is int for part in message.values())
+        assert set(message) == {"sec", "nsec"} and all(type(value) is int for value in message.values())
         return
     fields = {field.name: field for field in descriptor.fields}
     assert set(message) == set(fields), descriptor.full_name
@@ -60,7 +60,7 @@ def declared(descriptor, schema):
 
 
 def decoders(channels):
-    """What decodes the messages of each topic, made of the schemas that the server told."""
+    """The decoders of the messages of each topic, made from the server's schemas."""
     pool, decode = descriptor_pool.DescriptorPool(), {}
     for channel in channels:
         topic, name = channel["topic"], channel["schemaName"]

@@ -1,4 +1,4 @@
-"""A viewer of the live view that is no browser: it takes what the page is sent (docs/live.md)."""
+"""A viewer of the live view without a browser: it takes the page's messages (docs/live.md)."""
 
 import json
 import re
@@ -32,7 +32,7 @@ def address(program):
 
 
 def free_run(programs, *arguments, live="127.0.0.1"):
-    """A bench in simulated time that goes with the clock, without end: nothing plays but what is set."""
+    """A bench in simulated time at the speed of the clock, without end: it plays only the set-points."""
     return programs.resonarm("run", "--mode", "free", "--speed", 1, "--live", live, "--steer", *arguments)
 
 
@@ -45,7 +45,7 @@ def open_page(browser, program, **size):
 
 
 def update(content):
-    """An update taken apart."""
+    """A decoded update."""
     (length,) = struct.unpack_from("<I", content)
     head = json.loads(content[4 : 4 + length])
     numbers = np.frombuffer(content, "<f4", offset=-(-(4 + length) // 4) * 4).reshape(-1, 12)
@@ -63,22 +63,22 @@ class Viewer:
         self.token = token
         self.about = self.next("about")
 
-    def next(self, kind, holds=lambda told: True):
-        """The next message of that kind of which something holds."""
+    def next(self, kind, holds=lambda message: True):
+        """The next message of that kind that matches."""
         end = time.monotonic() + PATIENCE_S
         while True:
             assert time.monotonic() < end, f"waited {PATIENCE_S} s for {kind}"
-            told = self.socket.recv(PATIENCE_S)
-            told = update(told) if isinstance(told, bytes) else json.loads(told)
-            if told["kind"] == kind and holds(told):
-                return told
+            message = self.socket.recv(PATIENCE_S)
+            message = update(message) if isinstance(message, bytes) else json.loads(message)
+            if message["kind"] == kind and holds(message):
+                return message
 
     def say(self, text):
         """The answer to a text."""
         self.socket.send(text)
         while True:
-            told = self.socket.recv(PATIENCE_S)
-            if isinstance(told, str) and (answer := json.loads(told))["kind"] in ("taken", "refused"):
+            message = self.socket.recv(PATIENCE_S)
+            if isinstance(message, str) and (answer := json.loads(message))["kind"] in ("taken", "refused"):
                 return answer
 
     def ask(self, request, token=None):

@@ -22,7 +22,7 @@ LATE_S = 0.08
 
 
 class Node:
-    """What both nodes do: states, heartbeats, hellos, the time listened."""
+    """The common part of both nodes: states, heartbeats, hellos, the time listened."""
 
     def __init__(self, wire, lockstep):
         self.wire, self.flaw, self.lockstep = wire, wire.flaw, lockstep
@@ -92,7 +92,7 @@ class Node:
         self.looked_s = now_s
 
     def due(self):
-        """Heartbeat and hello, and what is late."""
+        """Sends the heartbeat and hello that are due, and delayed frames."""
         now_s = time.monotonic()
         if self.late and now_s >= self.late[0]:
             self.late.pop(0)
@@ -107,7 +107,7 @@ class Node:
         name, flags, content = message
         self.look()
         if self.flaw == "wall-clock" and self.role == PLANT:
-            # What waited while it was stopped does not come first.
+            # Frames that waited while it was stopped do not come first.
             self.judge()
         if name == "bus-off":
             if self.state == OPERATIONAL and self.flaw != "ignores-bus-off":
@@ -160,7 +160,7 @@ class Plant(Node):
             if content[0] in (BOOT_UP, FAULT) and self.state == OPERATIONAL:
                 self.fault(PARTNER_FAULT, 2)
         elif name == "ExciterEmergency" and content[0] == SENSOR_TIMEOUT:
-            # In lockstep an exciter whose commands are refused gives up for want of samples.
+            # In lockstep an exciter whose commands are refused gives up for lack of samples.
             if self.lockstep and self.state == OPERATIONAL and self.refused:
                 self.fault(COMMAND_TIMEOUT, self.refusals())
         elif name == "ExciterEmergency" and content[0] == LEAVING:
@@ -184,7 +184,7 @@ class Plant(Node):
 
     def change(self, state):
         if self.state == OPERATIONAL:
-            # Leaving it, what is held goes to zero in so many steps.
+            # When leaving it, the load held goes to zero in so many steps.
             steps = math.ceil(0.05 * RATE_HZ)
             self.ramp = [self.held_n * (steps - n) / steps for n in range(1, steps + 1)]
         super().change(state)
@@ -198,7 +198,7 @@ class Plant(Node):
         self.held_n, self.ramp, self.answered = x_n, None, True
 
     def refusal(self, sample, x_n):
-        """The reason to refuse a command, 0 if it is taken."""
+        """The reason to refuse a command, 0 if it is accepted."""
         if self.state != OPERATIONAL:
             return 1
         age = (self.sample() - sample) % 65536
@@ -215,7 +215,7 @@ class Plant(Node):
         return 5 if abs(x_n) > FORCE_LIMIT_N and self.flaw != "no-limit" else 0
 
     def publish(self):
-        """A sample: what was held in the period before."""
+        """A sample: the load held in the period before."""
         index = self.index & 0xFFFF
         if self.fd:
             self.wire.send("Sensors", 0, index, self.held_n, *[0.0] * 5)
@@ -232,7 +232,7 @@ class Plant(Node):
             self.held_n = self.ramp.pop(0)
 
     def refusals(self):
-        """How many commands were refused since the last one taken, and why the last of them was."""
+        """How many commands were refused since the last accepted one, and the reason of the last refusal."""
         return min(self.refused, 255) | (self.why << 8 if self.refused else 0)
 
     def judge(self):
@@ -253,7 +253,7 @@ class Plant(Node):
         return time.monotonic() >= self.tick_s
 
     def wait(self):
-        """Takes in what comes until something is to be done."""
+        """Takes incoming frames until something is due."""
         while not self.is_due():
             wake_s = min(self.heartbeat_at_s, self.hello_at_s, *self.late, self.looked_s + self.look_for_s())
             message = self.wire.receive(wake_s - time.monotonic())
@@ -276,7 +276,7 @@ class Plant(Node):
         self.tick_s = time.monotonic() + PERIOD_S
         while True:
             self.wait()
-            # Frames that wait are taken in before a timeout is judged.
+            # Waiting frames are taken before a timeout is checked.
             while (message := self.wire.receive(0)) is not None:
                 self.take(message)
             self.look()
@@ -296,7 +296,7 @@ class Exciter(Node):
     def __init__(self, wire, lockstep):
         super().__init__(wire, lockstep)
         self.answered, self.stale, self.n, self.is_over = None, 0, 0, False
-        self.parts, self.plant_state, self.retry_s = {}, None, 0.0
+        self.indices, self.plant_state, self.retry_s = {}, None, 0.0
         self.boot()
 
     def sample(self):
@@ -333,7 +333,7 @@ class Exciter(Node):
         elif name == "Sensors":
             self.whole(content[1])
         elif name in ("ImpedanceHead", "AccelerometerB", "AccelerometerC"):
-            self.part(name, struct.unpack("<hhH", content)[2])
+            self.take_frame(name, struct.unpack("<hhH", content)[2])
 
     def watch(self, state):
         self.plant_state = state
@@ -364,15 +364,15 @@ class Exciter(Node):
             self.wire.send("OperatorCommand", bytes([RESET, 1, 0, 0, 0, 0]))
         self.wire.send("OperatorCommand", bytes([ARM, 1, 0, 0, 0, 0]))
 
-    def part(self, name, index):
+    def take_frame(self, name, index):
         """Takes a frame of a sample, which is whole when it has all three, in their order."""
-        self.parts[name] = index
+        self.indices[name] = index
         missing = {"without-head": "ImpedanceHead", "without-b": "AccelerometerB"}.get(self.flaw)
-        needed = [part for part in ("ImpedanceHead", "AccelerometerB", "AccelerometerC") if part != missing]
+        needed = [frame for frame in ("ImpedanceHead", "AccelerometerB", "AccelerometerC") if frame != missing]
         last = "AccelerometerC"
         if self.flaw == "without-c":
             needed, last = needed[:2], "AccelerometerB"
-        if name == last and all(self.parts.get(part) == index for part in needed):
+        if name == last and all(self.indices.get(frame) == index for frame in needed):
             self.whole(index)
 
     def whole(self, index):

@@ -46,7 +46,7 @@ ONLY_FD = ("Sensors", "PlantCapabilities", "ExciterCapabilities")
 # Flags that a message has in the high nibble of byte 1.
 FLAGS = {"PlantHello": 0x1, "ExciterHello": 0x1, "ImpedanceHead": 0x3, "AccelerometerB": 0x3, "AccelerometerC": 0x3}
 
-# `linux/can/raw.h` and `linux/can/error.h`, of which Python's socket module has only a part.
+# `linux/can/raw.h` and `linux/can/error.h`, of which Python's socket module has only a few.
 CAN_RAW_ERR_FILTER, BUS_OFF = 2, 0x040
 CLASSIC_FRAME, FD_FRAME = "=IB3x8s", "=IBBxx64s"
 
@@ -139,7 +139,7 @@ class Wire:
         return ("", 0, b"") if name is None else self.checked(name, data, is_fd) or ("", 0, b"")
 
     def checked(self, name, data, is_fd):
-        """What a frame says, or None if it is refused."""
+        """The message in a frame, or None if it is refused."""
         if name in (ONLY_CLASSIC if self.fd else ONLY_FD):
             return None
         form = FD.get(name) if self.fd else None

@@ -61,7 +61,7 @@ class Program:
             time.sleep(0.05)
 
     def asleep(self):
-        """Whether it waits for something, as the kernel tells; one that has ended does, too."""
+        """Whether it waits for something, according to the kernel; one that has ended does, too."""
         state = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()[0]
         return state in "SZ"
 
@@ -130,20 +130,20 @@ class Programs:
 
 
 def free_port():
-    """A port of 127.0.0.1 on which nobody listens."""
+    """A free port of 127.0.0.1."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return free.getsockname()[1]
 
 
 def receivers():
-    """The interfaces on which somebody receives every frame, as the kernel tells."""
+    """The interfaces on which a socket receives every frame, according to the kernel."""
     lists = Path("/proc/net/can/rcvlist_all").read_text()
     return {line.split()[0] for line in lists.splitlines() if line[:3] == "   " and "device" not in line}
 
 
 def wait_until(holds, what, timeout_s=PATIENCE_S):
-    """Polls until `holds()` is true, and returns what it returned."""
+    """Polls until `holds()` is true, and returns its value."""
     end = time.monotonic() + timeout_s
     while not (value := holds()):
         assert time.monotonic() < end, f"waited {timeout_s} s for {what}"

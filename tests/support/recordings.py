@@ -44,7 +44,7 @@ class Recording:
 
     @classmethod
     def cut_off(cls, path):
-        """What can be read of a recording up to where it ends in the middle of something."""
+        """The readable content of a truncated recording."""
         self, factory, schemas, channels = cls(), DecoderFactory(), {}, {}
         with Path(path).open("rb") as stream:
             try:
@@ -123,7 +123,7 @@ def bits(values):
 
 
 def with_column(source, target, topic, column, sample, value):
-    """A recording written anew by the package `mcap`, with another value in a column at a sample; returns its path."""
+    """A recording rewritten by the package `mcap`, with another value in a column at a sample; returns its path."""
     with Path(source).open("rb") as read, Path(target).open("wb") as written:
         reader, writer = make_reader(read, decoder_factories=[DecoderFactory()]), Writer(written)
         writer.start()

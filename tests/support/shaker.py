@@ -2,7 +2,7 @@
 
 import numpy as np
 
-# Its armature takes part of the command, so that a loop has something to do. With a stroke of a micrometre it trips.
+# Its armature reduces the force, so that a loop has something to do. With a stroke of a micrometre it trips.
 SHAKER = """
 [rig.shaker]
 amplifier = "voltage"

@@ -1,4 +1,4 @@
-"""Frames as candump logs them, and what the DBC and the AUTOSAR E2E library say of them."""
+"""Frames as candump logs them, decoded by the DBC and checked by the AUTOSAR E2E library."""
 
 import re
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
 /*
  * set_part_of_xstate BYTES: sets the first BYTES of the XSAVE area of a child, as User-Mode Linux does with its buffer,
- * and tells what came of it. What User-Mode Linux meets on a processor with AMX, every processor meets with BYTES
- * shorter than its own area.
+ * and prints the result. With BYTES shorter than the area, every processor shows the error that User-Mode Linux meets
+ * on a processor with AMX.
  *
- * The child fills ymm0, stops, and tells what is in ymm0 when it goes on. Its lower half, xmm0, lies at byte 160 of the
+ * The child fills ymm0, stops, and reports ymm0 when it resumes. Its lower half, xmm0, is at byte 160 of the
  * area, its upper half at 576, behind the legacy region (512 bytes) and the header (64). The parent sets xmm0 anew in
  * between.
  * Prints `area AREA bytes, set: OUTCOME`, and if it was set `xmm0 OLD→NEW, upper half VALUE`, as bytes of the child.
@@ -65,7 +65,7 @@ int main(int count, char **arguments)
 		fail("PTRACE_GETREGSET");
 	memset(area + XMM0, PARENT_BYTE, 16);
 	if (part.iov_len > 0 && part.iov_len < all.iov_len)
-		memset(area + part.iov_len, 0xff, all.iov_len - part.iov_len); /* what is behind the part may not be used */
+		memset(area + part.iov_len, 0xff, all.iov_len - part.iov_len); /* the bytes after BYTES must not be used */
 	if (ptrace(PTRACE_SETREGSET, pid, NT_X86_XSTATE, &part) != 0) {
 		printf("area %zu bytes, set: errno %d\n", all.iov_len, errno);
 		ptrace(PTRACE_KILL, pid, 0, 0);

@@ -31,7 +31,7 @@ def set_part(tracer, length, preloaded=None):
 
 
 def area(tracer):
-    """The bytes of this processor's XSAVE area: 832 with AVX, more with what came after it."""
+    """The bytes of this processor's XSAVE area: 832 with AVX, more with later extensions."""
     run = subprocess.run([tracer, "65536"], capture_output=True, text=True, timeout=60, check=True)
     return int(run.stdout.split()[1])
 

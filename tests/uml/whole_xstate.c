@@ -3,8 +3,8 @@
  *
  * User-Mode Linux before 6.13 keeps the XSAVE area of a traced process in a buffer of fixed size, and sets the
  * registers from it by ptrace(PTRACE_SETREGSET, pid, NT_X86_XSTATE, &iov). A kernel whose area is larger, as on
- * processors with AMX, refuses a part of it with EFAULT, and User-Mode Linux dies at boot: "ptrace set fp regs failed,
- * errno = 14". PTRACE_GETREGSET gives a part gladly.
+ * processors with AMX, refuses fewer bytes with EFAULT, and User-Mode Linux dies at boot: "ptrace set fp regs failed,
+ * errno = 14". PTRACE_GETREGSET accepts a shorter one.
  *
  * Here ptrace() puts the short buffer over the front of the area that the process has, and sets that. The header, which
  * says which components count, is in the front; a component behind the front, of which User-Mode Linux knows nothing,

@@ -1,4 +1,4 @@
-"""What the tests on vcan share. Run them by `tests/vcan/with-vcan`, one after another: they use the same interface."""
+"""Fixtures of the tests on vcan. Run them by `tests/vcan/with-vcan`, one after another: they use the same interface."""
 
 import os
 from functools import cached_property
@@ -31,7 +31,7 @@ class Run(SimpleNamespace):
 
 
 def session(folder, plant_bus, exciter_bus, scenario, *, candump=None):
-    """A whole run in lockstep, plant and exciter as processes of their own; what the two and candump said."""
+    """A whole run in lockstep, plant and exciter as separate processes; the output of both and of candump."""
     recording = folder / "run.mcap"
     common = ["--mode", "lockstep", "--scenario", scenario, "--json"]
     with Programs() as programs:

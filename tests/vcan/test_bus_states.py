@@ -1,4 +1,4 @@
-"""An interface that goes down and up again, and a controller that tells of errors, while plant and exciter work."""
+"""An interface that goes down and up again, and a controller that reports errors, while plant and exciter work."""
 
 import json
 import socket
@@ -9,7 +9,7 @@ from processes import PATIENCE_S, run, wait_until
 from recordings import Recording
 
 BUS_LOSS = 9
-# Error frames of `linux/can/error.h`: the flag, classes, and the bits of the byte that tells of the controller.
+# Error frames of `linux/can/error.h`: the flag, classes, and the bits of the byte for the controller's state.
 ERROR_FLAG = 0x2000_0000
 CONTROLLER, PROTOCOL, NO_ACK, BUS_OFF, RESTARTED = 0x004, 0x008, 0x020, 0x040, 0x100
 TX_WARNING, TX_PASSIVE, ACTIVE = 0x08, 0x20, 0x40
@@ -46,7 +46,7 @@ class Wire:
             self.socket.recv(16)
 
     def error(self, classes, controller=0):
-        """Says what a controller says: the kernel hands it to everybody who asked for the class."""
+        """Sends a controller's error frame: the kernel passes it to every socket that asked for the class."""
         self.socket.send(struct.pack("=IB3x8s", ERROR_FLAG | classes, 8, bytes([0, controller])))
 
 
@@ -55,8 +55,8 @@ def wire(interface):
     return Wire(interface)
 
 
-def told(plant):
-    """What a plant with `--json-events` has told so far, each with its state or code if it has one."""
+def events_of(plant):
+    """The events of a plant with `--json-events` so far, each with its state or code if it has one."""
     events = [json.loads(line) for line in plant.stderr.splitlines() if line.startswith("{")]
     return [(e["event"], e.get("state") or e.get("fault", {}).get("code")) for e in events if e["event"] != "slipped"]
 
@@ -67,7 +67,7 @@ def start(programs, tmp_path, bus, mode, duration_s, *pace, rearm=1):
     scenario.write_text(SCENARIO % duration_s)
     common = ["--bus", bus, "--mode", mode, "--scenario", scenario, "--json"]
     plant = programs.resonarm("run", *common, "--json-events", "--record", tmp_path / "run.mcap", *pace)
-    wait_until(lambda: told(plant), "the plant")
+    wait_until(lambda: events_of(plant), "the plant")
     return plant, programs.resonarm("exciter", *common, "--rearm", rearm)
 
 
@@ -77,13 +77,13 @@ def test_both_ends_outlive_an_interface_that_goes_down_and_up(programs, tmp_path
     plant, exciter = start(programs, tmp_path, interface, mode, 4.0, *pace)
     wire.commands(20)
     run("ip", "link", "set", interface, "down")
-    wait_until(lambda: ("faulted", BUS_LOSS) in told(plant), "the plant to fault")
+    wait_until(lambda: ("faulted", BUS_LOSS) in events_of(plant), "the plant to fault")
     run("ip", "link", "set", interface, "up")
     played = exciter.result()
     assert (played["outcome"], played["samples_played"], played["rearmed"]) == ("finished", 401, 1), played
     assert plant.stop() == 0, plant.stderr
     assert plant.result()["fault"] is None
-    names = [name for name, _ in told(plant)]
+    names = [name for name, _ in events_of(plant)]
     for name, count in (("armed", 2), ("bus-lost", 1), ("faulted", 1), ("bus-back", 1), ("disarmed", 1)):
         assert names.count(name) == count, names
     recording = Recording.whole(tmp_path / "run.mcap")
@@ -100,16 +100,16 @@ def test_a_plant_goes_on_while_its_controller_tells_of_errors_and_tells_them(pro
     states = [(TX_WARNING, "error-warning"), (TX_PASSIVE, "error-passive"), (ACTIVE, "error-active")]
     for byte, state in states:
         wire.error(CONTROLLER | PROTOCOL | NO_ACK, byte)
-        wait_until(lambda state=state: told(plant)[-1] == ("controller", state), state)
+        wait_until(lambda state=state: events_of(plant)[-1] == ("controller", state), state)
         # It still takes commands.
         wire.commands(20)
-    assert [name for name, _ in told(plant)] == ["ready", "armed", *["controller"] * 3]
+    assert [name for name, _ in events_of(plant)] == ["ready", "armed", *["controller"] * 3]
     wire.error(BUS_OFF)
-    wait_until(lambda: ("faulted", BUS_LOSS) in told(plant), "the plant to fault")
-    assert ("controller", "bus-off") in told(plant)
+    wait_until(lambda: ("faulted", BUS_LOSS) in events_of(plant), "the plant to fault")
+    assert ("controller", "bus-off") in events_of(plant)
     wire.error(RESTARTED)
     # The bus is back with the next frame that is sent.
-    wait_until(lambda: told(plant).count(("controller", "error-active")) == 2, "the restart")
+    wait_until(lambda: events_of(plant).count(("controller", "error-active")) == 2, "the restart")
     played = exciter.result(code=1)
     assert played["outcome"] == "faulted" and played["bus"]["errors"]["bus_off"] == 1, played
     assert plant.stop() == 1, "faulted"

@@ -30,7 +30,7 @@ def controller(programs, *arguments):
 
 
 def points(program):
-    """What the controller says of each frequency."""
+    """The controller's results for each frequency."""
     lines = re.findall(r"^point (.*)$", program.stdout, re.MULTILINE)
     return [{name: float(value) for name, value in (word.split("=") for word in line.split())} for line in lines]
 
@@ -196,8 +196,8 @@ def test_whoever_ends_first_is_told(tmp_path, programs, end, status, said):
     assert run.stdout.splitlines()[-1].startswith(said)
     if end == "stop":
         # Disarmed, and ready for another.
-        told = dump.stdout.count(HEARTBEAT)
-        wait_until(lambda: dump.stdout.count(HEARTBEAT) >= told + 2, "heartbeats of the plant")
+        before = dump.stdout.count(HEARTBEAT)
+        wait_until(lambda: dump.stdout.count(HEARTBEAT) >= before + 2, "heartbeats of the plant")
         assert plant.stop() == 0, plant.stderr
         states = [message["state"] for message in wire.messages(wire.log(dump), "PlantHeartbeat")]
         assert 5 in states and states[-2:] == [127, 127], states

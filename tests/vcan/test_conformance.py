@@ -32,7 +32,7 @@ LOAD = ["--bit-rate-hz", 250_000, "--soak-s", 2]
 
 SINE = ["--expect-frequency-hz", 15, "--expect-force-n", 20]
 
-# What needs the FD profile, or a reading beyond its range.
+# Cases that need the FD profile, or a reading beyond its range.
 SKIPPED = ("-pairs", "-own-limits", "plant-saturation")
 
 # A machine that stops a process makes a case inconclusive, never failed, and such a case is run again. With both
@@ -75,8 +75,8 @@ def test_our_plant_passes_every_case(tmp_path, programs):
     )
     suite = ElementTree.parse(junit).getroot().find("testsuite")
     assert len(suite.findall("testcase")) == int(suite.get("tests")) == len(first["cases"])
-    untold = first["inconclusive"] + first["skipped"]
-    assert len(suite.findall("testcase/skipped")) == int(suite.get("skipped")) == untold
+    undecided = first["inconclusive"] + first["skipped"]
+    assert len(suite.findall("testcase/skipped")) == int(suite.get("skipped")) == undecided
 
 
 def kept_alive(start):
@@ -149,7 +149,7 @@ def test_a_recording_is_evidence(tmp_path, programs):
     plant.stop()
     assert report["recording"]["path"] == str(path) and sum(report["recording"]["lost"].values()) == 0, report
     recording = Recording.whole(path)
-    # Two events a case: its name, and what it came to.
+    # Two events per case: its name, and its verdict.
     verdicts = [case["verdict"] for case in report["cases"]]
     events = [(event.name, event.value) for event in recording.topics["/events"]]
     assert events == [
@@ -158,7 +158,7 @@ def test_a_recording_is_evidence(tmp_path, programs):
     said = recording.metadata["resonarm.statistics"]
     assert [said[case].split(":")[0] for case in cases] == verdicts
     assert recording.metadata["resonarm.configuration"]["seed"] == "7"
-    # What the tester sent is what an independent listener heard of it, and all that it heard was on the bus.
+    # An independent listener heard all that the tester sent, and all that the tester heard was on the bus.
     frames = wire.log(dump)
     ours = [frame.content for frame in frames if wire.DBC.get_message_by_frame_id(frame.id).senders == ["Exciter"]]
     assert [(frame.id, frame.data) for frame in recording.frames if frame.direction == RECEIVED] == ours

@@ -1,4 +1,4 @@
-"""What the bus must not do to a run: garbage, floods, and an interface that goes away."""
+"""A run must survive garbage, floods, and an interface that goes away."""
 
 import random
 import socket
@@ -123,7 +123,7 @@ def test_cansend_of_nonsense_to_an_idle_plant(programs):
 @pytest.mark.parametrize("mode", ["real-time", "lockstep"])
 def test_an_interface_that_goes_down_ends_the_run_with_a_whole_recording(programs, tmp_path, interface, mode):
     path, scenario = tmp_path / "run.mcap", tmp_path / "patient.toml"
-    # A stall of the machine is not what is tested.
+    # Stalls of the machine are not tested here.
     scenario.write_text((SCENARIOS / "bench.toml").read_text() + "\n[network]\ncommand_timeout_s = 5.0\n")
     common = ["--bus", interface, "--mode", mode, "--rate-hz", 100, "--scenario", scenario]
     plant = programs.resonarm("run", *common, "--record", path, "--json")

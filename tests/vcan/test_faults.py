@@ -54,11 +54,11 @@ def killed(tmp_path_factory):
         first = programs.resonarm("exciter", "--bus", "vcan0", "--scenario", long)
         wait_until(lambda: len(dump.stdout.split(" vcan0 201#")) > 60, "60 commands")
         first.kill()
-        # Code 1 stands in the bytes 2 and 3. A plant that was held up has told of it before, by a notice with code 11.
+        # Code 1 is in bytes 2 and 3. A plant that was held up has reported that before, by a notice with code 11.
         wait_until(lambda: re.search(r" vcan0 081#.{4}0100", dump.stdout), "the plant's emergency")
         # Three more heartbeats: the fault must stay in each, and the ramp, shorter than their cycle, is over by then.
-        told = dump.stdout.count(HEARTBEAT)
-        wait_until(lambda: dump.stdout.count(HEARTBEAT) >= told + 3, "three heartbeats")
+        before = dump.stdout.count(HEARTBEAT)
+        wait_until(lambda: dump.stdout.count(HEARTBEAT) >= before + 3, "three heartbeats")
         controllers = []
         while len(controllers) < CONTROLLERS and not (controllers and controllers[-1]["outcome"] == "finished"):
             exciter = programs.resonarm("exciter", "--bus", "vcan0", "--scenario", short, "--json")
@@ -93,9 +93,9 @@ def test_the_force_is_zero_within_the_time_of_the_specification(killed):
 
 def test_the_fault_latches_and_is_told(killed):
     times = [(frame.time_s, *wire.decode(frame)) for frame in killed.frames]
-    told = [(t, signals["code"]) for t, name, signals in times if name == "PlantEmergency"]
-    # A plant that was held up tells so, by a notice that is no fault.
-    at_s, code = next((t, code) for t, code in told if code != SCHEDULE_SLIPPED)
+    emergencies = [(t, signals["code"]) for t, name, signals in times if name == "PlantEmergency"]
+    # A plant that was held up reports that by a notice, which is no fault.
+    at_s, code = next((t, code) for t, code in emergencies if code != SCHEDULE_SLIPPED)
     assert code == 1, "command timeout"
     reset_s = next(t for t, name, s in times if name == "OperatorCommand" and s["request"] == 3 and t > at_s)
     states = [s["state"] for t, name, s in times if name == "PlantHeartbeat" and at_s < t < reset_s]

@@ -8,7 +8,7 @@ import pytest
 from processes import RESONARM, run
 from recordings import Recording, bits
 
-# In a mount namespace of its own: a file system of 128 KiB, the run, and what becomes of its recording.
+# In a separate mount namespace: a file system of 128 KiB, the run, and the state of its recording.
 SCRIPT = """
 cd "$1" && mkdir disk && mount -t tmpfs -o size=128k tmpfs disk || exit 125
 shift

@@ -43,17 +43,17 @@ def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_
     assert plant_view.about["actions"] == ["arm", "disarm", "reset"]
     assert exciter_view.about["actions"] == ["disarm", "set"]
     for view in (plant_view, exciter_view):
-        view.next("state", lambda told: told["state"] == "operational")
+        view.next("state", lambda message: message["state"] == "operational")
     assert exciter_view.ask({"set": {"load": 30, "frequency_hz": 16, "phase_deg": 0}}) == {"kind": "taken"}
     # The load as the exciter commands it; it knows no angles. In the plant's head what was commanded, and the angles.
-    commanded = exciter_view.next("update", lambda told: np.any(told["largest"][:, 2] > 29.5))
+    commanded = exciter_view.next("update", lambda message: np.any(message["largest"][:, 2] > 29.5))
     assert np.isnan(commanded["largest"][:, 10:]).all()
-    acting = plant_view.next("update", lambda told: np.any(told["largest"][:, 4] > 29.5))["largest"]
+    acting = plant_view.next("update", lambda message: np.any(message["largest"][:, 4] > 29.5))["largest"]
     # After a stall an update begins before the force does.
     assert np.all(np.abs(acting[acting[:, 4] > 29.5, 10]) > 1e-6)
     point = exciter_view.next("response")
     assert point["frequency_hz"] == 16 and abs(point["load"] - 30) < 0.1
-    # Both axes of C clip, and the exciter is told so on the wire; α2 rests on them, α1 doesn't.
+    # Both axes of C clip, which the frames to the exciter state; α2 depends on them, α1 doesn't.
     assert point["clipped"] == [False, True]
     c_x, c_y = (1 << exciter_view.about["clipped_bits"].index(f"acceleration_c_{axis}_m_s2") for axis in "xy")
     for view in (plant_view, exciter_view):
@@ -63,8 +63,8 @@ def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_
                 seen |= bits
                 assert bits & ~(c_x | c_y) == 0
     assert plant_view.ask("disarm") == {"kind": "taken"}
-    plant_view.next("event", lambda told: told["name"] == "request.disarm")
-    plant_view.next("state", lambda told: told["state"] == "pre-operational")
+    plant_view.next("event", lambda message: message["name"] == "request.disarm")
+    plant_view.next("state", lambda message: message["state"] == "pre-operational")
     assert exciter_end.wait() == 0
     assert plant.running() and plant.stop() == 0
 
@@ -72,23 +72,23 @@ def test_a_set_point_of_the_exciter_s_page_moves_the_plant_and_the_plant_s_page_
 def test_a_plant_whose_exciter_died_faults_is_reset_and_not_armed_without_one(programs, plant, bench):
     _, view = plant
     exciter_end, exciter_view = exciter(programs, bench)
-    view.next("state", lambda told: told["state"] == "operational")
+    view.next("state", lambda message: message["state"] == "operational")
     assert exciter_view.ask({"set": {"load": 10, "frequency_hz": 16, "phase_deg": 0}}) == {"kind": "taken"}
-    view.next("update", lambda told: np.any(told["largest"][:, 4] > 2))
+    view.next("update", lambda message: np.any(message["largest"][:, 4] > 2))
     exciter_end.kill()
-    fault = view.next("state", lambda told: told["state"] == "fault")
+    fault = view.next("state", lambda message: message["state"] == "fault")
     assert fault["fault"]
     assert view.ask("arm") == {"kind": "taken"}
-    view.next("event", lambda told: told["name"] == "request.arm")
+    view.next("event", lambda message: message["name"] == "request.arm")
     assert view.ask("reset") == {"kind": "taken"}
-    view.next("state", lambda told: told["state"] == "pre-operational")
+    view.next("state", lambda message: message["state"] == "pre-operational")
     # Another exciter finds a plant that can be armed.
     exciter(programs, bench)
-    view.next("state", lambda told: told["state"] == "operational")
+    view.next("state", lambda message: message["state"] == "operational")
 
 
 def foxglove_messages(program):
-    """What a client of the Foxglove WebSocket protocol that wants everything is sent: topics and decoded messages."""
+    """Topics and decoded messages that a Foxglove WebSocket client gets that subscribes to everything."""
     url = address(program)[0].replace("http:", "ws:")
     with connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None, **OPEN) as client:
         assert json.loads(client.recv(PATIENCE_S))["op"] == "serverInfo"

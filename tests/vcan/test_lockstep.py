@@ -21,7 +21,7 @@ SENT_BY_PLANT = {message.frame_id for message in wire.DBC.messages if message.se
 
 
 def outside(by_plant, plant):
-    """How many frames of one end stand before the other's first or after its last."""
+    """How many frames of one end are before the other's first or after its last."""
     first, last = by_plant.index(not plant), len(by_plant) - by_plant[::-1].index(not plant)
     return first + len(by_plant) - last
 
@@ -55,7 +55,7 @@ def test_samples_and_answers_alternate(lockstep):
 
 
 def held(frequency_hz):
-    """What of a sine's amplitude is left when it is held from sample to sample: sin πf/r over πf/r."""
+    """The fraction of a sine's amplitude when it is held from sample to sample: sin πf/r over πf/r."""
     return np.sinc(frequency_hz / RATE_HZ)
 
 

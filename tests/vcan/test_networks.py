@@ -141,9 +141,9 @@ def test_two_plants_at_one_base_say_so_and_go_on(tmp_path, programs):
         plants.append((programs.resonarm("run", *common, "--json-events", "--record", path), path))
     wait_until(lambda: all('"other-sender"' in plant.stderr for plant, _ in plants), "both to notice the other")
     for plant, path in plants:
-        told = [json.loads(line) for line in plant.stderr.splitlines() if '"other-sender"' in line]
+        events = [json.loads(line) for line in plant.stderr.splitlines() if '"other-sender"' in line]
         # A hello a second is all that an idle plant in lockstep sends beside its heartbeats.
-        assert [event["identifier"] for event in told] == [0x206]
+        assert [event["identifier"] for event in events] == [0x206]
         plant.stop()
         bus = json.loads(plant.stdout)["bus"]
         assert bus["other_sender"] == bus["e2e_errors"] > 0
@@ -166,7 +166,7 @@ def test_what_is_neither_recorded_nor_watched_is_filtered_by_the_kernel(tmp_path
         exciter = programs.resonarm("exciter", *common)
         played, ran = exciter.result(), plant.result()
         assert played["outcome"] == "finished" and ran["bus"]["sent"] > 1000
-        # All that one end receives the other has sent, but for what was sent before it listened.
+        # One end receives all that the other has sent, except frames from before it listened.
         assert ran["bus"]["received"] <= played["bus"]["sent"] + (20 if record else 0)
         foreign = Recording.whole(record[1]).frames_of(1, 0x123) if record else []
         assert (len(foreign), ran["bus"]["received"] > played["bus"]["sent"]) == ((20, True) if record else (0, False))

@@ -10,7 +10,7 @@ from test_conformance import ROUNDS, SKIPPED, ended, passes_every_case
 NODE = Path(__file__).parents[1] / "support" / "own_node.py"
 SINE = ["--expect-frequency-hz", 15, "--expect-force-n", 20]
 
-# The case that must fail a node with the flaw, and what it says.
+# The case that must fail a node with the flaw, and its reason.
 CRC = {flaw: ("hello", "its hello is wrong: ") for flaw in ("wrong-polynomial", "wrong-start", "wrong-data-id")}
 BOTH = {
     "counter-by-2": ("counters", "a step of 2, not 1"),
@@ -96,4 +96,4 @@ def test_the_node_without_a_flaw_passes_every_case(programs, role, flags):
 def test_a_plant_that_takes_the_answer_to_another_sample_is_failed_in_lockstep(programs):
     bench = Bench(programs, "plant", "--lockstep", "--flaw", "takes-others")
     found = bench.judged("lockstep-plant-other-samples")
-    assert found["verdict"] == "failed" and "goes on to" in found["reason"], found
+    assert found["verdict"] == "failed" and "continues with" in found["reason"], found

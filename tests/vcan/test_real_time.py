@@ -27,14 +27,14 @@ def test_every_tick_and_every_overrun_is_accounted_for(tmp_path, programs):
     common = ["--bus", "vcan0", "--scenario", scenario, "--json"]
     exciter = programs.resonarm("exciter", *common)
     plant = programs.resonarm("run", *common, "--duration-s", DURATION_S, "--record", path).result()
-    # The plant disarms at the end, and its samples go on while the force ramps to zero.
+    # The plant disarms at the end, and its samples continue while the force ramps to zero.
     assert DURATION_S * RATE_HZ + 1 < plant["samples"] <= round((DURATION_S + 0.05) * RATE_HZ) + 1
     recording = Recording.whole(path)
     ticks = recording.column("/timing/ticks", ["wakeup_ns", "exec_ns", "overruns"])
     assert len(recording.states) == len(recording.samples) == plant["samples"]
     assert len(ticks) == DURATION_S * RATE_HZ + 1
     assert ticks[:, 2].sum() == plant["overruns"] == sum(plant["overrun_causes"].values())
-    # A tick has a cause if and only if it tells of missed deadlines.
+    # A tick has a cause if and only if it states missed deadlines.
     causes = recording.column("/timing/ticks", ["cause"])[:, 0]
     assert ((causes > 0) == (ticks[:, 2] > 0)).all()
     # The histogram keeps three digits.
@@ -44,7 +44,7 @@ def test_every_tick_and_every_overrun_is_accounted_for(tmp_path, programs):
     assert 0 < trips["p50"] <= trips["p99"] <= trips["max"] < (DURATION_S + 0.05) * 1e6
     assert set(recording.metadata["resonarm.lost"].values()) == {"0"}
     assert np.abs(recording.states[:, 6]).max() > 40 and recording.states[-1, 6] == 0
-    # The plant leaves before the profile ends, and tells the exciter so.
+    # The plant leaves before the profile ends, and announces it to the exciter.
     assert exciter.result(code=1)["outcome"] == "plant-left"
 
 

@@ -11,7 +11,7 @@ from test_c_controller import CONTROLLER
 
 SOURCES = Path(__file__).parents[2] / "firmware-protocol/c"
 OPEN_LOOP = "controller/open_loop.c"
-# What is changed in which file.
+# The changes in each file.
 FLAWS = {
     "two per cent too much": (OPEN_LOOP, "spec->amplitude_n * shape", "1.02 * spec->amplitude_n * shape"),
     "no disarm": (OPEN_LOOP, ".action = RESONARM_FINISH", ".action = RESONARM_HOLD_FORCE"),

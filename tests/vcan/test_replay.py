@@ -22,7 +22,7 @@ def short(tmp_path_factory):
 
 
 def replayed(programs, path, *options):
-    """What `resonarm replay` says, and the frames that candump sees."""
+    """The output of `resonarm replay`, and the frames that candump sees."""
     dump = programs.candump()
     played = programs.resonarm("replay", path, "--bus", "vcan0", "--json", *options).result()
     return played, wire.log(dump)
@@ -145,14 +145,14 @@ def test_a_controller_that_commands_something_else_is_caught(short, programs, tm
     (tmp_path / "other.toml").write_text(SHORT.replace("50.0", "50.5"))
     compared = against(programs, short.path, tmp_path / "other.toml", code=1)
     recorded = commands(short.recording)
-    # Half a newton of fifty: with the wire's 0.1 N it shows as soon as the force is large enough, at most at its crest.
-    crest = max(abs(force_n) for _, (force_n, _) in recorded)
+    # Half a newton of fifty: with the wire's 0.1 N it shows as soon as the force is large enough, at most at its peak.
+    peak = max(abs(force_n) for _, (force_n, _) in recorded)
     assert compared["commands"] == len(recorded)
     assert 0.4 <= compared["largest_force_difference_n"] <= 0.6
     first = compared["first_difference"]
     expected = dict(recorded)[first["sample"]]
     assert (first["kind"], first["expected"][:2]) == ("command", pytest.approx(expected))
-    assert 0 < abs(expected[0]) < crest
+    assert 0 < abs(expected[0]) < peak
     # The same difference passes within limits.
     assert against(programs, short.path, tmp_path / "other.toml", "--limit-n", "1")["first_difference"] is None
 

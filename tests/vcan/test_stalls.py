@@ -14,7 +14,7 @@ STALL_S = 0.3
 COMMAND_TIMEOUT_S, FORCE_RAMP_S = 0.020, 0.050
 
 # A machine that runs this may hold up either end for more than 20 ms by itself, so the timeout is longer where a fault
-# is no part of the test.
+# does not belong to the test.
 SCENARIO = f"""
 [simulation]
 rate_hz = {RATE_HZ}
@@ -57,7 +57,7 @@ def test_a_plant_that_was_stopped_faults_nobody(programs, tmp_path):
     assert plant.stop() == 0
     ended, recording = plant.result(), Recording.whole(path)
     assert ended["fault"] is None and events(plant, "faulted") == []
-    # Every deadline that passed in the stall is an overrun, and the schedule moved; the controller was told.
+    # Every deadline that passed in the stall is an overrun, and the schedule moved; the controller was notified.
     assert ended["overruns"] >= ended["slipped"] >= (STALL_S - 0.01) * RATE_HZ - 1
     assert recording.column("/timing/ticks", ["overruns"]).sum() == ended["overruns"]
     assert sum(ended["overrun_causes"].values()) == ended["overruns"]
@@ -79,7 +79,7 @@ def test_a_controller_that_was_stopped_is_a_fault_and_arms_again(programs, tmp_p
     assert faults and {fault["fault"]["code"] for fault in faults} <= {1, 4}
     assert faults[0]["fault"]["code"] == 1 and plant.result()["fault"] is None
     assert len(events(plant, "armed")) == ended["rearmed"] + 1
-    # In simulated time: from the last command taken to zero force within the timeout, the ramp and one sample period.
+    # In simulated time: from the last accepted command to zero force within timeout, ramp and one sample period.
     recording = Recording.whole(path)
     force_n = recording.states[:, 6]
     for fault in recording.topics["/events"]:

@@ -1,4 +1,4 @@
-"""The line that tells how a run goes, on a terminal and where there is none."""
+"""The status line of a run, on a terminal and without one."""
 
 import json
 import os
@@ -37,7 +37,7 @@ class OnTerminal:
         self.reader.start()
 
     def read(self, end):
-        # Linux ends the reading of a terminal that nobody has open by EIO.
+        # Linux ends the reading of a terminal that no process has open by EIO.
         try:
             while piece := os.read(end, 4096):
                 self.seen += piece
@@ -63,7 +63,7 @@ def test_a_terminal_shows_both_ends_in_one_line_each(tmp_path):
     exciter = OnTerminal("exciter", *common, "--patience-s", LIMIT_S)
     (played, shown), (ended, seen) = exciter.result(), plant.result()
     assert played["outcome"] == "finished" and ended["outcome"] == "disarmed"
-    # Written anew, by the return of the carriage, and never a line of its own; events are.
+    # Rewritten by a carriage return, never on a separate line; events are.
     assert sum(re.search(PLANT, line) is not None for line in seen.split("\r")) > 3, seen
     assert not re.search(PLANT + r"[^\r]*\n", seen), seen
     assert "ready on vcan0" in seen and re.search(r"\r[^\r]*armed, \d+ samples/s", shown), (seen, shown)

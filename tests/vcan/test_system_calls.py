@@ -1,4 +1,4 @@
-"""What the real-time loop asks of the kernel: what docs/real-time.md says, and nothing else."""
+"""The real-time loop makes only the system calls that docs/real-time.md lists."""
 
 import json
 import re

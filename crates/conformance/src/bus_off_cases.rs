@@ -18,7 +18,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     lose(t).map(|_| ())
 }
 
-/// An operational exciter faults, and commands no more.
+/// An operational exciter faults, and commands nothing more.
 pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let fault = lose(t)?;
@@ -28,10 +28,11 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// Takes the node off the bus; back on it, it says so and is in fault: the place of its heartbeat in the log.
+/// Takes the node off the bus; once back, it must report that and be in fault. Returns the index of its heartbeat in
+/// the log.
 fn lose(t: &mut Tester) -> Result<usize, Stop> {
     if t.take_off(OFF_NS) == BusOff::Impossible {
-        let why = "its controller alone can go bus-off: nothing that is sent on this bus brings it there";
+        let why = "only its own controller can go bus-off: no frame on this bus can cause it";
         return Err(Stop::Skipped(String::from(why)));
     }
     let from = t.heard.len();

@@ -9,23 +9,23 @@ use super::{
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;
 
-/// One case: a script of what is sent, and what must or must not come.
+/// One case: a script of what is sent, and what must or must not be received.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {
     /// Its name.
     pub id: &'static str,
-    /// The node that it tests.
+    /// The kind of node tested.
     pub tested: Node,
-    /// The mode in which it is.
+    /// The mode that the node is in.
     pub mode: Mode,
-    /// What it tries.
+    /// What the case tests.
     pub title: &'static str,
     /// The requirements that it covers.
     pub requirements: &'static [&'static str],
     pub(super) script: Script,
 }
 
-/// What is done.
+/// The script of a case.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Script {
     Run(fn(&mut Tester) -> Result<(), Stop>),
@@ -62,7 +62,7 @@ const PLANT: [Row; 40] = [
         &["R-1.2", "R-3.2", "R-3.5", "R-8.1"],
         Run(plant_cases::frames),
     ),
-    ("plant-counters", "each message has a counter of its own, which steps by 1", &["R-2.1"], Run(counters::plant)),
+    ("plant-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counters::plant)),
     (
         "plant-arms-for-a-hello",
         "not armed without a hello that fits",
@@ -172,7 +172,7 @@ const PLANT: [Row; 40] = [
         &["R-2.2", "R-2.4", "R-2.5", "R-8.4", "R-8.5"],
         Run(soak_cases::plant),
     ),
-    // The last one: it leaves the arm ringing.
+    // The last one, as it leaves the arm ringing.
     (
         "plant-too-far",
         "commands where the travel is limited, until the arm is beyond it",
@@ -208,7 +208,7 @@ const EXCITER: [Row; 33] = [
         &["R-1.2", "R-3.2", "R-3.5", "R-8.2"],
         Run(exciter_cases::answers),
     ),
-    ("exciter-counters", "each message has a counter of its own, which steps by 1", &["R-2.1"], Run(counters::exciter)),
+    ("exciter-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counters::exciter)),
     (
         "exciter-incomplete",
         "samples of which a frame is lost, each in turn",
@@ -301,7 +301,7 @@ const LOCKSTEP_PLANT: [Row; 5] = [
         "lockstep-plant-refused",
         "an exciter that gives up after its command was refused",
         &["R-8.25"],
-        Run(lockstep_cases::plant_tells_refusal),
+        Run(lockstep_cases::plant_reports_refusal),
     ),
 ];
 
@@ -312,7 +312,7 @@ const LOCKSTEP_EXCITER: [Row; 4] = [
     ("lockstep-exciter-timeout", "silence of the plant", &["R-8.22"], Run(lockstep_cases::exciter_timeout)),
 ];
 
-/// The cases for a node in real time or in lockstep, in their order; none for [`Mode::Free`], which has no bus.
+/// The cases for a node in real time or in lockstep, in order; none for [`Mode::Free`], which has no bus.
 pub fn cases(tested: Node, mode: Mode) -> impl Iterator<Item = Case> {
     let rows: &'static [Row] = match (mode, tested) {
         (Mode::RealTime, Node::Plant) => &PLANT,

@@ -1,4 +1,4 @@
-//! What both nodes must do: heartbeats, hellos.
+//! Cases for both nodes: heartbeats, hellos.
 
 use alloc::format;
 use alloc::string::String;
@@ -12,8 +12,8 @@ use resonarm_protocol::{Hello, Message, MessageKind, Node};
 /// How long heartbeats are watched, ns.
 const WATCH_NS: u64 = 1000 * MS;
 
-/// Heartbeats at least every 100 ms. One that is late may be due to a stop; of a node that is heard otherwise, or of
-/// which most are late, it is not.
+/// Heartbeats at least every 100 ms. A single late one may be due to a stop of the node; not so if the node was heard
+/// meanwhile, or if most are late.
 pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(t.settings.patience_ns, |_| true)?.is_none() {
         return inconclusive("nothing of the node under test came");
@@ -37,19 +37,19 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     if came < WATCH_NS / HEARTBEAT_PERIOD_NS / 2 { failed(text) } else { late(text) }
 }
 
-/// Meets the node under test.
-fn greet(t: &mut Tester) -> Result<Hello, Stop> {
+/// Exchanges hellos with the node under test.
+fn exchange_hellos(t: &mut Tester) -> Result<Hello, Stop> {
     match t.tested {
-        Node::Plant => plant_role::greet(t),
-        Node::Exciter => exciter_role::greet(t),
+        Node::Plant => plant_role::exchange_hellos(t),
+        Node::Exciter => exciter_role::exchange_hellos(t),
     }
 }
 
-/// Version, profile, hash and rate of its hello.
+/// Checks version, profile, hash and rate of its hello.
 pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
-    let theirs = match greet(t) {
+    let theirs = match exchange_hellos(t) {
         Err(Stop::Inconclusive(text)) => return no_hello(t, text),
-        greeted => greeted?,
+        answered => answered?,
     };
     if let Some(mismatch) = t.hello.mismatch(&theirs) {
         let (theirs, own) = (described(&theirs), described(&t.hello));
@@ -62,7 +62,7 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// A hello that is refused is one, and wrong.
+/// Fails for a hello that was refused; otherwise there was none.
 fn no_hello(t: &Tester, text: String) -> Result<(), Stop> {
     let kind = match t.tested {
         Node::Plant => MessageKind::PlantHello,
@@ -80,10 +80,10 @@ fn described(hello: &Hello) -> String {
     format!("version {version}, DBC hash {dbc_hash:#08X}, profile {profile}, {rate_hz} Hz").replace("0X", "0x")
 }
 
-/// A partner that has booted is answered at once, and hellos come by themselves.
+/// A partner that has booted is answered at once, and hellos are sent periodically.
 pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
     let is_hello = |message: &Message| matches!(message, Message::PlantHello(_) | Message::ExciterHello(_));
-    greet(t)?;
+    exchange_hellos(t)?;
     if t.wait_for(HELLO_PERIOD_NS + MARGIN_NS, is_hello)?.is_none() {
         return late(format!("no hello within {}", ms(HELLO_PERIOD_NS + MARGIN_NS)));
     }

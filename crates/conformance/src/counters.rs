@@ -9,28 +9,28 @@ use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, wrong};
 use resonarm_protocol::e2e::Protection;
 use resonarm_protocol::{DecodeError, Frame, Message, MessageKind, Network, NodeState, OperatorRequest};
 
-/// How often a node is made to say what it says rarely.
+/// How often a node is made to send its rare messages.
 const ROUNDS: u32 = 4;
 
-/// A frame of a message, with the sample that it is of or answers.
+/// A frame of a message, with the sample that it carries or answers.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     counter: u8,
     sample: Option<u16>,
 }
 
-/// The steps of the counter of one message.
+/// The steps of one message's counter.
 #[derive(Clone, Debug, Default)]
 struct Steps {
     last: Option<Last>,
-    /// Whether the next one is the first since the node's boot was heard.
+    /// Whether the next frame is the first since the node booted.
     is_first: bool,
     all: u32,
-    /// Those that are not 1, which may be due to frames lost.
+    /// Steps other than 1, which may be due to lost frames.
     wrong: u32,
-    /// The first wrong one, in words.
+    /// The first wrong step, in words.
     text: String,
-    /// What no loss explains.
+    /// A step that lost frames can't explain.
     proof: Option<String>,
 }
 
@@ -41,7 +41,7 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    /// Takes in a frame of the node, and what a receiver says of it.
+    /// Takes a frame of the node, and the receiver's result for it.
     pub fn note(&mut self, network: Network, frame: &Frame, said: &Result<Option<Message>, DecodeError>) {
         let (kind, sample) = match said {
             Ok(Some(Message::Heartbeat(heartbeat))) => {
@@ -88,7 +88,7 @@ impl Counters {
         if steps.text.is_empty() {
             steps.text = format!("the counter of {kind} is {counter} after {}, a step of {step}, not 1", last.counter);
         }
-        // Each sample has one frame of the message at most: a larger step than that of the samples is no loss.
+        // Each sample has at most one frame of the message: a larger step than that of the samples is no loss.
         let samples = sample.zip(last.sample).map(|(sample, last)| (last, sample, sample.wrapping_sub(last)));
         if let Some((from, to, between)) = samples.filter(|(.., between)| *between < counters && step > *between) {
             let text = format!(
@@ -100,7 +100,7 @@ impl Counters {
         }
     }
 
-    /// What is wrong with them: more than single frames lost explain.
+    /// The fault of the counters: more than single lost frames explain.
     fn fault(&self) -> Option<String> {
         let proof = self.steps.iter().find_map(|steps| steps.proof.clone());
         proof.or_else(|| {
@@ -110,7 +110,7 @@ impl Counters {
     }
 }
 
-/// The sample of which a message is, or that it answers.
+/// The sample that a message carries or answers.
 fn sample(message: &Message) -> Option<u16> {
     match message {
         Message::Head(head) => Some(head.sample),
@@ -122,7 +122,7 @@ fn sample(message: &Message) -> Option<u16> {
     }
 }
 
-/// Those of a plant, which is made to say hello and to refuse to arm.
+/// Checks a plant, which is made to send hellos and to refuse to arm.
 pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     for _ in 0..ROUNDS {
@@ -136,9 +136,9 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     judge(t)
 }
 
-/// Those of an exciter, which is made to say hello and to arm.
+/// Checks an exciter, which is made to send hellos and to arm.
 pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
-    exciter_role::greet(t)?;
+    exciter_role::exchange_hellos(t)?;
     for _ in 0..ROUNDS {
         t.boot()?;
         t.send_hello()?;

@@ -5,22 +5,22 @@ use resonarm_protocol::{
     DEFAULT_BASE, Frame, FrameError, FrameFormat, Id, MessageKind, Network, Node, Profile, Transmitter,
 };
 
-/// What is wrong with a frame that is right otherwise.
+/// Damage to an otherwise valid frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Damage {
-    /// One bit, another one in each frame: the CRC doesn't fit.
+    /// One bit, a different one in each frame: the CRC is wrong.
     Bit,
     /// The counter of the frame before.
     Repeated,
-    /// Four frames left out before it.
+    /// The counter is as if four frames were lost before it.
     Jump,
-    /// It is another network's, by its data id.
+    /// The data id of another network.
     DataId,
-    /// A CAN FD frame in place of a classical one, or the other way round.
+    /// A CAN FD frame instead of a classical one, or the other way round.
     Format,
-    /// A byte less, or in CAN FD the next shorter length.
+    /// One byte less, or in CAN FD the next shorter length.
     Length,
-    /// A bit is set that belongs to no signal.
+    /// A bit that belongs to no signal is set.
     ReservedBit,
     /// Its first value is not available, or not a number.
     NotAvailable,
@@ -44,12 +44,12 @@ impl Damage {
         Damage::Base,
     ];
 
-    /// The frame with the damage. `make` makes it with a transmitter, `n` counts the damaged ones.
+    /// The damaged frame. `make` makes the frame with a transmitter; `n` counts the damaged ones.
     pub fn apply(self, ends: &mut Ends, n: u64, make: impl Fn(&mut Transmitter) -> Option<Frame>) -> Option<Frame> {
         match self {
             Damage::Repeated => return make(&mut ends.before.clone()),
             Damage::Jump => {
-                // Five frames further than the one before: 2 to 4 are taken as losses.
+                // Five steps after the one before: 2 to 4 count as losses.
                 for _ in 0..4 {
                     make(&mut ends.transmitter)?;
                 }
@@ -103,14 +103,14 @@ fn data_id(network: Network, frame: &Frame) -> Option<u16> {
     MessageKind::from_id(network, frame.id())?.data_id(network)
 }
 
-/// The bits in which the identifiers of a network with another base differ: the default one, or that beside it. A node
-/// that takes any base, and one that takes the default one besides its own, takes it.
+/// The bits in which the identifiers of a network with another base differ: the default base, or the one beside it. A
+/// node that accepts any base, or the default one besides its own, accepts it.
 fn base_bits(network: Network) -> u16 {
     let other = if network.base() == DEFAULT_BASE { DEFAULT_BASE + 0x10 } else { DEFAULT_BASE };
     network.base() ^ other
 }
 
-/// Writes the CRC that fits the rest.
+/// Writes the CRC for the other bytes.
 pub(super) fn protect(data: &mut [u8], data_id: u16) {
     if let Ok(eight) = <[u8; 8]>::try_from(&*data) {
         data[0] = profile11::crc(data_id, &eight);
@@ -120,7 +120,7 @@ pub(super) fn protect(data: &mut [u8], data_id: u16) {
     }
 }
 
-/// The transmitters of what the tester sends.
+/// The transmitters of the tester.
 #[derive(Clone, Debug)]
 pub(super) struct Ends {
     pub transmitter: Transmitter,
@@ -135,7 +135,7 @@ impl Ends {
     }
 }
 
-/// The same identifiers of commands and samples with other data ids: the plant's node id is another.
+/// A network with the same identifiers of commands and samples but other data ids: the plant's node id differs.
 fn other_network(network: Network) -> Network {
     let [plant, exciter] = [network.node_id(Node::Plant), network.node_id(Node::Exciter)];
     let free = (1..=3).find(|id| *id != plant && *id != exciter).unwrap_or(plant);

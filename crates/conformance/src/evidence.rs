@@ -10,7 +10,7 @@ use resonarm_files::recording::{
     Channel, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, RecordingError, Summary,
 };
 
-/// What a recording counts its samples in, ns: the cases have no sample rate of their own.
+/// The unit of the recording's sample count, ns: the cases have no sample rate.
 const SAMPLE_NS: u64 = 1_000_000;
 
 /// Records that wait for the writer: some seconds of a full bus.
@@ -28,10 +28,10 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Creates the file, with what it takes to run the cases again.
+    /// Creates the file, with the settings needed to run the cases again.
     ///
     /// # Errors
-    /// [`RecordingError`] if it is there or can't be created.
+    /// [`RecordingError`] if the file exists or can't be created.
     pub fn create(
         path: PathBuf,
         existing: Existing,
@@ -77,17 +77,17 @@ impl Evidence {
         };
         let (sample, time_ns) = self.now();
         let record = FrameRecord { sample, direction, time_ns, bus_timestamp_ns: timestamp_ns, frame };
-        // What is lost is counted in the file.
+        // Lost records are counted in the file.
         self.channel.push(Record::Frame(record));
     }
 
-    /// A case begins: an event of its name, with its number, from 1.
+    /// Records the beginning of a case: an event of its name, with its number, from 1.
     pub(super) fn begin(&mut self, case: &Case) {
         self.cases += 1;
         self.event(case.id);
     }
 
-    /// It has ended: an event of its verdict, with the same number.
+    /// Records its end: an event of its verdict, with the same number.
     pub(super) fn end(&mut self, case: &Case, finding: &Finding) {
         let (event, verdict) = match &finding.verdict {
             Verdict::Passed => ("verdict.passed", String::from("passed")),

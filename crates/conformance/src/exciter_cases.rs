@@ -1,9 +1,9 @@
-//! What an exciter must do: samples answered, faults. The tester plays the plant.
+//! Cases for an exciter: answers to samples, faults. The tester plays the plant.
 
 use alloc::format;
 
 use super::damage::{Damage, needs_fd};
-use super::exciter_role::{begin, commands, commands_of, greet, is_arm};
+use super::exciter_role::{begin, commands, commands_of, exchange_hellos, is_arm};
 use super::plant_role::period_ns;
 use super::source::{FRAMES, Samples};
 use super::tester::{
@@ -14,21 +14,21 @@ use resonarm_protocol::{
     EmergencyCode, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorCommand, OperatorRequest, Profile,
 };
 
-/// A heartbeat that must come at once and is later than this, ns, is late. No bit of the protocol says how long a node
-/// may take to send it: this is less than the 80 ms after which the next one is due in most nodes, and more than what
-/// a machine stops a process for as a rule. A node is failed only if it is so late three times.
+/// A heartbeat that must be sent at once is late after this time, ns. The protocol does not say how long a node may
+/// take: this is less than the 80 ms after which the next one is due in most nodes, and longer than a machine usually
+/// stops a process. A node fails only if it is this late three times.
 const AT_ONCE_NS: u64 = 75 * MS;
-/// For so long samples may be answered before the heartbeat that says so, ns: that a controller sends frames of low
-/// identifiers first is no fault.
+/// How long samples may be answered before the heartbeat operational, ns: a controller may send frames of low
+/// identifiers first.
 const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;
-/// An exciter that is still there when its work has been over for this time stays, ns.
+/// An exciter that is still present this long after its work ended is taken to stay, ns.
 const STAYS_NS: u64 = 3 * GONE_NS;
 
-/// It doesn't begin without a hello, and faults at one that doesn't fit.
+/// It doesn't begin without a hello, and faults at a hello that doesn't fit.
 pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
-    greet(t)?;
+    exchange_hellos(t)?;
     t.boot()?;
-    // No hello: it comes below.
+    // Clears the hello, which is sent below.
     t.source.samples = Samples::Steady;
     t.send_state(NodeState::Operational)?;
     let from = t.heard.len();
@@ -39,7 +39,7 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     match t.wait_for_emergency(MARGIN_NS)? {
         Some((_, e)) if (e.code, e.detail) == (EmergencyCode::Incompatible, Mismatch::DbcHash as u16) => {}
         Some((_, e)) => return failed(format!("at a hello with another DBC hash it says: {e}")),
-        None => return late("it doesn't mind a hello with another DBC hash"),
+        None => return late("it ignores a hello with another DBC hash"),
     }
     t.run_ns(MARGIN_NS)?;
     refuse_begin(t, from, "for a hello that doesn't fit")
@@ -50,9 +50,9 @@ fn refuse_begin(t: &Tester, from: usize, why: &str) -> Result<(), Stop> {
     if began || !commands(t, from).is_empty() { failed(format!("it begins {why}")) } else { Ok(()) }
 }
 
-/// A plant in fault is asked for the reset first, and then to arm.
+/// A plant in fault is asked to reset, then to arm.
 pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
-    greet(t)?;
+    exchange_hellos(t)?;
     t.boot()?;
     t.send_state(NodeState::Fault)?;
     t.send_hello()?;
@@ -63,7 +63,7 @@ pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
     let first = t.wait_for(t.settings.patience_ns, |message| request(message).is_some())?;
     match first.and_then(|heard| request(&heard.message)) {
         Some(OperatorRequest::Reset) => {}
-        Some(_) => return failed("what it asks a plant in fault for first is not the reset"),
+        Some(_) => return failed("its first request to a plant in fault is not the reset"),
         None => return t.unready("it asks nothing of a plant in fault: is it started again after each case?"),
     }
     t.send_state(NodeState::PreOperational)?;
@@ -100,7 +100,7 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// Samples that aren't whole, or damaged, are not answered; those after them are.
+/// Samples that are incomplete or damaged are not answered; those after them are.
 fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     let (from, bad) = (t.heard.len(), t.source.index);
     let period_ns = sample_period_ns(t.hello.rate_hz);
@@ -121,13 +121,13 @@ fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     }
     match answered.iter().any(|sample| sample.wrapping_sub(good) < now.wrapping_sub(good)) {
         true => Ok(()),
-        false => late("it doesn't go on with the samples after them"),
+        false => late("it doesn't continue with the samples after them"),
     }
 }
 
-/// The frames of a network with another base are none for it.
+/// The exciter ignores the frames of a network with another base.
 pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
-    greet(t)?;
+    exchange_hellos(t)?;
     t.boot()?;
     let from = t.heard.len();
     t.send_at_other_base(&Message::PlantHello(t.hello))?;
@@ -158,7 +158,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     }
 }
 
-/// A sample that comes again is answered once; ten make a fault.
+/// A repeated sample is answered once; ten repetitions are a fault.
 pub(super) fn repeated_samples(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let (from, index) = (t.heard.len(), t.source.index);
@@ -177,7 +177,7 @@ pub(super) fn outside_window(t: &mut Tester) -> Result<(), Stop> {
     faults(t, MARGIN_NS + 50 * MS, EmergencyCode::SampleSequence)
 }
 
-/// No new sample: fault in 350 ms, not before.
+/// Without new samples it faults after 350 ms, not earlier.
 pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     t.source.samples = Samples::Off;
@@ -191,7 +191,7 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     if e.code != EmergencyCode::SensorTimeout {
         return failed(format!("without samples it says: {e}"));
     }
-    // The last sample was sent up to a period, and what the tester was held up, before.
+    // The last sample was sent up to a period, and the tester's hold-up, earlier.
     if after_ns + 2 * period_ns + t.held_up_ns < HEARTBEAT_TIMEOUT_NS {
         return failed(format!(
             "it faults {} after the last sample, not after {}",
@@ -203,7 +203,7 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     ends(t, from, NodeState::Fault)
 }
 
-/// A fault of the plant, and a boot, stop it.
+/// A fault or a boot of the plant stops it.
 pub(super) fn plant_faults(t: &mut Tester) -> Result<(), Stop> {
     stops_at(t, NodeState::Fault)
 }
@@ -214,7 +214,7 @@ pub(super) fn plant_boots(t: &mut Tester) -> Result<(), Stop> {
 
 fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     begin(t)?;
-    t.source.obeys = false;
+    t.source.arms = false;
     let from = t.heard.len();
     t.send_state(state)?;
     ends(t, from, NodeState::Fault)?;
@@ -230,20 +230,21 @@ fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     }
 }
 
-/// It says at once that it becomes operational, by what it answers before, and that it no longer is.
+/// It sends the heartbeat at once when it becomes operational (judged by the samples answered before it), and when it
+/// no longer is.
 pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let place = |holds: &dyn Fn(&Message) -> bool, from: usize| {
         t.heard[from..].iter().position(|heard| holds(&heard.message)).map_or(t.heard.len(), |place| from + place)
     };
     let armed = place(&is_arm, 0);
-    let told = place(&|message| is_state(message, NodeState::Operational), armed);
-    let (early, most) = (commands_of(&t.heard[armed..told]).count(), ANSWERS_AT_ONCE_NS / period_ns(t) + 4);
+    let operational = place(&|message| is_state(message, NodeState::Operational), armed);
+    let (early, most) = (commands_of(&t.heard[armed..operational]).count(), ANSWERS_AT_ONCE_NS / period_ns(t) + 4);
     t.note(format!("{early} samples answered before its heartbeat operational"));
     if early as u64 > most {
         return failed(format!("it answers {early} samples before its heartbeat operational, which comes at once"));
     }
-    t.source.obeys = false;
+    t.source.arms = false;
     let asked_ns = t.now_ns();
     t.send_state(NodeState::PreOperational)?;
     let text = format!("no heartbeat pre-operational within {}", ms(MARGIN_NS));
@@ -260,7 +261,7 @@ pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// When it has ended, it says that it leaves, before it boots again or is gone.
+/// After its end it says that it leaves, before it boots again or is gone.
 pub(super) fn leaves(t: &mut Tester) -> Result<(), Stop> {
     leaves_after(t, NodeState::PreOperational)
 }
@@ -271,7 +272,7 @@ pub(super) fn leaves_faulted(t: &mut Tester) -> Result<(), Stop> {
 
 fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     begin(t)?;
-    t.source.obeys = false;
+    t.source.arms = false;
     let from = t.heard.len();
     t.send_state(state)?;
     let give_up_ns = t.now_ns() + STAYS_NS;
@@ -291,10 +292,10 @@ fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     skipped("it stays on the bus when its work is over, so that it need not say that it leaves")
 }
 
-/// The plant was disarmed.
+/// The plant is disarmed.
 pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    t.source.obeys = false;
+    t.source.arms = false;
     let from = t.heard.len();
     t.send_state(NodeState::PreOperational)?;
     ends(t, from, NodeState::PreOperational)
@@ -303,7 +304,7 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
 /// The plant leaves.
 pub(super) fn plant_leaves(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    t.source.obeys = false;
+    t.source.arms = false;
     let from = t.heard.len();
     t.is_alive = false;
     t.send_emergency(EmergencyCode::Leaving, 0)?;
@@ -324,17 +325,17 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// It says the code, and then that it is in fault, and commands no more.
+/// It sends the code, then the heartbeat fault, and commands nothing more.
 fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Stop> {
     let from = t.heard.len();
-    let text = format!("no emergency within {}: {code} was to come", ms(within_ns));
+    let text = format!("no emergency {code} within {}", ms(within_ns));
     match t.expect_emergency(within_ns, code, text)? {
         (_, e) if e.code == code => ends(t, from, NodeState::Fault),
-        (_, e) => failed(format!("in place of {code} it says: {e}")),
+        (_, e) => failed(format!("instead of {code} it says: {e}")),
     }
 }
 
-/// It says this state, from a place in the log on, and after it commands no more.
+/// It sends this state after index `from` of the log, and commands nothing more.
 fn ends(t: &mut Tester, from: usize, state: NodeState) -> Result<(), Stop> {
     t.run_ns(MARGIN_NS)?;
     let Some(place) = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)) else {

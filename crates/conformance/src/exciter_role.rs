@@ -1,4 +1,4 @@
-//! What the cases about an exciter do again and again: meet it, let it begin, read what it commands.
+//! Steps shared by the cases for an exciter: exchange hellos, let it begin, read its commands.
 
 use alloc::format;
 use alloc::vec::Vec;
@@ -7,8 +7,8 @@ use super::source::Samples;
 use super::tester::{Heard, MS, Stop, Tester, inconclusive, is_state};
 use resonarm_protocol::{Hello, Message, MessageKind, Node, NodeState, OperatorCommand, OperatorRequest};
 
-/// Waits for an exciter and its hello; the tester then speaks at its rate.
-pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
+/// Waits for an exciter and its hello; the tester then uses its rate.
+pub(super) fn exchange_hellos(t: &mut Tester) -> Result<Hello, Stop> {
     let give_up_ns = t.now_ns() + t.settings.patience_ns;
     while t.now_ns() < give_up_ns && !t.refuses(MessageKind::ExciterHello) {
         let within_ns = (give_up_ns - t.now_ns()).min(1000 * MS);
@@ -33,11 +33,11 @@ pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
 
 /// The same with samples of another kind.
 pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
-    greet(t)?;
+    exchange_hellos(t)?;
     t.boot()?;
     t.send_hello()?;
-    t.source.obey_with(samples);
-    // An exciter that was here before and was stopped meanwhile may still say that it is operational; it arms no more.
+    t.source.arm_with(samples);
+    // An earlier exciter that was stopped may still say that it is operational, but it arms nothing more.
     let patience_ns = t.settings.patience_ns;
     if t.wait_for(patience_ns, is_arm)?.is_none() {
         return t.unready("it doesn't arm the plant: is it started again after each case?");
@@ -46,7 +46,7 @@ pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
         return t.unready("it doesn't become operational when the plant does");
     }
     t.run_ns(100 * MS)?;
-    // Nor do its answers count.
+    // Its answers don't count either.
     (t.source.unsent, t.source.wrong) = (None, None);
     Ok(())
 }
@@ -56,7 +56,7 @@ pub(super) fn is_arm(message: &Message) -> bool {
     matches!(message, Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: Node::Plant }))
 }
 
-/// The samples that were answered, from a place in the log on, until it boots: then it is another exciter.
+/// The samples answered from index `from` of the log on, until the exciter boots: then it is another one.
 pub(super) fn commands(t: &Tester, from: usize) -> Vec<u16> {
     let heard = &t.heard[from..];
     let boot = heard.iter().position(|heard| is_state(&heard.message, NodeState::BootUp)).unwrap_or(heard.len());

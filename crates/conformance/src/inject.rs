@@ -1,4 +1,4 @@
-//! What is done to the node under test beside the bus: error frames on its interface, and signals to its process.
+//! Effects on the node under test outside the bus: error frames on its interface, and signals to its process.
 
 use std::fs;
 use std::io;
@@ -10,8 +10,8 @@ use socketcan::{CanErrorFrame, CanSocket, Socket, SocketOptions};
 const BUS_OFF: u32 = libc::CAN_ERR_BUSOFF;
 const RESTARTED: u32 = libc::CAN_ERR_RESTARTED;
 
-/// Says on a virtual interface what a controller says that goes bus-off, and that was restarted. Every program on the
-/// interface that asks for error frames hears it.
+/// Sends on a virtual interface the error frames of a controller that goes bus-off and is restarted. Every program on
+/// the interface that asks for error frames receives them.
 #[derive(Debug)]
 pub(super) struct Controller {
     socket: CanSocket,
@@ -20,12 +20,12 @@ pub(super) struct Controller {
 }
 
 impl Controller {
-    /// That of a virtual interface: the driver of a real one doesn't hand error frames on, but may send them as others.
+    /// The controller of a virtual interface: a real one's driver doesn't loop error frames back, and may send them.
     pub fn of(interface: &str) -> Option<Controller> {
         let device = fs::canonicalize(format!("/sys/class/net/{interface}")).ok()?;
         let is_virtual = device.starts_with("/sys/devices/virtual");
         let socket = is_virtual.then(|| CanSocket::open(interface).ok()).flatten()?;
-        // It hears nothing, so that nothing waits in it.
+        // It receives nothing, so that its queue stays empty.
         socket.set_filter_drop_all().ok()?;
         Some(Controller { socket, on_at_ns: None })
     }
@@ -47,36 +47,36 @@ impl Controller {
     }
 }
 
-/// A process of this machine, which goes on at the latest when this is dropped.
+/// A process of this machine, which resumes at the latest when this is dropped.
 #[derive(Debug)]
 pub(super) struct Process {
     pid: Pid,
-    /// When it is to go on, ns, if it is stopped.
-    pub goes_on_at_ns: Option<u64>,
+    /// When it is to resume, ns, if it is stopped.
+    pub resumes_at_ns: Option<u64>,
 }
 
 impl Process {
     pub fn new(pid: Pid) -> Process {
-        Process { pid, goes_on_at_ns: None }
+        Process { pid, resumes_at_ns: None }
     }
 
     pub fn stop(&mut self, until_ns: u64) -> io::Result<()> {
         kill_process(self.pid, Signal::STOP)?;
-        self.goes_on_at_ns = Some(until_ns);
+        self.resumes_at_ns = Some(until_ns);
         Ok(())
     }
 
-    pub fn go_on(&mut self) -> io::Result<()> {
-        self.goes_on_at_ns = None;
+    pub fn resume(&mut self) -> io::Result<()> {
+        self.resumes_at_ns = None;
         Ok(kill_process(self.pid, Signal::CONT)?)
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
-        if self.goes_on_at_ns.is_some() {
+        if self.resumes_at_ns.is_some() {
             // It may have ended meanwhile.
-            drop(self.go_on());
+            drop(self.resume());
         }
     }
 }

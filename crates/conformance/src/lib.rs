@@ -1,15 +1,15 @@
-//! Whether a node keeps the protocol: cases that play its partner on a bus.
+//! Conformance of a node to the protocol: cases that play its partner on a bus.
 //!
-//! A case is a script of what is sent and what must come, or must not, within which time. It is written against a
-//! [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`] are
-//! the demands of `SPEC.md`, and say which no case can see. A node in real time and one in lockstep have lists of their
-//! own.
+//! A case is a script of what is sent and what must, or must not, be received within which time. It is written against
+//! a [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`]
+//! are the demands of `SPEC.md`, and state which ones no case can check. Nodes in real time and in lockstep have
+//! separate lists.
 //!
-//! What is judged on the clock has a margin of [`MARGIN_NS`], for the machine may hold any process up. What a plant
-//! does is judged by the indices of its own samples, which stand still when it does. If the tester was held up itself
-//! for longer than its partner puts up with, a failure is inconclusive, and the case is tried again. So is what the
-//! node under test should have done by the clock, if it was silent meanwhile and then went on: it was stopped itself.
-//! Many short stops add up without such a silence: a node that faults later than it must fails at the third time.
+//! Times by the clock have a margin of [`MARGIN_NS`], for the machine may hold any process up. A plant is judged by the
+//! indices of its own samples, which stop when it is stopped. If the tester itself was held up for longer than its
+//! partner tolerates, a failure is inconclusive, and the case is tried again. So is a delay of the node under test if
+//! it was silent meanwhile and then resumed: it was stopped itself. Many short stops add up without such a silence: a
+//! node that faults too late fails at the third time.
 
 extern crate alloc;
 
@@ -56,45 +56,45 @@ use resonarm_protocol::{EmergencyCode, Network, Node, OperatorRequest};
 use resonarm_session::run::Mode;
 use tester::{Answers, Stop, Tester, ms};
 
-/// How often a case is tried until it says something.
+/// How often a case is tried until it has a result.
 const TRIES: u32 = 5;
 
-/// In how many tries a node must have been slow to be failed for it. Fewer may be the machine's doing: a node that is
-/// held up for many short times is slow without a silence that would tell.
+/// In how many tries a node must be slow to fail. Fewer may be due to the machine: a node that is held up many times
+/// briefly is slow without a noticeable silence.
 const SLOW_TRIES: u32 = 3;
 
-/// What a case says of a node.
+/// The result of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It does what it must.
+    /// The node does what it must.
     Passed,
-    /// It does not, and what it does.
+    /// It does not, with what it does.
     Failed(String),
-    /// It can't be said, and why.
+    /// Undecided, with the reason.
     Inconclusive(String),
-    /// It was not tried, and why.
+    /// Not tried, with the reason.
     Skipped(String),
 }
 
-/// What a case found.
+/// The findings of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// The verdict.
     pub verdict: Verdict,
-    /// What was measured, in words.
+    /// Measurements, in words.
     pub measured: Vec<String>,
-    /// How long it took, ns on the wire's clock, with all tries.
+    /// Duration, ns on the wire's clock, of all tries.
     pub took_ns: u64,
-    /// The longest time for which the tester was held up in the last try, ns.
+    /// The longest hold-up of the tester in the last try, ns.
     pub held_up_ns: u64,
-    /// The longest time in which the node under test said nothing in the last try, between two frames of it, ns.
+    /// The longest silence of the node under test in the last try, between two of its frames, ns.
     pub silent_ns: u64,
-    /// What came from the bus in the last try.
+    /// The frames received in the last try.
     pub traffic: Traffic,
 }
 
 impl Finding {
-    /// Of a case in which the bus was lost.
+    /// The finding of a case in which the bus was lost.
     pub fn lost(error: &BusError) -> Finding {
         let verdict = Verdict::Inconclusive(error.to_string());
         let traffic = Traffic::default();
@@ -102,14 +102,14 @@ impl Finding {
     }
 }
 
-/// What a try came to.
-enum Outcome {
-    /// The node was slow, and nothing says that a process was held up.
+/// The result of one try.
+enum TryResult {
+    /// The node was slow, and nothing indicates that a process was held up.
     Slow(String),
     Judged(Verdict),
 }
 
-/// Runs a case, again if a hold-up keeps it from saying anything or the node was slow, up to five times.
+/// Runs a case, up to five times if a hold-up keeps it from a result or the node was slow.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.
@@ -125,18 +125,18 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
         let traffic = tester.traffic;
         let is_held_up = held_up_ns > held_up_limit_ns(case.mode, case.tested) || silent_ns > silent_limit_ns(case);
         let says_nothing = match &outcome {
-            Outcome::Slow(text) => {
+            TryResult::Slow(text) => {
                 (slow, slow_text) = (slow + 1, text.clone());
                 slow < SLOW_TRIES
             }
-            Outcome::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
+            TryResult::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
         };
         if says_nothing && tries < TRIES {
             continue;
         }
         let verdict = match outcome {
-            Outcome::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
-            Outcome::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
+            TryResult::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
+            TryResult::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
             _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
         };
         let took_ns = wire.now_ns().saturating_sub(start_ns);
@@ -144,7 +144,7 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
     }
 }
 
-/// How long the tester may be held up before a failure says nothing: a plant faults without commands for 20 ms.
+/// How long the tester may be held up before a failure is inconclusive: a plant faults without commands for 20 ms.
 /// In lockstep it waits.
 const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
     match (mode, tested) {
@@ -153,9 +153,9 @@ const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
     }
 }
 
-/// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples every 10
-/// ms at least; an exciter that has none to answer, and a plant that waits in lockstep, sends heartbeats. What is
-/// shorter the margin of the clock covers.
+/// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples at least
+/// every 10 ms; an exciter without samples to answer, and a plant that waits in lockstep, send heartbeats. The margin
+/// of the clock covers shorter silences.
 const fn silent_limit_ns(case: &Case) -> u64 {
     match (case.mode, case.tested) {
         (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,
@@ -163,39 +163,39 @@ const fn silent_limit_ns(case: &Case) -> u64 {
     }
 }
 
-/// One try, after which the node under test is left in peace.
-fn once(case: &Case, tester: &mut Tester) -> Result<Outcome, BusError> {
+/// One try, after which the node under test is released.
+fn once(case: &Case, tester: &mut Tester) -> Result<TryResult, BusError> {
     let outcome = match case.script.run(tester) {
-        Ok(()) => Outcome::Judged(Verdict::Passed),
+        Ok(()) => TryResult::Judged(Verdict::Passed),
         Err(stop) => judge(case, tester, stop)?,
     };
-    unless_gone(part(tester))?;
+    unless_gone(release(tester))?;
     Ok(outcome)
 }
 
-/// What a script that came to a stop says.
-fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<Outcome, BusError> {
+/// The result of a script that stopped early.
+fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<TryResult, BusError> {
     let held_up_ns = tester.held_up_ns;
     Ok(match stop {
         Stop::Bus(error) => return Err(error),
-        Stop::Skipped(text) => Outcome::Judged(Verdict::Skipped(text)),
-        Stop::Inconclusive(text) => Outcome::Judged(Verdict::Inconclusive(text)),
-        Stop::Wrong(text) => Outcome::Judged(Verdict::Failed(text)),
+        Stop::Skipped(text) => TryResult::Judged(Verdict::Skipped(text)),
+        Stop::Inconclusive(text) => TryResult::Judged(Verdict::Inconclusive(text)),
+        Stop::Wrong(text) => TryResult::Judged(Verdict::Failed(text)),
         Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text)
             if held_up_ns > held_up_limit_ns(case.mode, case.tested) =>
         {
             let text = format!("{text}; but the tester was held up for {}", ms(held_up_ns));
-            Outcome::Judged(Verdict::Inconclusive(text))
+            TryResult::Judged(Verdict::Inconclusive(text))
         }
-        Stop::Failed(text) => Outcome::Judged(Verdict::Failed(text)),
+        Stop::Failed(text) => TryResult::Judged(Verdict::Failed(text)),
         Stop::Slow(text) if tester.silent_ns > silent_limit_ns(case) => {
-            Outcome::Judged(Verdict::Inconclusive(as_if_stopped(&text, tester.silent_ns)))
+            TryResult::Judged(Verdict::Inconclusive(as_if_stopped(&text, tester.silent_ns)))
         }
-        Stop::Slow(text) => Outcome::Slow(text),
+        Stop::Slow(text) => TryResult::Slow(text),
         Stop::Late(text) => {
-            let goes_on = unless_gone(tester.goes_on())?.unwrap_or(false);
+            let has_resumed = unless_gone(tester.resumes())?.unwrap_or(false);
             let silent_ns = tester.silent_ns;
-            Outcome::Judged(match goes_on && silent_ns > silent_limit_ns(case) {
+            TryResult::Judged(match has_resumed && silent_ns > silent_limit_ns(case) {
                 true => Verdict::Inconclusive(as_if_stopped(&text, silent_ns)),
                 false => Verdict::Failed(text),
             })
@@ -207,7 +207,7 @@ fn as_if_stopped(text: &str, silent_ns: u64) -> String {
     format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns))
 }
 
-/// Only a bus that is gone ends the verdicts.
+/// Only a lost bus ends the verdicts.
 fn unless_gone<T>(result: Result<T, Stop>) -> Result<Option<T>, BusError> {
     match result {
         Ok(value) => Ok(Some(value)),
@@ -216,8 +216,8 @@ fn unless_gone<T>(result: Result<T, Stop>) -> Result<Option<T>, BusError> {
     }
 }
 
-/// Leaves the node under test in peace.
-fn part(tester: &mut Tester) -> Result<(), Stop> {
+/// Releases the node under test.
+fn release(tester: &mut Tester) -> Result<(), Stop> {
     tester.answers = Answers::None;
     if tester.tested == Node::Plant {
         tester.request(OperatorRequest::Disarm)?;

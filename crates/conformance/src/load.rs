@@ -1,4 +1,4 @@
-//! A bus that others use as well: foreign frames, so many that all frames together take 70 % of it.
+//! Bus load: foreign frames, so many that all frames together take 70 % of the bus.
 
 use resonarm_numeric::noise::Noise;
 use resonarm_protocol::bits::{self, BitRates};
@@ -9,44 +9,44 @@ use super::tester::{MS, Stop, Tester};
 /// The share of the bus that is filled.
 pub(super) const SHARE: f64 = 0.7;
 
-/// Foreign frames for which there was no time, as the tester was held up, are left out beyond this time, ns.
+/// If the tester was held up, foreign frames more than this time behind are omitted, ns.
 const MOST_BEHIND_NS: u64 = 2 * MS;
 
-/// How often the load is looked at, ns.
+/// Interval of checking the load, ns.
 const LOOK_NS: u64 = MS;
 
-/// Which stream of random numbers of a seed is the load's.
+/// The number of the load's stream of random numbers.
 const STREAM: u64 = 1;
 
-/// What is on the bus, in bits of the frames themselves.
+/// The load of the bus, by the bits of the frames themselves.
 #[derive(Debug)]
-pub(super) struct Load {
+pub(super) struct BusLoad {
     rates: BitRates,
     noise: Noise,
-    /// When it began, ns; later if frames were left out.
+    /// When it began, ns; later if frames were omitted.
     start_ns: u64,
     /// How long the frames since then take, ns.
     busy_ns: u64,
     next_ns: u64,
 }
 
-impl Load {
-    pub fn new(bit_rate_hz: u32, seed: u64, now_ns: u64) -> Load {
+impl BusLoad {
+    pub fn new(bit_rate_hz: u32, seed: u64, now_ns: u64) -> BusLoad {
         let rates = BitRates::classical(bit_rate_hz);
-        Load { rates, noise: Noise::new(seed, STREAM), start_ns: now_ns, busy_ns: 0, next_ns: now_ns }
+        BusLoad { rates, noise: Noise::new(seed, STREAM), start_ns: now_ns, busy_ns: 0, next_ns: now_ns }
     }
 
-    /// A frame is on the bus, whoever sends it.
+    /// Counts a frame on the bus, from any sender.
     pub fn count(&mut self, frame: &Frame) {
         self.busy_ns += bits::of(frame).time_ns(self.rates);
     }
 
-    /// When it is looked at next, ns.
+    /// When it is checked next, ns.
     pub fn next_ns(&self) -> u64 {
         self.next_ns
     }
 
-    /// The share of the bus that was taken.
+    /// The share of the bus in use.
     pub fn share(&self, now_ns: u64) -> f64 {
         self.busy_ns as f64 / now_ns.saturating_sub(self.start_ns).max(1) as f64
     }
@@ -66,7 +66,7 @@ impl Load {
     }
 }
 
-/// A frame that is nobody's by SPEC.md and CiA 301: below or above all identifiers in use.
+/// A frame that neither SPEC.md nor CiA 301 uses: below or above all identifiers in use.
 fn foreign(noise: &mut Noise) -> Result<Frame, FrameError> {
     let (choice, data) = (noise.bits(), noise.bits().to_le_bytes());
     let id = if choice & 1 == 0 { 0x001 + (choice >> 1) % 0x7F } else { 0x7F0 + (choice >> 1) % 0x10 };
@@ -90,10 +90,10 @@ impl Tester<'_> {
 pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
     let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
         return Err(Stop::Skipped(alloc::string::String::from(
-            "no bit rate is given (--bit-rate-hz), so that nobody knows what 70 % of the bus is",
+            "no bit rate is given (--bit-rate-hz), so 70 % of the bus is not known",
         )));
     };
-    t.load = Some(Load::new(bit_rate_hz, t.settings.seed, t.now_ns()));
+    t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));
     let result = script(t);
     let now_ns = t.now_ns();
     if let Some(load) = t.load.take() {

@@ -1,4 +1,4 @@
-//! What nodes must do in lockstep, where the plant waits for the answer to each sample.
+//! Cases for lockstep, where the plant waits for the answer to each sample.
 
 use alloc::format;
 
@@ -10,7 +10,7 @@ use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inc
 use resonarm_protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState, Refusal};
 
-/// Holds the force, and then leaves a sample unanswered: its index.
+/// Holds the force, and then leaves a sample unanswered: returns its index.
 fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
     meet(t)?;
     arm(t, Answers::Force(t.settings.force_n))?;
@@ -26,16 +26,16 @@ fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
     }
 }
 
-/// No sample goes out before the one before it is answered, and none is left out.
+/// No sample is sent before the one before it is answered, and none is left out.
 pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     let from = t.heard.len();
     t.run_ns(2 * MARGIN_NS)?;
     stays_at(t, from, sample, "without an answer")?;
-    goes_on(t, sample)
+    continues(t, sample)
 }
 
-/// Only the command for the very sample counts.
+/// Only the command for this very sample counts.
 pub(super) fn plant_takes_no_other(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     for by in [-1, 1] {
@@ -45,18 +45,18 @@ pub(super) fn plant_takes_no_other(t: &mut Tester) -> Result<(), Stop> {
         let other = sample.wrapping_add_signed(by);
         stays_at(t, from, sample, &format!("for the command that answers sample {other}"))?;
     }
-    goes_on(t, sample)
+    continues(t, sample)
 }
 
 fn stays_at(t: &Tester, from: usize, sample: u16, why: &str) -> Result<(), Stop> {
     match forces(t, from).next() {
-        Some((next, _)) => failed(format!("it waits at sample {sample}, and goes on to {next} {why}")),
+        Some((next, _)) => failed(format!("it waits at sample {sample}, and continues with {next} {why}")),
         None => Ok(()),
     }
 }
 
-/// Answered, it goes on without a gap.
-fn goes_on(t: &mut Tester, sample: u16) -> Result<(), Stop> {
+/// Once answered, it continues without a gap.
+fn continues(t: &mut Tester, sample: u16) -> Result<(), Stop> {
     let from = t.heard.len();
     t.answers = Answers::Force(t.settings.force_n);
     t.answer_with(t.answers, sample)?;
@@ -64,13 +64,13 @@ fn goes_on(t: &mut Tester, sample: u16) -> Result<(), Stop> {
     for (n, (index, _)) in forces(t, from).enumerate() {
         let expected = sample.wrapping_add(1 + n as u16);
         if index != expected {
-            return failed(format!("sample {index} came where {expected} was to come"));
+            return failed(format!("sample {index} came instead of {expected}"));
         }
     }
     Ok(())
 }
 
-/// Without an answer it faults after a second, and the ramp has its samples.
+/// Without an answer it faults after a second, and samples show the ramp.
 pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     leave_unanswered(t)?;
     let from = t.heard.len();
@@ -79,8 +79,8 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     ramps(t, from, e.sample)
 }
 
-/// An exciter whose command was refused gives up for want of samples: the plant tells the refusal.
-pub(super) fn plant_tells_refusal(t: &mut Tester) -> Result<(), Stop> {
+/// An exciter whose command was refused gives up for lack of samples: the plant reports the refusal.
+pub(super) fn plant_reports_refusal(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     t.answer_with(Answers::Shifted(t.settings.force_n, -1), sample)?;
     t.run_ns(MARGIN_NS)?;
@@ -93,7 +93,7 @@ pub(super) fn plant_tells_refusal(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// This emergency comes a second after the last message that the node waited for was sent, and not before.
+/// The emergency is sent a second after the last message that the node waited for, not earlier.
 fn times_out(t: &mut Tester, sent_ns: u64, code: EmergencyCode) -> Result<Emergency, Stop> {
     let within_ns = LOCKSTEP_TIMEOUT_NS + 2 * MARGIN_NS;
     let Some((heard, e)) = t.wait_for_emergency(within_ns)? else {
@@ -101,7 +101,7 @@ fn times_out(t: &mut Tester, sent_ns: u64, code: EmergencyCode) -> Result<Emerge
     };
     let took_ns = heard.at_ns.saturating_sub(sent_ns);
     if e.code != code {
-        return failed(format!("in place of {code} it says: {e}"));
+        return failed(format!("instead of {code} it says: {e}"));
     }
     t.note(format!("fault after {}", ms(took_ns)));
     if took_ns < LOCKSTEP_TIMEOUT_NS {
@@ -110,7 +110,7 @@ fn times_out(t: &mut Tester, sent_ns: u64, code: EmergencyCode) -> Result<Emerge
     Ok(e)
 }
 
-/// Each sample is answered once, and brings the next.
+/// Each sample is answered once, and leads to the next.
 pub(super) fn exciter_answers(t: &mut Tester) -> Result<(), Stop> {
     begin_with(t, Samples::Awaited)?;
     let from = t.heard.len();
@@ -128,7 +128,7 @@ pub(super) fn exciter_answers(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// A plant that takes its time is no fault.
+/// A slow plant is not a fault.
 pub(super) fn exciter_waits(t: &mut Tester) -> Result<(), Stop> {
     begin_with(t, Samples::Awaited)?;
     for _ in 0..2 {
@@ -140,13 +140,13 @@ pub(super) fn exciter_waits(t: &mut Tester) -> Result<(), Stop> {
         t.source.begin(Samples::Awaited);
         t.run_ns(MARGIN_NS)?;
         if commands(t, from).is_empty() {
-            return late("it doesn't go on with the samples after a pause");
+            return late("it doesn't continue with the samples after a pause");
         }
     }
     Ok(())
 }
 
-/// A plant that is silent for a second is.
+/// A plant that is silent for a second is a fault.
 pub(super) fn exciter_timeout(t: &mut Tester) -> Result<(), Stop> {
     begin_with(t, Samples::Awaited)?;
     t.source.begin(Samples::Off);
@@ -154,6 +154,6 @@ pub(super) fn exciter_timeout(t: &mut Tester) -> Result<(), Stop> {
     times_out(t, t.source.sent_ns, EmergencyCode::SensorTimeout)?;
     match t.heard[from..].iter().filter(|heard| emergency(&heard.message).is_some()).count() {
         1 => Ok(()),
-        n => failed(format!("it tells its fault {n} times")),
+        n => failed(format!("it reports its fault {n} times")),
     }
 }

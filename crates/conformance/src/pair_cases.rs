@@ -1,15 +1,15 @@
-//! Two samples a frame, in the FD profile: both nodes must be able to, and say so.
+//! Two samples per frame, in the FD profile, if both nodes state that they can.
 
 use alloc::format;
 use alloc::vec::Vec;
 
-use super::exciter_role::{begin_with, commands, greet};
+use super::exciter_role::{begin_with, commands, exchange_hellos};
 use super::plant_role::{arm, forces, hold, meet};
 use super::source::Samples;
 use super::tester::{Answers, MS, Stop, Tester, failed, late, skipped};
 use resonarm_protocol::{Message, SamplesPerFrame};
 
-/// Skipped, unless the last capabilities of the node under test say that it can.
+/// Skips the case unless the last capabilities of the node under test state it.
 fn can(t: &Tester) -> Result<(), Stop> {
     let said = t.heard.iter().rev().find_map(|heard| match heard.message {
         Message::Capabilities(capabilities) => Some(capabilities.samples_per_frame),
@@ -17,11 +17,11 @@ fn can(t: &Tester) -> Result<(), Stop> {
     });
     match said {
         Some(SamplesPerFrame::Two) => Ok(()),
-        _ => skipped("its capabilities don't say that it can"),
+        _ => skipped("its capabilities don't state it"),
     }
 }
 
-/// A plant that can, armed by an exciter that can, sends pairs without a gap, and takes the answer to the second.
+/// A plant that can, armed by an exciter that can, sends pairs without a gap, and accepts the answer to the second.
 pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     t.samples_per_frame = SamplesPerFrame::Two;
     meet(t)?;
@@ -45,7 +45,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
             let (index, samples) = (frame.0, frame.1 as u8);
             let wanted = wanted.0;
             return failed(format!(
-                "a frame of {samples} samples from {index} on came where the pair from {wanted} on was to come"
+                "a frame of {samples} samples from {index} on came instead of the pair from {wanted} on"
             ));
         }
     }
@@ -68,7 +68,7 @@ fn indices(message: &Message) -> Option<(u16, SamplesPerFrame)> {
 /// An exciter that can answers the second of a pair, once.
 pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     t.samples_per_frame = SamplesPerFrame::Two;
-    greet(t)?;
+    exchange_hellos(t)?;
     // Its capabilities follow its hello.
     t.run_ns(100 * MS)?;
     can(t)?;

@@ -1,10 +1,10 @@
-//! What a plant must do: samples, state table, times, commands that act.
+//! Cases for a plant: samples, state table, times, commands that act.
 
 use alloc::format;
 use alloc::vec::Vec;
 
 use super::damage::Damage;
-use super::plant_role::{arm, drive, forces, greet, hold, instead, meet, run_samples, samples, timeout_ns};
+use super::plant_role::{arm, drive, exchange_hellos, forces, hold, instead, meet, run_samples, samples, timeout_ns};
 use super::refusal_cases;
 use super::tester::{
     Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, skipped,
@@ -16,40 +16,41 @@ use resonarm_protocol::{
     Profile,
 };
 
-/// A heartbeat that must come at once may come so much later by the plant's samples, ns: an adapter takes some ms to
-/// hand over a request, and a plant without commands faults after this time.
+/// How much later a heartbeat that must be sent at once may come, by the plant's samples, ns: an adapter takes some ms
+/// to pass a request on, and a plant without commands faults after this time.
 const AT_ONCE_NS: u64 = COMMAND_TIMEOUT_NS;
 /// How long a plant is stopped, ns: longer than any of its timeouts.
 const STOP_NS: u64 = 400 * MS;
 
-/// Every frame passes the protocol's checks; samples are whole and without a gap.
+/// Every frame passes the protocol's checks; samples are complete and without a gap.
 pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     let from = t.heard.len();
     t.run_ns(300 * MS)?;
     t.check_frames()?;
     let kinds = [MessageKind::Head, MessageKind::AccelerometerB, MessageKind::AccelerometerC];
-    let parts: Vec<(MessageKind, u16)> = t.heard[from..].iter().filter_map(|heard| part(&heard.message)).collect();
+    let frames: Vec<(MessageKind, u16)> =
+        t.heard[from..].iter().filter_map(|heard| sample_frame(&heard.message)).collect();
     let wanted: &[MessageKind] = match t.network.profile() {
         Profile::Classic => &kinds,
         Profile::Fd => &[MessageKind::Sensors],
     };
-    let Some(first) = parts.iter().position(|(kind, _)| *kind == wanted[0]) else {
+    let Some(first) = frames.iter().position(|(kind, _)| *kind == wanted[0]) else {
         return late("no samples within 300 ms");
     };
-    let start = parts[first].1;
-    for (n, (kind, index)) in parts[first..].iter().enumerate() {
+    let start = frames[first].1;
+    for (n, (kind, index)) in frames[first..].iter().enumerate() {
         let expected = (wanted[n % wanted.len()], start.wrapping_add((n / wanted.len()) as u16));
         if (*kind, *index) != expected {
             let (wanted, sample) = expected;
-            return failed(format!("{kind} with index {index} came where {wanted} with index {sample} was to come"));
+            return failed(format!("{kind} with index {index} came instead of {wanted} with index {sample}"));
         }
     }
-    t.note(format!("{} frames", parts.len()));
+    t.note(format!("{} frames", frames.len()));
     Ok(())
 }
 
-fn part(message: &Message) -> Option<(MessageKind, u16)> {
+fn sample_frame(message: &Message) -> Option<(MessageKind, u16)> {
     let sample = match message {
         Message::Head(head) => head.sample,
         Message::AccelerometerB(a) | Message::AccelerometerC(a) => a.sample,
@@ -59,7 +60,7 @@ fn part(message: &Message) -> Option<(MessageKind, u16)> {
     Some((message.kind(), sample))
 }
 
-/// Without a hello that fits it is not armed, and says why.
+/// Without a hello that fits it does not arm, and states why.
 pub(super) fn arms_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     t.boot()?;
@@ -131,7 +132,7 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
 /// In fault it follows a reset, also if it is in fault from the beginning.
 pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     use NodeState::{Fault, Operational, PreOperational};
-    greet(t)?;
+    exchange_hellos(t)?;
     t.request(OperatorRequest::Disarm)?;
     t.run_ns(HEARTBEAT_TIMEOUT_NS)?;
     if t.last_state() == Some(Fault) {
@@ -160,11 +161,11 @@ fn becomes(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     t.expect_state(MARGIN_NS, state, format!("no heartbeat {state} within {}", ms(MARGIN_NS)))
 }
 
-/// The heartbeat of a state came at once after a place in the log: by the samples of the plant, which stand still when
-/// it is stopped. A request is on its way for some, and a plant that catches up makes 3 at once.
+/// The heartbeat of a state was sent at once after index `from` of the log: by the plant's samples, which stop when it
+/// is stopped. A request takes some samples to arrive, and a plant that catches up makes 3 at once.
 fn at_once(t: &mut Tester, from: usize, what: &str, state: NodeState) -> Result<(), Stop> {
-    let told = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)).unwrap_or(0);
-    let late = t.heard[from..from + told].iter().filter(|heard| is_sample(&heard.message)).count();
+    let said = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)).unwrap_or(0);
+    let late = t.heard[from..from + said].iter().filter(|heard| is_sample(&heard.message)).count();
     let most = samples(t, AT_ONCE_NS) + 4 + samples(t, t.held_up_ns);
     t.note(format!("{late} samples before its heartbeat {state}"));
     match late > usize::from(most) {
@@ -177,7 +178,7 @@ fn is_sample(message: &Message) -> bool {
     matches!(message, Message::Head(_) | Message::Sensors(_))
 }
 
-/// Frames of a network with another base are none for it.
+/// The plant ignores the frames of a network with another base.
 pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     t.boot()?;
@@ -192,7 +193,7 @@ pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
     refusal_cases::damaged(t, Damage::Base)
 }
 
-/// Stopped for longer than its timeouts, it takes up its work where it was.
+/// Stopped for longer than its timeouts, it resumes its work.
 pub(super) fn stopped(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
@@ -205,7 +206,7 @@ pub(super) fn stopped(t: &mut Tester) -> Result<(), Stop> {
     }
     match forces(t, from).last() {
         Some(_) => Ok(()),
-        None => late("it doesn't go on after it was stopped"),
+        None => late("it doesn't resume after it was stopped"),
     }
 }
 
@@ -239,7 +240,7 @@ const fn named(request: OperatorRequest) -> &'static str {
     }
 }
 
-/// The head reads what was commanded, both ways.
+/// The head reads the commanded force, in both directions.
 pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     for force_n in [t.settings.force_n, -t.settings.force_n] {
@@ -253,7 +254,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Before it is armed no command acts.
+/// Before arming no command acts.
 pub(super) fn not_armed(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     let from = t.heard.len();
@@ -268,7 +269,7 @@ pub(super) fn not_armed(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// Silence of the exciter: fault in 20 ms, zero in another 50 ms, by the plant's own samples.
+/// Silence of the exciter: fault within 20 ms, zero within another 50 ms, by the plant's own samples.
 pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     t.answers = Answers::None;
@@ -279,7 +280,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
         return instead(&e, "without commands");
     }
     let (age, wanted) = (e.sample.wrapping_sub(last), samples(t, COMMAND_TIMEOUT_NS));
-    // A plant that catches up makes up to 3 samples at once; the last command may be late by what held the tester up.
+    // A plant that catches up makes up to 3 samples at once; the last command may be late by the tester's hold-up.
     let most = wanted + 4 + samples(t, t.held_up_ns);
     if age + 1 < wanted || age > most {
         return failed(format!("it faults {age} samples after the last command, not {wanted} to {most}"));
@@ -297,7 +298,7 @@ pub(super) fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
     }
 }
 
-/// Disarmed, what was held goes to zero in equal steps.
+/// When disarmed, the load held goes to zero in equal steps.
 pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
@@ -308,10 +309,10 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     ramps(t, from, left_at)
 }
 
-/// The ramp from the sample at which operational was left.
+/// The ramp from the sample at which the plant left operational.
 pub(super) fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Stop> {
     let (force_n, steps) = (t.settings.force_n, samples(t, FORCE_RAMP_NS));
-    // The wire tells when the state was left to a few samples.
+    // On the wire, the end of operational is known to a few samples.
     let slack_n = force_n * (0.15 + 3.0 / f64::from(steps));
     let mut after = 0;
     for (sample, read_n) in forces(t, from) {
@@ -343,13 +344,13 @@ pub(super) fn partner_fault(t: &mut Tester) -> Result<(), Stop> {
             return instead(&e, &format!("after the exciter's heartbeat {state}"));
         }
         if t.wait_for_emergency(HEARTBEAT_TIMEOUT_NS)?.is_some() {
-            return failed("it tells its fault more than once");
+            return failed("it reports its fault more than once");
         }
     }
     Ok(())
 }
 
-/// The exciter leaves: disarmed, and its hello forgotten.
+/// The exciter leaves: the plant disarms, and forgets its hello.
 pub(super) fn exciter_leaves(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     t.is_alive = false;
@@ -372,7 +373,7 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
     let Ok(frame) = t.stranger().frame(&hello) else { return inconclusive("the tester can't make a hello") };
     t.send_frame(&frame)?;
     let identifier = MessageKind::PlantHello.id(t.network);
-    let text = "it doesn't mind its own hello from another node";
+    let text = "it ignores its own hello from another node";
     match t.expect_emergency(MARGIN_NS, EmergencyCode::SecondSender, text)? {
         (_, e) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
         (_, e) => failed(format!("hearing its own hello from another node it says: {e}")),

@@ -1,4 +1,4 @@
-//! What the cases about a plant do again and again: meet it, arm it, read its force.
+//! Steps shared by the cases for a plant: exchange hellos, arm it, read its force.
 
 use alloc::format;
 
@@ -8,8 +8,8 @@ use resonarm_protocol::{
     Emergency, EmergencyCode, Hello, Message, MessageKind, NodeState, OperatorRequest, SensorPair, SensorValues, Trip,
 };
 
-/// The tester boots, and hears what the plant says of itself.
-pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
+/// The tester boots, and waits for the plant's hello.
+pub(super) fn exchange_hellos(t: &mut Tester) -> Result<Hello, Stop> {
     let give_up_ns = t.now_ns() + t.settings.patience_ns;
     while t.now_ns() < give_up_ns && !t.refuses(MessageKind::PlantHello) {
         t.boot()?;
@@ -17,7 +17,7 @@ pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
         let heard =
             t.wait_for(t.settings.patience_ns.min(1000 * MS), |message| matches!(message, Message::PlantHello(_)))?;
         if let Some(Heard { message: Message::PlantHello(hello), .. }) = heard {
-            // A new tester speaks as the plant does.
+            // A new tester copies the plant's version and rate.
             t.hello = Hello::new(t.network.profile(), hello.rate_hz);
             t.send_hello()?;
             return Ok(hello);
@@ -31,7 +31,7 @@ pub(super) fn greet(t: &mut Tester) -> Result<Hello, Stop> {
 
 /// Meets a plant and brings it to pre-operational, with no load.
 pub(super) fn meet(t: &mut Tester) -> Result<(), Stop> {
-    greet(t)?;
+    exchange_hellos(t)?;
     t.request(OperatorRequest::Reset)?;
     t.request(OperatorRequest::Disarm)?;
     if t.wait_for_state(HEARTBEAT_TIMEOUT_NS, NodeState::PreOperational)?.is_none() {
@@ -43,7 +43,7 @@ pub(super) fn meet(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(100 * MS)
 }
 
-/// Arms the plant while its samples are answered like this.
+/// Arms the plant; its samples are answered like this.
 pub(super) fn arm(t: &mut Tester, answers: Answers) -> Result<(), Stop> {
     t.answers = answers;
     t.request(OperatorRequest::Arm)?;
@@ -65,7 +65,7 @@ pub(super) fn drive(t: &mut Tester) -> Result<(), Stop> {
     hold(t)
 }
 
-/// Lets the plant hold what it is told for 60 ms, and at least 10 samples, by its own samples.
+/// Lets the plant hold its command for 60 ms, and at least 10 samples, by its own samples.
 pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     run_samples(t, samples(t, 60 * MS).max(10))?;
@@ -75,7 +75,7 @@ pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// Another emergency than the one that must come, when it came. A trip at the travel is none of the case's doing.
+/// Judges an emergency other than the required one. A trip at the travel is not the case's doing.
 pub(super) fn instead<T>(e: &Emergency, when: &str) -> Result<T, Stop> {
     if (e.code, e.detail) == (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
         return inconclusive(format!("{when} it says: {e}; let the arm come to rest first, or use less --force-n"));
@@ -100,17 +100,17 @@ pub(super) fn period_ns(t: &Tester) -> u64 {
     resonarm_protocol::timing::sample_period_ns(t.hello.rate_hz)
 }
 
-/// How many samples there are in a time, rounded up.
+/// The number of samples in a time, rounded up.
 pub(super) fn samples(t: &Tester, ns: u64) -> u16 {
     u16::try_from(ns.div_ceil(period_ns(t))).unwrap_or(u16::MAX)
 }
 
-/// The longest that a plant is waited for until it faults for want of commands, ns.
+/// The longest wait for a plant to fault for lack of commands, ns.
 pub(super) fn timeout_ns(t: &Tester) -> u64 {
     COMMAND_TIMEOUT_NS + 4 * period_ns(t) + MARGIN_NS
 }
 
-/// The forces along x that came from a place in the log on: index of the sample, N.
+/// The forces along x received from index `from` of the log on: index of the sample, N.
 pub(super) fn forces(t: &Tester<'_>, from: usize) -> impl Iterator<Item = (u16, f64)> {
     t.heard[from..].iter().flat_map(|heard| {
         let along_x = |values: SensorValues| values.force_n[0].value;

@@ -9,17 +9,17 @@ use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, ski
 use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
 
-/// What is beyond the limit that a plant states, as a multiple of it: a plant that takes it all the same is driven
-/// hardly more than it can be.
+/// How far a command is beyond the limit that a plant states, as a multiple of it: a plant that accepts it all the same
+/// is driven hardly more than it can be.
 const BEYOND_STATED: f64 = 1.01;
 
-/// In this time the force rises that drives a plant beyond its travel, ns: short, for a process that is stopped
-/// meanwhile ends the try.
+/// Time over which the force rises that drives a plant beyond its travel, ns: short, since a stop of the process ends
+/// the try.
 const SLOPE_NS: u64 = 250 * MS;
-/// How long a plant is driven so until it should be beyond it, ns.
+/// How long the force is applied for the plant to exceed its travel, ns.
 const TRAVEL_NS: u64 = 5_000 * MS;
 
-/// Damaged frames in place of commands.
+/// Damaged frames instead of commands.
 pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
@@ -33,17 +33,17 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     }
 }
 
-/// Commands that answer an older sample than they may, from arming on.
+/// Commands for a sample that is too old, from arming on.
 pub(super) fn old(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     let limit = samples(t, COMMAND_AGE_NS) as i16;
     shifted(t, -(limit + 1))
 }
 
-/// Commands that answer a sample still to come, from arming on.
+/// Commands for a future sample, from arming on.
 pub(super) fn early(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
-    // Further than the plant gets on while a command is on its way.
+    // Further than the plant advances while a command is on its way.
     shifted(t, 1000)
 }
 
@@ -72,8 +72,8 @@ pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
     says(&emergency, &[Refusal::OutOfOrder, Refusal::Late])
 }
 
-/// Commands larger than the plant's exciter can produce. Without a force that is given, little more than the limit that
-/// the plant states in the FD profile.
+/// Commands larger than the plant's exciter can produce. If no force is given, slightly more than the limit that the
+/// plant states in the FD profile.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let none = "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it";
     if t.settings.beyond_n.is_none() && t.network.profile() == Profile::Classic {
@@ -94,7 +94,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     says(&emergency, &[Refusal::OutOfRange])
 }
 
-/// Commands that change the load in a sample period by more than the plant takes.
+/// Commands that change the load in a sample period by more than the plant accepts.
 pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n_per_s) = t.settings.beyond_n_per_s else {
         return skipped("no rate of change is given that the plant must refuse (--beyond-n-per-s)");
@@ -122,14 +122,14 @@ pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
     says(&emergency, &[Refusal::RateOfChange])
 }
 
-/// A slope to a force with which the arm goes beyond the plant's travel.
+/// A ramp to a force with which the arm exceeds the plant's travel.
 pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n) = t.settings.beyond_travel_n else {
         return skipped("no force is given that drives the plant beyond a travel (--beyond-travel-n)");
     };
     meet(t)?;
     let (from, force_n) = (t.heard.len(), t.settings.force_n);
-    // An arm that still rings from an earlier try may be beyond the travel at once.
+    // An arm that still rings from an earlier try may exceed the travel at once.
     arm(t, Answers::Force(force_n))?;
     let word = |heard: &Heard| emergency(&heard.message);
     let mut tripped = None;
@@ -148,18 +148,18 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
         None => t.expect_emergency(TRAVEL_NS, EmergencyCode::ExciterTripped, text)?.1,
     };
     if (tripped.code, tripped.detail) != (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
-        return failed(format!("in place of a trip at its travel it says: {tripped}"));
+        return failed(format!("instead of a trip at its travel it says: {tripped}"));
     }
     run_samples(t, 12)?;
-    // What was held at the sample that is named may still be read: a converter with a filter reads up to five holds.
+    // The load held at the sample named may still be read: a converter with a filter reads up to five holds.
     let is_after = |sample: u16| (6..1 << 15).contains(&sample.wrapping_sub(tripped.sample));
     match forces(t, from).find(|(sample, read_n)| is_after(*sample) && read_n.abs() > 0.2 * force_n) {
-        Some((sample, read_n)) => failed(format!("it goes on: the head reads {read_n:.2} N at sample {sample}")),
+        Some((sample, read_n)) => failed(format!("it still acts: the head reads {read_n:.2} N at sample {sample}")),
         None => Ok(()),
     }
 }
 
-/// The plant faults for want of commands, and what it is sent meanwhile doesn't act.
+/// The plant faults for lack of commands, and the commands sent meanwhile don't act.
 fn starves(t: &mut Tester, from: usize) -> Result<Emergency, Stop> {
     let within_ns = timeout_ns(t);
     let text = format!("it feeds the timeout: no fault within {}", ms(within_ns));
@@ -170,11 +170,11 @@ fn starves(t: &mut Tester, from: usize) -> Result<Emergency, Stop> {
     }
     match word? {
         (_, e) if e.code == EmergencyCode::CommandTimeout => Ok(e),
-        (_, e) => instead(&e, "in place of a command timeout"),
+        (_, e) => instead(&e, "instead of a command timeout"),
     }
 }
 
-/// The reason in the emergency.
+/// Checks the reason in the emergency.
 fn says(emergency: &Emergency, reasons: &[Refusal]) -> Result<(), Stop> {
     match Refusal::from_detail(emergency.detail) {
         (1.., Some(reason)) if reasons.contains(&reason) => Ok(()),

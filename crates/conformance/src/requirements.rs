@@ -1,13 +1,13 @@
-//! The demands of `SPEC.md`, by the marks that number them there.
+//! The demands of `SPEC.md`, by their numbers there.
 
 /// A demand of the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Requirement {
-    /// Its mark in `SPEC.md`: the section, and a number within it.
+    /// Its number in `SPEC.md`: the section, and a number within it.
     pub id: &'static str,
-    /// What is demanded, in short.
+    /// A summary of the demand.
     pub text: &'static str,
-    /// How it is known whether a node keeps it.
+    /// How it is checked.
     pub check: Check,
 }
 
@@ -16,7 +16,7 @@ pub struct Requirement {
 pub enum Check {
     /// By the cases that name it.
     Cases,
-    /// By no case of this program, for this reason.
+    /// Not by a case of this program, for this reason.
     Elsewhere(&'static str),
 }
 
@@ -39,10 +39,10 @@ pub const REQUIREMENTS: [Requirement; 55] = [
     untested(
         "R-1.3",
         "no OperatorCommand of the exciter beside a station's",
-        "the bus doesn't tell who sent a request",
+        "the bus doesn't show who sent a request",
     ),
     tested("R-1.4", "a second sender of the node's messages is a fault"),
-    tested("R-2.1", "each message has a counter of its own, which goes on by 1"),
+    tested("R-2.1", "each message has its own counter, which steps by 1"),
     tested("R-2.2", "repeated counters and jumps of 5 or more are refused"),
     untested(
         "R-2.3",
@@ -68,7 +68,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
     ),
     tested("R-4.1", "no command of an exciter is beyond the limits of its capabilities"),
     tested("R-5.1", "the table of states"),
-    tested("R-5.2", "a change of state is told at once, a fault after its emergency"),
+    tested("R-5.2", "a change of state is reported at once, a fault after its emergency"),
     tested("R-5.3", "the plant arms only for a hello that fits"),
     tested("R-5.4", "the exciter begins only after a hello that fits"),
     tested("R-6.1", "a heartbeat at least every 100 ms"),
@@ -79,7 +79,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
     tested("R-6.5", "in real time at least 100 samples a second"),
     untested(
         "R-6.7",
-        "of timeouts that pass together bus loss is told before the others, and heartbeat lost last",
+        "of timeouts that pass together bus loss is reported before the others, and heartbeat lost last",
         "which timeouts pass at one look of a node is chance on a bus",
     ),
     tested("R-7.1", "the first hello of a partner that has booted is answered at once"),
@@ -88,7 +88,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
     untested(
         "R-7.4",
         "an exciter in fault resets no plant",
-        "the bus doesn't tell its requests from those of an operator's station",
+        "the bus doesn't distinguish its requests from those of an operator's station",
     ),
     tested("R-8.1", "a sample's messages, in their order, with one index that has no gap"),
     tested("R-8.2", "a whole sample is answered with its index, an incomplete one is not"),
@@ -116,12 +116,12 @@ pub const REQUIREMENTS: [Requirement; 55] = [
         "an exciter that ends asks for the disarm until the plant has answered, and commands no more",
         "the bus can't end the work of an exciter whose plant stays armed",
     ),
-    tested("R-8.25", "in lockstep a plant whose exciter gives up tells why it refused the last commands"),
-    tested("R-9.1", "a fault is told once, then the state is fault"),
+    tested("R-8.25", "in lockstep a plant whose exciter gives up reports why it refused the last commands"),
+    tested("R-9.1", "a fault is reported once, then the state is fault"),
     untested(
         "R-9.2",
         "after code 7, and code 14 of a shaker, a plant must be started again",
         "the bus can't make a simulation fail, and a plant whose shaker has tripped is gone for the cases after it",
     ),
-    tested("R-9.3", "of several reasons why a hello doesn't fit the first is told"),
+    tested("R-9.3", "of several reasons why a hello doesn't fit the first is reported"),
 ];

@@ -1,4 +1,4 @@
-//! Readings that were clipped: a plant marks them, and an exciter takes the samples that have them.
+//! Clipped readings: a plant marks them, and an exciter accepts samples that have them.
 
 use alloc::format;
 use alloc::string::String;
@@ -15,7 +15,7 @@ pub(super) const FORCE_END_N: f64 = 32_767.0 / 50.0;
 pub(super) const ACCELERATION_END_M_S2: f64 = 32_767.0 / 20.0;
 /// The end of the range of the FD profile.
 const SINGLE_END: f64 = f32::MAX as f64;
-/// What a reading at the end is at least, as a share of it: half a count less.
+/// Readings from this share of the range's end on count as being at the end: half a count less.
 const AT_THE_END: f64 = 1.0 - 0.5 / 32_767.0;
 
 /// A reading, the end of its range, and its flag.
@@ -64,7 +64,7 @@ fn singles(values: &SensorValues) -> Vec<Marked> {
     all.map(|measured| (measured.value, SINGLE_END, measured.saturated)).collect()
 }
 
-/// Samples whose readings are clipped are whole: they are answered, or the plant is disarmed.
+/// Samples with clipped readings are complete: they are answered, or the plant is disarmed.
 pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let (from, first) = (t.heard.len(), t.source.index);

@@ -1,31 +1,31 @@
-//! What the cases are given.
+//! The settings of the cases.
 
 use super::tester::MS;
 
-/// What the cases are given.
+/// The settings of the cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// The force that is commanded along x of a plant, N; along it, −x too.
+    /// The force commanded along x of a plant, N, and along −x.
     pub force_n: f64,
-    /// A force that the plant must refuse for its size, N, if one is to be tried.
+    /// A force that the plant must refuse as too large, N, if this is to be tried.
     pub beyond_n: Option<f64>,
-    /// A rate of change of the force that the plant must refuse, N/s, if one is to be tried.
+    /// A rate of change of the force that the plant must refuse, N/s, if this is to be tried.
     pub beyond_n_per_s: Option<f64>,
-    /// A force along x that drives the plant beyond its largest travel, N, if it is to be tried.
+    /// A force along x that drives the plant beyond its largest travel, N, if this is to be tried.
     pub beyond_travel_n: Option<f64>,
-    /// How long a node under test is waited for, ns.
+    /// How long to wait for a node under test, ns.
     pub patience_ns: u64,
-    /// Which bit of the first damaged frame is wrong, and the seed of what is drawn.
+    /// Which bit of the first damaged frame is wrong, and the seed of random numbers.
     pub seed: u64,
     /// The bit rate of the bus, Hz, if it is to be loaded.
     pub bit_rate_hz: Option<u32>,
-    /// How long good and bad frames are drawn at random, ns; 0 is not at all.
+    /// How long good and bad frames are sent at random, ns; 0 means not at all.
     pub soak_ns: u64,
-    /// What an exciter is set to command, if it is known.
+    /// The sine that an exciter is set to command, if known.
     pub sine: Option<ExpectedSine>,
 }
 
-/// A sine that an exciter is set to command, after a ramp of its own, alone.
+/// A sine that an exciter is set to command, alone, after its own ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedSine {
     /// Its frequency, Hz.
@@ -34,7 +34,7 @@ pub struct ExpectedSine {
     pub amplitude: SineAmplitude,
 }
 
-/// What the sine is of.
+/// The quantity of the sine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SineAmplitude {
     /// A force along x, N.

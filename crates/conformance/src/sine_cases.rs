@@ -1,4 +1,4 @@
-//! How large an exciter's commands are: within its own limits, and as large as it is set to.
+//! The size of an exciter's commands: within its own limits, and as set.
 
 use alloc::format;
 use alloc::string::String;
@@ -10,20 +10,20 @@ use super::settings::{ExpectedSine, SineAmplitude};
 use super::tester::{Heard, MS, Stop, Tester, failed, inconclusive, is_state, late, ms, skipped};
 use resonarm_protocol::{ForceCommand, Message, NodeState, Profile, TorqueCommand};
 
-/// How long commands are watched, ns.
+/// How long commands are observed, ns.
 const WATCH_NS: u64 = 1000 * MS;
-/// What the limits of the capabilities are rounded by, as a share of them: singles.
+/// Rounding of the limits in the capabilities, which are singles, as a share of them.
 const ROUNDING: f64 = 1e-6;
-/// How far amplitude, and what isn't of the sine, may be off, as a share of the amplitude expected.
+/// Tolerance of the amplitude, and of the remainder, as a share of the expected amplitude.
 const TOLERANCE: f64 = 0.05;
 /// The shortest time over which a sine is fitted, ns, and the fewest periods.
 const BLOCK_NS: u64 = 200 * MS;
 const BLOCK_PERIODS: f64 = 3.0;
-/// The fewest commands in it.
+/// The fewest commands in a block.
 const BLOCK_COMMANDS: usize = 10;
-/// Amplitudes of blocks one after another that differ by less than this share have settled.
+/// The amplitude has settled when successive blocks differ by less than this share.
 const SETTLED: f64 = 0.005;
-/// The least amplitude of a command that isn't none.
+/// The smallest amplitude that counts as a command.
 const NONE: f64 = 1e-9;
 
 /// The commands are within the limits that its capabilities state.
@@ -61,10 +61,10 @@ pub(super) fn own_limits(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// What is commanded along an axis, at the times of the samples, s.
+/// The commands along an axis, at the times of the samples, s.
 type Points = Vec<(f64, f64)>;
 
-/// A sine fitted to points: its amplitude, and the root mean square of the rest, constants apart.
+/// A sine fitted to points: its amplitude, and the root mean square of the residual without constants.
 #[derive(Clone, Copy, Debug)]
 struct Fit {
     amplitude: f64,
@@ -81,11 +81,11 @@ impl Fit {
     }
 }
 
-/// The commands become the sine that the exciter is set to.
+/// The commands become the sine set at the exciter.
 pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
     let Some(wanted) = t.settings.sine else {
         return skipped(
-            "what it is set to command is not given (--expect-frequency-hz with --expect-force-n or -torque-nm)",
+            "the sine that it is set to is not given (--expect-frequency-hz with --expect-force-n or -torque-nm)",
         );
     };
     let rate_hz = begin(t).map(|()| f64::from(t.hello.rate_hz))?;
@@ -151,7 +151,7 @@ impl Axis {
         }
     }
 
-    /// What a count is worth in the classic profile, in the unit.
+    /// The value of one count in the classic profile, in the unit.
     const fn factor(self) -> f64 {
         match self {
             Axis::ForceX | Axis::ForceY => 0.02,
@@ -169,7 +169,7 @@ impl Axis {
         }
     }
 
-    /// The value of the same bytes the other way round.
+    /// The value with its bytes in reverse order.
     fn swapped(self, value: f64, profile: Profile) -> f64 {
         match profile {
             Profile::Classic => f64::from(((value / self.factor()).round() as i16).swap_bytes()) * self.factor(),
@@ -242,7 +242,7 @@ fn solved(matrix: [[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
     solution.iter().all(|value: &f64| value.is_finite()).then_some(solution)
 }
 
-/// What the commands are in place of the sine, with the mistake that explains them, if one of the usual does.
+/// Describes the commands, with the usual mistake that explains them, if one does.
 fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: f64) -> String {
     let (axis, amplitude, frequency_hz) = (wanted.axis(), wanted.amplitude(), wanted.frequency_hz);
     let (heard, unit) = (&t.heard[from..], axis.unit());

@@ -1,4 +1,4 @@
-//! Good and bad frames at random, for as long as the settings say: nothing bad acts, and nothing good is refused.
+//! Good and bad frames at random, for a time set: nothing bad acts, and nothing good is refused.
 
 use alloc::format;
 use alloc::string::String;
@@ -14,21 +14,21 @@ use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{EmergencyCode, NodeState, Profile};
 use resonarm_session::run::Mode;
 
-/// Which stream of random numbers of a seed is the soak's.
+/// The number of the soak's stream of random numbers.
 const STREAM: u64 = 2;
 
-/// The most bad frames in a row: a receiver takes the next one after three losses.
+/// Most bad frames in a row: a receiver accepts a frame after three losses.
 const MOST_BAD: u32 = 2;
 
-/// How often the log is judged, ns.
+/// Interval of judging the log, ns.
 const LOOK_NS: u64 = 100 * MS;
 
-/// What is drawn.
+/// The random choices.
 #[derive(Debug)]
 pub(super) struct Soak {
     noise: Noise,
     bad_in_row: u32,
-    /// What was sent.
+    /// Good frames sent.
     pub good: u64,
     pub bad: u64,
 }
@@ -38,10 +38,10 @@ impl Soak {
         Soak { noise: Noise::new(seed, STREAM), bad_in_row: 0, good: 0, bad: 0 }
     }
 
-    /// The next frame's damage, or `None` for a good one: every other one is bad, at most two in a row.
+    /// The next frame's damage; `None` for a good one: every other one is bad, at most two in a row.
     fn damage(&mut self, profile: Profile) -> Option<Damage> {
         let drawn = Damage::ALL[self.below(Damage::ALL.len())];
-        // Behind a jump an old counter would make the next good one a jump, too.
+        // After a jump an old counter would make the next good one a jump, too.
         let damage = if drawn == Damage::Repeated && self.bad_in_row > 0 { Damage::Bit } else { drawn };
         let is_bad = self.noise.uniform() < 0.5 && self.bad_in_row < MOST_BAD && !needs_fd(damage, profile);
         (self.bad_in_row, self.good, self.bad) = match is_bad {
@@ -55,7 +55,7 @@ impl Soak {
         (self.noise.bits() % n as u64) as usize
     }
 
-    /// How the plant's next sample is answered: by up to two bad commands, and a good one.
+    /// Answers to the plant's next sample: up to two bad commands, and a good one.
     pub fn answers(&mut self, force_n: f64, limit: i16, profile: Profile) -> Vec<Answers> {
         let mut answers = Vec::new();
         while let Some(damage) = self.damage(profile) {
@@ -69,7 +69,7 @@ impl Soak {
         answers
     }
 
-    /// What becomes of the next sample of the tester as a plant.
+    /// What happens to the next sample of the tester as a plant.
     pub fn samples(&mut self, profile: Profile) -> Samples {
         match self.damage(profile) {
             None => Samples::Steady,
@@ -86,7 +86,7 @@ fn is_asked(t: &Tester) -> Result<(), Stop> {
     }
 }
 
-/// A plant takes the good commands and no bad one. What a hold-up of the tester leads to is begun again.
+/// A plant accepts the good commands and no bad one. If a hold-up of the tester makes it fault, the soak starts over.
 pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     is_asked(t)?;
     t.soak = Some(Soak::new(t.settings.seed));
@@ -98,13 +98,13 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
         t.answers = Answers::Soak(t.settings.force_n, limit);
         left_ns = left_ns.saturating_sub(soaked(t, left_ns)?);
     }
-    let told = t.soak.take().map_or_else(String::new, |soak| format!("{} good commands, {} bad", soak.good, soak.bad));
-    t.note(told);
+    let sent = t.soak.take().map_or_else(String::new, |soak| format!("{} good commands, {} bad", soak.good, soak.bad));
+    t.note(sent);
     t.check_frames()
 }
 
-/// Soaks until the time is over or the plant faults for want of commands while the tester was held up; for how long,
-/// ns.
+/// Soaks until the time is over, or the plant faults for lack of commands while the tester was held up; returns the
+/// duration, ns.
 fn soaked(t: &mut Tester, most_ns: u64) -> Result<u64, Stop> {
     let start_ns = t.now_ns();
     loop {
@@ -112,7 +112,7 @@ fn soaked(t: &mut Tester, most_ns: u64) -> Result<u64, Stop> {
         if ran_ns >= most_ns {
             return Ok(ran_ns);
         }
-        // What has been judged is forgotten: a soak may take hours.
+        // Judged messages are dropped: a soak may take hours.
         t.heard.clear();
         t.run_ns(LOOK_NS.min(most_ns - ran_ns))?;
         if let Some((sample, read_n)) = forces(t, 0).find(|(_, read_n)| *read_n < -0.5 * t.settings.force_n) {
@@ -147,8 +147,8 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     t.source.samples = Samples::Steady;
     t.run_ns(2 * MARGIN_NS)?;
     judge(t)?;
-    let told = t.soak.take().map_or_else(String::new, |soak| format!("{} good samples, {} bad", soak.good, soak.bad));
-    t.note(told);
+    let sent = t.soak.take().map_or_else(String::new, |soak| format!("{} good samples, {} bad", soak.good, soak.bad));
+    t.note(sent);
     t.check_frames()?;
     if commands(t, 0).is_empty() { late("after the bad samples it answers no good one") } else { Ok(()) }
 }

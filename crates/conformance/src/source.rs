@@ -1,4 +1,4 @@
-//! The tester as a plant: samples at their times, and requests obeyed.
+//! The tester as a plant: it sends samples, and follows requests.
 
 use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
@@ -15,7 +15,7 @@ use resonarm_protocol::{
 /// The most frames of a sample.
 pub(super) const FRAMES: usize = 3;
 
-/// What becomes of the samples.
+/// How samples are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Samples {
     /// None is sent.
@@ -23,17 +23,17 @@ pub(super) enum Samples {
     Off,
     /// They are sent.
     Steady,
-    /// The frame of each with this number, from 0, is left out; in the FD profile a sample is one frame.
+    /// The frame with this number, from 0, is omitted from each; in the FD profile a sample is one frame.
     Without(usize),
-    /// The frame that makes each whole is damaged.
+    /// The frame that completes each is damaged.
     Damaged(Damage),
-    /// The index stands still.
+    /// The index does not advance.
     Standing,
-    /// Two a frame while the tester is operational.
+    /// Two per frame while the tester is operational.
     Pairs,
-    /// Good and bad ones as the soak draws them.
+    /// Good and bad ones, as the soak chooses.
     Soak,
-    /// All their readings are clipped.
+    /// All readings are clipped.
     Clipped,
     /// Each is sent when the one before is answered and a sample period has passed, the first when the plant is armed,
     /// as in lockstep at the speed of the clock.
@@ -50,13 +50,13 @@ pub(super) struct Source {
     /// When the last one was sent, ns.
     pub sent_ns: u64,
     damaged: u64,
-    /// Whether the request to arm is obeyed.
-    pub obeys: bool,
+    /// Whether the tester follows a request to arm.
+    pub arms: bool,
     /// A sample that was answered before it was sent.
     pub unsent: Option<u16>,
     /// Whether the first sample of a pair waits for the second.
     is_half: bool,
-    /// The indices of the samples that were bad when they were sent last, or are answered.
+    /// Samples not to be answered: bad when sent last, or already answered.
     closed: BTreeSet<u16>,
     /// A sample that was answered although it was closed.
     pub wrong: Option<u16>,
@@ -73,9 +73,9 @@ impl Source {
         (self.samples, self.due_ns) = (samples, 0);
     }
 
-    /// Sends samples of this kind, and obeys the request to arm, for which awaited ones wait.
-    pub fn obey_with(&mut self, samples: Samples) {
-        (self.obeys, self.samples) = (true, samples);
+    /// Sends samples of this kind, and follows a request to arm; awaited samples wait for that.
+    pub fn arm_with(&mut self, samples: Samples) {
+        (self.arms, self.samples) = (true, samples);
         if samples == Samples::Awaited {
             self.due_ns = u64::MAX;
         }
@@ -83,7 +83,7 @@ impl Source {
 }
 
 impl Tester<'_> {
-    /// Sends the sample that is due. After a stall the schedule has moved, as that of a plant that slips.
+    /// Sends the sample that is due. After a stall the schedule has moved, like that of a plant that slips.
     pub(super) fn send_sample(&mut self, now_ns: u64) -> Result<(), Stop> {
         if now_ns < self.source.next_ns() {
             return Ok(());
@@ -122,7 +122,7 @@ impl Tester<'_> {
         frame.map_or(Ok(()), |frame| self.send_frame(&frame))
     }
 
-    /// What becomes of a sample. A bad one is closed to answers.
+    /// Chooses how a sample is sent. A bad one must not be answered.
     fn draw(&mut self, index: u16) -> Samples {
         let samples = match (self.source.samples, &mut self.soak) {
             (Samples::Soak, Some(soak)) => soak.samples(self.network.profile()),
@@ -135,7 +135,7 @@ impl Tester<'_> {
         samples
     }
 
-    /// What is sent at a sample: nothing at the first of a pair.
+    /// The messages for a sample: none for the first of a pair.
     fn messages(&mut self, samples: Samples, index: u16) -> Vec<Message> {
         if core::mem::take(&mut self.source.is_half) {
             return pair(index.wrapping_sub(1));
@@ -145,9 +145,9 @@ impl Tester<'_> {
         if self.source.is_half { Vec::new() } else { sample(self.network.profile(), index, samples) }
     }
 
-    /// A command came for a sample.
+    /// Takes a command for a sample.
     pub(super) fn commanded(&mut self, sample: u16) -> Result<(), Stop> {
-        // Modulo 2¹⁶, as far ahead as behind.
+        // Modulo 2¹⁶: the upper half of the range is behind.
         if sample.wrapping_sub(self.source.index) < 0x8000 {
             self.source.unsent = Some(sample);
         }
@@ -160,10 +160,10 @@ impl Tester<'_> {
         Ok(())
     }
 
-    /// What a plant does with a request.
-    pub(super) fn obey(&mut self, request: OperatorRequest) -> Result<(), Stop> {
+    /// Follows a request as a plant does.
+    pub(super) fn follow(&mut self, request: OperatorRequest) -> Result<(), Stop> {
         let event = match request {
-            OperatorRequest::Arm if self.source.obeys => {
+            OperatorRequest::Arm if self.source.arms => {
                 if self.source.samples == Samples::Awaited {
                     self.source.due_ns = 0;
                 }
@@ -185,7 +185,7 @@ fn pair(sample: u16) -> Vec<Message> {
     alloc::vec![Message::SensorPair(SensorPair { values: [SensorValues::default(); 2], sample })]
 }
 
-/// The messages of a sample at rest, or of one whose readings are all at the end of their range.
+/// The messages of a sample at rest, or with all readings at the end of their range.
 fn sample(profile: Profile, sample: u16, samples: Samples) -> Vec<Message> {
     let saturated = samples == Samples::Clipped;
     let [force_n, acceleration_m_s2] = if saturated { [FORCE_END_N, ACCELERATION_END_M_S2] } else { [0.0; 2] };

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use super::counters::Counters;
 use super::damage::{Damage, Ends};
-use super::load::Load;
+use super::load::BusLoad;
 use super::settings::Settings;
 use super::soak_cases::Soak;
 use super::traffic::Traffic;
@@ -21,34 +21,34 @@ use resonarm_protocol::{
 /// A millisecond, ns.
 pub(super) const MS: u64 = 1_000_000;
 
-/// What a machine may hold a process up for, ns: the margin of everything that is judged on the clock.
+/// How long a machine may hold a process up, ns: the margin of everything that is judged on the clock.
 pub const MARGIN_NS: u64 = 150 * MS;
 
-/// No machine stops a process for so long, ns: a node that says nothing for it is gone.
+/// No machine stops a process for so long, ns: a node that is silent for this time is gone.
 pub(super) const GONE_NS: u64 = 1000 * MS;
 
-/// After so many frames of a kind that are refused no valid one is waited for.
+/// After so many refused frames of a kind the tester no longer waits for a valid one.
 const MOST_REFUSED: u64 = 3;
 
-/// The tester looks at least this often, ns.
+/// The tester checks the bus at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
 
-/// What ends a case before its end.
+/// Why a case ends early.
 #[derive(Debug)]
 pub(super) enum Stop {
-    /// The node does what it must not, whenever it does it. It may be due to a hold-up of the tester.
+    /// The node does what it must not. This may be due to a hold-up of the tester.
     Failed(String),
-    /// A frame of the node is wrong, whoever was held up.
+    /// A frame of the node is wrong, regardless of hold-ups.
     Wrong(String),
-    /// The node doesn't do by the clock what it must: a node that is stopped does so, too.
+    /// The node doesn't do in time what it must: this may be due to a stop of the node.
     Late(String),
-    /// The node does what it must, but after its time: it may have been stopped often, too briefly to be seen.
+    /// The node does what it must, but too late: it may have been stopped often, too briefly to be noticed.
     Slow(String),
-    /// It can't be said.
+    /// The case is undecided.
     Inconclusive(String),
-    /// It is not to be tried, or can't be here.
+    /// The case is not to be tried, or can't be here.
     Skipped(String),
-    /// The bus is gone.
+    /// The bus is lost.
     Bus(BusError),
 }
 
@@ -70,12 +70,12 @@ pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Late(text.into()))
 }
 
-/// What must have come, in words, came so much later.
+/// The required message, in words, came this much later.
 fn slow<T>(text: impl Into<String>, late_ns: u64) -> Result<T, Stop> {
     Err(Stop::Slow(format!("{}, but {} later", text.into(), ms(late_ns))))
 }
 
-/// What must have come at once came so much later, in words.
+/// A message required at once came later, in words.
 pub(super) fn not_at_once<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Slow(text.into()))
 }
@@ -88,14 +88,14 @@ pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
     Err(Stop::Inconclusive(text.into()))
 }
 
-/// A message of the node under test, and when it came.
+/// A message of the node under test, with its time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Heard {
     pub at_ns: u64,
     pub message: Message,
 }
 
-/// What a look at the bus found.
+/// The result of checking the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Looked {
     FrameCame,
@@ -110,11 +110,11 @@ pub(super) enum Answers {
     Force(f64),
     /// With this force in a damaged frame.
     Damaged(f64, Damage),
-    /// With this force, for the sample so many samples later; negative is earlier.
+    /// With this force, for the sample so many samples later; negative means earlier.
     Shifted(f64, i16),
     /// With this force, for this sample.
     Always(f64, u16),
-    /// With this force, and with what the soak draws before it; samples this much older are too old.
+    /// With this force, after the soak's choices; samples this much older are too old.
     Soak(f64, i16),
 }
 
@@ -125,31 +125,31 @@ pub(super) struct Tester<'w> {
     pub settings: Settings,
     pub ends: Ends,
     receiver: Receiver,
-    /// What the tester says of itself in its heartbeats.
+    /// The state in the tester's heartbeats.
     pub state: NodeState,
     pub hello: Hello,
-    /// Whether heartbeats and hellos go out by themselves.
+    /// Whether heartbeats and hellos are sent periodically.
     pub is_alive: bool,
     heartbeat_at_ns: u64,
     hello_at_ns: u64,
     pub answers: Answers,
     pub soak: Option<Soak>,
-    pub load: Option<Load>,
-    /// What the tester says that it can, in the FD profile.
+    pub load: Option<BusLoad>,
+    /// The tester's capability in the FD profile.
     pub samples_per_frame: SamplesPerFrame,
     damaged: u64,
-    /// The sample that was answered last, and with what.
+    /// The sample answered last, and how.
     pub answered: Option<u16>,
     /// When that answer was sent, ns.
     pub answered_ns: u64,
     pub heard: Vec<Heard>,
-    /// What came, and what was refused of it.
+    /// The frames received and refused.
     pub traffic: Traffic,
     pub counters: Counters,
     looked_at_ns: u64,
-    /// The longest time between two looks beyond what was meant, ns.
+    /// The longest time between two checks beyond the planned one, ns.
     pub held_up_ns: u64,
-    /// When the node under test was heard last, ns, if it was.
+    /// When the node under test was last heard, ns.
     heard_at_ns: Option<u64>,
     /// The longest time between two frames of the node under test, ns.
     pub silent_ns: u64,
@@ -257,7 +257,7 @@ impl<'w> Tester<'w> {
         self.send(&Message::Emergency(Emergency { node: self.tested.partner(), code, detail, sample }))
     }
 
-    /// The boot-up heartbeat, and counters from 0.
+    /// Sends the boot-up heartbeat; counters restart at 0.
     pub fn boot(&mut self) -> Result<(), Stop> {
         self.ends = Ends::new(self.network);
         self.send_state(NodeState::BootUp)?;
@@ -267,13 +267,13 @@ impl<'w> Tester<'w> {
         Ok(())
     }
 
-    /// Lets time pass, doing what is due.
+    /// Lets time pass, and does the work that is due.
     pub fn run_ns(&mut self, duration_ns: u64) -> Result<(), Stop> {
         self.wait_for(duration_ns, |_| false).map(|_| ())
     }
 
-    /// The first message that comes from now on, and for which this holds, within a time. What waits on the bus at the
-    /// end of the time has come within it: the tester may have been stopped.
+    /// The first message from now on that matches, within a time. Frames still waiting on the bus at the end of the
+    /// time count as in time: the tester may have been stopped.
     pub fn wait_for(&mut self, within_ns: u64, holds: impl Fn(&Message) -> bool) -> Result<Option<Heard>, Stop> {
         let end_ns = self.now_ns() + within_ns;
         let mut seen = self.heard.len();
@@ -289,19 +289,19 @@ impl<'w> Tester<'w> {
         }
     }
 
-    /// As [`Tester::wait_for`], for the heartbeat of a state.
+    /// Like [`Tester::wait_for`], for the heartbeat of a state.
     pub fn wait_for_state(&mut self, within_ns: u64, state: NodeState) -> Result<Option<Heard>, Stop> {
         self.wait_for(within_ns, |message| is_state(message, state))
     }
 
-    /// As [`Tester::wait_for`], for an emergency other than that a schedule has slipped.
+    /// Like [`Tester::wait_for`], for an emergency other than that a schedule has slipped.
     pub fn wait_for_emergency(&mut self, within_ns: u64) -> Result<Option<(Heard, Emergency)>, Stop> {
         let heard = self.wait_for(within_ns, |message| emergency(message).is_some())?;
         Ok(heard.and_then(|heard| Some((heard, emergency(&heard.message)?))))
     }
 
-    /// The emergency that must come within a time. Another code may come, for the case to judge; none is late,
-    /// with these words, or slow if this code comes after all.
+    /// Requires an emergency within a time. It may have another code, for the case to judge; if there is none the node
+    /// is late, with this text, or slow if this code comes after all.
     pub fn expect_emergency(
         &mut self,
         within_ns: u64,
@@ -318,7 +318,8 @@ impl<'w> Tester<'w> {
         }
     }
 
-    /// The heartbeat of a state that must come within a time: none is late, with these words, slow if it comes later.
+    /// Requires the heartbeat of a state within a time: otherwise the node is late, with this text, or slow if it comes
+    /// later.
     pub fn expect_state(&mut self, within_ns: u64, state: NodeState, text: impl Into<String>) -> Result<(), Stop> {
         let end_ns = self.now_ns() + within_ns;
         if self.wait_for_state(within_ns, state)?.is_some() {
@@ -330,7 +331,7 @@ impl<'w> Tester<'w> {
         }
     }
 
-    /// Does what is due, and takes in at most one frame, at the latest at `until_ns`.
+    /// Does the work that is due, and takes at most one frame, at the latest at `until_ns`.
     fn look(&mut self, until_ns: u64) -> Result<Looked, Stop> {
         let now_ns = self.now_ns();
         if self.is_alive && now_ns >= self.heartbeat_at_ns {
@@ -341,7 +342,7 @@ impl<'w> Tester<'w> {
         }
         self.send_sample(now_ns)?;
         self.send_load(now_ns)?;
-        let load_ns = self.load.as_ref().map_or(u64::MAX, Load::next_ns);
+        let load_ns = self.load.as_ref().map_or(u64::MAX, BusLoad::next_ns);
         let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns()).min(load_ns);
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
@@ -373,7 +374,7 @@ impl<'w> Tester<'w> {
             Message::SensorPair(pair) => self.answer(pair.sample.wrapping_add(1)),
             Message::Force(command) => self.commanded(command.sample),
             Message::Torque(command) => self.commanded(command.sample),
-            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(request),
+            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.follow(request),
             _ => Ok(()),
         }
     }
@@ -419,33 +420,33 @@ impl<'w> Tester<'w> {
         Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 }).check(self.network).is_ok()
     }
 
-    /// Has the controller of the node under test go bus-off for a time, where that can be done.
+    /// Makes the controller of the node under test go bus-off for a time, if possible.
     pub fn take_off(&mut self, for_ns: u64) -> BusOff {
         self.wire.take_off(for_ns)
     }
 
-    /// Stops the process of the node under test for a time, where that can be done.
+    /// Stops the process of the node under test for a time, if possible.
     pub fn stop_node(&mut self, for_ns: u64) -> Stopped {
         self.wire.stop_node(for_ns)
     }
 
-    /// Whether the node under test says something again, without having booted: it was stopped.
-    pub fn goes_on(&mut self) -> Result<bool, Stop> {
+    /// Whether the node under test sends again without having booted: it was stopped.
+    pub fn resumes(&mut self) -> Result<bool, Stop> {
         let word = self.wait_for(GONE_NS, |_| true)?;
         Ok(word.is_some_and(|heard| !is_state(&heard.message, NodeState::BootUp)))
     }
 
-    /// A node that doesn't take part can't be judged. On a loaded bus, though, that is what was to be tried.
+    /// A node that is not ready can't be judged. On a loaded bus, though, this is what the case tests.
     pub fn unready<T>(&self, text: impl Into<String>) -> Result<T, Stop> {
         if self.load.is_some() { late(text) } else { inconclusive(text) }
     }
 
-    /// Another transmitter, of a node that isn't the tester.
+    /// A transmitter of another node than the tester.
     pub fn stranger(&self) -> Transmitter {
         Transmitter::new(self.network)
     }
 
-    /// The frames of the node that the protocol refuses, as a failure.
+    /// Fails if the protocol refused frames of the node.
     pub fn check_frames(&self) -> Result<(), Stop> {
         let refused = || self.traffic.refused_of(|kind| kind.sender() == self.tested);
         match refused().next() {
@@ -457,13 +458,13 @@ impl<'w> Tester<'w> {
         }
     }
 
-    /// Whether frames of this kind have come again and again, and all were refused.
+    /// Whether several frames of this kind were received, and all were refused.
     pub fn refuses(&self, kind: MessageKind) -> bool {
         let refused: u64 = self.traffic.refused_of(|refused| refused == kind).map(|refused| refused.count).sum();
         refused >= MOST_REFUSED && !self.traffic.taken.contains_key(&kind)
     }
 
-    /// The state that the node under test said last.
+    /// The state in the last heartbeat of the node under test.
     pub fn last_state(&self) -> Option<NodeState> {
         self.heard.iter().rev().find_map(|heard| match heard.message {
             Message::Heartbeat(heartbeat) => Some(heartbeat.state),
@@ -471,7 +472,7 @@ impl<'w> Tester<'w> {
         })
     }
 
-    /// The hello that came last.
+    /// The hello received last.
     pub fn last_hello(&self) -> Option<Hello> {
         self.heard.iter().rev().find_map(|heard| match heard.message {
             Message::PlantHello(hello) | Message::ExciterHello(hello) => Some(hello),
@@ -480,7 +481,7 @@ impl<'w> Tester<'w> {
     }
 }
 
-/// The emergency that a message is, other than that a schedule has slipped.
+/// The emergency in a message, other than that a schedule has slipped.
 pub(super) fn emergency(message: &Message) -> Option<Emergency> {
     match message {
         Message::Emergency(emergency) if emergency.code != EmergencyCode::ScheduleSlipped => Some(*emergency),
@@ -493,7 +494,7 @@ pub(super) fn is_state(message: &Message, state: NodeState) -> bool {
     matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state == state)
 }
 
-/// A time in ms, as a report shows it.
+/// A time in ms, as in reports.
 pub(super) fn ms(ns: u64) -> String {
     format!("{:.1} ms", ns as f64 / 1e6).replace(".0 ms", " ms").to_string()
 }

@@ -10,7 +10,7 @@ use super::*;
 use resonarm_protocol::{Emergency, ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter, Trip};
 use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Stops, Virtual};
 
-/// The ids of the marks in the text.
+/// The requirement numbers in the text.
 fn marks(text: &str) -> Vec<&str> {
     let marked = text.split("[R-").skip(1).filter_map(|rest| rest.split_once(']'));
     marked.map(|(id, _)| id).filter(|id| id.starts_with(|c: char| c.is_ascii_digit())).collect()
@@ -21,16 +21,16 @@ fn every_demand_of_the_specification_is_a_requirement() {
     let marked = marks(SPEC);
     let known: BTreeSet<_> = REQUIREMENTS.iter().map(|requirement| &requirement.id[2..]).collect();
     assert_eq!(marked.iter().copied().collect::<BTreeSet<_>>(), known);
-    assert_eq!((marked.len(), known.len()), (REQUIREMENTS.len(), REQUIREMENTS.len()), "a mark stands once");
+    assert_eq!((marked.len(), known.len()), (REQUIREMENTS.len(), REQUIREMENTS.len()), "each number occurs once");
 }
 
 #[test]
 fn every_sentence_with_must_has_a_mark() {
-    // A sentence ends at a stop before a space or the end; its mark follows it.
+    // A sentence ends at a stop before a space or the end; its number follows it.
     let text = SPEC.split_whitespace().collect::<Vec<_>>().join(" ");
     let sentences = text.replace(". [R-", " [R-").replace("] ", "]. ");
     for sentence in sentences.split(". ").filter(|sentence| sentence.split(' ').any(|word| word == "must")) {
-        assert!(!marks(sentence).is_empty(), "no mark: {sentence}");
+        assert!(!marks(sentence).is_empty(), "no number: {sentence}");
     }
 }
 
@@ -61,7 +61,7 @@ fn settings() -> Settings {
     }
 }
 
-/// The findings of all cases, each with a device of its own, in real time.
+/// The findings of all cases, each with a new device, in real time.
 fn findings(tested: Node, network: Network, make: impl Fn() -> Box<dyn Device>) -> Vec<(&'static str, Finding)> {
     findings_in(Mode::RealTime, tested, network, make)
 }
@@ -79,13 +79,13 @@ fn findings_in(
     cases(tested, mode).map(run).collect()
 }
 
-/// All pass, apart from what needs the FD profile.
+/// All pass, except those that need the FD profile.
 fn all_pass(findings: &[(&str, Finding)], profile: Profile) {
     let is_fine = |id: &str, verdict: &Verdict| match verdict {
         Verdict::Passed => true,
         Verdict::Skipped(_) => match profile {
             Profile::Classic => id.ends_with("-pairs") || id == "exciter-own-limits",
-            // The reading fits into a single, but has its flag.
+            // The reading fits a single, but is flagged.
             Profile::Fd => false,
         },
         Verdict::Failed(_) | Verdict::Inconclusive(_) => false,
@@ -127,7 +127,7 @@ fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
 }
 
 #[test]
-fn a_trip_at_the_travel_in_place_of_what_must_come_is_inconclusive() {
+fn a_trip_at_the_travel_instead_of_the_required_emergency_is_inconclusive() {
     let trip = |trip: Trip| Emergency {
         node: Node::Plant,
         code: EmergencyCode::ExciterTripped,
@@ -144,7 +144,7 @@ fn a_trip_at_the_travel_in_place_of_what_must_come_is_inconclusive() {
 }
 
 #[test]
-fn a_node_that_is_stopped_again_and_again_is_never_failed() {
+fn a_node_that_is_stopped_again_and_again_never_fails() {
     let network = Network::default();
     for tested in Node::ALL {
         for every_ms in [450, 500, 530, 570, 610, 1010] {
@@ -166,9 +166,9 @@ fn a_node_that_is_stopped_again_and_again_is_never_failed() {
     }
 }
 
-/// Many short stops, none of which is seen as a silence, make an exciter slow.
+/// Many short stops, none of them noticed as a silence, make an exciter slow.
 #[test]
-fn an_exciter_that_is_slow_in_one_try_is_not_failed_and_one_that_is_slow_each_time_is() {
+fn an_exciter_fails_if_slow_each_time_but_not_if_slow_in_one_try() {
     let network = Network::default();
     let case = cases(Node::Exciter, Mode::RealTime).find(|case| case.id == "exciter-sensor-timeout").unwrap();
     let verdict = |flaw: Option<flaws::Flaw>, until_ns: u64| {
@@ -188,9 +188,9 @@ fn an_exciter_that_is_slow_in_one_try_is_not_failed_and_one_that_is_slow_each_ti
     "#);
 }
 
-/// An exciter that was stopped in the case before comes to its end in this one.
+/// An exciter that was stopped in the previous case ends in this one.
 #[test]
-fn what_an_exciter_of_the_case_before_still_says_is_not_judged() {
+fn messages_of_the_previous_case_s_exciter_are_not_judged() {
     let network = Network::default();
     for case in cases(Node::Exciter, Mode::RealTime) {
         let mut before = Transmitter::new(network);
@@ -206,11 +206,11 @@ fn what_an_exciter_of_the_case_before_still_says_is_not_judged() {
     }
 }
 
-/// Where an exciter takes its time to begin, that which follows it may answer samples before the case is over.
+/// If an exciter is slow to begin, its successor may answer samples before the case is over.
 #[test]
-fn what_an_exciter_that_is_started_again_says_is_not_that_of_the_one_before() {
+fn messages_of_a_restarted_exciter_are_not_those_of_its_predecessor() {
     let network = Network::default();
-    // Later than this a hello that doesn't fit would go unanswered for too long.
+    // Any later, a hello that doesn't fit would go unanswered for too long.
     for late_ms in (0..=300).step_by(50) {
         for case in cases(Node::Exciter, Mode::RealTime) {
             let mut wire = Virtual::new(Box::new(StartedAgain::new(ExciterDevice::new(network), late_ms * 1_000_000)));
@@ -221,12 +221,12 @@ fn what_an_exciter_that_is_started_again_says_is_not_that_of_the_one_before() {
 }
 
 #[test]
-fn an_empty_bus_says_nothing_of_a_node() {
+fn an_empty_bus_gives_no_verdict() {
     for tested in Node::ALL {
         for case in [Mode::RealTime, Mode::Lockstep].into_iter().flat_map(|mode| cases(tested, mode)) {
             let mut wire = Virtual::new(Box::new(device::Nobody));
             let finding = run(&case, &mut wire, Network::default(), settings()).unwrap();
-            // The classic profile has no limits to state, whoever is there.
+            // The classic profile has no limits to state, whatever the node.
             let is_open = |verdict: &Verdict| match verdict {
                 Verdict::Inconclusive(_) => true,
                 Verdict::Skipped(_) => case.id == "exciter-own-limits",

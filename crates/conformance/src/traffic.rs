@@ -1,4 +1,4 @@
-//! What came from the bus during a case: messages taken, frames refused and why, frames of others, commands.
+//! The frames received during a case: messages accepted, frames refused and why, frames of others, commands.
 
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -10,28 +10,28 @@ use core::mem::discriminant;
 use super::damage::protect;
 use resonarm_protocol::{DecodeError, ForceCommand, Frame, Id, Message, MessageKind, Network, TorqueCommand};
 
-/// Identifiers of others that are counted one by one; frames of further ones are counted together.
+/// Most other identifiers that are counted separately; frames of further ones are counted together.
 const MOST_OTHERS: usize = 16;
 
-/// What came from the bus during a case.
+/// The frames received during a case.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Traffic {
-    /// Frames taken, by message; one of the tester's own kinds comes from a second node in its place.
+    /// Frames accepted, by message; one of the tester's own kinds is from a second node in its place.
     pub taken: BTreeMap<MessageKind, u64>,
     /// Frames refused, by message and reason.
     pub refused: Vec<Refused>,
-    /// Frames whose identifiers are none of the network's, by identifier, of the first 16 identifiers.
+    /// Frames with identifiers outside the network's, by identifier, for the first 16 identifiers.
     pub others: BTreeMap<Id, u64>,
     /// Frames of further identifiers.
     pub further_others: u64,
-    /// What was commanded.
+    /// The commands received.
     pub commands: Commands,
 }
 
 /// Frames of one message that were refused for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
-    /// Why the first of them was.
+    /// The error of the first of them.
     pub error: DecodeError,
     /// The first of them.
     pub frame: Frame,
@@ -51,7 +51,7 @@ impl fmt::Display for Refused {
     }
 }
 
-/// The smallest and the largest of some values.
+/// The smallest and the largest of several values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// The smallest.
@@ -60,7 +60,7 @@ pub struct Range {
     pub max: f64,
 }
 
-/// The ranges of what an exciter commanded; `None` where it commanded nothing of the kind.
+/// The ranges of an exciter's commands; `None` for a quantity that it did not command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Commands {
     /// Force along x, N.
@@ -78,7 +78,7 @@ fn widen(range: &mut Option<Range>, min: f64, max: f64) {
 }
 
 impl Commands {
-    /// Takes in a command.
+    /// Takes a command.
     fn note(&mut self, message: &Message) {
         match *message {
             Message::Force(ForceCommand { force_x_n, force_y_n, .. }) => {
@@ -93,7 +93,7 @@ impl Commands {
         }
     }
 
-    /// Takes in what was commanded in another case.
+    /// Adds the commands of another case.
     pub fn merge(&mut self, other: &Commands) {
         for (range, other) in [
             (&mut self.force_x_n, other.force_x_n),
@@ -109,7 +109,7 @@ impl Commands {
 }
 
 impl Traffic {
-    /// Takes in a frame, and what a receiver says of it.
+    /// Takes a frame, and the receiver's result for it.
     pub(super) fn note(&mut self, network: Network, frame: &Frame, said: &Result<Option<Message>, DecodeError>) {
         match said {
             Ok(Some(message)) => {
@@ -141,7 +141,7 @@ impl Traffic {
         self.refused.iter().filter(move |refused| holds(refused.error.kind()))
     }
 
-    /// What came in place of a message that was waited for.
+    /// The frames received in place of an expected message.
     pub(super) fn in_place_of(&self, kind: MessageKind) -> String {
         if let Some(refused) = self.refused_of(|refused| refused == kind).next() {
             return format!("{refused}");
@@ -158,7 +158,7 @@ impl Traffic {
         }
     }
 
-    /// The identifiers of others, with how many frames they had.
+    /// The identifiers of others, with their numbers of frames.
     pub fn others_text(&self) -> String {
         let mut texts: Vec<String> = self.others.iter().map(|(id, count)| format!("{id} ({count})")).collect();
         if self.further_others > 0 {

@@ -1,4 +1,4 @@
-//! A bus and a clock, as the cases need them.
+//! A bus and a clock for the cases.
 
 use core::time::Duration;
 
@@ -8,7 +8,7 @@ use resonarm_bus::{Bus, BusError, Received, Sent};
 use resonarm_protocol::Frame;
 use resonarm_realtime::{Clock, SystemClock};
 
-/// What came of a wish to take a node off the bus.
+/// Result of taking a node off the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusOff {
     /// Its controller is bus-off.
@@ -17,39 +17,39 @@ pub enum BusOff {
     Impossible,
 }
 
-/// What came of a wish to stop the process of a node.
+/// Result of stopping the process of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stopped {
-    /// It is stopped, and goes on by itself.
+    /// It is stopped, and resumes by itself.
     Done,
-    /// It can't be stopped, and why.
+    /// It can't be stopped, with the reason.
     Impossible(String),
 }
 
-/// One end of a bus, with the time on it. In tests it steps a node in virtual time.
+/// One end of a bus, with a clock. In tests it steps a node in virtual time.
 pub trait Wire {
-    /// The time, ns of any clock that only goes forward.
+    /// The time, ns of any monotonic clock.
     fn now_ns(&self) -> u64;
 
     /// Sends a frame.
     ///
     /// # Errors
-    /// [`BusError`] if the bus can't.
+    /// [`BusError`] if the bus fails.
     fn send(&mut self, frame: &Frame) -> Result<(), BusError>;
 
-    /// The next frame, or `None` when it is `until_ns` and none has come.
+    /// The next frame; `None` if there is none until `until_ns`.
     ///
     /// # Errors
     /// [`BusError`] if the bus is gone.
     fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError>;
 
-    /// Has the controller of the node under test go bus-off for a time, ns: on a bus in virtual time, and on a virtual
+    /// Makes the controller of the node under test go bus-off for a time, ns: in virtual time, and on a virtual
     /// interface.
     fn take_off(&mut self, _for_ns: u64) -> BusOff {
         BusOff::Impossible
     }
 
-    /// Stops the process of the node under test, ns: in virtual time, and where the process is known.
+    /// Stops the process of the node under test for a time, ns: in virtual time, and if the process is known.
     fn stop_node(&mut self, _for_ns: u64) -> Stopped {
         Stopped::Impossible(String::from("its process is not known (--pid)"))
     }
@@ -59,13 +59,13 @@ pub trait Wire {
 pub struct BusWire<'b> {
     bus: &'b mut dyn Bus,
     clock: SystemClock,
-    /// What records the frames, if anything does.
+    /// Records the frames, if wanted.
     pub evidence: Option<Evidence>,
     /// The controller of the interface, if it is a virtual one.
     controller: Option<Controller>,
-    /// The process of the node under test, if it is known.
+    /// The process of the node under test, if known.
     process: Option<Process>,
-    /// Whether the bus-off that this end says is still to be heard by itself.
+    /// Whether this end has yet to receive its own bus-off.
     has_gone_off: bool,
 }
 
@@ -75,25 +75,25 @@ impl<'b> BusWire<'b> {
         BusWire { bus, clock: SystemClock, evidence, controller: None, process: None, has_gone_off: false }
     }
 
-    /// With the name of the interface, on which error frames are sent if it is a virtual one, and the process of the
-    /// node under test, if it is known, which is stopped and goes on.
+    /// With the name of the interface, on which error frames are sent if it is virtual, and the process of the node
+    /// under test, if known, which is stopped and resumed.
     pub fn with_means(self, interface: Option<&str>, pid: Option<rustix::process::Pid>) -> BusWire<'b> {
         BusWire { controller: interface.and_then(Controller::of), process: pid.map(Process::new), ..self }
     }
 
-    /// Restarts the controller, and lets the process go on, when it is time. A process that has ended meanwhile is
-    /// none of it: the cases say what is missing.
+    /// Restarts the controller and resumes the process when it is time. A process that has ended is ignored: the cases
+    /// find the node missing.
     fn undo(&mut self) {
         let now_ns = self.now_ns();
-        if let Some(process) = self.process.as_mut().filter(|p| p.goes_on_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
-            drop(process.go_on());
+        if let Some(process) = self.process.as_mut().filter(|p| p.resumes_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
+            drop(process.resume());
         }
         if let Some(controller) = self.controller.as_mut().filter(|c| c.on_at_ns.is_some_and(|at_ns| at_ns <= now_ns)) {
             drop(controller.restart());
         }
     }
 
-    /// The next frame, apart from what this end itself says of its controller.
+    /// The next frame, except this end's own error frames.
     fn next(&mut self) -> Result<Option<Received>, BusError> {
         match self.bus.receive() {
             Err(BusError::BusOff { .. }) if self.has_gone_off => {
@@ -104,14 +104,14 @@ impl<'b> BusWire<'b> {
         }
     }
 
-    /// Records that a case begins.
+    /// Records the beginning of a case.
     pub fn begin(&mut self, case: &Case) {
         if let Some(evidence) = &mut self.evidence {
             evidence.begin(case);
         }
     }
 
-    /// Records that it has ended.
+    /// Records its end.
     pub fn end(&mut self, case: &Case, finding: &Finding) {
         if let Some(evidence) = &mut self.evidence {
             evidence.end(case, finding);
@@ -119,7 +119,7 @@ impl<'b> BusWire<'b> {
     }
 }
 
-/// How long a full transmit queue is waited for, ns.
+/// How long to wait for space in a full transmit queue, ns.
 const FULL_NS: u64 = 100_000_000;
 
 impl Wire for BusWire<'_> {
@@ -129,7 +129,7 @@ impl Wire for BusWire<'_> {
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         let give_up_ns = self.now_ns() + FULL_NS;
-        // A frame that can't be sent is lost, as on any bus: the cases say what became of it.
+        // A frame that can't be sent is lost, as on any bus: the cases notice the effect.
         while self.bus.send(frame)? == Sent::QueueFull {
             if self.now_ns() >= give_up_ns {
                 return Ok(());

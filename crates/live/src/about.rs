@@ -1,4 +1,4 @@
-//! What a viewer is told first: what it is that moves here.
+//! The description of a run or recording that a viewer gets first.
 
 use serde::Serialize;
 
@@ -6,7 +6,7 @@ use super::rows;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::scenario::Scenario;
 
-/// What a viewer may ask for, by name.
+/// A request that a viewer may make, by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Action {
@@ -16,20 +16,20 @@ pub enum Action {
     Disarm,
     /// Reset a faulted plant.
     Reset,
-    /// Lead the sine to a set-point.
+    /// Set the sine's set-point.
     Set,
     /// Play, halt and seek a recording.
     Play,
 }
 
-/// What is shown, as the page is told.
+/// The run or recording shown, as described to the page.
 #[derive(Clone, Debug, Serialize)]
 pub struct About {
     /// The program's version.
     pub version: &'static str,
-    /// What runs here: plant, exciter, plant and exciter, recording.
+    /// The kind of source: plant, exciter, plant and exciter, recording.
     pub role: &'static str,
-    /// What it runs on: a bus, or a file.
+    /// The bus or the file.
     pub place: String,
     /// The arm, in words.
     pub arm: String,
@@ -43,20 +43,19 @@ pub struct About {
     pub rate_hz: f64,
     /// Frequencies of the modes, Hz.
     pub modes_hz: [f64; 2],
-    /// Names of the numbers of a sample.
+    /// Names of a sample's channels.
     pub channels: [&'static str; 12],
-    /// Names of the numbers that a bit stands for where clipped readings are told, the lowest bit first.
+    /// Names of the channels that the bits of the clipped readings refer to, the lowest bit first.
     pub clipped_bits: [&'static str; 6],
-    /// What may be asked for with the token.
+    /// The requests that the token permits.
     pub actions: Vec<Action>,
-    /// What can be set, if a set-point can.
+    /// The limits of a set-point, if one can be set.
     pub steering: Option<Steering>,
-    /// The first and the last sample of the recording, if one is shown.
+    /// The first and the last sample, of a recording.
     pub samples: Option<(u64, u64)>,
 }
 
-/// The least and the largest that may be set. The page and the server refuse what is beyond, and the controller takes
-/// what is within.
+/// The limits of a set-point. The page and the server refuse values outside them; the controller accepts all within.
 #[derive(Clone, Debug, Serialize)]
 pub struct Steering {
     /// Load, N or N·m.
@@ -68,15 +67,15 @@ pub struct Steering {
 }
 
 impl Steering {
-    /// Of an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the
-    /// sample rate or a little below would have no more than two samples a period.
+    /// For an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the
+    /// sample rate or just below would have only two samples a period.
     pub fn new(load_limit: f64, rate_hz: f64) -> Steering {
         Steering { load: [0.0, load_limit], frequency_hz: [0.01, 0.4995 * rate_hz], phase_deg: [-360.0, 360.0] }
     }
 }
 
 impl About {
-    /// Of a scenario's arm; nothing can be asked for.
+    /// For a scenario's arm; permits no requests.
     pub fn new(role: &'static str, place: String, scenario: &Scenario, arm: &Arm) -> About {
         let (p, pose) = (arm.parameters(), arm.pose());
         About {
@@ -102,13 +101,13 @@ impl About {
         }
     }
 
-    /// Whether this may be asked for.
+    /// Whether this request is permitted.
     pub fn allows(&self, action: Action) -> bool {
         self.actions.contains(&action)
     }
 }
 
-/// The unit of the load that the scenario asks for.
+/// The unit of the scenario's load.
 fn unit(scenario: &Scenario) -> &'static str {
     let control = scenario.control.as_ref().map(|control| control.amplitude().unit());
     control.or_else(|| scenario.excitation.as_ref().map(|excitation| excitation.amplitude.unit())).unwrap_or("N")
@@ -122,9 +121,9 @@ mod tests {
     use crate::message::{Order, Wish};
     use resonarm_session::run::Request;
 
-    /// The page has its limits from here, and so has the server; and the controller takes what they let through.
+    /// The page and the server use these limits; the controller must accept all values within them.
     #[test]
-    fn what_is_within_the_limits_is_taken_and_what_is_beyond_is_refused() {
+    fn set_points_within_the_limits_are_accepted_and_those_beyond_refused() {
         let (limit, rate_hz) = (61.7, 333.3);
         let scenario = Scenario::default();
         let mut about = About::new("exciter", String::new(), &scenario, &scenario.build_arm().unwrap());

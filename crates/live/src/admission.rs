@@ -1,9 +1,9 @@
-//! Who may look, and who may change something.
+//! Who may view, and who may change something.
 //!
-//! A browser lets any page open a WebSocket to any address. So every request is refused whose `Origin`, if it has one,
-//! is not this server's own or one that was allowed. And a name that leads here can be given out by anybody, so that
-//! their page would have the server's own origin: a `Host` that is a name other than `localhost` is refused, too,
-//! unless its origin was allowed. What changes something needs the token, which only this program's terminal shows.
+//! A browser lets any page open a WebSocket to any address. So a request whose `Origin` header is neither this server's
+//! own nor allowed is refused. Anybody can publish a name that resolves to this address, so that their page would have
+//! the server's own origin (DNS rebinding): a `Host` that is a name other than `localhost` is refused, too,
+//! unless its origin is allowed. Requests that change something need the token, which only the terminal shows.
 //!
 //! The token is after `#` in the address: a browser sends that in no request and no `Referer`.
 
@@ -14,34 +14,34 @@ use axum::http::{HeaderMap, HeaderName, StatusCode};
 
 use super::LiveError;
 
-/// Bytes of a token: nobody guesses 128 bits.
+/// Bytes of a token: 128 bits can't be guessed.
 const TOKEN_BYTES: usize = 16;
 
-/// Origins beyond the server's own from which a browser may connect.
+/// Further origins from which a browser may connect.
 #[derive(Clone, Debug, Default)]
 pub struct Origins(Vec<String>);
 
 /// Why a request is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// A header that must be there, and is not.
+    /// A required header is missing.
     #[error("the request has no header `{0}`")]
     Missing(&'static str),
-    /// A header that may be there once.
+    /// A header is repeated.
     #[error("the request has the header `{name}` {got} times")]
     Repeated {
         /// Its name.
         name: &'static str,
-        /// How often it is there.
+        /// How many times it is present.
         got: usize,
     },
-    /// A header whose value is not ASCII.
+    /// A header's value is not ASCII.
     #[error("the header `{0}` of the request is not text")]
     NotText(&'static str),
-    /// A name that could be anybody's.
-    #[error("the host `{0}` is a name: take the address itself, or allow it by --live-origin http://{0}")]
+    /// The host is a name, which anybody may have published.
+    #[error("the host `{0}` is a name: use the address itself, or allow the name by --live-origin http://{0}")]
     Host(String),
-    /// A page of somebody else.
+    /// The page is of another origin.
     #[error("the origin `{0}` is not this server's: allow it by --live-origin {0}")]
     Origin(String),
 }
@@ -50,7 +50,7 @@ impl Origins {
     /// These origins, each as `scheme://host[:port]`.
     ///
     /// # Errors
-    /// [`LiveError::Origin`] if one is none.
+    /// [`LiveError::Origin`] if one is invalid.
     pub fn new(origins: &[String]) -> Result<Origins, LiveError> {
         let is_origin = |text: &str| {
             text.split_once("://").is_some_and(|(scheme, host)| {
@@ -63,7 +63,7 @@ impl Origins {
         }
     }
 
-    /// Judges a request.
+    /// Admits or refuses a request.
     pub fn admit(&self, headers: &HeaderMap) -> Result<(), Refused> {
         let host = only(headers, HOST, "Host")?.ok_or(Refused::Missing("Host"))?;
         let is_of_host = |origin: &String| origin.split_once("://").is_some_and(|(_scheme, name)| name == host);
@@ -81,7 +81,7 @@ impl Origins {
 }
 
 impl Refused {
-    /// The status of the answer: 400 of a request that no browser makes, else 403.
+    /// The status of the answer: 400 for a request that no browser makes, else 403.
     pub fn status(&self) -> StatusCode {
         match self {
             Refused::Missing(_) | Refused::Repeated { .. } | Refused::NotText(_) => StatusCode::BAD_REQUEST,
@@ -90,7 +90,7 @@ impl Refused {
     }
 }
 
-/// The value of a header that may be there once: which of two counts, others may judge otherwise (RFC 9112, section
+/// The value of a header that must not be repeated: others may choose a different one of two (RFC 9112, section
 /// 3.2, demands 400 for `Host`).
 fn only<'h>(headers: &'h HeaderMap, key: HeaderName, name: &'static str) -> Result<Option<&'h str>, Refused> {
     let values = headers.get_all(key);
@@ -102,7 +102,7 @@ fn only<'h>(headers: &'h HeaderMap, key: HeaderName, name: &'static str) -> Resu
     }
 }
 
-/// Whether `host[:port]` is an address or `localhost`, which nobody else can give out.
+/// Whether `host[:port]` is an address or `localhost`, which nobody else can publish.
 fn is_address(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
@@ -112,12 +112,12 @@ fn is_address(host: &str) -> bool {
     name == "localhost" || bare.parse::<IpAddr>().is_ok()
 }
 
-/// What somebody must have who changes something.
+/// The secret needed to change something.
 #[derive(Clone, Debug)]
 pub struct Token(String);
 
 impl Token {
-    /// A new one, of random numbers of the system.
+    /// A new one, of the system's random numbers.
     ///
     /// # Errors
     /// [`LiveError::Random`] if the system has none.
@@ -135,7 +135,7 @@ impl Token {
         &self.0
     }
 
-    /// Whether `given` is it; takes as long for every wrong one of its length.
+    /// Whether `given` is the token; takes the same time for every wrong one of its length.
     pub fn is(&self, given: &str) -> bool {
         let differing = |sum, (a, b): (u8, u8)| sum | (a ^ b);
         given.len() == self.0.len() && given.bytes().zip(self.0.bytes()).fold(0, differing) == 0
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn own_pages_and_programs_may_look_and_no_others() {
+    fn only_own_pages_and_programs_may_view() {
         for host in ["127.0.0.1:8080", "[::1]:8080", "localhost:9", "10.0.0.7", "bench:80"] {
             assert_eq!(admitted(host, None), Ok(()), "{host}");
             assert_eq!(admitted(host, Some(&format!("http://{host}"))), Ok(()), "{host}");
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_is_missing_twice_or_no_text_makes_a_bad_request() {
+    fn a_header_that_is_missing_repeated_or_not_text_makes_a_bad_request() {
         let judged = |given: &[(HeaderName, &[u8])]| {
             let value = |bytes: &[u8]| axum::http::HeaderValue::from_bytes(bytes).unwrap();
             let headers: HeaderMap = given.iter().map(|(name, bytes)| (name.clone(), value(bytes))).collect();
@@ -191,9 +191,9 @@ mod tests {
         assert_eq!(judged(&[host, (ORIGIN, b"http://\xe9")]), no_text);
     }
 
-    /// Behind a server that ends TLS the name of the origin is that of the host, and the scheme is another.
+    /// Behind a server that terminates TLS, the origin has the host's name but another scheme.
     #[test]
-    fn the_name_of_an_origin_that_is_allowed_is_a_host_that_is_allowed() {
+    fn the_host_of_an_allowed_origin_is_allowed() {
         let headers = |host: &str| HeaderMap::from_iter([(HOST, host.parse().unwrap())]);
         let origins = Origins::new(&[String::from("https://bench.example:8443")]).unwrap();
         assert_eq!(origins.admit(&headers("bench.example:8443")), Ok(()));
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_origin_is_said() {
+    fn invalid_origins_are_rejected() {
         for text in ["app.foxglove.dev", "https://", "https://a/b", "://x"] {
             assert!(
                 matches!(Origins::new(&[text.to_owned()]), Err(LiveError::Origin { got }) if got == text),
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn tokens_differ_and_only_the_whole_one_is_it() {
+    fn tokens_differ_and_only_the_whole_one_matches() {
         let (one, other) = (Token::new().unwrap(), Token::new().unwrap());
         assert_ne!(one.text(), other.text());
         assert_eq!(one.text().len(), 32);

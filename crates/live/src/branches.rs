@@ -1,4 +1,4 @@
-//! The computed branch, on a thread of its own that stands back behind everything else.
+//! The computed branch, on its own thread of the lowest priority.
 
 use std::sync::mpsc;
 use std::thread;
@@ -7,7 +7,7 @@ use super::LiveError;
 use super::message::BranchLines;
 
 /// Computes the branch from the lowest to the highest of these frequencies, Hz, and a little beyond; `None` if it can't
-/// be walked.
+/// be traced.
 pub type ComputeBranch = Box<dyn Fn(f64, f64) -> Option<BranchLines> + Send>;
 
 /// How much less processor time the thread gets than others (nice(2)): the least.
@@ -17,7 +17,7 @@ const NICE: i32 = 19;
 pub struct Branches {
     wanted: mpsc::Sender<(f64, f64)>,
     computed: mpsc::Receiver<BranchLines>,
-    /// What was asked for last.
+    /// The range requested last.
     asked_hz: Option<(f64, f64)>,
 }
 
@@ -32,9 +32,9 @@ impl Branches {
         thread::Builder::new()
             .name(String::from("live-branch"))
             .spawn(move || {
-                stand_back(NICE);
+                lower_priority(NICE);
                 while let Ok(first) = asked.recv() {
-                    // The last asked for is the widest.
+                    // The last range requested is the widest.
                     let (low_hz, high_hz) = asked.try_iter().last().unwrap_or(first);
                     if compute(low_hz, high_hz).is_some_and(|branch| done.send(branch).is_err()) {
                         break;
@@ -45,25 +45,25 @@ impl Branches {
         Ok(Branches { wanted, computed, asked_hz: None })
     }
 
-    /// Asks for a branch over these frequencies, if none was asked for that holds them.
+    /// Asks for a branch over these frequencies, unless one that covers them was requested before.
     pub fn want(&mut self, (low_hz, high_hz): (f64, f64)) {
         let holds = |(from_hz, to_hz): (f64, f64)| from_hz <= low_hz && high_hz <= to_hz;
         if !self.asked_hz.is_some_and(holds) {
             self.asked_hz = Some((low_hz, high_hz));
-            // A thread that has ended computes nothing more.
+            // A thread that has ended computes no more.
             let _ended = self.wanted.send((low_hz, high_hz));
         }
     }
 
-    /// The branch computed last since the last call, if there is one.
+    /// The newest branch computed since the last call.
     pub fn computed(&self) -> Option<BranchLines> {
         self.computed.try_iter().last()
     }
 }
 
-/// Gives the calling thread less processor time than others. Without it the thread works all the same.
-pub fn stand_back(nice: i32) {
+/// Gives the calling thread less processor time than others. If that fails, the thread works all the same.
+pub fn lower_priority(nice: i32) {
     if let Err(error) = rustix::process::nice(nice) {
-        tracing::debug!("a thread of the live view can't stand back: {error}");
+        tracing::debug!("can't lower the priority of a thread of the live view: {error}");
     }
 }

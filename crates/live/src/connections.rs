@@ -1,5 +1,5 @@
-//! The connections of the server: how many there are at once, and how long each may take. Somebody who connects and
-//! sends nothing, or reads nothing, keeps nobody else out for long.
+//! The connections of the server: how many at once, and how long each may last. A client that connects and
+//! sends or reads nothing does not block others for long.
 
 use core::time::Duration;
 use std::io;
@@ -13,26 +13,26 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
-/// What the system holds for a viewer, bytes: about a second of updates.
+/// Bytes that the system buffers for a viewer: about a second of updates.
 const HELD_BYTES: usize = 1 << 16;
-/// How long to wait if the system has no descriptor for another connection.
+/// How long to wait if the system has no file descriptor for another connection.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Limits of connections that are not, or not yet, those of a viewer.
+/// Limits of connections that are not, or not yet, a viewer's.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// How many at once; others wait until one of them ends.
     pub connections: usize,
-    /// How long the head of a request may take from the opening of the connection, or from the answer before it, on.
+    /// How long the head of a request may take, from the opening of the connection or the previous answer.
     pub head: Duration,
     /// How long a connection may last. A WebSocket may last for ever.
     pub whole: Duration,
 }
 
-/// Limits that a browser at the far end of a slow tunnel keeps.
+/// Limits that a browser at the far end of a slow tunnel meets.
 pub const LIMITS: Limits = Limits { connections: 64, head: Duration::from_secs(5), whole: Duration::from_secs(60) };
 
-/// Accepts connections and answers their requests, without end.
+/// Accepts connections and answers their requests, for ever.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) {
     let free = Arc::new(Semaphore::new(limits.connections));
     // The semaphore is never closed.
@@ -42,7 +42,7 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) {
                 prepare(&stream);
                 tokio::spawn(answer(stream, router.clone(), limits, permit));
             }
-            // The client has left before it was accepted.
+            // The client left before it was accepted.
             Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
             Err(error) => {
                 tracing::warn!("the live view can't accept a connection: {error}");
@@ -52,8 +52,8 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) {
     }
 }
 
-/// Answers the requests of a connection until one asks for a WebSocket, whose task then has the connection, the client
-/// leaves, or a limit is reached.
+/// Answers the requests of a connection until one asks for a WebSocket (whose task takes over the connection), the
+/// client leaves, or a limit is reached.
 async fn answer(stream: TcpStream, router: Router, limits: Limits, _permit: OwnedSemaphorePermit) {
     let service = TowerToHyperService::new(router);
     let answering = http1::Builder::new()
@@ -68,8 +68,8 @@ async fn answer(stream: TcpStream, router: Router, limits: Limits, _permit: Owne
     }
 }
 
-/// Lets the system hold little of what a viewer does not read, so that it is known to be slow, and send at once what is
-/// new. A connection that can't be set so works all the same.
+/// Makes the system buffer little of what a viewer does not read, so that a slow viewer is noticed, and send new data
+/// at once. If that fails, the connection works all the same.
 fn prepare(stream: &TcpStream) {
     let held = rustix::net::sockopt::set_socket_send_buffer_size(stream, HELD_BYTES);
     if let Err(error) = held.map_err(io::Error::from).and_then(|()| stream.set_nodelay(true)) {
@@ -89,10 +89,10 @@ mod tests {
     /// One connection at once, and short times.
     const SHORT: Limits =
         Limits { connections: 1, head: Duration::from_millis(100), whole: Duration::from_millis(400) };
-    /// More than the system holds for a connection at both of its ends.
+    /// More than the system buffers for a connection at both of its ends.
     const LONG_BYTES: usize = 1 << 24;
 
-    /// Serves a short and a long answer while `work` goes on.
+    /// Serves a short and a long answer while `work` runs.
     fn served(work: impl FnOnce(SocketAddr) + Send + 'static) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
@@ -115,13 +115,13 @@ mod tests {
 
     fn all_of(mut stream: std::net::TcpStream) -> Vec<u8> {
         let mut bytes = Vec::new();
-        // What is cut off may end in a reset.
+        // A connection that is cut may end in a reset.
         let _reset = stream.read_to_end(&mut bytes);
         bytes
     }
 
     #[test]
-    fn who_sends_no_whole_request_is_let_go_and_others_get_their_answer() {
+    fn a_client_that_sends_no_whole_request_is_dropped_and_others_get_their_answer() {
         served(|address| {
             let slow: Vec<_> =
                 ["", "GET / HT", "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"].map(|half| connected(address, half)).into();
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_read_the_answer_is_let_go() {
+    fn a_client_that_does_not_read_the_answer_is_dropped() {
         served(|address| {
             let long = connected(address, "GET /long HTTP/1.0\r\n\r\n");
             let answer = all_of(connected(address, "GET / HTTP/1.0\r\n\r\n"));

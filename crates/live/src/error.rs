@@ -1,4 +1,4 @@
-//! What keeps the live view from being served.
+//! Errors of the live view.
 
 use std::io;
 use std::net::SocketAddr;
@@ -9,23 +9,23 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum LiveError {
     /// The address can't be listened on.
-    #[error("--live can't listen on {address}: {source}; {mend}", mend = mend(source))]
+    #[error("--live can't listen on {address}: {source}; {fix}", fix = fix(source))]
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// What was given is no address.
-    #[error("--live is `{got}`: it is an address, as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080")]
+    /// The text is not an address.
+    #[error("--live is `{got}`, not an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080")]
     Address {
-        /// What was given.
+        /// The text given.
         got: String,
     },
-    /// What was given is no origin.
-    #[error("--live-origin is `{got}`: it is scheme, host and port, as https://app.foxglove.dev or http://bench:8080")]
+    /// The text is not an origin.
+    #[error("--live-origin is `{got}`, not an origin such as https://app.foxglove.dev or http://bench:8080")]
     Origin {
-        /// What was given.
+        /// The text given.
         got: String,
     },
     /// The system gives no random numbers for the token.
@@ -36,7 +36,7 @@ pub enum LiveError {
     Thread(io::Error),
 }
 
-fn mend(source: &io::Error) -> &'static str {
+fn fix(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::AddrInUse => "another program has this port: name another, or leave it out for a free one",
         io::ErrorKind::AddrNotAvailable => "name an address of this machine: `ip address` lists them",

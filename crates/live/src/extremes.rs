@@ -1,5 +1,5 @@
-//! Samples thinned out for the screen: of a stretch of samples the least and the largest of each number, so that no
-//! peak is lost, whatever the width of the screen.
+//! Samples thinned out for the screen: the least and the largest of each number over a stretch of samples, so that no
+//! peak is lost at any width of the screen.
 
 use super::rows::{Numbers, Row};
 
@@ -12,11 +12,11 @@ pub struct Stretch {
     pub least: Numbers,
     /// The largest.
     pub largest: Numbers,
-    /// Which readings were clipped in any of its samples.
+    /// Readings clipped in any of its samples.
     pub clipped: u32,
 }
 
-/// Gathers stretches.
+/// Collects samples into stretches.
 #[derive(Debug)]
 pub struct Extremes {
     width: u64,
@@ -24,7 +24,7 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Stretches of `width` samples, at least 1, that begin at its multiples.
+    /// Stretches of `width` samples, at least 1, that begin at multiples of it.
     pub fn new(width: u64) -> Extremes {
         Extremes { width: width.max(1), stretch: None }
     }
@@ -34,12 +34,12 @@ impl Extremes {
         self.width
     }
 
-    /// Takes a sample, and hands over the stretch before it, if it begins another.
+    /// Takes a sample; returns the previous stretch if it begins a new one.
     pub fn push(&mut self, sample: u64, row: &Row) -> Option<Stretch> {
         let first = sample - sample % self.width;
         match &mut self.stretch {
             Some(stretch) if stretch.first == first => {
-                // `f32::min` and `max` leave out NaN.
+                // `f32::min` and `max` ignore NaN.
                 for (place, value) in row.numbers.iter().enumerate() {
                     stretch.least[place] = stretch.least[place].min(*value);
                     stretch.largest[place] = stretch.largest[place].max(*value);
@@ -54,7 +54,7 @@ impl Extremes {
         }
     }
 
-    /// Begins anew.
+    /// Starts over.
     pub fn restart(&mut self) {
         self.stretch = None;
     }
@@ -73,17 +73,17 @@ mod tests {
             let value = if sample == 27 { 9.0 } else { -(sample as f32) };
             stretches.extend(extremes.push(sample, &row(value)));
         }
-        let told: Vec<_> = stretches.iter().map(|it| (it.first, it.least[0], it.largest[11])).collect();
-        assert_eq!(told, [(0, -9.0, -3.0), (10, -19.0, -10.0), (20, -29.0, 9.0), (30, -39.0, -30.0)]);
+        let found: Vec<_> = stretches.iter().map(|it| (it.first, it.least[0], it.largest[11])).collect();
+        assert_eq!(found, [(0, -9.0, -3.0), (10, -19.0, -10.0), (20, -29.0, 9.0), (30, -39.0, -30.0)]);
         extremes.restart();
         assert_eq!(extremes.push(40, &row(f32::NAN)), None);
         assert_eq!(extremes.push(41, &row(1.0)), None);
         let stretch = extremes.push(50, &row(0.0)).unwrap();
-        assert_eq!((stretch.least[3], stretch.largest[3]), (1.0, 1.0), "what is not known is left out");
+        assert_eq!((stretch.least[3], stretch.largest[3]), (1.0, 1.0), "unknown numbers are left out");
     }
 
     #[test]
-    fn a_stretch_tells_what_was_clipped_in_any_of_its_samples() {
+    fn a_stretch_names_the_readings_clipped_in_any_of_its_samples() {
         let mut extremes = Extremes::new(3);
         let clipped = [0, 0b1000, 0b1, 0, 0, 0, 0];
         let rows = clipped.map(|clipped| Row { clipped, ..Row::UNKNOWN });

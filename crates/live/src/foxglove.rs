@@ -1,7 +1,7 @@
-//! The stream as Foxglove, Lichtblick and PlotJuggler take it: the Foxglove WebSocket protocol, with the messages and
+//! The stream for Foxglove, Lichtblick and PlotJuggler: the Foxglove WebSocket protocol, with the messages and
 //! schemas of recordings.
 //!
-//! The server says what it is (`serverInfo`) and which channels there are (`advertise`); a client subscribes to
+//! The server describes itself (`serverInfo`) and its channels (`advertise`); a client subscribes to
 //! channels, and each message comes as a binary frame: opcode 1, the client's number of the subscription (32 bits), the
 //! time (64 bits, ns), both little-endian, and the payload. The subprotocol has an old name, `foxglove.websocket.v1`,
 //! and a new one, `foxglove.sdk.v1`, for the same messages.
@@ -24,7 +24,7 @@ use resonarm_session::run::{self, CommandRecord};
 
 /// Both names of the subprotocol.
 pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
-/// What may be published; the number of a channel is its place here.
+/// The channels that may be published; a channel's number is its index here.
 const CHANNELS: [Channel; 9] = [
     Channel::Recorded(MessageType::State),
     Channel::Recorded(MessageType::Command),
@@ -38,24 +38,24 @@ const CHANNELS: [Channel; 9] = [
 ];
 /// Opcode of a message.
 const MESSAGE_DATA: u8 = 1;
-/// Level of a status message that tells an error.
+/// Level of a status message for an error.
 const ERROR: u8 = 2;
-/// Rows of a batch at most; what is there goes out with each update.
+/// Most rows in a batch; each update sends the rows so far.
 const BATCH_ROWS: u32 = 500;
-/// Every how many samples a plotting topic has a message.
+/// A plotting topic has a message every so many samples.
 const PLOT_EVERY: u64 = 10;
 
-/// What is published under one number.
+/// A channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
-    /// Messages as recordings have them.
+    /// Messages as in recordings.
     Recorded(MessageType),
-    /// The moving arm, as copies for viewers have it.
+    /// The moving arm, as in copies for viewers.
     Arm,
 }
 
 impl Channel {
-    /// How it is advertised.
+    /// Its entry in `advertise`.
     fn advertised(self, id: usize) -> Value {
         match self {
             Channel::Recorded(of) => json!({
@@ -78,7 +78,7 @@ impl Channel {
     }
 }
 
-/// A message for everyone who subscribed to its channel.
+/// A message for all subscribers of its channel.
 #[derive(Clone, Debug)]
 pub struct Published {
     channel: u32,
@@ -86,7 +86,7 @@ pub struct Published {
     bytes: Bytes,
 }
 
-/// Makes messages of what is told.
+/// Makes Foxglove messages of notices and records.
 pub struct Stream {
     dt_s: f64,
     /// Time of sample 0, ns of the UNIX epoch.
@@ -96,14 +96,14 @@ pub struct Stream {
     ticks: Batcher<proto::TickBatch>,
     frames: FrameBatcher,
     plots: Plots,
-    /// `None` where no angles are told.
+    /// `None` where the arm's angles are unknown.
     arm: Option<MovingArm>,
     published: Vec<Published>,
 }
 
 impl Stream {
-    /// Of samples `dt_s` apart, the first of which is taken for `start_unix_ns`, of frames on the bus `interface`, and
-    /// of an arm whose angles are told.
+    /// For samples `dt_s` apart, the first at `start_unix_ns`, frames on the bus `interface`, and
+    /// an arm whose angles are known.
     pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, arm: Option<Arm>) -> Stream {
         Stream {
             dt_s,
@@ -118,7 +118,7 @@ impl Stream {
         }
     }
 
-    /// What is published.
+    /// The channels published.
     pub fn channels(&self) -> &'static [Channel] {
         match (&self.arm, CHANNELS.as_slice()) {
             (None, [recorded @ .., Channel::Arm]) => recorded,
@@ -126,9 +126,9 @@ impl Stream {
         }
     }
 
-    /// Takes what a loop told.
-    pub fn told(&mut self, told: &run::Told) {
-        match told {
+    /// Takes a notice of the loop.
+    pub fn notice(&mut self, notice: &run::Told) {
+        match notice {
             run::Told::Record(record) => self.record(record),
             run::Told::Command(CommandRecord { sample, load }) => {
                 let (t, f) = (load.torque_nm, load.force_n);
@@ -181,7 +181,7 @@ impl Stream {
         }
     }
 
-    /// What is to be sent since the last call.
+    /// The messages made since the last call.
     pub fn take(&mut self) -> Vec<Published> {
         self.take_batches();
         let start_and_dt = (self.start_unix_ns, self.dt_s);
@@ -235,7 +235,7 @@ fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
     start_unix_ns.saturating_add((sample as f64 * dt_s * 1e9) as u64)
 }
 
-/// What a client is told first.
+/// The first messages to a client.
 pub fn introduction(about: &About, channels: &[Channel], session: &str) -> [Message; 2] {
     let info = json!({
         "op": "serverInfo",
@@ -253,7 +253,7 @@ fn text(value: &Value) -> Message {
     Message::Text(Utf8Bytes::from(value.to_string()))
 }
 
-/// What a client says. What is not for this server is refused by a status message.
+/// A client's message. Messages not for this server are refused by a status message.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
 enum Said {
@@ -273,10 +273,10 @@ struct Subscription {
     channel_id: u32,
 }
 
-/// Subscriptions of a client at most: each channel a few times over.
+/// Most subscriptions of a client: each channel a few times over.
 const SUBSCRIPTIONS: usize = 64;
 
-/// What a client has subscribed to: its own numbers, and the channels.
+/// A client's subscriptions: its own numbers, and the channels.
 #[derive(Debug)]
 pub struct Subscriptions {
     channels: &'static [Channel],
@@ -289,7 +289,7 @@ impl Subscriptions {
         Subscriptions { channels, subscribed: BTreeMap::new() }
     }
 
-    /// Takes what the client said; what it is answered, if it is wrong.
+    /// Takes a client's message; returns an error message if it is wrong.
     pub fn said(&mut self, text: &str) -> Option<Message> {
         match serde_json::from_str(text) {
             Ok(Said::Subscribe { subscriptions }) => {
@@ -325,7 +325,7 @@ impl Subscriptions {
     }
 }
 
-/// Says what is wrong with something that a client said.
+/// An error message to a client.
 pub fn status(text_: &str) -> Message {
     text(&json!({ "op": "status", "level": ERROR, "message": text_ }))
 }
@@ -344,12 +344,12 @@ mod tests {
     }
 
     #[test]
-    fn frames_go_out_as_they_are_recorded() {
+    fn frames_are_sent_as_recorded() {
         let mut stream = Stream::new(1e-3, 0, "vcan0", None);
         assert_eq!(stream.channels().len(), CHANNELS.len() - 1);
         stream.record(&frame(3, Direction::Received, 0x203));
         stream.record(&frame(4, Direction::Sent, 0x205));
-        // An exciter counts from each arming on.
+        // An exciter counts from each arming.
         stream.record(&frame(0, Direction::Sent, 0x205));
         let published = stream.take();
         let batches: Vec<_> = published.iter().map(|one| proto::FrameBatch::decode(&*one.bytes).unwrap()).collect();
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_arm_goes_out_once_an_update_as_copies_for_viewers_have_it() {
+    fn the_arm_is_sent_once_an_update_as_in_copies_for_viewers() {
         let mut stream = Stream::new(1e-3, 1_000, "none", Some(Scenario::default().build_arm().unwrap()));
         assert_eq!(stream.channels(), CHANNELS);
         let zero = [0.0; 2];
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn who_has_subscribed_gets_frames_and_nonsense_is_answered() {
+    fn subscribers_get_frames_and_nonsense_is_answered() {
         let mut stream = Stream::new(1e-3, 1_000, "vcan0", None);
         let mut subscriptions = Subscriptions::new(stream.channels());
         let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":5},{"id":8,"channelId":99}]}"#;

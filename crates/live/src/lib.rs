@@ -1,14 +1,14 @@
-//! A run or a recording in a browser, while it goes.
+//! A live view of a run or a recording in a browser.
 //!
 //! ```text
 //! run loop ── ring ──► server thread: model ──► messages, made once ──► every viewer
 //! player of a recording ──►                └──► Foxglove WebSocket
 //! ```
 //!
-//! A loop that is watched pushes plain records into a ring of its own ([`run::watch`](resonarm_session::run::watch())) and never
-//! waits. One thread takes them thirty times a second, keeps what later viewers need, thins the samples out to
-//! extremes, and sends each message to all viewers. Who is too slow loses updates, which are counted; the loop knows
-//! nothing of it. What somebody asks for goes back through a ring as well, and passes the node's own gate.
+//! A watched loop pushes plain records into its ring ([`run::watch`](resonarm_session::run::watch())) and never
+//! waits. One thread takes them thirty times a second, keeps the data that later viewers need, reduces the samples to
+//! extremes, and sends each message to all viewers. A viewer that is too slow loses updates, which are counted; the
+//! loop is not affected. Requests return through another ring, and pass the node's own gate.
 
 extern crate alloc;
 

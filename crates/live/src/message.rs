@@ -1,4 +1,4 @@
-//! What goes to a viewer's page, and what comes from it.
+//! Messages to and from a viewer's page.
 //!
 //! Text messages are JSON objects with a `kind`. The update, thirty times a second, is a binary message: the length of
 //! its head as a little-endian 32-bit number, the head as JSON, zeros up to a multiple of four bytes, and
@@ -15,12 +15,12 @@ use resonarm_session::run::Request;
 /// A text message to the page.
 #[derive(Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Told<'a> {
-    /// First of all.
+pub enum PageMessage<'a> {
+    /// The first message.
     About(&'a About),
-    /// The state of the node that is watched.
+    /// The state of the watched node.
     State(&'a NodeStatus),
-    /// Something that happened.
+    /// An event.
     Event(&'a EventLine),
     /// A response that was read.
     Response(&'a ReadPoint),
@@ -28,15 +28,15 @@ pub enum Told<'a> {
     Branch(&'a BranchLines),
     /// Spectra of the latest samples.
     Spectrum(&'a Spectra),
-    /// Another series of samples begins: what was drawn and told is of the past, but for the branch.
+    /// Another series of samples begins: everything drawn or sent before is obsolete, except the branch.
     Restarted,
-    /// Where a recording is.
+    /// The position in a recording.
     Player(&'a PlayerStatus),
-    /// The set-point that the exciter goes to or holds, if one can be set: at first, and when it changes.
+    /// The set-point that the exciter approaches or holds, if one can be set: at first, and when it changes.
     SetPoint(&'a SetPointLine),
-    /// A request was handed on.
+    /// A request was accepted.
     Taken,
-    /// A request was not.
+    /// A request was refused.
     Refused {
         /// Why.
         why: &'a str,
@@ -50,7 +50,7 @@ pub enum Told<'a> {
 pub struct NodeStatus {
     /// Its state: unknown, boot-up, pre-operational, operational, fault.
     pub state: &'static str,
-    /// The fault that is latched, in words.
+    /// The latched fault, in words.
     pub fault: Option<String>,
 }
 
@@ -59,11 +59,11 @@ pub struct NodeStatus {
 pub struct EventLine {
     /// When in simulated time, s.
     pub time_s: f64,
-    /// What, as recordings have it.
+    /// Its name in recordings.
     pub name: String,
     /// A number that belongs to it.
     pub value: i64,
-    /// In words, if it is a fault.
+    /// A description, if it is a fault.
     pub text: Option<String>,
 }
 
@@ -78,7 +78,7 @@ pub struct ReadPoint {
     /// Lag of the response behind the load in a closed loop.
     pub lag_deg: Option<f64>,
     pub settled: bool,
-    /// Whether α1 and α2 rest on clipped readings.
+    /// Whether α1 and α2 were computed from clipped readings.
     pub clipped: [bool; 2],
 }
 
@@ -94,15 +94,15 @@ pub struct BranchLines {
 /// Amplitude spectra.
 #[derive(Clone, Debug, Serialize)]
 pub struct Spectra {
-    /// From one line to the next, Hz.
+    /// Distance between two lines, Hz.
     pub line_hz: f64,
-    /// Of the force in the head along x and y, or of the commanded load, if nothing is read.
+    /// Of the force in the head along x and y, or of the commanded load if there are no readings.
     pub force: [Vec<f32>; 2],
     /// Of the acceleration of C along x and y, m/s².
     pub acceleration_c: [Vec<f32>; 2],
-    /// Which readings that they are of were clipped, by the bits that [`About`] names.
+    /// Which of the readings used were clipped, by the bits that [`About`] names.
     pub clipped: u32,
-    /// Where the largest line of the acceleration stands, Hz.
+    /// Frequency of the largest line of the acceleration, Hz.
     pub peak_hz: Option<f64>,
 }
 
@@ -120,23 +120,23 @@ impl From<SetPoint> for SetPointLine {
     }
 }
 
-/// Where a recording is.
+/// The position in a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlayerStatus {
     pub playing: bool,
-    /// Recorded seconds a second.
+    /// Recorded seconds per second.
     pub speed: f64,
     /// The sample that is shown.
     pub sample: u64,
 }
 
-/// How the loop keeps time, since the last update.
+/// Timing of the loop since the last update.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Timing {
-    /// The mean and the largest part of a sample period that the work of a sample took.
+    /// The mean and the largest fraction of a sample period that the work of a sample took.
     pub load: f64,
     pub load_most: f64,
-    /// The mean and the latest time that a sample was late, µs.
+    /// The mean and the latest lateness of a sample, µs.
     pub late_us: f64,
     pub late_most_us: f64,
 }
@@ -146,34 +146,34 @@ pub struct Timing {
 pub struct UpdateHead {
     /// The newest sample.
     pub sample: u64,
-    /// Its time, s; of a recording that of the sample that is shown.
+    /// Its time, s; in a recording that of the sample shown.
     pub time_s: f64,
     /// First samples of the stretches.
     pub stretches: Vec<u64>,
     /// Samples in a stretch.
     pub width: u64,
-    /// First of the latest rows, which follow each other without a gap.
+    /// First of the latest rows, which are contiguous.
     pub first: u64,
     /// How many rows.
     pub rows: usize,
     /// Which readings were clipped in each stretch, by the bits that [`About`] names.
     pub stretches_clipped: Vec<u32>,
-    /// Which were in each row.
+    /// Which were clipped in each row.
     pub rows_clipped: Vec<u32>,
-    /// How the loop keeps time; none if it has no schedule.
+    /// Timing of the loop; `None` if it has no schedule.
     pub timing: Option<Timing>,
     /// Deadlines missed since the run or the recording began.
     pub overruns: u64,
-    /// Why, in words, and how many of them: by each cause that there was.
+    /// Their causes, in words, each with its count.
     pub overrun_causes: Vec<(&'static str, u64)>,
-    /// What the loop told and nobody was there in time to take.
+    /// Records of the loop that were lost because nothing took them in time.
     pub lost: u64,
-    /// Updates that viewers were too slow for, all together.
+    /// Updates that viewers were too slow for, in total.
     pub lost_updates: u64,
     pub viewers: usize,
 }
 
-/// An update as it is sent.
+/// The bytes of an update.
 pub fn update(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> serde_json::Result<Vec<u8>> {
     let json = serde_json::to_vec(head)?;
     let mut bytes = Vec::with_capacity(8 + json.len() + 48 * (2 * stretches.len() + rows.len()));
@@ -187,7 +187,7 @@ pub fn update(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> serde_j
     Ok(bytes)
 }
 
-/// What a page asks for: `{"token": "…", "request": "arm"}`.
+/// A request with its token: `{"token": "…", "request": "arm"}`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Asked {
@@ -202,7 +202,7 @@ pub enum Wish {
     Arm,
     Disarm,
     Reset,
-    /// Lead the sine to a set-point: N or N·m, Hz, degrees.
+    /// Set the sine's set-point: N or N·m, Hz, degrees.
     Set {
         load: f64,
         frequency_hz: f64,
@@ -210,21 +210,21 @@ pub enum Wish {
     },
     Play,
     Pause,
-    /// Go on at this time, s.
+    /// Continue at this time, s.
     Seek {
         time_s: f64,
     },
-    /// Halt, and go so many samples on, or back if it is negative; no further than the recording goes.
+    /// Pause, and move by so many samples, negative for back, within the recording.
     Step {
         samples: i64,
     },
-    /// Recorded seconds a second.
+    /// Recorded seconds per second.
     Speed {
         times: f64,
     },
 }
 
-/// What a wish is for.
+/// A checked request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
     /// For a loop.
@@ -233,7 +233,7 @@ pub enum Order {
     Player(PlayerOrder),
 }
 
-/// What is asked of the player of a recording.
+/// A command to the player of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlayerOrder {
     Play,
@@ -243,11 +243,11 @@ pub enum PlayerOrder {
     Speed { times: f64 },
 }
 
-/// The slowest and the fastest that a recording is played, recorded seconds a second.
+/// The slowest and the fastest playback, recorded seconds per second.
 pub const SPEEDS: core::ops::RangeInclusive<f64> = 0.001..=1000.0;
 
 impl Wish {
-    /// The action that it is.
+    /// The action that the request needs.
     fn action(self) -> Action {
         match self {
             Wish::Arm => Action::Arm,
@@ -258,7 +258,7 @@ impl Wish {
         }
     }
 
-    /// The order that it comes to, or why it is none.
+    /// The order for this request, or why it is refused.
     pub fn order(self, about: &About) -> Result<Order, String> {
         if !about.allows(self.action()) {
             return Err(format!("{:?} can't be asked of a {}", self.action(), about.role).to_lowercase());

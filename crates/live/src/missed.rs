@@ -1,15 +1,16 @@
-//! Missed deadlines by cause, put together from what is told piece by piece.
+//! Missed deadlines by cause, combined from ticks and events.
 //!
-//! A tick says how many deadlines were missed before it, and why as far as the loop knows. If somebody else had the
-//! core, an event of the same sample says so, a little later, or in a recording earlier: it takes the place of the
-//! loop's cause. So the sum of the causes stays.
+//! A tick states how many deadlines were missed before it, and the cause as far as the loop knows. If another thread or
+//! the host had the core, an event of the same sample says so, a little later, or in a recording earlier: it replaces
+//! the loop's cause, so that the sum over the causes stays the same.
 
 use std::collections::BTreeMap;
 
 use resonarm_realtime::{OverrunCause, OverrunCauses};
 use resonarm_files::recording::TickRecord;
 
-/// Samples whose other half may come: at 10 kHz those of 100 ms, each a tick late. Events come within 50 ms.
+/// Samples for which a tick or event waits for its counterpart: at 10 kHz those of 100 ms, each a tick late. Events
+/// come within 50 ms.
 const HALVES_KEPT: usize = 1024;
 
 /// Missed deadlines.
@@ -17,9 +18,9 @@ const HALVES_KEPT: usize = 1024;
 pub struct Missed {
     deadlines: u64,
     causes: OverrunCauses,
-    /// By sample: what its tick said, and no event.
+    /// By sample: the tick's cause and count, without an event so far.
     ticks: BTreeMap<u64, (OverrunCause, u64)>,
-    /// By sample: what its event said, and no tick.
+    /// By sample: the event, without a tick so far.
     events: BTreeMap<u64, Taken>,
 }
 
@@ -68,12 +69,12 @@ impl Missed {
         }
     }
 
-    /// How many.
+    /// How many deadlines were missed.
     pub fn deadlines(&self) -> u64 {
         self.deadlines
     }
 
-    /// How many by each cause that there was, in words.
+    /// The causes in words, each with its count.
     pub fn in_words(&self) -> Vec<(&'static str, u64)> {
         self.causes.in_words().into_iter().filter(|(_, missed)| *missed > 0).collect()
     }
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_takes_the_place_of_the_cause_of_its_sample_in_any_order() {
+    fn an_event_replaces_the_cause_of_its_sample_in_any_order() {
         let mut missed = Missed::default();
         missed.tick(&tick(1, 0, None));
         missed.tick(&tick(5, 2, Some(OverrunCause::WokeLate)));
@@ -107,7 +108,7 @@ mod tests {
         missed.event(9, "overrun.preempted");
         assert_eq!(missed.in_words(), [("while the host had the core", 3), ("woke late", 2), ("bus long", 1)]);
         missed.tick(&tick(9, 4, Some(OverrunCause::WokeLate)));
-        // Older recordings know no causes.
+        // Older recordings have no causes.
         missed.tick(&tick(10, 5, None));
         let all = [
             ("while the host had the core", 3),
@@ -119,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_whose_other_half_never_comes_are_forgotten() {
+    fn halves_without_a_counterpart_are_forgotten() {
         let mut missed = Missed::default();
         let most = HALVES_KEPT as u64;
         (0..=most).for_each(|sample| missed.tick(&tick(sample, 1, Some(OverrunCause::WokeLate))));

@@ -1,4 +1,4 @@
-//! What is known of the run: kept for viewers that come later, and told to those that are there.
+//! The state of the run: kept for later viewers, and sent to those connected.
 
 use std::collections::VecDeque;
 
@@ -8,8 +8,8 @@ use axum::extract::ws::{Message, Utf8Bytes};
 use super::about::About;
 use super::extremes::{Extremes, Stretch};
 use super::message::{
-    BranchLines, EventLine, NodeStatus, PlayerStatus, ReadPoint, SetPointLine, Spectra, Timing, Told, UpdateHead,
-    update,
+    BranchLines, EventLine, NodeStatus, PageMessage, PlayerStatus, ReadPoint, SetPointLine, Spectra, Timing,
+    UpdateHead, update,
 };
 use super::missed::Missed;
 use super::rows::{Row, Rows, clipped_bit};
@@ -19,20 +19,20 @@ use resonarm_bench::control::{JointAngles, ResponsePoint, SetPoint};
 use resonarm_files::recording::{Event, Record, RecordedFault, TickRecord};
 use resonarm_session::run::{self, CommandRecord};
 
-/// Stretches a second of simulated time.
+/// Stretches per second of simulated time.
 const STRETCHES_HZ: f64 = 100.0;
-/// How much of the latest samples is kept for the plots over time, s of simulated time: a screen's width of stretches.
+/// Time range of the plots over time, s of simulated time: a screen's width of stretches.
 pub const SHOWN_S: f64 = 8.0;
-/// Stretches that are kept.
+/// Most stretches that are kept.
 const STRETCHES_KEPT: usize = (SHOWN_S * STRETCHES_HZ) as usize;
-/// Rows that an update carries at most; of a run faster than the clock only the latest are told whole.
-const ROWS_TOLD: usize = 256;
-/// Stretches that an update carries at most, the latest.
-const STRETCHES_TOLD: usize = 64;
-/// Events and responses that are kept.
+/// Most rows in an update; a run faster than the clock sends only the latest whole.
+const ROWS_SENT: usize = 256;
+/// Most stretches in an update: the latest.
+const STRETCHES_SENT: usize = 64;
+/// Most events, and most responses, that are kept.
 const LINES_KEPT: usize = 500;
 
-/// What is known of the run.
+/// The state of the run.
 pub struct Model {
     about: About,
     arm: Arm,
@@ -40,11 +40,11 @@ pub struct Model {
     extremes: Extremes,
     kept: VecDeque<Stretch>,
     new: Vec<Stretch>,
-    /// The latest rows, the newest last, and how many of them no update has told.
+    /// The latest rows, the newest last, and how many of them no update has sent.
     recent: VecDeque<Row>,
-    untold: usize,
+    unsent: usize,
     newest: Option<u64>,
-    /// Whether everything that is kept is to be told with the next update.
+    /// Whether the next update sends everything that is kept.
     is_new: bool,
     /// The sample of a recording that is shown.
     shown: Option<u64>,
@@ -54,7 +54,7 @@ pub struct Model {
     responses: VecDeque<ReadPoint>,
     branch: Option<BranchLines>,
     player: Option<PlayerStatus>,
-    /// The set-point that the exciter has.
+    /// The exciter's set-point.
     set_point: Option<SetPoint>,
     ticks: Ticks,
     missed: Missed,
@@ -74,7 +74,7 @@ struct Ticks {
 }
 
 impl Model {
-    /// Of a run of which nothing is known yet.
+    /// Of a run without data so far.
     pub fn new(about: About, arm: Arm) -> Model {
         let width = (about.rate_hz / STRETCHES_HZ) as u64;
         Model {
@@ -83,7 +83,7 @@ impl Model {
             kept: VecDeque::new(),
             new: Vec::new(),
             recent: VecDeque::new(),
-            untold: 0,
+            unsent: 0,
             newest: None,
             is_new: false,
             shown: None,
@@ -103,19 +103,19 @@ impl Model {
         }
     }
 
-    /// What is shown.
+    /// The run's description.
     pub fn about(&self) -> &About {
         &self.about
     }
 
-    /// Takes what a loop told.
-    pub fn told(&mut self, told: &run::Told) {
-        match told {
+    /// Takes a notice of the loop.
+    pub fn notice(&mut self, notice: &run::Told) {
+        match notice {
             run::Told::Record(record) => self.record(record),
             run::Told::Command(CommandRecord { sample, load }) => self.rows.command(*sample, load),
             run::Told::Response(point) => self.response(point),
             run::Told::SetPoint(set_point) => {
-                self.tell(&Told::SetPoint(&SetPointLine::from(*set_point)));
+                self.send(&PageMessage::SetPoint(&SetPointLine::from(*set_point)));
                 self.set_point = Some(*set_point);
             }
         }
@@ -151,10 +151,10 @@ impl Model {
         if let Some((state, fault)) = status {
             self.status = NodeStatus { state, fault };
             let status = self.status.clone();
-            self.tell(&Told::State(&status));
+            self.send(&PageMessage::State(&status));
         }
         let line = EventLine { time_s: self.time_s(*sample), name: name.to_owned(), value: *value, text };
-        self.tell(&Told::Event(&line));
+        self.send(&PageMessage::Event(&line));
         keep(&mut self.events, line);
     }
 
@@ -169,7 +169,7 @@ impl Model {
             settled: point.settled,
             clipped: angles.clipped,
         };
-        self.tell(&Told::Response(&read));
+        self.send(&PageMessage::Response(&read));
         keep(&mut self.responses, read);
     }
 
@@ -183,11 +183,11 @@ impl Model {
 
     /// Takes the computed branch.
     pub fn branch(&mut self, branch: BranchLines) {
-        self.tell(&Told::Branch(&branch));
+        self.send(&PageMessage::Branch(&branch));
         self.branch = Some(branch);
     }
 
-    /// Everything is of the past but the branch: what comes now begins elsewhere.
+    /// Drops everything but the branch: another series begins.
     pub fn restart(&mut self) {
         self.rows = Rows::default();
         self.newest = None;
@@ -199,25 +199,25 @@ impl Model {
         (self.ticks, self.missed) = (Ticks::default(), Missed::default());
         self.status = NodeStatus { state: "unknown", fault: None };
         self.is_new = true;
-        self.tell(&Told::Restarted);
+        self.send(&PageMessage::Restarted);
     }
 
-    /// This sample of a recording is shown: nothing more comes of it and of those before it.
+    /// Sets the sample of a recording that is shown: no more data come for it and those before it.
     pub fn shown(&mut self, sample: u64) {
         self.shown = Some(sample);
         self.rows.settle(sample);
     }
 
-    /// Takes where a recording is.
+    /// Takes the position in a recording.
     pub fn player(&mut self, player: PlayerStatus) {
-        self.tell(&Told::Player(&player));
+        self.send(&PageMessage::Player(&player));
         self.player = Some(player);
     }
 
-    /// Nothing more comes.
+    /// No more data come.
     pub fn end(&mut self) {
         if !core::mem::replace(&mut self.has_ended, true) {
-            self.tell(&Told::Ended);
+            self.send(&PageMessage::Ended);
         }
     }
 
@@ -225,19 +225,19 @@ impl Model {
         sample as f64 / self.about.rate_hz
     }
 
-    fn tell(&mut self, told: &Told) {
-        self.outgoing.extend(text(told));
+    fn send(&mut self, message: &PageMessage) {
+        self.outgoing.extend(text(message));
     }
 
-    /// Takes in the rows that are whole by now.
+    /// Takes the rows that are complete.
     fn gather(&mut self) {
         while let Some((sample, row)) = self.rows.pop() {
             if self.rows.take_restarted() {
-                // An exciter counts from each arming on.
+                // An exciter counts from each arming.
                 self.forget();
                 self.kept.clear();
                 self.new.clear();
-                self.tell(&Told::Restarted);
+                self.send(&PageMessage::Restarted);
             } else if self.newest.is_some_and(|newest| newest + 1 != sample) {
                 self.forget();
             }
@@ -247,31 +247,31 @@ impl Model {
                 self.kept.push_back(stretch);
             }
             self.recent.push_back(row);
-            self.untold += 1;
+            self.unsent += 1;
         }
         trim(&mut self.kept, STRETCHES_KEPT);
-        trim(&mut self.recent, self.spectrum.length().max(ROWS_TOLD));
+        trim(&mut self.recent, self.spectrum.length().max(ROWS_SENT));
         let (stretches, rows) = match core::mem::take(&mut self.is_new) {
             true => (STRETCHES_KEPT, self.recent.len()),
-            false => (STRETCHES_TOLD, ROWS_TOLD.min(self.recent.len())),
+            false => (STRETCHES_SENT, ROWS_SENT.min(self.recent.len())),
         };
         self.new.drain(..self.new.len().saturating_sub(stretches));
-        self.untold = self.untold.min(rows);
+        self.unsent = self.unsent.min(rows);
     }
 
-    /// Samples are missing: what comes does not follow the latest rows.
+    /// Samples are missing: the next do not follow the latest rows.
     fn forget(&mut self) {
         self.recent.clear();
-        self.untold = 0;
+        self.unsent = 0;
         self.extremes.restart();
     }
 
-    /// What is to be told to every viewer since the last call: `lost` by the loop, `lost_updates` by viewers.
+    /// The messages to every viewer since the last call: `lost` by the loop, `lost_updates` by viewers.
     pub fn take(&mut self, lost: u64, lost_updates: u64, viewers: usize) -> Vec<Message> {
         self.gather();
         let stretches = core::mem::take(&mut self.new);
-        let rows: Vec<Row> = self.recent.iter().skip(self.recent.len() - self.untold).copied().collect();
-        self.untold = 0;
+        let rows: Vec<Row> = self.recent.iter().skip(self.recent.len() - self.unsent).copied().collect();
+        self.unsent = 0;
         let timing = self.ticks.take(self.about.rate_hz);
         let head = UpdateHead { timing, lost, lost_updates, viewers, ..self.head(&stretches, &rows) };
         let mut messages = core::mem::take(&mut self.outgoing);
@@ -279,7 +279,7 @@ impl Model {
         messages
     }
 
-    /// The head of an update with these stretches and rows, the latest that there are.
+    /// The head of an update with these stretches and rows, the latest.
     fn head(&self, stretches: &[Stretch], rows: &[Row]) -> UpdateHead {
         let sample = self.newest.unwrap_or(0);
         UpdateHead {
@@ -317,18 +317,22 @@ impl Model {
         let peak_hz = self.spectrum.peak_hz(&both);
         let line_hz = self.spectrum.line_hz();
         let clipped = recent().fold(0, |bits, row| bits | row.clipped) & shown;
-        text(&Told::Spectrum(&Spectra { line_hz, force, acceleration_c, clipped, peak_hz }))
+        text(&PageMessage::Spectrum(&Spectra { line_hz, force, acceleration_c, clipped, peak_hz }))
     }
 
-    /// What a viewer that comes now is told first: everything that is kept.
+    /// The first messages to a new viewer: everything that is kept.
     pub fn introduction(&self, lost: u64) -> Vec<Message> {
-        let told = [Told::About(&self.about), Told::State(&self.status)].into_iter();
-        let told = told.chain(self.branch.as_ref().map(Told::Branch)).chain(self.player.as_ref().map(Told::Player));
+        let messages = [PageMessage::About(&self.about), PageMessage::State(&self.status)].into_iter();
+        let messages = messages
+            .chain(self.branch.as_ref().map(PageMessage::Branch))
+            .chain(self.player.as_ref().map(PageMessage::Player));
         let set_point = self.set_point.map(SetPointLine::from);
-        let told = told.chain(set_point.as_ref().map(Told::SetPoint));
-        let told = told.chain(self.events.iter().map(Told::Event)).chain(self.responses.iter().map(Told::Response));
-        let told = told.chain(self.has_ended.then_some(Told::Ended));
-        let mut messages: Vec<Message> = told.filter_map(|told| text(&told)).collect();
+        let messages = messages.chain(set_point.as_ref().map(PageMessage::SetPoint));
+        let messages = messages
+            .chain(self.events.iter().map(PageMessage::Event))
+            .chain(self.responses.iter().map(PageMessage::Response));
+        let messages = messages.chain(self.has_ended.then_some(PageMessage::Ended));
+        let mut messages: Vec<Message> = messages.filter_map(|message| text(&message)).collect();
         let stretches: Vec<Stretch> = self.kept.iter().copied().collect();
         let rows: Vec<Row> = self.recent.iter().copied().collect();
         messages.extend(binary(&UpdateHead { lost, ..self.head(&stretches, &rows) }, &stretches, &rows));
@@ -369,9 +373,9 @@ fn keep<T>(kept: &mut VecDeque<T>, one: T) {
     trim(kept, LINES_KEPT);
 }
 
-/// A message as text. None of them can fail to be written as JSON.
-pub fn text(told: &Told) -> Option<Message> {
-    let json = serde_json::to_string(told).inspect_err(|error| tracing::error!("live view: {error}")).ok()?;
+/// A message as text. Every one of them can be written as JSON.
+pub fn text(message: &PageMessage) -> Option<Message> {
+    let json = serde_json::to_string(message).inspect_err(|error| tracing::error!("live view: {error}")).ok()?;
     Some(Message::Text(Utf8Bytes::from(json)))
 }
 

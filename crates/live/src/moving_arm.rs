@@ -1,8 +1,8 @@
-//! The moving arm for 3D views: the newest state of each update, its vibration drawn larger so that it is seen.
+//! The moving arm for 3D views: the newest state of each update, with its vibration magnified to be visible.
 //!
-//! With a the largest |α1| or |α1 + α2| of the last second of updates, it is drawn m times as large, m = 1, 2, 5, 10 …
-//! the largest with m·a ≤ [`DRAWN_RAD`], at least 1. Another is chosen only if m·a leaves the range from 0.31 to 1.25
-//! times that angle, as on the page.
+//! With a the largest |α1| or |α1 + α2| of the last second of updates, the vibration is magnified m times: the largest
+//! m of 1, 2, 5, 10 … with m·a ≤ [`DRAWN_RAD`], at least 1. Another m is chosen only if m·a leaves the range from 0.31
+//! to 1.25 times that angle, as on the page.
 
 use std::collections::VecDeque;
 
@@ -12,20 +12,20 @@ use resonarm_dynamics::arm::Arm;
 use resonarm_files::export::scene;
 use resonarm_files::recording::StateRecord;
 
-/// The largest vibration as it is drawn, rad.
+/// The largest vibration drawn, rad.
 const DRAWN_RAD: f64 = 0.22;
-/// How far DRAWN_RAD/a may be from m before another m is chosen, times m.
+/// Range of DRAWN_RAD/a, in units of m, in which m is kept.
 const KEPT: core::ops::Range<f64> = 0.8..3.2;
 /// Below this the arm stands still, rad.
 const STILL_RAD: f64 = 1e-9;
-/// Updates over which the largest vibration is looked for: a second of them.
+/// Updates over which the largest vibration is taken: a second of them.
 const UPDATES: usize = 30;
 
 /// Draws the arm.
 pub struct MovingArm {
     arm: Arm,
     newest: Option<StateRecord>,
-    /// The largest angle since the last update, and of each before.
+    /// The largest angle since the last update, and in each update before.
     largest_rad: f64,
     before_rad: VecDeque<f64>,
     magnification: f64,
@@ -44,7 +44,7 @@ impl MovingArm {
         self.newest = Some(*state);
     }
 
-    /// The sample and the message of the newest state, if there is one since the last call; `time_ns` is the time of a
+    /// The sample and the message of the newest state since the last call; `time_ns` returns the time of a
     /// sample.
     pub fn take(&mut self, time_ns: impl Fn(u64) -> u64) -> Option<(u64, Value)> {
         let StateRecord { sample, alpha_rad, .. } = self.newest.take()?;
@@ -56,7 +56,7 @@ impl MovingArm {
     }
 }
 
-/// How many times as large vibrations up to `largest_rad` are drawn, if it was `now` times.
+/// The magnification for vibrations up to `largest_rad`, if it was `now` before.
 fn magnification(largest_rad: f64, now: f64) -> f64 {
     if largest_rad.is_nan() || largest_rad < STILL_RAD {
         return now;
@@ -89,12 +89,12 @@ mod tests {
     }
 
     #[test]
-    fn it_is_drawn_in_steps_that_stay() {
+    fn the_magnification_changes_in_steps_and_stays_over_a_range() {
         assert_eq!(magnification(0.0, 20.0), 20.0);
         assert_eq!(magnification(0.5, 1.0), 1.0);
         assert_eq!(magnification(0.11, 1.0), 2.0);
         assert_eq!(magnification(0.004, 1.0), 50.0);
-        // 0.22/0.0053 = 41.5 and 0.22/0.0014 = 157 are near enough to 50.
+        // 0.22/0.0053 = 41.5 and 0.22/0.0014 = 157 are close enough to 50.
         assert_eq!(magnification(0.0053, 50.0), 50.0);
         assert_eq!(magnification(0.0014, 50.0), 50.0);
         assert_eq!(magnification(0.0056, 50.0), 20.0);

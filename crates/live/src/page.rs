@@ -1,4 +1,4 @@
-//! The page, as files in the program.
+//! The page's files, built into the program.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ pub fn index() -> Response {
     ([(CONTENT_TYPE, "text/html; charset=utf-8")], include_str!("page/index.html")).into_response()
 }
 
-/// What it is made of.
+/// The page's other files.
 pub fn files() -> Router<Arc<Shared>> {
     FILES.into_iter().fold(Router::new(), |router, (path, kind, content)| {
         router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }))

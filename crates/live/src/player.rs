@@ -1,6 +1,6 @@
 //! Plays a recording: its records in the order of their samples, at the speed of the clock or another.
 //!
-//! A recording is always at some sample, playing or not: that sample is shown, with what the plots show before it.
+//! A recording is always at some sample, playing or not: that sample is shown, with those before it in the plots.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::LiveError;
-use super::branches::stand_back;
+use super::branches::lower_priority;
 use super::message::{PlayerOrder, PlayerStatus};
 use super::model::SHOWN_S;
 use super::source::{Played, Player, Source};
@@ -17,9 +17,9 @@ use resonarm_realtime::{Clock, SystemClock};
 use resonarm_files::recording::{Record, Recording, RecordingError, Records, TickRecord};
 use resonarm_session::replay::timed_responses;
 
-/// From one look at the clock to the next.
+/// Interval of looking at the clock.
 const LOOK: Duration = Duration::from_millis(15);
-/// How far beyond the sample that is shown the file is read, samples: topics are interleaved by batches.
+/// How far beyond the sample shown the file is read, samples: topics are interleaved by batches.
 const AHEAD: u64 = 2048;
 /// How much less processor time the threads get than others (nice(2)).
 const NICE: i32 = 10;
@@ -27,11 +27,11 @@ const NICE: i32 = 10;
 /// How a recording is played.
 #[derive(Clone, Copy, Debug)]
 pub struct Play {
-    /// Recorded seconds a second, within [`SPEEDS`](super::message::SPEEDS).
+    /// Recorded seconds per second, within [`SPEEDS`](super::message::SPEEDS).
     pub speed: f64,
-    /// How often from its beginning to its end; `None` is without end. It then stays at its end.
+    /// How often it is played from beginning to end, where it then stays; `None` for ever.
     pub times: Option<u32>,
-    /// Whether it stays at its first sample until the first viewer has come.
+    /// Whether it stays at its first sample until the first viewer comes.
     pub wait: bool,
 }
 
@@ -46,7 +46,7 @@ pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
     let for_responses = recording.clone();
     spawn("live-responses", move || {
         match timed_responses(&for_responses) {
-            // Nobody waits for them any more if the player has ended.
+            // If the player has ended, nobody waits for them.
             Ok(found) => drop(read.send(found)),
             Err(error) => tracing::info!("no responses are shown: {error}"),
         }
@@ -58,7 +58,7 @@ pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
 
 fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), LiveError> {
     let work = || {
-        stand_back(NICE);
+        lower_priority(NICE);
         work();
     };
     thread::Builder::new().name(name.to_owned()).spawn(work).map(drop).map_err(LiveError::Thread)
@@ -67,20 +67,20 @@ fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), LiveErr
 struct Playing {
     recording: Recording,
     rate_hz: f64,
-    /// The first and the last sample; of a recording of frames alone the last is not known, and very large.
+    /// The first and the last sample; of a recording of frames alone the last is unknown, and very large.
     first: u64,
     last: u64,
     /// How often it is still to be played from its beginning, this time included.
     times: Option<u32>,
-    /// What is left to read; `None` at the end.
+    /// The records still to read; `None` at the end.
     records: Option<Records<Record<String>>>,
-    /// What was read and is not due, by sample.
+    /// Records read but not yet due, by sample.
     ahead: BTreeMap<u64, Vec<Record<String>>>,
     newest_read: u64,
-    /// The sample that is shown, and how far the clock is beyond it.
+    /// The sample that is shown, and the fraction by which the clock is beyond it.
     position: f64,
-    /// What comes before this sample is told.
-    told_to: u64,
+    /// All before this sample has been sent.
+    sent_to: u64,
     is_playing: bool,
     speed: f64,
     played: mpsc::Sender<Played>,
@@ -88,7 +88,7 @@ struct Playing {
     reading: mpsc::Receiver<Vec<(u64, ResponsePoint)>>,
 }
 
-/// Nobody looks any more.
+/// The receiver has gone.
 #[derive(Debug)]
 struct Gone;
 
@@ -110,7 +110,7 @@ impl Playing {
             ahead: BTreeMap::new(),
             newest_read: 0,
             position: 0.0,
-            told_to: 0,
+            sent_to: 0,
             is_playing: !play.wait,
             speed: play.speed,
             played,
@@ -121,7 +121,7 @@ impl Playing {
 
     fn run(mut self, orders: &mpsc::Receiver<PlayerOrder>) {
         let mut looked_ns = SystemClock.now_ns();
-        let mut going = self.seek(self.first).and_then(|()| self.tell_status());
+        let mut going = self.seek(self.first).and_then(|()| self.send_status());
         while going.is_ok() {
             let order = orders.recv_timeout(LOOK);
             let now_ns = SystemClock.now_ns();
@@ -137,21 +137,21 @@ impl Playing {
         }
     }
 
-    fn tell(&self, played: Played) -> Result<(), Gone> {
+    fn send(&self, played: Played) -> Result<(), Gone> {
         self.played.send(played).map_err(|_nobody| Gone)
     }
 
-    fn tell_status(&self) -> Result<(), Gone> {
-        self.tell(Played::Status(PlayerStatus { playing: self.is_playing, speed: self.speed, sample: self.shown() }))
+    fn send_status(&self) -> Result<(), Gone> {
+        self.send(Played::Status(PlayerStatus { playing: self.is_playing, speed: self.speed, sample: self.shown() }))
     }
 
     /// The sample that is shown.
     fn shown(&self) -> u64 {
-        self.told_to.saturating_sub(1).min(self.last)
+        self.sent_to.saturating_sub(1).min(self.last)
     }
 
-    /// Carries out orders that have come together. Of jumps that have only the last is made: whoever drags the time bar
-    /// over a long recording waits for one.
+    /// Carries out pending orders. Of several jumps only the last is made, so that dragging the time bar over a long
+    /// recording waits for only one.
     fn carry_out(&mut self, orders: impl Iterator<Item = PlayerOrder>) -> Result<(), Gone> {
         let mut wanted = None;
         for order in orders {
@@ -179,7 +179,7 @@ impl Playing {
             None => {}
         }
         self.advance()?;
-        self.tell_status()
+        self.send_status()
     }
 
     fn is_at_end(&self) -> bool {
@@ -191,31 +191,31 @@ impl Playing {
         (SHOWN_S * self.rate_hz) as u64
     }
 
-    /// Goes on at a sample, with what the plots show before it. Events and missed deadlines before that are told as
-    /// well: they say in which state the node is, and what it has missed.
+    /// Continues at a sample, with those before it in the plots. Earlier events and missed deadlines are sent, too:
+    /// they give the node's state and the deadlines missed so far.
     fn seek(&mut self, sample: u64) -> Result<(), Gone> {
         self.ahead.clear();
         self.newest_read = 0;
-        self.records = self.recording.records().inspect_err(tell_error).ok();
+        self.records = self.recording.records().inspect_err(log_error).ok();
         let records = self.take_due(sample + 1, sample.saturating_sub(self.kept()));
-        (self.position, self.told_to) = (sample as f64, sample + 1);
-        self.tell(Played::Moved { sample: self.shown(), records })?;
+        (self.position, self.sent_to) = (sample as f64, sample + 1);
+        self.send(Played::Moved { sample: self.shown(), records })?;
         self.take_responses(0)
     }
 
-    /// Tells what is due by now.
+    /// Sends the records that are due.
     fn advance(&mut self) -> Result<(), Gone> {
         let due = self.position as u64 + 1;
-        if due > self.told_to {
+        if due > self.sent_to {
             let records = self.take_due(due, 0);
-            let from = core::mem::replace(&mut self.told_to, due);
-            self.tell(Played::Records { sample: self.shown(), records })?;
+            let from = core::mem::replace(&mut self.sent_to, due);
+            self.send(Played::Records { sample: self.shown(), records })?;
             self.take_responses(from)?;
         }
         if self.is_playing && self.is_at_end() { self.end() } else { Ok(()) }
     }
 
-    /// Begins anew, as often as it is to be played; then stays at the end.
+    /// Starts over as often as wanted; then stays at the end.
     fn end(&mut self) -> Result<(), Gone> {
         self.times = self.times.map(|times| times.saturating_sub(1));
         if self.times != Some(0) {
@@ -223,11 +223,11 @@ impl Playing {
         }
         (self.is_playing, self.times) = (false, Some(1));
         self.position = self.shown() as f64;
-        self.tell_status()
+        self.send_status()
     }
 
-    /// The records before sample `due` that are not told, as far as they are of samples from `from` on, or say in which
-    /// state the node is or which deadlines it has missed. Reads on to well beyond `due`.
+    /// The records before sample `due` not yet sent, if they are of samples from `from` on, or give the node's state or
+    /// missed deadlines. Reads ahead to well beyond `due`.
     fn take_due(&mut self, due: u64, from: u64) -> Vec<Record<String>> {
         let mut records = Vec::new();
         while self.newest_read <= due + AHEAD {
@@ -235,7 +235,7 @@ impl Playing {
                 self.records = None;
                 break;
             };
-            match next.inspect_err(tell_error) {
+            match next.inspect_err(log_error) {
                 Ok(record) if record.sample() >= from => {
                     self.newest_read = self.newest_read.max(record.sample());
                     self.ahead.entry(record.sample()).or_default().push(record);
@@ -252,19 +252,19 @@ impl Playing {
         records
     }
 
-    /// Tells the responses that were read from sample `from` on and before the sample that is due; if they are there
-    /// only now, all before it.
+    /// Sends the responses read from sample `from` on and before the sample that is due; all before it if they have
+    /// arrived only now.
     fn take_responses(&mut self, from: u64) -> Result<(), Gone> {
         let new = self.reading.try_iter().last();
         let from = if new.is_some() { 0 } else { from };
         self.responses = new.unwrap_or_else(|| core::mem::take(&mut self.responses));
-        let due = self.responses.iter().filter(|(sample, _)| (from..self.told_to).contains(sample));
-        due.map(|(_, response)| *response).try_for_each(|response| self.tell(Played::Response(Box::new(response))))
+        let due = self.responses.iter().filter(|(sample, _)| (from..self.sent_to).contains(sample));
+        due.map(|(_, response)| *response).try_for_each(|response| self.send(Played::Response(Box::new(response))))
     }
 }
 
-fn tell_error(error: &RecordingError) {
-    tracing::error!("the recording can't be read on: {error}");
+fn log_error(error: &RecordingError) {
+    tracing::error!("can't read the rest of the recording: {error}");
 }
 
 #[cfg(test)]
@@ -275,19 +275,19 @@ mod tests {
     /// The last sample of the recording, at 1 kHz.
     const LAST: u64 = 900;
 
-    /// A player of a recording, at its first sample, and what it tells.
+    /// A player of a recording, at its first sample, and the receiver of what it sends.
     fn playing(play: Play) -> (Playing, mpsc::Receiver<Played>) {
         let recording = Recording::open("recordings/lockstep-dwell.mcap").unwrap();
-        let ((played, told), (_read, responses)) = (mpsc::channel(), mpsc::channel());
+        let ((played, receiver), (_read, responses)) = (mpsc::channel(), mpsc::channel());
         let mut playing = Playing::new(recording, play, played, responses);
         playing.seek(0).unwrap();
-        (playing, told)
+        (playing, receiver)
     }
 
-    /// Of all that was told: the samples of which readings were told, and what was shown last; from the last jump on.
-    fn told(told: &mpsc::Receiver<Played>) -> (bool, Vec<u64>, Option<u64>) {
+    /// Whether there was a jump, the samples with readings, and the sample shown last; from the last jump on.
+    fn received(receiver: &mpsc::Receiver<Played>) -> (bool, Vec<u64>, Option<u64>) {
         let (mut has_moved, mut samples, mut shown) = (false, Vec::new(), None);
-        for played in told.try_iter() {
+        for played in receiver.try_iter() {
             if matches!(played, Played::Moved { .. }) {
                 (has_moved, samples) = (true, Vec::new());
             }
@@ -309,26 +309,30 @@ mod tests {
     }
 
     #[test]
-    fn a_halted_recording_shows_the_sample_to_which_it_is_set_and_what_was_before() {
+    fn a_paused_recording_shows_the_sample_it_is_set_to_and_those_before() {
         let (mut playing, receiver) = playing(Play { wait: true, ..ONCE });
-        assert_eq!(told(&receiver), (true, vec![0], Some(0)));
+        assert_eq!(received(&receiver), (true, vec![0], Some(0)));
         playing.carry_out([PlayerOrder::Seek { time_s: 0.3 }].into_iter()).unwrap();
-        assert_eq!(told(&receiver), (false, range(1, 300), Some(300)), "what follows is told without a jump");
+        assert_eq!(
+            received(&receiver),
+            (false, range(1, 300), Some(300)),
+            "the samples that follow are sent without a jump"
+        );
         playing.carry_out([PlayerOrder::Seek { time_s: 0.1 }].into_iter()).unwrap();
-        assert_eq!(told(&receiver), (true, range(0, 100), Some(100)));
+        assert_eq!(received(&receiver), (true, range(0, 100), Some(100)));
         let seeks = [0.2, 0.05, 0.4].map(|time_s| PlayerOrder::Seek { time_s });
         playing.carry_out(seeks.into_iter()).unwrap();
-        assert_eq!(told(&receiver), (false, range(101, 400), Some(400)), "of several jumps the last is made");
+        assert_eq!(received(&receiver), (false, range(101, 400), Some(400)), "only the last of several jumps is made");
         assert!(!playing.is_playing);
     }
 
     #[test]
-    fn a_step_halts_and_goes_on_or_back_as_far_as_the_recording_goes() {
+    fn a_step_pauses_and_moves_on_or_back_within_the_recording() {
         let (mut playing, receiver) = playing(ONCE);
         let mut step = |samples| {
             playing.carry_out([PlayerOrder::Step { samples }].into_iter()).unwrap();
-            let told: Vec<Played> = receiver.try_iter().collect();
-            match told.last() {
+            let sent: Vec<Played> = receiver.try_iter().collect();
+            match sent.last() {
                 Some(Played::Status(PlayerStatus { playing: false, sample, .. })) => *sample,
                 _ => panic!("no status"),
             }
@@ -338,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_stays_at_its_end_and_is_played_again_when_that_is_asked_for() {
+    fn a_recording_stays_at_its_end_and_plays_again_on_request() {
         let (mut playing, receiver) = playing(ONCE);
         playing.position = 5000.0;
         playing.advance().unwrap();
@@ -350,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_is_played_as_often_as_is_asked_for() {
+    fn a_recording_is_played_as_often_as_requested() {
         let ends = |times, runs: usize| {
             let (mut playing, _receiver) = playing(Play { times, ..ONCE });
             (0..runs).for_each(|_| {

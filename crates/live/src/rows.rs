@@ -1,4 +1,4 @@
-//! What is known of each sample, put together from what is told piece by piece.
+//! Rows: the numbers of each sample, combined from separate records.
 
 use std::collections::VecDeque;
 
@@ -38,7 +38,7 @@ pub fn clipped_bits() -> [&'static str; channels::READINGS.len()] {
 /// The numbers of a sample; NaN where nothing is known.
 pub type Numbers = [f32; SHOWN.len()];
 
-/// What is known of a sample.
+/// The known values of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
@@ -47,11 +47,11 @@ pub struct Row {
 }
 
 impl Row {
-    /// A sample of which nothing is known, and so nothing is read that could be clipped.
+    /// A sample without any known value, and so without clipped readings.
     pub const UNKNOWN: Row = Row { numbers: [f32::NAN; SHOWN.len()], clipped: 0 };
 }
 
-/// The bit that tells whether this number of a row was clipped, if it is a reading.
+/// The bit for this number of a row among the clipped readings, if it is a reading.
 pub fn clipped_bit(channel: usize) -> Option<u32> {
     match SHOWN.get(channel)?.kind {
         Kind::Reading { clip_bit } => Some(1 << clip_bit),
@@ -59,7 +59,7 @@ pub fn clipped_bit(channel: usize) -> Option<u32> {
     }
 }
 
-/// A sample whose row waits for its other half at most while so many newer ones come.
+/// A row waits for its other half until there are this many newer rows.
 const LONGEST_WAIT: usize = 2048;
 
 const LOAD: u8 = 1;
@@ -72,26 +72,26 @@ struct Pending {
     known: u8,
 }
 
-/// Rows on their way: load and state of a sample come apart from its readings.
+/// Incomplete rows: load and state of a sample come apart from its readings.
 #[derive(Debug, Default)]
 pub struct Rows {
     pending: VecDeque<Pending>,
     /// The sample after the last handed out.
     next: u64,
-    /// Nothing more comes of samples before this one.
+    /// No more data come for samples before this one.
     settled: u64,
     restarted: bool,
 }
 
 impl Rows {
-    /// Takes a state with its load. The load at the end of a run means nothing.
+    /// Takes a state with its load. The load at the end of a run is meaningless.
     pub fn state(&mut self, record: &StateRecord) {
         let ([t1, t2], [fx, fy], [a1, a2]) = (record.torque_nm, record.force_n, record.alpha_rad);
         let load = if record.is_end { [f64::NAN; 4] } else { [t1, t2, fx, fy] };
         self.put(record.sample, LOAD, &[(0, &load), (10, &[a1, a2])]);
     }
 
-    /// Takes a load that an exciter commands.
+    /// Takes the load that an exciter commands.
     pub fn command(&mut self, sample: u64, load: &Load) {
         let (t, f) = (load.torque_nm, load.force_n);
         self.put(sample, LOAD, &[(0, &[t.x, t.y, f.x, f.y])]);
@@ -106,7 +106,7 @@ impl Rows {
         }
     }
 
-    /// Puts numbers into the row of a sample. A sample before those handed out begins another series.
+    /// Writes numbers into the row of a sample. A sample before those returned begins another series.
     fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) -> Option<&mut Row> {
         if sample < self.next {
             *self = Rows { pending: VecDeque::new(), next: sample, settled: 0, restarted: true };
@@ -124,12 +124,12 @@ impl Rows {
         Some(&mut pending.row)
     }
 
-    /// Nothing more comes of this sample and of those before it.
+    /// No more data come for this sample and those before it.
     pub fn settle(&mut self, sample: u64) {
         self.settled = sample + 1;
     }
 
-    /// The next row that is whole, or of which nothing more comes, or that has waited long enough.
+    /// The next row that is complete, or gets no more data, or has waited long enough.
     pub fn pop(&mut self) -> Option<(u64, Row)> {
         let is_due = self.pending.len() > LONGEST_WAIT;
         let is_over = |first: &Pending| is_due || first.sample < self.settled || first.known == LOAD | READINGS;
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_come_together_in_any_order() {
+    fn halves_are_combined_in_any_order() {
         let mut rows = Rows::default();
         rows.readings(&readings(0));
         rows.readings(&readings(1));
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_row_is_handed_out_in_the_end_and_an_earlier_sample_begins_anew() {
+    fn half_a_row_is_returned_in_the_end_and_an_earlier_sample_starts_over() {
         let mut rows = Rows::default();
         (0..=LONGEST_WAIT as u64).for_each(|sample| rows.readings(&readings(sample)));
         assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));

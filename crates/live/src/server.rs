@@ -1,4 +1,4 @@
-//! The server: the page, its updates and the Foxglove stream, on one thread of its own.
+//! The server: the page, its updates and the Foxglove stream, on its own thread.
 
 use core::time::Duration;
 use std::net::{SocketAddr, TcpListener};
@@ -17,7 +17,7 @@ use tokio::sync::{broadcast, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use super::admission::{Origins, Token};
-use super::branches::{Branches, ComputeBranch, stand_back};
+use super::branches::{Branches, ComputeBranch, lower_priority};
 use super::connections::{self, LIMITS};
 use super::foxglove::{self, Channel, Published, Stream};
 use super::model::Model;
@@ -25,15 +25,15 @@ use super::source::Source;
 use super::{LiveError, page, viewer};
 use resonarm_dynamics::arm::Arm;
 
-/// From one update to the next: thirty a second.
+/// Interval between updates: thirty a second.
 const BEAT: Duration = Duration::from_millis(33);
-/// Spectra are told with every so many updates.
+/// Spectra are sent with every so many updates.
 const SPECTRUM_BEATS: u64 = 8;
-/// Messages that wait for a slow viewer: two seconds of updates.
+/// Messages queued for a slow viewer: two seconds of updates.
 const WAITING: usize = 128;
-/// How many may look at once.
+/// Most viewers at once.
 const VIEWERS: usize = 256;
-/// How long viewers have to take the last messages.
+/// How long viewers have to receive the last messages.
 const FAREWELL: Duration = Duration::from_millis(300);
 /// How much less processor time the thread gets than others (nice(2)).
 const NICE: i32 = 10;
@@ -43,25 +43,25 @@ const LONGEST: usize = 4096;
 /// How to serve.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where to listen; port 0 is a free one.
+    /// Where to listen; port 0 picks a free one.
     pub address: SocketAddr,
-    /// Origins beyond the server's own from which a browser may connect.
+    /// Further origins from which a browser may connect.
     pub origins: Origins,
 }
 
-/// What is to be shown.
+/// The run or recording to show.
 pub struct Shown {
     pub model: Model,
     pub source: Source,
     /// Computes the branch on which responses should lie.
     pub compute: Option<ComputeBranch>,
-    /// Frequencies at which responses will be read, as far as they are known, Hz.
+    /// Frequencies at which responses will be read, if known, Hz.
     pub range_hz: Option<(f64, f64)>,
     /// Time of sample 0, ns of the UNIX epoch.
     pub start_unix_ns: u64,
-    /// What recordings call the bus.
+    /// The name of the bus in recordings.
     pub interface: String,
-    /// The arm, if its angles are told.
+    /// The arm, if its angles are known.
     pub arm: Option<Arm>,
 }
 
@@ -74,7 +74,7 @@ pub struct Live {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the server's tasks share.
+/// State shared by the server's tasks.
 pub struct Shared {
     pub model: Mutex<Model>,
     pub source: Mutex<Source>,
@@ -84,12 +84,12 @@ pub struct Shared {
     pub lost_updates: AtomicU64,
     pub viewers: AtomicUsize,
     pub session: String,
-    /// What is published for Foxglove.
+    /// The channels published for Foxglove.
     pub channels: &'static [Channel],
     origins: Origins,
 }
 
-/// Serves what is to be shown, from now on.
+/// Serves the run or recording, from now on.
 ///
 /// # Errors
 /// [`LiveError`] if the address can't be listened on, or the thread can't be started.
@@ -120,7 +120,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let thread = thread::Builder::new()
         .name(String::from("live"))
         .spawn(move || {
-            stand_back(NICE);
+            lower_priority(NICE);
             if let Err(error) = runtime.block_on(run(listener, shared, beats, stopped)) {
                 tracing::error!("the live view has ended: {error}");
             }
@@ -130,12 +130,12 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
 }
 
 impl Live {
-    /// Where it listens.
+    /// The address it listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Where the page is.
+    /// The page's address.
     pub fn url(&self) -> String {
         let mut shown = self.address;
         if shown.ip().is_unspecified() {
@@ -145,7 +145,7 @@ impl Live {
         format!("http://{shown}/")
     }
 
-    /// Where the page is that may change something: behind `#`, which a browser tells nobody, stands the token.
+    /// The address of the page with the token, which permits changes: after `#`, which a browser does not send.
     pub fn url_with_token(&self) -> String {
         format!("{}#{}", self.url(), self.token.text())
     }
@@ -160,7 +160,7 @@ impl Drop for Live {
     }
 }
 
-/// The model and the source are whole between any two calls, so a panic elsewhere does not spoil them.
+/// The model and the source are consistent between any two calls, so a panic elsewhere does not spoil them.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -193,7 +193,7 @@ async fn run(
     Ok(())
 }
 
-/// Refuses who may not look, and says what a page of this server may do.
+/// Refuses requests that are not permitted, and sets what a page of this server may do.
 async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     if let Err(refused) = shared.origins.admit(request.headers()) {
         return (refused.status(), format!("{refused}\n")).into_response();
@@ -239,10 +239,10 @@ async fn live(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> R
 }
 
 fn crowded() -> Response {
-    (StatusCode::SERVICE_UNAVAILABLE, format!("{VIEWERS} viewers are the most\n")).into_response()
+    (StatusCode::SERVICE_UNAVAILABLE, format!("at most {VIEWERS} viewers at once\n")).into_response()
 }
 
-/// What is done thirty times a second.
+/// The work done thirty times a second.
 struct Beats {
     shared: Arc<Shared>,
     branches: Option<Branches>,
@@ -252,7 +252,7 @@ struct Beats {
 }
 
 impl Beats {
-    /// Takes in what is new, and tells everybody.
+    /// Takes new data, and sends them to all viewers.
     fn beat(&mut self) {
         self.count += 1;
         let shared = &self.shared;
@@ -272,7 +272,7 @@ impl Beats {
         let messages = model.take(source.lost(), lost_updates, viewers);
         if shared.updates.receiver_count() > 0 {
             let spectra = self.count.is_multiple_of(SPECTRUM_BEATS).then(|| model.spectra()).flatten();
-            // Nobody there to be told is no error.
+            // Having no viewers is not an error.
             messages.into_iter().chain(spectra).for_each(|message| drop(shared.updates.send(message)));
         }
         let published = if is_wanted { self.stream.take() } else { Vec::new() };
@@ -281,7 +281,7 @@ impl Beats {
         }
     }
 
-    /// Tells that nothing more comes.
+    /// Sends the end of the run.
     fn end(&mut self) {
         self.beat();
         lock(&self.shared.model).end();

@@ -1,4 +1,4 @@
-//! Where what is shown comes from: a run that goes on, or a recording.
+//! The source of the live view: a run, or a recording.
 
 use std::sync::mpsc;
 
@@ -9,10 +9,10 @@ use resonarm_bench::control::ResponsePoint;
 use resonarm_files::recording::Record;
 use resonarm_session::run::Watcher;
 
-/// What is taken from a loop's ring at once: more than a loop tells from one update to the next.
+/// Most records taken from a loop's ring at once: more than a loop sends between two updates.
 const MOST: usize = 1 << 13;
 
-/// Where what is shown comes from.
+/// The source of the live view.
 pub enum Source {
     /// A run of this program.
     Run(Watcher),
@@ -20,7 +20,7 @@ pub enum Source {
     Recording(Player),
 }
 
-/// The end of a player that is looked at.
+/// The viewers' end of a player.
 pub struct Player {
     pub played: mpsc::Receiver<Played>,
     pub orders: mpsc::Sender<PlayerOrder>,
@@ -28,9 +28,9 @@ pub struct Player {
     pub waits: bool,
 }
 
-/// What a player tells.
+/// A message from a player.
 pub enum Played {
-    /// The recording goes on at another sample, which is shown, and what was told before is of the past. Records of it
+    /// The recording continues at another sample, which is now shown; everything sent before is obsolete. Records of it
     /// and of the time before it, in order.
     Moved { sample: u64, records: Vec<Record<String>> },
     /// Records up to the sample that is shown, in order.
@@ -42,15 +42,15 @@ pub enum Played {
 }
 
 impl Source {
-    /// Hands what came since the last call to the model and, if it is wanted, to the stream.
+    /// Passes the data since the last call to the model and, if it is wanted, to the stream.
     pub fn drain(&mut self, model: &mut Model, mut stream: Option<&mut Stream>) {
         match self {
             Source::Run(watcher) => {
-                // Only the stream has frames.
+                // Only the stream needs frames.
                 watcher.want_frames(stream.is_some());
-                watcher.take(MOST, |_, told| {
-                    model.told(told);
-                    stream.iter_mut().for_each(|stream| stream.told(told));
+                watcher.take(MOST, |_, notice| {
+                    model.notice(notice);
+                    stream.iter_mut().for_each(|stream| stream.notice(notice));
                 });
             }
             Source::Recording(player) => player.played.try_iter().for_each(|played| {
@@ -72,7 +72,7 @@ impl Source {
         }
     }
 
-    /// What the loop told and nobody was there in time to take.
+    /// Records of the loop that were not taken in time.
     pub fn lost(&self) -> u64 {
         match self {
             Source::Run(watcher) => watcher.lost(),
@@ -80,26 +80,26 @@ impl Source {
         }
     }
 
-    /// Takes how many viewers there are.
+    /// Takes the number of viewers.
     pub fn viewed(&mut self, viewers: usize) {
         if let Source::Recording(player) = self
             && viewers > 0
             && core::mem::take(&mut player.waits)
         {
-            // A player that has ended plays nothing more.
+            // A player that has ended plays no more.
             let _ended = player.orders.send(PlayerOrder::Play);
         }
     }
 
-    /// Hands an order on; why it can't be.
+    /// Passes an order on, or returns why this is impossible.
     pub fn order(&mut self, order: Order) -> Result<(), String> {
         match (self, order) {
             (Source::Run(watcher), Order::Run(request)) => watcher.ask(request).map_err(|error| error.to_string()),
             (Source::Recording(player), Order::Player(order)) => {
                 player.orders.send(order).map_err(|_ended| String::from("the player has ended"))
             }
-            (Source::Run(_), Order::Player(_)) => Err(String::from("this is a run, and no recording")),
-            (Source::Recording(_), Order::Run(_)) => Err(String::from("this is a recording, and no run")),
+            (Source::Run(_), Order::Player(_)) => Err(String::from("this is a run, not a recording")),
+            (Source::Recording(_), Order::Run(_)) => Err(String::from("this is a recording, not a run")),
         }
     }
 }
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_viewer_of_a_recording_that_waits_sets_it_going() {
+    fn the_first_viewer_starts_a_recording_that_waits() {
         let ((_played, receiver), (orders, ordered)) = (mpsc::channel(), mpsc::channel());
         let mut source = Source::Recording(Player { played: receiver, orders, waits: true });
         for viewers in [0, 0, 2, 1, 0, 1] {

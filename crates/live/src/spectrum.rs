@@ -10,11 +10,11 @@ use nalgebra::Complex;
 
 use resonarm_numeric::dft::Fft;
 
-/// The time that a spectrum is of, at least, s; twice as much at most.
+/// The shortest time that a spectrum covers, s; the longest is twice as much.
 const LEAST_S: f64 = 1.5;
-/// Samples of a spectrum at most.
+/// Most samples in a spectrum.
 const MOST: usize = 1 << 13;
-/// Frequencies that are shown, Hz: those of the arm, with a few harmonics.
+/// Highest frequency shown, Hz: the arm's frequencies, with a few harmonics.
 const SHOWN_HZ: f64 = 125.0;
 
 /// Computes spectra of one length.
@@ -26,7 +26,7 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// Of samples that come `rate_hz` times a second.
+    /// For samples at `rate_hz`.
     pub fn new(rate_hz: f64) -> Spectrum {
         let fft = Fft::at_least(((LEAST_S * rate_hz) as usize).clamp(64, MOST));
         let n = fft.length();
@@ -34,18 +34,18 @@ impl Spectrum {
         Spectrum { line_hz: rate_hz / n as f64, fft, window }
     }
 
-    /// Samples that a spectrum takes.
+    /// Samples in a spectrum.
     pub fn length(&self) -> usize {
         self.window.len()
     }
 
-    /// From one line to the next, Hz.
+    /// Distance between two lines, Hz.
     pub fn line_hz(&self) -> f64 {
         self.line_hz
     }
 
-    /// Amplitudes of the lines from 0 to 125 Hz; `samples` are as many as [`Spectrum::length`] says, of which those
-    /// that are not known count as 0. The mean is left out.
+    /// Amplitudes of the lines from 0 to 125 Hz, without the mean. There must be as many `samples` as
+    /// [`Spectrum::length`] returns; unknown ones count as 0.
     pub fn amplitudes(&self, samples: impl Iterator<Item = f32>) -> Vec<f32> {
         let known = |value: f32| if value.is_finite() { f64::from(value) } else { 0.0 };
         let samples: Vec<f64> = samples.map(known).collect();
@@ -59,7 +59,7 @@ impl Spectrum {
         values.iter().take(lines).map(|value| (scale * libm::hypot(value.re, value.im)) as f32).collect()
     }
 
-    /// Where the largest of the lines stands, Hz, between the lines by a parabola through the logarithms of the three
+    /// Frequency of the largest line, Hz, interpolated by a parabola through the logarithms of the three
     /// around it; `None` if all are 0.
     ///
     /// δ = ½ (a − c)/(a − 2b + c) with a, b, c the logarithms.

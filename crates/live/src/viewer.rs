@@ -1,7 +1,7 @@
 //! A viewer: a browser with the page, or a client of the Foxglove stream.
 //!
-//! Messages are made once and shared by all. Who is too slow for them loses some, which is counted, and is told
-//! everything anew; who takes none for seconds is let go.
+//! Messages are made once and shared by all. A viewer that is too slow loses some, which are counted, and gets
+//! everything again; one that takes none for seconds is dropped.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -12,22 +12,22 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 
 use super::foxglove::{self, Subscriptions};
-use super::message::{Asked, Told};
+use super::message::{Asked, PageMessage};
 use super::model::text;
 use super::server::{Shared, lock};
 
-/// How long a viewer may take for a message.
+/// How long a viewer may take to receive a message.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Messages without sense after which a viewer is let go.
+/// A viewer is dropped after this many invalid messages.
 const NONSENSE: u32 = 16;
 
-/// A viewer, counted as long as it is there.
+/// A viewer, counted while it is connected.
 pub struct Counted {
     shared: Arc<Shared>,
 }
 
 impl Counted {
-    /// Counts one more, if there are less than `most`.
+    /// Counts one more, if there are fewer than `most`.
     pub fn new(shared: &Arc<Shared>, most: usize) -> Option<Counted> {
         let counted = Counted { shared: Arc::clone(shared) };
         (shared.viewers.fetch_add(1, Ordering::Relaxed) < most).then_some(counted)
@@ -40,12 +40,12 @@ impl Drop for Counted {
     }
 }
 
-/// Why a viewer is told no more.
+/// Why a viewer is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LetGo {
-    /// It has left, or says nothing that makes sense.
+    /// It has left, or sends only nonsense.
     Gone,
-    /// It takes nothing.
+    /// It receives nothing.
     TooSlow,
 }
 
@@ -60,7 +60,7 @@ async fn send(socket: &mut WebSocket, messages: impl IntoIterator<Item = Message
     Ok(())
 }
 
-/// Tells a page what happens, and takes what it asks for.
+/// Sends messages to a page, and answers its requests.
 pub async fn view(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let mut nonsense = 0;
@@ -69,24 +69,24 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
             let (model, source) = (lock(&shared.model), lock(&shared.source));
             (model.introduction(source.lost()), shared.updates.subscribe())
         };
-        let told = match send(&mut socket, introduction).await {
-            Ok(()) => tell(&mut socket, shared, &mut updates, &mut nonsense).await,
+        let outcome = match send(&mut socket, introduction).await {
+            Ok(()) => send_updates(&mut socket, shared, &mut updates, &mut nonsense).await,
             Err(let_go) => Err(let_go),
         };
-        let lost = match told {
+        let lost = match outcome {
             Ok(lost) => lost,
             Err(LetGo::TooSlow) => updates.len() as u64,
             Err(LetGo::Gone) => 0,
         };
         shared.lost_updates.fetch_add(lost, Ordering::Relaxed);
-        if told.is_err() {
+        if outcome.is_err() {
             return;
         }
     }
 }
 
-/// Tells a page the updates until it has lost some: how many.
-async fn tell(
+/// Sends updates to a page until it has lost some; returns how many.
+async fn send_updates(
     socket: &mut WebSocket,
     shared: &Shared,
     updates: &mut Receiver<Message>,
@@ -113,28 +113,28 @@ async fn tell(
     }
 }
 
-/// Hands a request on, if it may be made.
+/// Passes a request on, if it is permitted.
 fn answer(shared: &Shared, asked: &str, nonsense: &mut u32) -> Option<Message> {
     let Asked { token, request } = match serde_json::from_str(asked) {
         Ok(asked) => asked,
-        Err(error) => return refuse(&format!("that is no request: {error}"), nonsense),
+        Err(error) => return refuse(&format!("this is not a request: {error}"), nonsense),
     };
     if !shared.token.is(&token) {
         return refuse("the token is wrong: open the page by the address that the terminal shows", nonsense);
     }
     let order = request.order(lock(&shared.model).about());
     match order.and_then(|order| lock(&shared.source).order(order)) {
-        Ok(()) => text(&Told::Taken),
-        Err(why) => text(&Told::Refused { why: &why }),
+        Ok(()) => text(&PageMessage::Taken),
+        Err(why) => text(&PageMessage::Refused { why: &why }),
     }
 }
 
 fn refuse(why: &str, nonsense: &mut u32) -> Option<Message> {
     *nonsense += 1;
-    text(&Told::Refused { why })
+    text(&PageMessage::Refused { why })
 }
 
-/// Tells a Foxglove client what it has subscribed to.
+/// Sends a Foxglove client the messages it has subscribed to.
 pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let introduction = foxglove::introduction(lock(&shared.model).about(), shared.channels, &shared.session);

@@ -1,7 +1,7 @@
 #include "maths.h"
 #include "stepped_sine.h"
 
-/* Periods in a reading, at least: then the Hann window leaves 1e-4 of an offset. */
+/* Fewest periods in a reading: with them the Hann window leaves 1e-4 of an offset. */
 #define LEAST_PERIODS 8.0
 /* The largest factor by which a try changes the command. */
 #define LARGEST_FACTOR 4.0
@@ -24,7 +24,7 @@ static double cycles_at(const held *controller, uint64_t n)
     return cycles - (double)(int32_t)cycles;
 }
 
-/* From sample n on the command goes to this amplitude and stays; the reading begins when it has settled. */
+/* Ramps the command to this amplitude from sample n on; the reading begins when it has settled. */
 static void go_to(held *controller, uint64_t n, double to_n)
 {
     const double hz = frequency_hz(controller);
@@ -45,11 +45,11 @@ static void go_to(held *controller, uint64_t n, double to_n)
 /* Raised cosine from one amplitude to the next. */
 static double amplitude_at(const held *controller, uint64_t n)
 {
-    const double part = (double)(n - controller->ramp_from) / (controller->spec.ramp_s * controller->spec.rate_hz);
-    if (!(part < 1.0)) {
+    const double fraction = (double)(n - controller->ramp_from) / (controller->spec.ramp_s * controller->spec.rate_hz);
+    if (!(fraction < 1.0)) {
         return controller->to_n;
     }
-    const double way = 0.5 * (1.0 - cosine_of_cycles(0.5 * part));
+    const double way = 0.5 * (1.0 - cosine_of_cycles(0.5 * fraction));
     return controller->from_n + (controller->to_n - controller->from_n) * way;
 }
 
@@ -78,8 +78,8 @@ static double force_read(const held *controller)
     return 2.0 * square_root(a * a + b * b);
 }
 
-/* The next frequency, with the phase that the last one has; after the last one down to zero. */
-static void go_on(held *controller, uint64_t n, double force_n)
+/* Continues with the next frequency in phase; after the last one ramps down to zero. */
+static void next_frequency(held *controller, uint64_t n, double force_n)
 {
     controller->points[controller->reached] = (held_point){
         .frequency_hz = frequency_hz(controller),
@@ -96,7 +96,7 @@ static void go_on(held *controller, uint64_t n, double force_n)
     go_to(controller, n, controller->reached < controller->spec.points ? controller->to_n : 0.0);
 }
 
-/* The command that leads to the wanted force, or why there is none. */
+/* Sets the command for the wanted force, or returns why there is none. */
 static held_reason correct(held *controller, uint64_t n, double force_n)
 {
     const double wanted_n = controller->spec.amplitude_n;
@@ -117,7 +117,7 @@ static held_reason correct(held *controller, uint64_t n, double force_n)
     return HELD_NOT_GIVEN_UP;
 }
 
-/* At the end of a reading; one with a gap is read anew. */
+/* Evaluates a finished reading; one with a gap is repeated. */
 static held_reason judge(held *controller, uint64_t n)
 {
     const double wanted_n = controller->spec.amplitude_n;
@@ -135,7 +135,7 @@ static held_reason judge(held *controller, uint64_t n)
     const double force_n = force_read(controller);
     const double error_n = force_n > wanted_n ? force_n - wanted_n : wanted_n - force_n;
     if (error_n <= STEPPED_SINE_TOLERANCE * wanted_n) {
-        go_on(controller, n, force_n);
+        next_frequency(controller, n, force_n);
         return HELD_NOT_GIVEN_UP;
     }
     return correct(controller, n, force_n);

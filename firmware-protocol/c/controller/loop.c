@@ -2,14 +2,14 @@
 
 #include "port.h"
 
-/* Longest wait between two looks at the signal to end, ns. */
+/* Longest wait between two checks of the signal to end, ns. */
 #define LOOK_NS UINT64_C(20000000)
 /* How long to wait before a full transmit queue is tried again, ns. */
 #define RETRY_NS UINT64_C(200000)
-/* How long to go on sending what is left at the end, ns. */
+/* How long to keep sending the remaining frames at the end, ns. */
 #define SEND_LIMIT_NS UINT64_C(500000000)
 
-/* Sends what there is, until the queue is full. */
+/* Sends the waiting frames, until the queue is full. */
 static port_result transmit(resonarm_exciter *exciter)
 {
     resonarm_frame frame;
@@ -23,7 +23,7 @@ static port_result transmit(resonarm_exciter *exciter)
     return PORT_DONE;
 }
 
-/* Takes in all frames that wait. The answer to a sample does not wait for the frames behind it. */
+/* Takes all waiting frames. The answer to a sample does not wait for the frames after it. */
 static port_result take_in(resonarm_exciter *exciter, uint64_t now_ns)
 {
     resonarm_frame frame;
@@ -39,7 +39,7 @@ static port_result take_in(resonarm_exciter *exciter, uint64_t now_ns)
     return received;
 }
 
-/* Tells that it leaves, and sends what is left; a plant that was asked to arm is disarmed before, and answers. */
+/* Disarms a plant that was asked to arm, waits for its answer, and sends the leaving and the remaining frames. */
 static void leave(resonarm_exciter *exciter)
 {
     const uint64_t end_ns = port_now_ns() + SEND_LIMIT_NS;

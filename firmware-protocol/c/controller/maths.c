@@ -28,12 +28,12 @@ static double cosine_series(double x)
 }
 
 /*
- * sin(a + shift pi/2), where a is 2 pi x, less whole cycles, as a double has it: by how much that is rounded is all
- * that is left at a zero, and a single resolves it. So the commands are those of a library's sin(2 pi x) in both
+ * sin(a + shift pi/2), where a is 2 pi x, less whole cycles, rounded to a double. Its rounding error is all
+ * that remains at a zero, and a single resolves it. So the commands equal those of a library's sin(2 pi x) in both
  * profiles.
  *
- * a = quarters pi/2 + rest with |rest| <= pi/4. Of pi/2 = HIGH + LOW the first part has 33 bits, so that what is taken
- * off first is exact (W. J. Cody and W. Waite 1980, Software Manual for the Elementary Functions), and the sine of a
+ * a = quarters pi/2 + rest with |rest| <= pi/4. In pi/2 = HIGH + LOW, HIGH has 33 bits, so that the first
+ * subtraction is exact (W. J. Cody and W. Waite 1980, Software Manual for the Elementary Functions), and the sine of a
  * quarter is one of four series.
  */
 static double shifted_sine(double x, int shift)

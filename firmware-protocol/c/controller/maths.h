@@ -1,5 +1,5 @@
 /** @file maths.h
- * @brief The few functions that the controllers need, of the four operations alone: with the same bits wherever a
+ * @brief The controllers' mathematical functions, computed by the four basic operations: the same bits wherever a
  * double is a binary64, with or without a floating-point unit. */
 #ifndef MATHS_H
 #define MATHS_H

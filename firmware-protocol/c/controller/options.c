@@ -8,7 +8,7 @@ const char options_usage[] =
     "  A stepped sine along x whose amplitude in the impedance head is held, on a CAN interface.\n"
     "  --rate-hz N             sample rate of the plant (1000)\n"
     "  --lockstep              the plant waits for the answer to each sample\n"
-    "  --open-loop             play the stepped sine as it is; the amplitude is that of the command\n"
+    "  --open-loop             play the stepped sine without control; the amplitude is that of the command\n"
     "  --limit-n N             largest amplitude of the command (655.34)\n"
     "  --ramp-s, --settle-s, --window-s, --dwell-s N\n"
     "                          ramps (0.5), settling before a reading (1), reading (2), step in open loop (4)\n"
@@ -16,11 +16,11 @@ const char options_usage[] =
     "                          the network (that of resonarm_config.h)\n"
     "  --patience-s N          how long to wait until a plant is armed (60)\n"
     "  --command-timeout-s, --partner-timeout-s N\n"
-    "                          in place of the times of the specification\n"
+    "                          instead of the times of the specification\n"
     "exit status: 0 finished, 2 usage, 3 no bus or no plant, 4 fault of the plant, 5 fault of the controller,\n"
     "             6 gave up, 7 stopped, 8 the plant left\n";
 
-/* A number, and nothing behind it but `end`. */
+/* Reads a number that ends the text or is followed by `end`. */
 static bool read_number(const char *text, char end, double *number, const char **rest)
 {
     char *after;
@@ -45,7 +45,7 @@ static bool read_frequencies(stepped_sine_spec *spec, const char *text)
     return false;
 }
 
-/* A whole number, decimal or hexadecimal. */
+/* Reads a whole number, decimal or hexadecimal. */
 static bool read_whole(const char *text, unsigned long max, unsigned long *number)
 {
     char *after;
@@ -53,7 +53,7 @@ static bool read_whole(const char *text, unsigned long max, unsigned long *numbe
     return after != text && *after == 0 && *number <= max;
 }
 
-/* NULL, or what is wrong, if it is an option of the network; else that it is none. */
+/* Reads an option of the network; returns NULL, or an error, also if it is none of them. */
 static const char *read_network(resonarm_network *network, const char *name, const char *value)
 {
     unsigned long number;
@@ -99,7 +99,7 @@ static const char *read_value(options *read, const numeric *numbers, size_t coun
     const char *rest;
     if (strcmp(name, "--frequencies-hz") == 0) {
         const bool is_list = read_frequencies(&read->spec, value);
-        return is_list ? NULL : "--frequencies-hz: 1 to 16 numbers with commas between them";
+        return is_list ? NULL : "--frequencies-hz: 1 to 16 numbers separated by commas";
     }
     for (size_t i = 0; i < count; i++) {
         if (strcmp(name, numbers[i].name) == 0) {

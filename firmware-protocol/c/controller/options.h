@@ -5,7 +5,7 @@
 
 #include "stepped_sine.h"
 
-/** What the command line asks for. */
+/** The settings on the command line. */
 typedef struct {
     const char *interface;
     resonarm_network network;
@@ -19,7 +19,7 @@ typedef struct {
 /** The usage, for standard error. */
 extern const char options_usage[];
 
-/** Reads the command line; NULL, or what is wrong with it. */
+/** Reads the command line; returns NULL, or an error. */
 const char *options_read(options *read, int count, char **arguments);
 
 #endif

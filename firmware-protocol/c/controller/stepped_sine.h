@@ -9,12 +9,12 @@
 
 /** Most frequencies. */
 #define STEPPED_SINE_POINTS 16
-/** Most tries of a frequency before it gives up. */
+/** Most tries per frequency. */
 #define STEPPED_SINE_TRIES 30
-/** How near the force comes to the wanted one, relative. */
+/** Relative tolerance of the force. */
 #define STEPPED_SINE_TOLERANCE 0.003
 
-/** What is played. */
+/** The stepped sine. */
 typedef struct {
     double rate_hz;                             /**< Sample rate of the plant. */
     double frequencies_hz[STEPPED_SINE_POINTS]; /**< Each above 0 and at most a twelfth of the rate. */
@@ -27,7 +27,7 @@ typedef struct {
     double window_s;                            /**< Held: least length of a reading; at least 8 periods. */
 } stepped_sine_spec;
 
-/** Why something can't be played. */
+/** Why it can't be played. */
 typedef enum {
     STEPPED_SINE_PLAYABLE,
     STEPPED_SINE_BAD_RATE,      /**< Not in 1 to 65535 Hz. */
@@ -41,27 +41,27 @@ typedef enum {
 stepped_sine_check stepped_sine_check_spec(const stepped_sine_spec *spec);
 
 /** @name Open loop
- * Sines one after the other, each of whole periods, so that the phase runs on; raised-cosine ramps at both ends. */
+ * Sines one after the other, each of whole periods, so that the phase is continuous, with raised-cosine ramps. */
 /**@{*/
 typedef struct {
     stepped_sine_spec spec;
     double starts_s[STEPPED_SINE_POINTS + 1]; /* The last is the end. */
 } open_loop;
 
-/** Prepares what was checked. */
+/** Prepares the controller for a checked specification. */
 void open_loop_init(open_loop *controller, const stepped_sine_spec *spec);
 /** A resonarm_answer_function; `context` is the open_loop. */
 resonarm_answer open_loop_answer(void *context, const resonarm_sample *sample);
 /**@}*/
 
 /** @name Held
- * At each frequency the amplitude F of the force in the head is led to the wanted one, F0: the command's amplitude c is
- * held, F is read once it has settled, and c becomes c F0/F, which is exact where the arm answers linearly. While c is
- * held nothing is fed back, so that no gain has to suit the arm. The reading is the fundamental over whole periods
- * under a Hann window, which leaves an offset and other frequencies out. */
+ * At each frequency the amplitude F of the force in the head is brought to the wanted one, F0: the command's amplitude
+ * c is held, F is read once it has settled, and c becomes c F0/F, which is exact where the arm answers linearly. While
+ * c is held there is no feedback, so no gain has to suit the arm. The reading is the fundamental over whole periods
+ * under a Hann window, which suppresses an offset and other frequencies. */
 /**@{*/
 
-/** What was reached at a frequency. */
+/** The result at a frequency. */
 typedef struct {
     double frequency_hz;
     double command_n;      /**< Amplitude of the command. */
@@ -80,7 +80,7 @@ typedef enum {
     HELD_NO_FORCE     /**< The head reads no force. */
 } held_reason;
 
-/** The controller. Its members are its own, but for `spec`, `points`, `reached` and `reason`, which are to be read. */
+/** The controller. Its members are private, except `spec`, `points`, `reached` and `reason`, which may be read. */
 typedef struct {
     stepped_sine_spec spec;
     held_point points[STEPPED_SINE_POINTS];
@@ -102,7 +102,7 @@ typedef struct {
     double sum_weight;
 } held;
 
-/** Prepares what was checked. */
+/** Prepares the controller for a checked specification. */
 void held_init(held *controller, const stepped_sine_spec *spec);
 /** A resonarm_answer_function; `context` is the held. */
 resonarm_answer held_answer(void *context, const resonarm_sample *sample);

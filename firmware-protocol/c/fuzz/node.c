@@ -1,8 +1,8 @@
 /*
- * The receiver and the exciter's node under any frames and times, for libFuzzer and what has its interface.
+ * The receiver and the exciter's node under any frames and times, for libFuzzer and compatible fuzzers.
  *
- * An input: a byte whose lowest bit is the profile, then records of 5 bytes and the data: milliseconds since the one
- * before, flags (bits 0 and 1 the format, bit 2 a 29-bit identifier, bit 3 the CRC is made right), identifier (2),
+ * An input: a byte whose lowest bit is the profile, then records of 5 bytes and the data: milliseconds since the record
+ * before, flags (bits 0 and 1 the format, bit 2 a 29-bit identifier, bit 3 the CRC is corrected), identifier (2),
  * length. It ends the process if a frame is accepted that no sender sends, as the sanitisers do if anything is
  * read or written out of place.
  */
@@ -43,7 +43,7 @@ static resonarm_frame frame_of(resonarm_network network, const uint8_t *record, 
     return frame;
 }
 
-/* What was accepted has the bytes of what is sent. */
+/* An accepted frame must equal the frame that a sender makes of its message. */
 static void check(resonarm_receiver *receiver, const resonarm_frame *frame)
 {
     resonarm_message message;

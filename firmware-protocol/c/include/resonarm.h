@@ -2,7 +2,7 @@
  * @file resonarm.h
  * @brief The Resonarm protocol in both profiles: messages in SI units to CAN frames and back, with E2E protection.
  *
- * C99, no allocation, no state of its own: everything lives in structures of the caller's. "Section" means a section of
+ * C99, no allocation, no static state: everything is in structures of the caller. "Section" means a section of
  * SPEC.md, which is the specification. The numbers of the protocol are in resonarm_config.h, with those of a network;
  * `resonarm protocol header` writes that file for any network.
  *
@@ -21,7 +21,7 @@
 
 #include "resonarm_config.h"
 
-/** @name Version of this library, which is that of the crate resonarm-protocol. The protocol has a version of its own,
+/** @name Version of this library, equal to that of the crate resonarm-protocol. The protocol's version is separate:
  * RESONARM_PROTOCOL_VERSION. */
 /**@{*/
 #define RESONARM_VERSION_MAJOR 0
@@ -35,7 +35,7 @@
 extern "C" {
 #endif
 
-/** A sample period, rounded down, ns; of a rate of 0 that of 1 Hz. */
+/** A sample period, rounded down, ns; for a rate of 0 that of 1 Hz. */
 uint64_t resonarm_sample_period_ns(uint16_t rate_hz);
 
 /** How far the index of a sample may be from the last one answered, samples: the window w of section 8. */
@@ -69,7 +69,7 @@ resonarm_network_check resonarm_network_init(
 /** The network of resonarm_config.h. */
 resonarm_network resonarm_own_network(void);
 
-/** A node; the value is the number that stands for it in messages, whatever its node id. */
+/** A node; the value is its number in messages, independent of its node id. */
 typedef enum { RESONARM_PLANT = 1, RESONARM_EXCITER = 2 } resonarm_node;
 
 /** The kinds of messages; each has its own identifier, sender, data id and counter (section 1). */
@@ -86,10 +86,10 @@ typedef enum {
     RESONARM_EXCITER_HEARTBEAT,
     RESONARM_PLANT_EMERGENCY,
     RESONARM_EXCITER_EMERGENCY,
-    RESONARM_SENSORS,             /**< Of the FD profile alone, as all after it. */
-    RESONARM_SENSOR_PAIR,         /**< As RESONARM_SENSORS. */
-    RESONARM_PLANT_CAPABILITIES,  /**< As RESONARM_SENSORS. */
-    RESONARM_EXCITER_CAPABILITIES /**< As RESONARM_SENSORS. */
+    RESONARM_SENSORS,             /**< FD profile only, like all after it. */
+    RESONARM_SENSOR_PAIR,         /**< Like RESONARM_SENSORS. */
+    RESONARM_PLANT_CAPABILITIES,  /**< Like RESONARM_SENSORS. */
+    RESONARM_EXCITER_CAPABILITIES /**< Like RESONARM_SENSORS. */
 } resonarm_kind;
 /** How many kinds there are. */
 #define RESONARM_KINDS 16
@@ -119,7 +119,7 @@ typedef enum { RESONARM_FRAME_CLASSIC, RESONARM_FRAME_REMOTE, RESONARM_FRAME_FD 
 /** The format of the frames of this kind in a profile. */
 resonarm_frame_format resonarm_format(resonarm_profile profile, resonarm_kind kind);
 
-/** A CAN frame. One of CAN FD is sent with bit rate switch, and taken with and without. */
+/** A CAN frame. CAN FD frames are sent with bit rate switch, and accepted with and without. */
 typedef struct {
     uint32_t id; /**< 11 or 29 bits. */
     resonarm_id_format id_format;
@@ -135,7 +135,7 @@ typedef enum {
     RESONARM_OPERATIONAL = 5,
     RESONARM_PRE_OPERATIONAL = 127
 } resonarm_state;
-/** What moves a node from state to state (section 5). */
+/** An event that changes a node's state (section 5). */
 typedef enum {
     RESONARM_EVENT_STARTED,
     RESONARM_EVENT_ARM,
@@ -147,7 +147,7 @@ typedef enum {
 /** The state after an event; the same state if the event changes nothing (the table of section 5). */
 resonarm_state resonarm_next_state(resonarm_state state, resonarm_event event);
 
-/** What an OperatorCommand asks. */
+/** The request of an OperatorCommand. */
 typedef enum { RESONARM_ARM = 1, RESONARM_DISARM = 2, RESONARM_RESET = 3 } resonarm_request;
 /** Codes of emergencies (section 9). */
 typedef enum {
@@ -193,7 +193,7 @@ typedef struct {
     double torque2_nm;
     uint16_t sample; /**< Index of the sample answered, modulo 65536. */
 } resonarm_torque_command;
-/** ImpedanceHead: the force at point C, ±655.34 N in steps of 0.02 N. A sender cuts and flags what lies beyond. */
+/** ImpedanceHead: the force at point C, ±655.34 N in steps of 0.02 N. A sender clips and flags values beyond. */
 typedef struct {
     double force_x_n;
     double force_y_n;
@@ -201,7 +201,7 @@ typedef struct {
     bool y_saturated;
     uint16_t sample; /**< Index of the sample, modulo 65536. */
 } resonarm_impedance_head;
-/** AccelerometerB, AccelerometerC: ±1638.35 m/s² in steps of 0.05 m/s². A sender cuts and flags what lies beyond. */
+/** AccelerometerB, AccelerometerC: ±1638.35 m/s² in steps of 0.05 m/s². A sender clips and flags values beyond. */
 typedef struct {
     double acceleration_x_m_s2;
     double acceleration_y_m_s2;
@@ -220,11 +220,11 @@ typedef struct {
 /** PlantEmergency, ExciterEmergency (section 9). */
 typedef struct {
     resonarm_code code;
-    uint16_t detail; /**< What it means depends on the code. */
-    uint16_t sample; /**< Index of the sample at which it was found, modulo 65536. */
+    uint16_t detail; /**< Its meaning depends on the code. */
+    uint16_t sample; /**< Index of the sample at which it was detected, modulo 65536. */
 } resonarm_emergency;
 
-/** What the instruments measure at a sample; the names are those of the DBC. */
+/** The readings of a sample; the names are those of the DBC. */
 typedef enum {
     RESONARM_FORCE_X_N,
     RESONARM_FORCE_Y_N,
@@ -236,7 +236,7 @@ typedef enum {
 /** How many there are. */
 #define RESONARM_READINGS 6
 
-/** What the instruments read at one sample, each at its place in resonarm_reading. A sender cuts and flags what lies
+/** The readings at one sample, indexed by resonarm_reading. A sender clips and flags values
  * beyond the range of a single. */
 typedef struct {
     double values[RESONARM_READINGS];
@@ -252,14 +252,14 @@ typedef struct {
     resonarm_readings readings[2];
     uint16_t sample; /**< Index of the first, modulo 65536. */
 } resonarm_sensor_pair;
-/** PlantCapabilities, ExciterCapabilities: what a node takes (plant) or commands (exciter). */
+/** PlantCapabilities, ExciterCapabilities: the limits of what a node accepts (plant) or commands (exciter). */
 typedef struct {
-    uint8_t samples_per_frame; /**< The most that the plant sends, or the exciter takes: 1 or 2. */
+    uint8_t samples_per_frame; /**< The most that the plant sends, or the exciter accepts: 1 or 2. */
     double force_limit_n;      /**< Largest force along one axis, from 0. */
     double torque_limit_nm;    /**< Largest torque at one joint, from 0. */
 } resonarm_capabilities;
 
-/** A message; `kind` says which member of `content` it has. */
+/** A message; `kind` selects the member of `content`. */
 typedef struct {
     resonarm_kind kind;
     union {
@@ -288,7 +288,7 @@ resonarm_mismatch resonarm_compare_hellos(const resonarm_hello *own, const reson
 typedef enum {
     RESONARM_SENDABLE,
     RESONARM_NOT_FINITE,   /**< A value is not a number, or infinite. */
-    RESONARM_OUT_OF_RANGE, /**< A commanded value rounds beyond the range of its signal; it is never cut (section 3). */
+    RESONARM_OUT_OF_RANGE, /**< A commanded value rounds beyond the range of its signal; never clipped (section 3). */
     RESONARM_INVALID,      /**< A whole number is not one that the signal can have. */
     RESONARM_NEGATIVE,     /**< A limit is less than zero. */
     RESONARM_NOT_SENT      /**< The profile has no such message. */
@@ -297,10 +297,10 @@ typedef enum {
 /** Why a message can't be sent. */
 typedef struct {
     resonarm_encode_reason reason;
-    /** Name of the signal as in the DBC, of a pair of samples without the place; NULL if none is at fault. */
+    /** Name of the signal as in the DBC, for a pair of samples without its prefix; NULL if none is at fault. */
     const char *signal;
     double got;         /**< The value, in the unit of the signal. */
-    double min;         /**< The smallest value that can be sent; of a value that is not finite, too. */
+    double min;         /**< The smallest value that can be sent; also set for a value that is not finite. */
     double max;         /**< The largest value that can be sent. */
 } resonarm_encoding;
 
@@ -312,13 +312,13 @@ typedef struct {
 
 /** A transmitter whose counters start at 0. */
 void resonarm_transmitter_init(resonarm_transmitter *transmitter, resonarm_network network);
-/** The frame of a message with its next counter. If it is not sendable, `frame` is not a frame. */
+/** The frame of a message with its next counter. If it is not sendable, `frame` is undefined. */
 resonarm_encoding resonarm_encode(
     const resonarm_transmitter *transmitter, const resonarm_message *message, resonarm_frame *frame);
-/** The bus has taken the frame of a message of this kind: its counter is spent. */
+/** The bus has taken the frame of a message of this kind: its counter is used. */
 void resonarm_frame_taken(resonarm_transmitter *transmitter, resonarm_kind kind);
 
-/** What a receiver says of a frame; refusals in the order of its checks (section 2). */
+/** A receiver's verdict on a frame; refusals in the order of its checks (section 2). */
 typedef enum {
     RESONARM_ACCEPTED,
     RESONARM_IGNORED, /**< Not a frame of this protocol. */
@@ -339,8 +339,8 @@ typedef enum {
 /** A verdict with its values. */
 typedef struct {
     resonarm_verdict verdict;
-    resonarm_kind kind; /**< The message of the identifier; of no meaning if ignored. */
-    /** Name of the signal whose value is refused, as in resonarm_encoding; else NULL. */
+    resonarm_kind kind; /**< The message of the identifier; meaningless if ignored. */
+    /** Name of the signal whose value is refused, as in resonarm_encoding, or NULL. */
     const char *signal;
     /** Length, CRC, counter, reserved bits or value received. */
     uint16_t got;
@@ -354,18 +354,18 @@ typedef struct {
     uint8_t last; /**< The last one seen. */
 } resonarm_supervision;
 
-/** Takes the frames of a network and supervises their counters. */
+/** Receives the frames of a network and supervises their counters. */
 typedef struct {
     resonarm_network network;
     resonarm_supervision supervisions[RESONARM_KINDS];
-    uint64_t lost; /**< Frames that the counters say were lost, without those whose loss broke the sequence. */
+    uint64_t lost; /**< Frames lost according to the counters, except those whose loss broke the sequence. */
 } resonarm_receiver;
 
-/** A receiver that takes the first counter of every message. */
+/** A receiver that accepts the first counter of every message. */
 void resonarm_receiver_init(resonarm_receiver *receiver, resonarm_network network);
 /**
  * Checks a frame: format, length, CRC, counter, content. `message` is written only if it is accepted. A boot-up
- * heartbeat starts the supervision of all that its node sends anew (section 2).
+ * heartbeat restarts the supervision of all messages of its node (section 2).
  */
 resonarm_receipt resonarm_accept(resonarm_receiver *receiver, const resonarm_frame *frame, resonarm_message *message);
 

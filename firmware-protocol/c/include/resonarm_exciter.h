@@ -2,7 +2,7 @@
  * @file resonarm_exciter.h
  * @brief The node of an exciter (SPEC.md, sections 5 to 9): arms the plant, answers its samples, disarms it.
  *
- * A state machine without input and output of its own. Frames and the time go in, frames come out:
+ * A state machine without input and output. Frames and the time go in, frames come out:
  *
  *     resonarm_exciter_handle_frame(now, frame) --+             +-- next_frame(), frame_sent()
  *     resonarm_exciter_handle_deadline(now) ------+--> node ----+-- next_deadline_ns(): when to call again
@@ -21,15 +21,15 @@
 extern "C" {
 #endif
 
-/** Time between two tries to arm or disarm the plant, ns (section 7). */
+/** Time between two attempts to arm or disarm the plant, ns (section 7). */
 #define RESONARM_RETRY_NS UINT64_C(100000000)
 /** Emergencies, heartbeats, hellos, capabilities and requests that can wait; none waits twice in a row. */
 #define RESONARM_OUTBOX_MESSAGES 32
 
-/** How long the node waits for what. */
+/** The node's timeouts. */
 typedef struct {
     uint64_t command_timeout_ns; /**< Longest time, listened, in which frames wait and none can be sent. */
-    uint64_t partner_timeout_ns; /**< Longest time, listened, without a whole sample or a sign of the plant's life. */
+    uint64_t partner_timeout_ns; /**< Longest time, listened, without a whole sample or the plant's heartbeat. */
     uint64_t look_period_ns;     /**< The most that counts as listened between two calls. */
 } resonarm_timing;
 
@@ -40,30 +40,30 @@ resonarm_timing resonarm_lockstep(void);
 
 /** A whole sample (section 8). */
 typedef struct {
-    uint64_t sample; /**< Counted from the first one answered, those lost on the way included. */
+    uint64_t sample; /**< Counted from the first one answered, including lost ones. */
     resonarm_impedance_head head;
     resonarm_acceleration b;
     resonarm_acceleration c;
 } resonarm_sample;
 
-/** What to do at a sample. */
+/** The answer's action. */
 typedef enum {
     RESONARM_HOLD_FORCE,  /**< Command `force_x_n` and `force_y_n`. */
     RESONARM_HOLD_TORQUE, /**< Command `torque1_nm` and `torque2_nm`. */
     RESONARM_FINISH,      /**< The work is done: disarm. */
-    RESONARM_GIVE_UP      /**< The work can't be done: disarm. */
+    RESONARM_GIVE_UP      /**< The work is impossible: disarm. */
 } resonarm_action;
 
 /** The answer to a sample: a load to hold until the next, or the end. */
 typedef struct {
     resonarm_action action;
     double force_x_n;  /**< ±655.34 N, FD the range of a single; beyond, the node faults (command out of range). */
-    double force_y_n;  /**< As `force_x_n`. */
-    double torque1_nm; /**< ±1638.35 N·m, FD the range of a single; beyond, as `force_x_n`. */
-    double torque2_nm; /**< As `torque1_nm`. */
+    double force_y_n;  /**< Like `force_x_n`. */
+    double torque1_nm; /**< ±1638.35 N·m, FD the range of a single; beyond, like `force_x_n`. */
+    double torque2_nm; /**< Like `torque1_nm`. */
 } resonarm_answer;
 
-/** Answers a whole sample, at once: the plant waits. */
+/** Answers a whole sample, without delay: the plant waits. */
 typedef resonarm_answer (*resonarm_answer_function)(void *context, const resonarm_sample *sample);
 
 /** How the work ended. */
@@ -76,23 +76,23 @@ typedef enum {
     RESONARM_FAULTED     /**< A fault of this node's or the plant's. */
 } resonarm_outcome;
 
-/** What the node has to tell. */
+/** The node's report. */
 typedef struct {
     resonarm_state state;
     resonarm_outcome outcome;
-    resonarm_node fault_node;    /**< Whose fault ended it, if one did. */
+    resonarm_node fault_node;    /**< The node whose fault ended it, if one did. */
     resonarm_emergency fault;    /**< The fault, if one ended it (section 9). */
     bool has_heard_plant;        /**< Whether a plant has been heard. */
-    uint64_t samples_answered;   /**< Samples from the first to the last answered, those lost on the way included. */
-    uint64_t missed_samples;     /**< Samples that never came in whole. */
-    uint32_t stale_samples;      /**< Samples that were ignored for their index. */
+    uint64_t samples_answered;   /**< Samples from the first to the last answered, including lost ones. */
+    uint64_t missed_samples;     /**< Samples that were never complete. */
+    uint32_t stale_samples;      /**< Samples ignored because of their index. */
     uint64_t slipped_periods;    /**< Sample periods by which the plant said its schedule has moved. */
     uint32_t refused_frames;     /**< Frames of the protocol that failed a check (section 2). */
-    /** Those of them under identifiers which only this node sends: another network has the same base (section 1). */
+    /** Those of them with identifiers that only this node sends: another network has the same base (section 1). */
     uint32_t other_sender_frames;
-    /** What the plant said was wrong after this node had missed its samples and faulted; code 0 if it said nothing. */
+    /** The plant's fault, reported after this node had missed its samples and faulted; code 0 if there was none. */
     resonarm_emergency plant_fault;
-    uint32_t unsent_frames;      /**< Frames in whose place newer ones were sent. */
+    uint32_t unsent_frames;      /**< Frames that newer ones replaced. */
 } resonarm_report;
 
 /** @cond the members of resonarm_exciter */
@@ -140,7 +140,7 @@ typedef struct {
     uint64_t waiting_since_ns;
     uint32_t refused_frames;
     uint32_t other_sender_frames;
-    uint16_t second_sender; /* Identifier of a message that only this node sends, and that came; 0 if none did. */
+    uint16_t second_sender; /* Identifier of a message received that only this node sends; 0 if there was none. */
 } resonarm_link_;
 
 typedef struct {
@@ -154,13 +154,13 @@ typedef enum { RESONARM_ARMING_, RESONARM_PLAYING_, RESONARM_DISARMING_, RESONAR
 typedef enum { RESONARM_STAY_, RESONARM_LEAVE_ASKED_, RESONARM_LEAVE_TOLD_ } resonarm_leave_;
 /** @endcond */
 
-/** The node. Its members are its own: use the functions. */
+/** The node. Its members are private: use the functions. */
 typedef struct {
     resonarm_link_ link;
     resonarm_answer_function answer;
     void *context;
     resonarm_phase_ phase;
-    resonarm_outcome outcome; /* Of RESONARM_DISARMING_ and RESONARM_DONE_. */
+    resonarm_outcome outcome; /* In RESONARM_DISARMING_ and RESONARM_DONE_. */
     resonarm_leave_ leave;
     resonarm_node fault_node;
     resonarm_emergency fault;
@@ -180,14 +180,14 @@ typedef struct {
     uint64_t slipped_periods;
 } resonarm_exciter;
 
-/** What a node is made with. */
+/** The configuration of a node. */
 typedef struct {
     resonarm_network network;
     uint16_t rate_hz; /**< Sample rate expected of the plant, 1 to 65535 Hz. */
     resonarm_timing timing;
     resonarm_answer_function answer;
     void *context; /**< First argument of `answer`. */
-    /** FD: what the node takes and commands. With two samples a frame `answer` is called for both, and what it commands
+    /** FD: the node's capabilities. With two samples per frame `answer` is called for both, and its command
      * at the second is held for two sample periods. */
     resonarm_capabilities capabilities;
 } resonarm_exciter_config;
@@ -196,27 +196,27 @@ typedef struct {
 void resonarm_exciter_init(resonarm_exciter *exciter, const resonarm_exciter_config *config);
 /** Boots: heartbeats and hello (section 7). It then looks for a plant and arms it. */
 void resonarm_exciter_start(resonarm_exciter *exciter, uint64_t now_ns);
-/** Takes in a frame; one that is not of the protocol, or not valid, has no effect but on the report. */
+/** Takes a frame; one that is invalid or not of the protocol affects only the report. */
 void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_frame *frame);
-/** Does what is due: heartbeats, hellos, tries, timeouts. */
+/** Does the work that is due: heartbeats, hellos, retries, timeouts. */
 void resonarm_exciter_handle_deadline(resonarm_exciter *exciter, uint64_t now_ns);
-/** When resonarm_exciter_handle_deadline() is to be called next, at the latest. */
+/** The latest time for the next call of resonarm_exciter_handle_deadline(). */
 uint64_t resonarm_exciter_next_deadline_ns(const resonarm_exciter *exciter);
 /** The next frame to send, if there is one. */
 bool resonarm_exciter_next_frame(const resonarm_exciter *exciter, resonarm_frame *frame);
-/** The bus has taken the frame that resonarm_exciter_next_frame() gave. */
+/** The bus has taken the frame from resonarm_exciter_next_frame(). */
 void resonarm_exciter_frame_sent(resonarm_exciter *exciter);
-/** The CAN controller is bus off: a node at work faults, another waits for the bus to come back (section 8). */
+/** The CAN controller is bus off: a working node faults, another waits for the bus to come back (section 8). */
 void resonarm_exciter_bus_lost(resonarm_exciter *exciter, uint64_t now_ns);
-/** Ends the work now: disarms the plant, also one that was only asked to arm. */
+/** Ends the work now: disarms the plant, even if it was only asked to arm. */
 void resonarm_exciter_stop(resonarm_exciter *exciter, uint64_t now_ns);
-/** Leaves the bus: stops, and then tells that it leaves. It has left when resonarm_exciter_is_quiet(). */
+/** Leaves the bus: stops, then sends its leaving. It has left when resonarm_exciter_is_quiet(). */
 void resonarm_exciter_leave(resonarm_exciter *exciter, uint64_t now_ns);
-/** Begins anew after a fault, with a reset of its own; false if no fault ended the work, or the node leaves. */
+/** Starts over after a fault, by resetting itself; false if no fault ended the work, or the node leaves. */
 bool resonarm_exciter_rearm(resonarm_exciter *exciter, uint64_t now_ns);
 /** Whether the work has ended and all frames are sent. */
 bool resonarm_exciter_is_quiet(const resonarm_exciter *exciter);
-/** How the node stands. */
+/** The node's report. */
 resonarm_report resonarm_exciter_report(const resonarm_exciter *exciter);
 
 #ifdef __cplusplus

@@ -30,7 +30,7 @@ static void stop(int number)
 
 static int set_up(int descriptor, unsigned interface)
 {
-    /* Frames of CAN FD go and come too; those of the other profile are refused and counted. Bus off comes as an error
+    /* CAN FD frames are sent and received, too; those of the other profile are refused and counted. Bus off is an error
      * frame. */
     const int on = 1;
     const can_err_mask_t errors = CAN_ERR_BUSOFF;
@@ -66,7 +66,7 @@ uint64_t port_now_ns(void)
     return (uint64_t)now.tv_sec * SECOND_NS + (uint64_t)now.tv_nsec;
 }
 
-/* What an error of the socket means. */
+/* The result for an error of the socket. */
 static port_result result_of(int error)
 {
     switch (error) {
@@ -110,7 +110,7 @@ port_result port_receive(resonarm_frame *frame)
 
 port_result port_send(const resonarm_frame *frame)
 {
-    /* What a classical frame has stands at the same places in one of CAN FD, which is longer. */
+    /* The members of a classical frame have the same offsets in a CAN FD frame, which is longer. */
     const size_t bytes = frame->format == RESONARM_FRAME_FD ? CANFD_MTU : CAN_MTU;
     struct canfd_frame sent;
     memset(&sent, 0, sizeof sent);

@@ -1,27 +1,27 @@
 /** @file port.h
- * @brief What a machine has to give the controller: five functions. */
+ * @brief The five functions that a machine must provide for the controller. */
 #ifndef PORT_H
 #define PORT_H
 
 #include "resonarm.h"
 
-/** What became of a frame. */
+/** The result for a frame. */
 typedef enum {
-    PORT_DONE,    /**< A frame was received, or taken to be sent. */
-    PORT_EMPTY,   /**< None has come, or the transmit queue is full. */
+    PORT_DONE,    /**< A frame was received, or accepted for sending. */
+    PORT_EMPTY,   /**< No frame was received, or the transmit queue is full. */
     PORT_BUS_OFF, /**< The CAN controller is off the bus. */
-    PORT_FAILED   /**< It will never be again. */
+    PORT_FAILED   /**< It has failed for good. */
 } port_result;
 
-/** A clock that only goes forward, ns. */
+/** A monotonic clock, ns. */
 uint64_t port_now_ns(void);
-/** Takes the next frame that has come, without waiting. */
+/** Takes the next received frame, without waiting. */
 port_result port_receive(resonarm_frame *frame);
-/** Hands over a frame to be sent, without waiting; frames go in this order. */
+/** Sends a frame, without waiting; frames keep their order. */
 port_result port_send(const resonarm_frame *frame);
-/** Waits until a frame has come or the clock has this time, or less. */
+/** Waits until a frame is received or the clock reaches this time; it may return earlier. */
 void port_wait(uint64_t until_ns);
-/** Whether the controller was told to end. */
+/** Whether the controller was asked to end. */
 bool port_is_stopped(void);
 
 #endif

@@ -1,5 +1,5 @@
 /** @file axes.h
- * @brief What the messages with two physical values have in common. */
+ * @brief The common coding of messages with two physical values. */
 #ifndef RESONARM_AXES_H
 #define RESONARM_AXES_H
 
@@ -22,10 +22,10 @@ typedef struct {
     uint16_t sample;
 } axes;
 
-/** The coding of a kind with two physical values; NULL of any other. */
+/** The coding of a kind with two physical values; NULL for any other. */
 const axes_coding *resonarm_axes_coding_of(resonarm_kind kind);
 
-/** Whether the kind is a sensor message: saturated values are cut and flagged. */
+/** Whether the kind is a sensor message: saturated values are clipped and flagged. */
 bool resonarm_axes_are_measured(resonarm_kind kind);
 
 /** The values of a message with two. */

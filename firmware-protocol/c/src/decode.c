@@ -148,7 +148,7 @@ static resonarm_receipt decode_content(resonarm_kind kind, const resonarm_frame 
     return decode_classic(kind, frame->data, message);
 }
 
-/* What protects a frame: the CRC that came, the one that belongs there, and the counter. */
+/* The protection of a frame: the CRC received, the CRC expected, and the counter. */
 typedef struct {
     uint16_t got;
     uint16_t crc;
@@ -193,7 +193,7 @@ static void restart(resonarm_receiver *receiver, resonarm_node node)
     }
 }
 
-/* The kind of the frame's identifier; RESONARM_KINDS if it is none of the protocol's. */
+/* The kind of the frame's identifier; RESONARM_KINDS if it is not the protocol's. */
 static int kind_of(resonarm_network network, const resonarm_frame *frame)
 {
     int kind = 0;

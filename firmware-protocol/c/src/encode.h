@@ -1,5 +1,5 @@
 /** @file encode.h
- * @brief A message's content, and the frame of it, apart: what waits to be sent has no counter yet. */
+ * @brief A message's content and its frame, made separately: a waiting message has no counter yet. */
 #ifndef RESONARM_ENCODE_H
 #define RESONARM_ENCODE_H
 

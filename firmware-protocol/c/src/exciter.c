@@ -51,7 +51,7 @@ static void end_by(resonarm_exciter *exciter, resonarm_node node, const resonarm
     end(exciter, RESONARM_FAULTED);
 }
 
-/* A fault that this node has found. A node whose work has ended judges nothing. */
+/* A fault detected by this node. A node whose work has ended detects none. */
 static void fault(resonarm_exciter *exciter, uint64_t now_ns, resonarm_code code, uint16_t detail)
 {
     if (exciter->phase == RESONARM_DONE_) {
@@ -86,7 +86,7 @@ static void ask_for_arming(resonarm_exciter *exciter, uint64_t now_ns)
     request(exciter, RESONARM_ARM);
 }
 
-static void greet(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_hello *hello)
+static void take_hello(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_hello *hello)
 {
     const resonarm_mismatch mismatch = resonarm_compare_hellos(&exciter->link.hello, hello);
     const bool is_new = !exciter->has_plant_hello;
@@ -140,8 +140,8 @@ static void watch(resonarm_exciter *exciter, uint64_t now_ns, resonarm_state sta
     }
 }
 
-/* The plant leaves the bus; a node that is not armed yet waits for another. */
-static void part(resonarm_exciter *exciter, uint64_t now_ns)
+/* The plant leaves the bus; a node that is not armed yet waits for another plant. */
+static void take_leaving(resonarm_exciter *exciter, uint64_t now_ns)
 {
     exciter->has_plant_hello = false;
     exciter->has_plant_state = false;
@@ -153,14 +153,14 @@ static void part(resonarm_exciter *exciter, uint64_t now_ns)
     }
 }
 
-/* Whether this node faulted for want of samples, of which the plant may say why none came. */
+/* Whether this node faulted for lack of samples, so that the plant may report why none came. */
 static bool has_missed_samples(const resonarm_exciter *exciter)
 {
     return exciter->phase == RESONARM_DONE_ && exciter->outcome == RESONARM_FAULTED &&
            exciter->fault_node == RESONARM_EXCITER && exciter->fault.code == RESONARM_SENSOR_TIMEOUT;
 }
 
-/* The plant's fault ends the work. That it has no hello of this node yet is mended by the next try. */
+/* The plant's fault ends the work. If it has no hello of this node yet, the next attempt fixes that. */
 static void heed_fault(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_emergency *emergency)
 {
     const bool is_incompatible = emergency->code == RESONARM_INCOMPATIBLE;
@@ -181,7 +181,7 @@ static void heed(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_emer
     if (emergency->code == RESONARM_SCHEDULE_SLIPPED) {
         exciter->slipped_periods += emergency->detail;
     } else if (emergency->code == RESONARM_LEAVING) {
-        part(exciter, now_ns);
+        take_leaving(exciter, now_ns);
     } else {
         heed_fault(exciter, now_ns, emergency);
     }
@@ -229,7 +229,7 @@ static bool answer(
     resonarm_exciter *exciter, uint64_t now_ns, resonarm_sample *sample, uint16_t index, resonarm_answer *given)
 {
     if (exciter->phase == RESONARM_DISARMING_) {
-        /* The plant still sends samples, in lockstep for want of an answer: the request may have been lost. */
+        /* The plant still sends samples, in lockstep for lack of an answer: the request may have been lost. */
         request(exciter, RESONARM_DISARM);
     }
     if (exciter->phase != RESONARM_PLAYING_ || !is_fresh(exciter, now_ns, index)) {
@@ -245,7 +245,7 @@ static bool answer(
     return exciter->phase == RESONARM_PLAYING_;
 }
 
-/* In the classic profile a sample is whole with its last frame, accelerometer C. */
+/* In the classic profile a sample is complete with its last frame, accelerometer C. */
 static void complete_sample(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_acceleration *c)
 {
     resonarm_answer given;
@@ -261,7 +261,7 @@ static void complete_sample(resonarm_exciter *exciter, uint64_t now_ns, const re
 
 #ifndef RESONARM_CLASSIC_ONLY
 /* In the FD profile a frame has one or two whole samples, the first of this index. The last of them is answered: a
- * command for the first of two would come too late. */
+ * command for the first of two would be too late. */
 static void take_samples(
     resonarm_exciter *exciter, uint64_t now_ns, const resonarm_readings *readings, size_t count, uint16_t first)
 {
@@ -276,7 +276,7 @@ static void take_samples(
 }
 #endif
 
-static void tell_leave(resonarm_exciter *exciter)
+static void send_leaving(resonarm_exciter *exciter)
 {
     if (exciter->leave == RESONARM_LEAVE_ASKED_ && exciter->phase == RESONARM_DONE_) {
         exciter->leave = RESONARM_LEAVE_TOLD_;
@@ -309,7 +309,7 @@ void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, c
     }
     switch (message.kind) {
     case RESONARM_PLANT_HELLO:
-        greet(exciter, now_ns, &message.content.hello);
+        take_hello(exciter, now_ns, &message.content.hello);
         break;
     case RESONARM_PLANT_HEARTBEAT:
         watch(exciter, now_ns, message.content.state);
@@ -339,7 +339,7 @@ void resonarm_exciter_handle_frame(resonarm_exciter *exciter, uint64_t now_ns, c
     default:
         break;
     }
-    tell_leave(exciter);
+    send_leaving(exciter);
 }
 
 static bool is_sensor_lost(const resonarm_exciter *exciter)
@@ -364,7 +364,7 @@ void resonarm_exciter_handle_deadline(resonarm_exciter *exciter, uint64_t now_ns
     } else if (exciter->phase == RESONARM_PLAYING_ && is_sensor_lost(exciter)) {
         fault(exciter, now_ns, RESONARM_SENSOR_TIMEOUT, exciter->sequence.last);
     }
-    tell_leave(exciter);
+    send_leaving(exciter);
 }
 
 uint64_t resonarm_exciter_next_deadline_ns(const resonarm_exciter *exciter)
@@ -407,7 +407,7 @@ void resonarm_exciter_bus_lost(resonarm_exciter *exciter, uint64_t now_ns)
 
 void resonarm_exciter_stop(resonarm_exciter *exciter, uint64_t now_ns)
 {
-    /* A plant that has said hello was asked to arm, and may be armed before it says so. */
+    /* A plant that has sent its hello was asked to arm, and may be armed before it reports that. */
     const bool is_asked = exciter->phase == RESONARM_ARMING_ && exciter->has_plant_hello;
     if (exciter->phase == RESONARM_PLAYING_ || is_asked) {
         disarm(exciter, now_ns, RESONARM_STOPPED);
@@ -421,7 +421,7 @@ void resonarm_exciter_leave(resonarm_exciter *exciter, uint64_t now_ns)
     if (exciter->leave == RESONARM_STAY_) {
         exciter->leave = RESONARM_LEAVE_ASKED_;
         resonarm_exciter_stop(exciter, now_ns);
-        tell_leave(exciter);
+        send_leaving(exciter);
     }
 }
 
@@ -433,7 +433,7 @@ bool resonarm_exciter_rearm(resonarm_exciter *exciter, uint64_t now_ns)
     }
     resonarm_link_transition(&exciter->link, now_ns, RESONARM_EVENT_RESET);
     exciter->phase = RESONARM_ARMING_;
-    /* By then it has heard the plant's state after what went wrong. */
+    /* By then it knows the plant's state after the fault. */
     exciter->retry_at_ns = resonarm_saturating_sum(now_ns, RESONARM_RETRY_NS);
     exciter->has_head = false;
     exciter->has_b = false;

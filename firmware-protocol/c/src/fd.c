@@ -6,7 +6,7 @@
 
 #ifndef RESONARM_CLASSIC_ONLY
 
-/* Places in a frame: CRC and counter in the bytes 0 to 2, then these. */
+/* Offsets in a frame: CRC and counter in the bytes 0 to 2, then these. */
 enum { FLAGS = 3, SAMPLES_PER_FRAME = 3, SAMPLE = 4, SECOND_FLAGS = 6, SINGLES = 8, SECOND_SINGLES = 32 };
 /* Bytes of SensorPair, of which the last are zero. */
 enum { PAIR_USED = 56, PAIR_BYTES = 64 };
@@ -30,7 +30,7 @@ static resonarm_encoding sendable(void)
     return (resonarm_encoding){RESONARM_SENDABLE, NULL, 0.0, 0.0, 0.0};
 }
 
-/* A value that is never cut. */
+/* A value that is never clipped. */
 static resonarm_encoding put_commanded(uint8_t *at, const char *signal, double value)
 {
     switch (resonarm_put_single(at, value)) {

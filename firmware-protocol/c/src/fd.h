@@ -1,5 +1,5 @@
 /** @file fd.h
- * @brief The contents of CAN FD frames (section 4): singles behind eight bytes of header. */
+ * @brief The contents of CAN FD frames (section 4): singles after eight bytes of header. */
 #ifndef RESONARM_FD_H
 #define RESONARM_FD_H
 

@@ -61,7 +61,7 @@ bool resonarm_link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_
         return false;
     }
     if (receipt.verdict != RESONARM_ACCEPTED) {
-        /* A remote frame is a question, and a station of the operator's may send requests: of no other sender. */
+        /* Remote frames and the requests of an operator's station do not show another sender. */
         const bool is_own =
             resonarm_sender(receipt.kind) == RESONARM_EXCITER && receipt.kind != RESONARM_OPERATOR_COMMAND;
         const bool is_question = receipt.verdict == RESONARM_BAD_FORMAT && frame->format == RESONARM_FRAME_REMOTE;
@@ -70,7 +70,7 @@ bool resonarm_link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_
         return false;
     }
     if (resonarm_sender(receipt.kind) != RESONARM_PLANT) {
-        /* A station of the operator's may send requests in this node's place. */
+        /* An operator's station may send requests in this node's place. */
         if (receipt.kind != RESONARM_OPERATOR_COMMAND) {
             link->second_sender = resonarm_identifier(link->receiver.network, receipt.kind);
         }

@@ -1,5 +1,5 @@
 /** @file link.h
- * @brief A node's ends of the protocol: state, heartbeats, hellos, and the time listened (sections 5 to 8). */
+ * @brief A node's connection to the bus: state, heartbeats, hellos, and the time listened (sections 5 to 8). */
 #ifndef RESONARM_LINK_H
 #define RESONARM_LINK_H
 
@@ -11,7 +11,7 @@ void resonarm_link_init(resonarm_link_ *link, const resonarm_exciter_config *con
 /** Boot-up heartbeat, then pre-operational, then hello. */
 void resonarm_link_start(resonarm_link_ *link, uint64_t now_ns);
 
-/** Follows the table of states; a change is told by a heartbeat. */
+/** Follows the table of states; sends a heartbeat at a change. */
 void resonarm_link_transition(resonarm_link_ *link, uint64_t now_ns, resonarm_event event);
 
 /** The plant's message in a frame; false if there is none. */
@@ -21,13 +21,13 @@ bool resonarm_link_accept(
 /** Queues a message; false if it can't be sent. */
 bool resonarm_link_send(resonarm_link_ *link, const resonarm_message *message);
 
-/** Queues the hello, in the FD profile with the capabilities behind it. */
+/** Queues the hello, in the FD profile followed by the capabilities. */
 void resonarm_link_send_hello(resonarm_link_ *link, uint64_t now_ns);
 
-/** Looks at the clock, and queues the heartbeat and the hello that are due. */
+/** Checks the clock, and queues the heartbeat and the hello that are due. */
 void resonarm_link_handle_deadline(resonarm_link_ *link, uint64_t now_ns);
 
-/** Whether the plant gave no sign of life in time. */
+/** Whether the plant's heartbeat has timed out. */
 bool resonarm_link_is_partner_lost(const resonarm_link_ *link);
 
 /** Whether frames wait and none could be sent in time. */

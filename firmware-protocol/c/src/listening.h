@@ -1,19 +1,19 @@
 /** @file listening.h
- * @brief The time in which a node listened, which its timeouts count (section 6).
+ * @brief The time that a node listened, the clock of its timeouts (section 6).
  *
- * Between two looks at the clock at most a look period counts: listened += min(now - last look, look period). */
+ * Between two looks at the clock at most one look period counts: listened += min(now - last look, look period). */
 #ifndef RESONARM_LISTENING_H
 #define RESONARM_LISTENING_H
 
 #include "resonarm_exciter.h"
 
-/** The node looks: what has come is taken in, what is due is judged. */
+/** The node looks: it has taken all frames received, and checks its deadlines. */
 void resonarm_listening_look(resonarm_listening_ *listening, uint64_t now_ns);
 
 /** Whether `timeout_ns` of listening have passed since `since_ns`, of the time listened. */
 bool resonarm_listening_has_passed(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
 
-/** When to look next, on the clock, for a timeout that runs. */
+/** When to look next, on the clock, for a running timeout. */
 uint64_t resonarm_listening_next_look_ns(const resonarm_listening_ *listening, uint64_t since_ns, uint64_t timeout_ns);
 
 /** a + b, or the largest number if that is more. */

@@ -1,6 +1,6 @@
 #include "resonarm.h"
 
-/* What section 1 says of each kind: its name, the low byte of its data id, its sender, its length in each profile. */
+/* The table of section 1: a kind's name, the low byte of its data id, its sender, its length in each profile. */
 typedef struct {
     const char *name;
     uint8_t data_id;
@@ -31,7 +31,7 @@ static const kind_row kinds[RESONARM_KINDS] = {
 typedef char the_profile_of_the_config_is_built[RESONARM_PROFILE == RESONARM_PROFILE_CLASSIC ? 1 : -1];
 #endif
 
-/* Whether the library speaks the profile. */
+/* Whether the library supports the profile. */
 static bool is_built(resonarm_profile profile)
 {
 #ifdef RESONARM_CLASSIC_ONLY

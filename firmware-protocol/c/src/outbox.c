@@ -1,6 +1,6 @@
 #include "outbox.h"
 
-/* Whether two messages of one kind say the same. */
+/* Whether two messages of one kind have the same content. */
 static bool are_equal(const resonarm_waiting_ *one, const resonarm_waiting_ *other)
 {
     for (size_t i = 0; i < RESONARM_EXCITER_BYTES_; i++) {
@@ -16,7 +16,7 @@ static resonarm_waiting_ *place(resonarm_outbox_ *outbox, size_t at)
     return &outbox->control[(outbox->first + at) % RESONARM_OUTBOX_MESSAGES];
 }
 
-/* Whether the latest message of this kind that waits says the same. */
+/* Whether the latest waiting message of this kind has the same content. */
 static bool is_said(resonarm_outbox_ *outbox, const resonarm_waiting_ *message)
 {
     for (size_t at = outbox->count; at > 0; at--) {

@@ -1,5 +1,5 @@
 /** @file readings.h
- * @brief A sample of the FD profile as the messages that it is in the classic profile. */
+ * @brief Converts a sample of the FD profile to the messages of the classic profile. */
 #ifndef RESONARM_READINGS_H
 #define RESONARM_READINGS_H
 

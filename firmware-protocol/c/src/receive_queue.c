@@ -1,7 +1,7 @@
 #include "resonarm_receive_queue.h"
 
 /*
- * What the writer wrote before a release is seen by the reader after its acquire, and the other way round. A number of
+ * The reader sees after its acquire all that the writer wrote before a release, and the other way round. A number of
  * 32 bits must be read and written in one piece, as every processor of 32 bits does.
  */
 #if !defined(RESONARM_LOAD_ACQUIRE) || !defined(RESONARM_STORE_RELEASE)

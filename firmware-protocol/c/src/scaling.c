@@ -2,7 +2,7 @@
 
 #include <stdbool.h>
 
-/* The factor 0.02 or 0.05 and its product with a count are rounded as the specification says only in binary64. */
+/* Only binary64 rounds the factor 0.02 or 0.05 and its product with a count as the specification says. */
 typedef char double_is_binary64[sizeof(double) == 8 ? 1 : -1];
 
 /* Whether x - x is a number: neither infinity nor "not a number" gives 0. */
@@ -12,7 +12,7 @@ static bool is_finite(double x)
     return difference >= 0.0 && difference <= 0.0;
 }
 
-/* The nearest integer, ties to even, for |x| < 2^31: truncation is exact, and so is what it leaves. */
+/* The nearest integer, ties to even, for |x| < 2^31: truncation is exact, and so is the remainder. */
 static int32_t nearest(double x)
 {
     const int32_t whole = (int32_t)x;

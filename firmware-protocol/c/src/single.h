@@ -14,7 +14,7 @@
 /** Whether a value has a single. */
 typedef enum { SINGLE_IN_RANGE, SINGLE_BEYOND, SINGLE_NOT_FINITE } single_range;
 
-/** Writes the single nearest to a value, ties to even; of a value beyond the range the end that it lies beyond. */
+/** Writes the single nearest to a value, ties to even; for a value beyond the range the nearer end. */
 single_range resonarm_put_single(uint8_t *at, double value);
 
 /** Reads a single; false if it is not a finite number. */

@@ -1,11 +1,11 @@
 /*
- * The codec on standard input and output, a line a command, for a test that holds it to another codec.
+ * The codec on standard input and output, one command per line, for a test that compares it with another codec.
  *
  *   network BASE PLANT EXCITER FD a new sender and receiver of a network     valid | base | unaligned |
  *                                                                             node-id | same | not-built
  *   encode KIND V...              the sender's next frame of a message        frame ID c|f DATA |
  *                                                                             refused REASON SIGNAL
- *   accept s|e c|r|f ID LEN DATA  what the receiver makes of a frame          ignored | accepted KIND V... |
+ *   accept s|e c|r|f ID LEN DATA  the receiver's verdict on a frame           ignored | accepted KIND V... |
  *                                                                             refused REASON KIND SIGNAL GOT EXPECTED
  *   lost                          frames that the receiver counts as lost     N
  *   next STATE EVENT              the table of states                         STATE
@@ -13,7 +13,7 @@
  *   window RATE                   window and period of a rate                 SAMPLES NS
  *   constants                     the constants of the header                 N...
  *
- * FD is 0 or 1. A V is a double as the hexadecimal digits of its bits; they stand in the order of the structures'
+ * FD is 0 or 1. A V is a double as the hexadecimal digits of its bits; they are in the order of the structures'
  * members.
  */
 #include <inttypes.h>
@@ -312,7 +312,7 @@ static void constants(void)
     printf("\n");
 }
 
-static void obey(const char *command)
+static void execute(const char *command)
 {
     if (strcmp(command, "network") == 0) {
         begin();
@@ -345,7 +345,7 @@ int main(void)
         line[strcspn(line, "\n")] = 0;
         const char *command = strtok(line, " ");
         if (command != NULL) {
-            obey(command);
+            execute(command);
             fflush(stdout);
         }
     }

@@ -1,4 +1,4 @@
-/* Whether the macros of resonarm_config.h are what the library computes for its network. */
+/* Checks that the macros of resonarm_config.h equal the values that the library computes for its network. */
 #include <stdio.h>
 
 #include "resonarm.h"

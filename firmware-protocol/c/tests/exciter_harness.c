@@ -1,5 +1,5 @@
 /*
- * The exciter's node on standard input and output, a line a command, for a test in virtual time.
+ * The exciter's node on standard input and output, one command per line, for a test in virtual time.
  *
  *   init real-time|lockstep RATE FINISH GIVE_UP BEYOND   a node of resonarm_config.h's network that answers sample n
  *                                                        with n mod 1000 counts of force along x and ends, gives up,
@@ -8,7 +8,7 @@
  *   frame NOW c|f ID LEN DATA                            a data frame comes in, classical or CAN FD
  *   jam | flow                                           from now on the bus takes no frame, or all
  *
- * Every answer: the frames sent since, ID#DATA or ID##1DATA each, then "| next NS |" and what the node reports, in the
+ * Every answer: the frames sent since, ID#DATA or ID##1DATA each, then "| next NS |" and the node's report, in the
  * order of the members of resonarm_report.
  */
 #include <float.h>
@@ -104,7 +104,7 @@ static void say(void)
     printf(" %d %u\n", (int)report.plant_fault.code, report.plant_fault.detail);
 }
 
-static void obey(const char *command)
+static void execute(const char *command)
 {
     if (strcmp(command, "init") == 0) {
         init();
@@ -138,7 +138,7 @@ int main(void)
         line[strcspn(line, "\n")] = 0;
         const char *command = strtok(line, " ");
         if (command != NULL) {
-            obey(command);
+            execute(command);
             say();
             fflush(stdout);
         }

@@ -1,7 +1,7 @@
 /*
  * Random frames for the receiver and random messages for the sender: fuzz_decoder SEED ROUNDS
  *
- * What must hold: nothing is read or written out of place, for which it is built with the sanitisers; a message that is
+ * Checks: nothing is read or written out of bounds, for which it is built with the sanitisers; a message that is
  * accepted is one that can be sent, with these very bytes; a message that can be sent is accepted.
  */
 #include <inttypes.h>
@@ -13,7 +13,7 @@
 #include "random.h"
 #include "resonarm.h"
 
-/* Bits without a signal are zero most of the time, lest no long frame passes. */
+/* Bits without a signal are mostly zero, so that long frames can pass. */
 static void clear_reserved(resonarm_kind kind, resonarm_frame *frame)
 {
     const size_t begin = kind == RESONARM_SENSOR_PAIR ? 7 : 6;
@@ -47,7 +47,7 @@ static resonarm_frame random_frame(resonarm_network network)
         frame.length = lengths[random_word() % sizeof lengths];
     }
     for (size_t i = 0; i < RESONARM_FRAME_BYTES; i++) {
-        /* Small numbers often, for most enumerations are small. */
+        /* Often small numbers, since most enumerations are small. */
         const uint32_t word = random_word();
         frame.data[i] = (uint8_t)(word % 2 == 0 ? word >> 8 : (word >> 8) % 14);
     }
@@ -122,7 +122,7 @@ static resonarm_message random_message(void)
     return message;
 }
 
-/* How many of the frames were accepted; -1 if something does not hold. */
+/* How many of the frames were accepted; -1 if a check fails. */
 static long run(resonarm_profile profile, unsigned long rounds)
 {
     long accepted = 0;
@@ -130,7 +130,7 @@ static long run(resonarm_profile profile, unsigned long rounds)
     resonarm_receiver receiver;
     network.profile = profile;
     for (unsigned long round = 0; round < rounds; round++) {
-        /* Now and then a new one, which takes any counter. */
+        /* Half of the time a new one, which accepts any counter. */
         if (round == 0 || random_word() % 2 == 0) {
             resonarm_receiver_init(&receiver, network);
         }

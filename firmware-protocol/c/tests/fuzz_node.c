@@ -1,7 +1,7 @@
 /*
  * The fuzzer's inputs without a fuzzer: fuzz_node SEED ROUNDS FILE...
  *
- * Runs every file, and then so many rounds a file with some of its bytes changed.
+ * Runs every file, and then so many rounds of each with some of its bytes changed.
  */
 #include <stdio.h>
 

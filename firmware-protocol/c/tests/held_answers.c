@@ -1,7 +1,7 @@
 /*
  * The held controller of port/stm32f103/main_held.c on this machine: the force along x in the impedance head on
- * standard input, a line a sample from the first one on; of each the answer, "hold FORCE_X_N", "finish" or "give up",
- * and at the end what was reached, "point COMMAND_N FORCE_N TRIES FIRST END".
+ * standard input, one line per sample from the first on; prints the answers, "hold FORCE_X_N", "finish" or "give up",
+ * and at the end the results, "point COMMAND_N FORCE_N TRIES FIRST END".
  */
 #include <inttypes.h>
 #include <stdio.h>

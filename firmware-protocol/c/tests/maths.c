@@ -1,4 +1,4 @@
-/* Holds the controllers' mathematics to the compiler's library: maths; says the largest errors. */
+/* Compares the controllers' mathematics with the compiler's library: maths; prints the largest errors. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -17,7 +17,7 @@ int main(void)
         const double square = ldexp(1.0 + (i + 400000) * 3e-6, i / 4000);
         root = fmax(root, fabs(square_root(square) / sqrt(square) - 1.0));
     }
-    /* At its zeros the sine is what was rounded of the angle; a single resolves 6e-8 of it. */
+    /* At its zeros the sine is the rounding error of the angle; a single resolves 6e-8 of it. */
     const double zero = fmax(fabs(sine_of_cycles(0.5) / sin(0.5 * two_pi) - 1.0),
                              fabs(cosine_of_cycles(0.25) / cos(0.25 * two_pi) - 1.0));
     const double big = sine_of_cycles(1e6 + 0.125) - sine_of_cycles(0.125);

@@ -1,12 +1,12 @@
 /** @file protect.h
- * @brief Makes the CRC of a frame right, so that a test comes further than to the CRC. */
+ * @brief Corrects the CRC of a frame, so that a test gets past the CRC check. */
 #ifndef PROTECT_H
 #define PROTECT_H
 
 #include "bytes.h"
 #include "e2e.h"
 
-/** For a frame on the identifier of this kind, whatever its length. */
+/** For a frame with the identifier of this kind, of any length. */
 static inline void protect(resonarm_network network, resonarm_kind kind, resonarm_frame *frame)
 {
     const uint16_t data_id = resonarm_data_id(network, kind);

@@ -1,5 +1,5 @@
 /** @file random.h
- * @brief Random words for the programs that try random frames. */
+ * @brief Random words for the programs that test random frames. */
 #ifndef RANDOM_H
 #define RANDOM_H
 

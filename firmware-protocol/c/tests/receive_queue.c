@@ -4,7 +4,7 @@
  *
  *   receive_queue signal|thread FRAMES
  *
- * It ends with 1, and says why, if a frame comes in pieces, twice or out of order, or if one is neither taken nor
+ * It exits with 1 and the reason if a frame arrives corrupted, twice or out of order, or if one is neither taken nor
  * counted as dropped.
  */
 #define _POSIX_C_SOURCE 200809L
@@ -21,13 +21,13 @@
 #include "resonarm_receive_queue.h"
 
 #define PLACES 8u
-/* Frames of one signal: more than the queue holds. */
+/* Frames per signal: more than the queue holds. */
 #define FRAMES_AT_ONCE 11u
 
 static resonarm_receive_queue queue;
 static resonarm_frame memory[PLACES];
 static uint32_t frames;
-/* Of the writer. */
+/* The writer's count. */
 static uint32_t put;
 
 /* The n-th frame: every byte of it follows from n. */

@@ -44,7 +44,7 @@ pub extern "C" fn main() -> i32 {
                     break;
                 }
             }
-            // An answer must not wait for the frames behind the sample.
+            // An answer must not wait for the frames after the sample.
             transmit(&mut node);
         }
         node.handle_deadline(now_ns);
@@ -57,7 +57,7 @@ pub extern "C" fn main() -> i32 {
     0
 }
 
-/// Sends what there is to send; whether all is sent.
+/// Sends the waiting frames; returns whether all are sent.
 fn transmit(node: &mut ExciterNode<Sines>) -> bool {
     while let Some(frame) = node.next_frame() {
         if !Port::send(&frame) {

@@ -1,4 +1,4 @@
-//! What the machine gives: the functions of `c/port/port.h`.
+//! The machine: the functions of `c/port/port.h`.
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
@@ -31,7 +31,7 @@ unsafe extern "C" {
     safe fn port_wait(until_ns: u64);
 }
 
-/// What has come.
+/// The result of receiving.
 pub enum Received {
     /// A data frame.
     Frame(Frame),
@@ -45,12 +45,12 @@ pub enum Received {
 pub struct Port;
 
 impl Port {
-    /// A clock that only goes forward, ns.
+    /// A monotonic clock, ns.
     pub fn now_ns() -> u64 {
         port_now_ns()
     }
 
-    /// The next data frame that has come.
+    /// The next data frame received.
     pub fn receive() -> Received {
         let mut frame = CFrame::EMPTY;
         loop {
@@ -72,7 +72,7 @@ impl Port {
         }
     }
 
-    /// Hands over a frame to be sent; whether it was taken.
+    /// Sends a frame; returns whether it was accepted.
     pub fn send(frame: &Frame) -> bool {
         let (Id::Standard(id), FrameFormat::Classic) = (frame.id(), frame.format()) else { return false };
         let mut sent = CFrame { id: id.into(), length: frame.len() as u8, ..CFrame::EMPTY };
@@ -80,7 +80,7 @@ impl Port {
         port_send(&sent) == DONE
     }
 
-    /// Waits until a frame has come or the clock has this time, or less.
+    /// Waits until a frame is received or the clock reaches this time; it may return earlier.
     pub fn wait(until_ns: u64) {
         port_wait(until_ns);
     }

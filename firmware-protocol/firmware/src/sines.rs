@@ -15,7 +15,7 @@ const FREQUENCIES_HZ: [f64; 2] = [19.7, 26.0];
 const DWELL_S: f64 = 0.4;
 const RAMP_S: f64 = 0.2;
 
-/// What answers the samples.
+/// The controller.
 pub struct Sines {
     /// When each sine begins, and the last ends.
     starts_s: [f64; FREQUENCIES_HZ.len() + 1],

@@ -20,7 +20,7 @@ fn crc_15(bits: &[u8]) -> Vec<u8> {
     rest.split_off(bits.len())
 }
 
-/// The bits with stuff bits: behind each five equal ones of what is there so far.
+/// The bits with stuff bits: after each five equal ones of the result so far.
 fn stuffed(bits: &[u8]) -> Vec<u8> {
     let mut line: Vec<u8> = Vec::new();
     let mut since = 0;
@@ -34,7 +34,7 @@ fn stuffed(bits: &[u8]) -> Vec<u8> {
     line
 }
 
-/// All that is sent before DLC or ESI.
+/// All bits before DLC or ESI.
 fn head(frame: &Frame) -> Vec<u8> {
     let fd = match frame.format() {
         FrameFormat::Fd { bit_rate_switch, .. } => Some(u8::from(bit_rate_switch)),
@@ -57,7 +57,7 @@ fn data(frame: &Frame) -> Vec<u8> {
     frame.data().iter().flat_map(|byte| digits(u32::from(*byte), 8)).collect()
 }
 
-/// The whole classical frame as it is on the wire.
+/// The whole classical frame as on the wire.
 fn classical(frame: &Frame) -> Vec<u8> {
     let mut bits = [head(frame), digits(frame.len() as u32, 4), data(frame)].concat();
     bits.extend(crc_15(&bits));
@@ -66,13 +66,13 @@ fn classical(frame: &Frame) -> Vec<u8> {
 
 const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
-/// The FD frame on the wire up to BRS, and from there to the delimiter of a CRC whose bits are taken from `noise`.
+/// The FD frame as on the wire up to BRS, and from there to the delimiter, with the CRC's bits taken from `noise`.
 fn fd(frame: &Frame, indicator: bool, noise: u32) -> (Vec<u8>, Vec<u8>) {
     let head = head(frame);
     let code = LENGTHS.iter().position(|len| *len == frame.len()).unwrap() as u32;
     let bits = [&head[..], &[u8::from(indicator)], &digits(code, 4), &data(frame)].concat();
     let mut line = stuffed(&bits);
-    // Nothing is stuffed behind the last bit.
+    // No stuff bit follows the last bit.
     if stuffed(&bits[..bits.len() - 1]).len() + 2 == line.len() {
         line.pop();
     }
@@ -92,7 +92,7 @@ fn id() -> impl Strategy<Value = Id> {
     prop_oneof![(0..=0x7FF_u16).prop_map(Id::Standard), (0..=0x1FFF_FFFF_u32).prop_map(Id::Extended)]
 }
 
-/// Bytes as they come, and such as have long runs.
+/// Arbitrary bytes, and bytes with long runs.
 fn bytes(len: usize) -> impl Strategy<Value = Vec<u8>> {
     let run = proptest::sample::select(&[0x00, 0xFF, 0xF0, 0x0F, 0x3C, 0xC3, 0x78, 0x87, 0x1E, 0xE1, 0x07, 0xF8][..]);
     prop_oneof![proptest::collection::vec(any::<u8>(), len), proptest::collection::vec(run, len)]
@@ -131,7 +131,7 @@ proptest! {
         let frame = Frame::new(id, format, &data).unwrap();
         let (head, tail) = fd(&frame, indicator, noise);
         let line = [&head[..], &tail].concat();
-        // But for the delimiter, which ends what is stuffed, six equal bits are an error.
+        // Six equal bits are an error, except at the delimiter, which ends the stuffed bits.
         prop_assert!(line[..line.len() - 1].windows(6).all(|six| six.iter().any(|bit| *bit != six[0])));
         let (nominal, data) = (head.len() as u64 + 12, tail.len() as u64);
         let expected = if switch { Bits { nominal, data } } else { Bits { nominal: nominal + data, data: 0 } };
@@ -140,7 +140,7 @@ proptest! {
     }
 }
 
-/// What `noticed_after` says, read off the bits: up to CRC and ACK delimiter, with the string up to the former.
+/// The result of `noticed_after`, found from the bits up to CRC and ACK delimiter; `stuffed` bits are stuffed.
 fn noticed_in(line: &[u8], stuffed: usize, k: usize, behind: u8) -> Option<u64> {
     let disturbed = [&line[..k], &[1 - line[k]], &[behind; 40]].concat();
     let is_six = |bit: usize| bit >= 5 && disturbed[bit - 5..=bit].iter().all(|level| *level == disturbed[bit]);
@@ -186,7 +186,7 @@ proptest! {
         let stuffed = line.len() + 1 - fd_check(frame.len()) as usize;
         for (behind, level) in [Level::Dominant, Level::Recessive].into_iter().enumerate() {
             for k in 1..line.len() {
-                // The bit before it isn't known there: that the next fixed stuff bit is like it may be chance.
+                // The bit before it is unknown there: the next fixed stuff bit may happen to equal it.
                 let is_known = k < stuffed || !(k + 1 - stuffed).is_multiple_of(5);
                 let (expected, got) = (noticed_in(&line, stuffed, k, behind as u8), noticed_after(&frame, k as u64, level));
                 prop_assert!(got == expected || !is_known && got > expected, "bit {k}, {level:?}: {got:?}, {expected:?}");
@@ -195,7 +195,7 @@ proptest! {
     }
 }
 
-/// The bus is idle to them before SOF, and stays so.
+/// Receivers see an idle bus before SOF, and after it.
 #[test]
 fn a_disturbed_sof_is_noticed_by_its_error_flag_alone() {
     let frame = Frame::classic(Id::Standard(0), &[]).unwrap();

@@ -30,7 +30,7 @@ impl Protection {
     }
 }
 
-/// What is wrong with the counter of a message.
+/// A fault in the counter of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CounterFault {
     /// The counter is that of the message before: a repetition (or exactly as many were lost as there are counters).
@@ -51,15 +51,15 @@ pub struct Supervision {
 }
 
 impl Supervision {
-    /// Supervision that takes the first counter it sees, whatever it is.
+    /// Supervision that accepts any counter first.
     pub const fn new() -> Supervision {
         Supervision { last: None }
     }
 
-    /// Checks the counter of a message whose CRC is right, and says how many messages were lost before it.
+    /// Checks the counter of a message whose CRC is right, and returns how many messages were lost before it.
     ///
     /// δ = (counter − last) mod n with the n counters of the profile: 1 is the next, 2 to [`MAX_DELTA_COUNTER`] mean
-    /// δ − 1 lost, 0 is a repetition, more is a wrong sequence. The counter becomes the last one in every case, so the
+    /// δ − 1 lost, 0 is a repetition, more is a wrong sequence. The counter is stored in every case, so the
     /// receiver is in step again with the message after a wrong sequence.
     ///
     /// # Errors

@@ -5,14 +5,14 @@
 //! The CRC is the polynomial x⁸ + x⁴ + x³ + x² + 1 (0x1D, SAE J1850), over: data id low byte, data id high byte, bytes
 //! 1 to n−1 of the message. SAE J1850 starts at 0xFF and inverts the result; Profile 11 undoes both (it calls the CRC
 //! with 0xFF as a *continued* start value, which the CRC library inverts to 0x00, and inverts the result again), so
-//! what stands here is the plain remainder: start 0x00, no final XOR. The polynomial is primitive, of period 255 bits,
+//! the result is the plain remainder: start 0x00, no final XOR. The polynomial is primitive, of period 255 bits,
 //! so every error of one or two bits changes the remainder. So does every burst of up to 7 bits; not of 8, for the CRC
-//! stands before the bytes it covers, and a burst over the end of byte 0 is none to the polynomial.
+//! precedes the bytes it covers, and a burst over the end of byte 0 is not a burst to the polynomial.
 
-/// `TABLES[k][b]`: the remainder of byte b with k zero bytes behind it.
+/// `TABLES[k][b]`: the remainder of byte b followed by k zero bytes.
 ///
 /// A remainder is linear: that of three bytes is the sum, modulo 2, of the remainders of each with zeros in place of
-/// the others. So three bytes are taken at once, and their look-ups don't wait for each other.
+/// the others. So three bytes are processed at once, with independent look-ups.
 const TABLES: [[u8; 256]; 3] = {
     let mut tables = [[0; 256]; 3];
     let mut byte = 0;
@@ -32,7 +32,7 @@ const TABLES: [[u8; 256]; 3] = {
     tables
 };
 
-/// The CRC of a message with this data id: over the data id and all of `data` but byte 0, where the CRC itself stands.
+/// The CRC of a message with this data id: over the data id and all of `data` but byte 0, which is the CRC itself.
 pub const fn crc(data_id: u16, data: &[u8; 8]) -> u8 {
     let ([low, high], [_, a, b, c, d, e, f, g]) = (data_id.to_le_bytes(), *data);
     step(step(step(0, low, high, a), b, c, d), e, f, g)

@@ -6,10 +6,10 @@
 //! has the factor x + 1, so it finds every odd number of wrong bits; its period of 32767 bits exceeds the longest
 //! message, so it finds every two.
 
-/// `TABLES[k][b]`: the remainder of byte b with k zero bytes behind it.
+/// `TABLES[k][b]`: the remainder of byte b followed by k zero bytes.
 ///
 /// A remainder is linear: that of four bytes is the sum, modulo 2, of the remainders of each with zeros in place of the
-/// others. So four bytes are taken at once, and their look-ups don't wait for each other.
+/// others. So four bytes are processed at once, with independent look-ups.
 const TABLES: [[u16; 256]; 4] = {
     let mut tables = [[0; 256]; 4];
     let mut byte = 0;
@@ -29,7 +29,7 @@ const TABLES: [[u16; 256]; 4] = {
     tables
 };
 
-/// The CRC of a message with this data id: over all of `data` but the bytes 0 and 1, where the CRC itself stands, and
+/// The CRC of a message with this data id: over all of `data` but bytes 0 and 1, which are the CRC itself, and
 /// the data id.
 pub const fn crc(data_id: u16, data: &[u8]) -> u16 {
     let mut crc: u16 = 0xFFFF;

@@ -12,9 +12,9 @@ pub struct Acceleration {
     pub acceleration_x_m_s2: f64,
     /// Acceleration along y of the base frame, in m/s², ±1638.35 in steps of 0.05.
     pub acceleration_y_m_s2: f64,
-    /// The sensor clipped x. Set in the frame as well when `acceleration_x_m_s2` lies beyond the range of the signal.
+    /// The sensor clipped x. Also set in the frame when `acceleration_x_m_s2` is beyond the range of the signal.
     pub x_saturated: bool,
-    /// The sensor clipped y. Set in the frame as well when `acceleration_y_m_s2` lies beyond the range of the signal.
+    /// The sensor clipped y. Also set in the frame when `acceleration_y_m_s2` is beyond the range of the signal.
     pub y_saturated: bool,
     /// The index of the sample, modulo 2¹⁶.
     pub sample: u16,

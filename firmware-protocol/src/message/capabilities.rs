@@ -1,11 +1,11 @@
-//! What a node of the FD profile can do beyond its hello.
+//! The capabilities of a node of the FD profile, in addition to its hello.
 
 use super::MessageKind;
 use super::fd::{self, FdBytes, FdReader};
 use crate::error::{DecodeError, EncodeError};
 use crate::network::Node;
 
-/// How many samples a frame holds at most.
+/// The most samples in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum SamplesPerFrame {
@@ -20,7 +20,7 @@ impl SamplesPerFrame {
     /// Both.
     pub const ALL: [SamplesPerFrame; 2] = [SamplesPerFrame::One, SamplesPerFrame::Two];
 
-    /// The one of a number, if it is 1 or 2.
+    /// The variant for a number, if it is 1 or 2.
     pub const fn from_number(number: u8) -> Option<SamplesPerFrame> {
         match number {
             1 => Some(SamplesPerFrame::One),
@@ -30,16 +30,16 @@ impl SamplesPerFrame {
     }
 }
 
-/// What a node can do. It follows the node's hello.
+/// A node's capabilities. They follow its hello.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
     /// The node.
     pub node: Node,
-    /// The most samples in a frame that it sends (plant) or takes (exciter).
+    /// The most samples in a frame that it sends (plant) or accepts (exciter).
     pub samples_per_frame: SamplesPerFrame,
-    /// The largest force along one axis that it takes (plant) or commands (exciter), in newtons; 0 if it has none.
+    /// The largest force along one axis that it accepts (plant) or commands (exciter), in newtons; 0 if it has none.
     pub force_limit_n: f64,
-    /// The largest torque at one joint that it takes or commands, in newton metres; 0 if it has none.
+    /// The largest torque at one joint that it accepts or commands, in newton metres; 0 if it has none.
     pub torque_limit_nm: f64,
 }
 

@@ -1,10 +1,10 @@
-//! What the exciter commands: a force at the tip, or torques at the joints.
+//! The exciter's commands: a force at the tip, or torques at the joints.
 
 use super::{MessageKind, Payload};
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::{FORCE, TORQUE};
 
-/// The force that the exciter puts on the tip of the arm, point C, held until the next command.
+/// The force that the exciter applies to the tip of the arm, point C, held until the next command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceCommand {
     /// Force along x of the base frame, in newtons; in the classic profile ±655.34 in steps of 0.02.
@@ -15,7 +15,7 @@ pub struct ForceCommand {
     pub sample: u16,
 }
 
-/// The torques that an exciter at the joints puts on the arm, held until the next command.
+/// The torques that an exciter at the joints applies to the arm, held until the next command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueCommand {
     /// Torque at joint 1, in newton metres; in the classic profile ±1638.35 in steps of 0.05.

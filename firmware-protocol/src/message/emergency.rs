@@ -1,4 +1,4 @@
-//! The emergency: why a node has faulted, or would not arm, or what it tells without a fault.
+//! The emergency: why a node has faulted or refuses to arm, or a notice without a fault.
 
 use core::fmt;
 
@@ -6,7 +6,7 @@ use super::{MessageKind, Mismatch, Payload, Refusal};
 use crate::error::DecodeError;
 use crate::network::Node;
 
-/// What a node tells. `SPEC.md` says what `detail` means for each.
+/// The subject of an emergency. `SPEC.md` defines the `detail` of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum EmergencyCode {
@@ -14,7 +14,7 @@ pub enum EmergencyCode {
     CommandTimeout = 1,
     /// Exciter: no whole sample in time. Detail: the last sample answered.
     SensorTimeout = 2,
-    /// The partner gave no sign of life in time. Detail: the partner's number ([`Node::number`]).
+    /// The partner's heartbeat timed out. Detail: the partner's number ([`Node::number`]).
     HeartbeatLost = 3,
     /// The partner's heartbeat says that it has faulted or booted. Detail: the partner's number.
     PartnerFault = 4,
@@ -22,7 +22,7 @@ pub enum EmergencyCode {
     Incompatible = 5,
     /// Exciter: its control loop asked for a command that can't be sent. Detail: 0.
     CommandOutOfRange = 6,
-    /// Plant: the simulation can't go on: the integrator failed. Detail: 0.
+    /// Plant: the integrator of the simulation failed. Detail: 0.
     SimulationFailed = 7,
     /// The node's loop missed ticks, and is set to fault on it. Detail: how many, at most 65535.
     Overrun = 8,
@@ -34,9 +34,9 @@ pub enum EmergencyCode {
     ScheduleSlipped = 11,
     /// No fault: the node leaves the bus. Detail: sample periods until the load is zero (plant), 0 (exciter).
     Leaving = 12,
-    /// A message came that only this node sends: there is another with its node id or its base. Detail: the identifier.
+    /// Another node sends a message of this one: it has the same node id or base. Detail: the identifier.
     SecondSender = 13,
-    /// Plant: what drives the arm is off, at a limit of its own or of the travel. Detail: the [`Trip`].
+    /// Plant: the exciter at the arm has switched off, at its own limit or that of the travel. Detail: the [`Trip`].
     ExciterTripped = 14,
 }
 
@@ -59,12 +59,12 @@ impl EmergencyCode {
         EmergencyCode::ExciterTripped,
     ];
 
-    /// The code of a number on the wire, if it is one.
+    /// The code for a number on the wire, if there is one.
     pub fn from_code(code: u16) -> Option<EmergencyCode> {
         EmergencyCode::ALL.into_iter().find(|known| *known as u16 == code)
     }
 
-    /// Whether it is a notice: told without a fault.
+    /// Whether it is a notice: sent without a fault.
     pub const fn is_notice(self) -> bool {
         matches!(self, EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving)
     }
@@ -91,7 +91,7 @@ impl fmt::Display for EmergencyCode {
     }
 }
 
-/// What tripped an exciter: the detail of [`EmergencyCode::ExciterTripped`].
+/// The cause of an exciter's trip: the detail of [`EmergencyCode::ExciterTripped`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum Trip {
@@ -105,7 +105,7 @@ impl Trip {
     /// Every trip.
     pub const ALL: [Trip; 2] = [Trip::Shaker, Trip::Travel];
 
-    /// The trip of a `detail`, if it is one.
+    /// The trip for a `detail`, if there is one.
     pub fn from_detail(detail: u16) -> Option<Trip> {
         Trip::ALL.into_iter().find(|known| *known as u16 == detail)
     }
@@ -120,17 +120,17 @@ impl fmt::Display for Trip {
     }
 }
 
-/// A node tells why it has faulted, or a notice ([`EmergencyCode::is_notice`]). With [`EmergencyCode::Incompatible`] in
-/// the state pre-operational: why it would not arm.
+/// A node reports why it has faulted, or a notice ([`EmergencyCode::is_notice`]). With [`EmergencyCode::Incompatible`]
+/// in the state pre-operational: why it refuses to arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Emergency {
     /// The node.
     pub node: Node,
-    /// What it tells.
+    /// The subject.
     pub code: EmergencyCode,
     /// More about it; the meaning depends on the code.
     pub detail: u16,
-    /// The index, modulo 2¹⁶, of the sample at which it was found.
+    /// The index, modulo 2¹⁶, of the sample at which it was detected.
     pub sample: u16,
 }
 

@@ -6,7 +6,7 @@
 //! | 2 | counter |
 //! | 3 | flags or a small number of the message |
 //! | 4, 5 | sample index |
-//! | 6, 7 | zero, or as the message says |
+//! | 6, 7 | zero, or defined by the message |
 //! | 8… | singles |
 
 use core::ops::Range;
@@ -14,7 +14,7 @@ use core::ops::Range;
 use super::{Capabilities, ForceCommand, Message, MessageKind, SensorPair, Sensors, TorqueCommand};
 use crate::error::{DecodeError, EncodeError};
 
-/// The bytes of a frame; CRC and counter are still zero, and what lies beyond its length is not sent.
+/// The bytes of a frame; CRC and counter are still zero, and bytes beyond its length are not sent.
 pub(crate) type FdBytes = [u8; 64];
 
 /// The first byte that is not protection.
@@ -90,7 +90,7 @@ pub(super) fn with_sample(sample: u16) -> FdBytes {
     bytes
 }
 
-/// The single nearest to a commanded value, ties to even; one beyond the range is refused.
+/// The single nearest to a commanded value, ties to even; a value beyond the range is refused.
 fn commanded(kind: MessageKind, signal: &'static str, got: f64) -> Result<f32, EncodeError> {
     let single = got as f32;
     if !got.is_finite() {
@@ -102,7 +102,7 @@ fn commanded(kind: MessageKind, signal: &'static str, got: f64) -> Result<f32, E
     }
 }
 
-/// The single nearest to a measured value, ties to even; one beyond the range goes to its end, and `true` says so.
+/// The single nearest to a measured value, ties to even; a value beyond the range becomes its end, flagged by `true`.
 pub(super) fn measured(kind: MessageKind, signal: &'static str, got: f64) -> Result<(f32, bool), EncodeError> {
     let single = got as f32;
     if !got.is_finite() {

@@ -1,11 +1,11 @@
-//! The heartbeat, as CANopen has it (CiA 301, "heartbeat protocol").
+//! The heartbeat as in CANopen (CiA 301, "heartbeat protocol").
 
 use super::{MessageKind, Payload};
 use crate::error::DecodeError;
 use crate::network::Node;
 use crate::state::NodeState;
 
-/// A node tells its state. Unprotected, one byte, so that any CANopen tool reads it.
+/// A node's state. Unprotected, one byte, so that any CANopen tool reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Heartbeat {
     /// The node.

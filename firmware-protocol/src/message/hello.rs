@@ -1,4 +1,4 @@
-//! The hello: what a node speaks and at which rate, so that two nodes that don't fit never arm.
+//! The hello: a node's version, profile and rate, so that incompatible nodes never arm.
 
 use core::fmt;
 
@@ -7,12 +7,12 @@ use crate::error::{DecodeError, EncodeError};
 use crate::network::Profile;
 use crate::{PROTOCOL_VERSION, dbc};
 
-/// The version of the protocol. Nodes of one major version understand each other.
+/// The version of the protocol. Nodes of the same major version are compatible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Version {
-    /// Goes up when a node of the old version would misunderstand; 0 to 15.
+    /// Increases when a node of the old version would misunderstand; 0 to 15.
     pub major: u8,
-    /// Goes up with every other change; 0 to 15.
+    /// Increases with every other change; 0 to 15.
     pub minor: u8,
 }
 
@@ -29,20 +29,20 @@ impl fmt::Display for Version {
     }
 }
 
-/// What a node speaks, and at which rate.
+/// A node's version, profile and sample rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Hello {
     /// The version of the protocol.
     pub version: Version,
     /// The low 24 bits of the hash of the profile's DBC ([`dbc::hash`]).
     pub dbc_hash: u32,
-    /// The frames that the node speaks.
+    /// The node's profile.
     pub profile: Profile,
-    /// The sample rate in hertz, 1 to 65535: of the plant the one it has, of the exciter the one it expects.
+    /// The sample rate in hertz, 1 to 65535: the plant's own, or the one that the exciter expects.
     pub rate_hz: u16,
 }
 
-/// Why two nodes don't fit. The discriminant is the `detail` of
+/// Why two nodes are incompatible. The discriminant is the `detail` of
 /// [`EmergencyCode::Incompatible`](super::EmergencyCode::Incompatible).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
@@ -64,7 +64,7 @@ impl Mismatch {
     pub const ALL: [Mismatch; 5] =
         [Mismatch::NoHello, Mismatch::Version, Mismatch::DbcHash, Mismatch::Profile, Mismatch::Rate];
 
-    /// The mismatch of a `detail`, if it is one.
+    /// The mismatch for a `detail`, if there is one.
     pub fn from_detail(detail: u16) -> Option<Mismatch> {
         Mismatch::ALL.into_iter().find(|known| *known as u16 == detail)
     }
@@ -86,7 +86,7 @@ impl Hello {
     /// The bits of the hash that a hello carries.
     pub const DBC_HASH_MASK: u32 = 0xFF_FFFF;
 
-    /// The flag bit that stands for the FD profile.
+    /// The flag bit for the FD profile.
     const FD: u8 = 1;
 
     /// The hello of this crate in a profile, at a sample rate in hertz.
@@ -99,7 +99,7 @@ impl Hello {
         }
     }
 
-    /// Why a node with this hello doesn't fit one with that of `partner`, if it doesn't.
+    /// Why a node with this hello doesn't fit one with the hello `partner`, if it doesn't.
     pub fn mismatch(&self, partner: &Hello) -> Option<Mismatch> {
         if self.version.major != partner.version.major {
             Some(Mismatch::Version)
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_what_does_not_fit() {
+    fn finds_mismatches() {
         let ours = Hello::new(Profile::Classic, 1000);
         let other_major = Version { major: ours.version.major + 1, ..ours.version };
         let other_minor = Version { minor: ours.version.minor + 1, ..ours.version };
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn details_go_there_and_back() {
+    fn details_convert_in_both_directions() {
         for mismatch in Mismatch::ALL {
             assert_eq!(Mismatch::from_detail(mismatch as u16), Some(mismatch));
         }

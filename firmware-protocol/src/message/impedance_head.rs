@@ -1,4 +1,4 @@
-//! The impedance head at the tip: the force that really acts there.
+//! The impedance head at the tip: the force that acts there.
 
 use super::payload::Measured;
 use super::{MessageKind, Payload};
@@ -14,9 +14,9 @@ pub struct ImpedanceHead {
     pub force_x_n: f64,
     /// Force along y of the base frame, in newtons, ±655.34 in steps of 0.02.
     pub force_y_n: f64,
-    /// The sensor clipped x. Set in the frame as well when `force_x_n` lies beyond the range of the signal.
+    /// The sensor clipped x. Also set in the frame when `force_x_n` is beyond the range of the signal.
     pub x_saturated: bool,
-    /// The sensor clipped y. Set in the frame as well when `force_y_n` lies beyond the range of the signal.
+    /// The sensor clipped y. Also set in the frame when `force_y_n` is beyond the range of the signal.
     pub y_saturated: bool,
     /// The index of the sample, modulo 2¹⁶.
     pub sample: u16,

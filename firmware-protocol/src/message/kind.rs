@@ -1,4 +1,4 @@
-//! The kinds of messages, one a frame identifier.
+//! The kinds of messages, one per frame identifier.
 
 use core::fmt;
 
@@ -48,11 +48,11 @@ pub enum MessageKind {
 /// The form of the frames of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Form {
-    /// The format in which they are sent. A receiver takes a CAN FD frame with and without bit rate switch.
+    /// The format in which they are sent. A receiver accepts a CAN FD frame with and without bit rate switch.
     pub format: FrameFormat,
     /// Their length in bytes.
     pub length: usize,
-    /// Their protection; none for a heartbeat.
+    /// Their protection; `None` for a heartbeat.
     pub protection: Option<Protection>,
 }
 
@@ -79,12 +79,12 @@ impl Form {
 pub enum Cycle {
     /// Once a sample.
     Sample,
-    /// At a fixed period, and at once when what it tells has changed.
+    /// At a fixed period, and at once when its content has changed.
     Period {
         /// The period in nanoseconds.
         period_ns: u64,
     },
-    /// When there is something to tell.
+    /// At an event.
     Event,
 }
 
@@ -112,7 +112,7 @@ impl MessageKind {
         MessageKind::ExciterCapabilities,
     ];
 
-    /// Those of the identifiers from the base on.
+    /// The messages at the base and the identifiers after it.
     const BLOCK: [MessageKind; 12] = [
         MessageKind::Operator,
         MessageKind::Force,
@@ -128,7 +128,7 @@ impl MessageKind {
         MessageKind::ExciterCapabilities,
     ];
 
-    /// Those of the identifiers with a node id.
+    /// The messages whose identifiers contain a node id.
     const OF_NODES: [MessageKind; 4] = [
         MessageKind::PlantHeartbeat,
         MessageKind::ExciterHeartbeat,
@@ -150,7 +150,7 @@ impl MessageKind {
         }
     }
 
-    /// The kind of the frames with this identifier, if it is one of the protocol's.
+    /// The kind of the frames with this identifier, if it is the protocol's.
     pub fn from_id(network: Network, id: Id) -> Option<MessageKind> {
         let Id::Standard(id) = id else { return None };
         let in_block = id.checked_sub(network.base()).and_then(|offset| MessageKind::BLOCK.get(usize::from(offset)));
@@ -302,10 +302,10 @@ mod tests {
         }
     }
 
-    /// Data ids that differ in one byte give CRCs that differ, so it is enough that no two are the same and each pair
+    /// Data ids that differ in one byte give different CRCs, so it is enough that all are different and each pair
     /// of a network differs in its low byte only.
     #[test]
-    fn no_two_data_ids_are_the_same() {
+    fn all_data_ids_are_different() {
         let mut seen = std::collections::BTreeSet::new();
         for plant_id in 1..=127 {
             let network = Network::default().with_node_ids(plant_id, if plant_id == 127 { 1 } else { 127 }).unwrap();

@@ -1,4 +1,4 @@
-//! The messages: valid values on one side, bytes on the other.
+//! The messages: valid values, and their encoding in bytes.
 
 mod acceleration;
 mod capabilities;
@@ -49,19 +49,19 @@ pub enum Message {
     AccelerometerB(Acceleration),
     /// The plant's accelerometer at point C, which is also the acceleration of the impedance head.
     AccelerometerC(Acceleration),
-    /// The plant says what it speaks.
+    /// The plant's version, profile and rate.
     PlantHello(Hello),
-    /// The exciter says what it speaks and what it expects.
+    /// The exciter's version, profile and the rate it expects.
     ExciterHello(Hello),
-    /// A node tells its state.
+    /// A node's state.
     Heartbeat(Heartbeat),
-    /// A node tells why it has faulted or refused to arm, or a notice.
+    /// A node's fault, refusal to arm, or notice.
     Emergency(Emergency),
     /// All of the plant's instruments at one sample (FD profile).
     Sensors(Sensors),
     /// All of the plant's instruments at two samples (FD profile).
     SensorPair(SensorPair),
-    /// A node says what it can do (FD profile).
+    /// A node's capabilities (FD profile).
     Capabilities(Capabilities),
 }
 
@@ -91,7 +91,7 @@ impl Message {
     /// Whether the message can be sent in a network.
     ///
     /// # Errors
-    /// [`EncodeError`] names the value that can't, or says that the profile has no such message.
+    /// [`EncodeError`] names the value that can't be sent, or says that the profile has no such message.
     pub fn check(&self, network: Network) -> Result<(), EncodeError> {
         Content::new(network, self).map(|_| ())
     }

@@ -5,13 +5,13 @@ use crate::error::DecodeError;
 use crate::network::Node;
 use crate::state::StateEvent;
 
-/// What the operator asks of a node.
+/// An operator's request to a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum OperatorRequest {
     /// Let commands reach the arm.
     Arm = 1,
-    /// Back to zero force.
+    /// Reduce the force to zero.
     Disarm = 2,
     /// Clear a latched fault.
     Reset = 3,
@@ -21,7 +21,7 @@ impl OperatorRequest {
     /// Every request.
     pub const ALL: [OperatorRequest; 3] = [OperatorRequest::Arm, OperatorRequest::Disarm, OperatorRequest::Reset];
 
-    /// The event that the request is to the node it is meant for.
+    /// The event that the request causes at its target.
     pub const fn event(self) -> StateEvent {
         match self {
             OperatorRequest::Arm => StateEvent::Arm,
@@ -34,9 +34,9 @@ impl OperatorRequest {
 /// The operator arms, disarms or resets a node. The answer is the node's heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct OperatorCommand {
-    /// What is asked.
+    /// The request.
     pub request: OperatorRequest,
-    /// Which node it is asked of.
+    /// The node it is for.
     pub target: Node,
 }
 

@@ -1,12 +1,12 @@
-//! What every protected message has in common: four flag bits and six bytes beside CRC and counter.
+//! The common layout of protected messages: four flag bits and six bytes besides CRC and counter.
 
 use super::MessageKind;
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::{Count, RAW_NOT_AVAILABLE, Scale};
 
-/// The part of a message that means something: the flags (high nibble of byte 1) and the bytes 2 to 7.
+/// The content of a message: the flags (high nibble of byte 1) and bytes 2 to 7.
 ///
-/// A heartbeat, which is unprotected and one byte long, has its byte in `bytes[0]`.
+/// A heartbeat, which is unprotected and one byte long, is in `bytes[0]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Payload {
     pub(crate) flags: u8,
@@ -22,7 +22,7 @@ const X_SATURATED: u8 = 1;
 /// Flag bit of messages with two axes: the second is saturated.
 const Y_SATURATED: u8 = 2;
 
-/// Two measured values with a saturation mark each, and the sample they belong to.
+/// Two measured values with a saturation mark each, and their sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Measured {
     pub(crate) values: [f64; 2],
@@ -59,7 +59,7 @@ impl Payload {
         }
     }
 
-    /// Two commanded values and a sample index. A value beyond the range is refused, never cut.
+    /// Two commanded values and a sample index. A value beyond the range is refused, never clipped.
     pub(crate) fn from_command(
         kind: MessageKind,
         scale: Scale,
@@ -90,7 +90,7 @@ impl Payload {
         self.values(kind, scale, signals)
     }
 
-    /// Two measured values and a sample index. A value beyond the range goes to the end of the range and is flagged.
+    /// Two measured values and a sample index. A value beyond the range is set to its end and flagged.
     pub(crate) fn from_measured(
         kind: MessageKind,
         scale: Scale,

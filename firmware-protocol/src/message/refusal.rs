@@ -1,22 +1,22 @@
-//! Why a valid command did not reach the arm.
+//! Why a plant refused a valid command.
 
 use core::fmt;
 
-/// Why a valid command did not reach the arm.
+/// Why a plant refused a valid command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Refusal {
     /// The plant is not armed.
     NotArmed = 1,
-    /// It answers a sample that is too old, or still to come.
+    /// It answers a sample that is too old, or in the future.
     Late = 2,
-    /// It answers an older sample than the last command that was taken.
+    /// It answers an older sample than the last accepted command.
     OutOfOrder = 3,
-    /// It answers the same sample as the last command that was taken: the first counts.
+    /// It answers the same sample as the last accepted command: the first counts.
     Repeated = 4,
     /// The exciter can't produce it.
     OutOfRange = 5,
-    /// It changes the load faster than it may.
+    /// It changes the load faster than allowed.
     RateOfChange = 6,
     /// The plant is beyond its largest travel.
     Travel = 7,
@@ -34,9 +34,9 @@ impl Refusal {
         Refusal::Travel,
     ];
 
-    /// The detail of [`EmergencyCode::CommandTimeout`](super::EmergencyCode::CommandTimeout): in the low byte how many
-    /// commands were refused since the last one was taken, at most 255, in the high byte why the last of them was, 0 if
-    /// none was.
+    /// The detail of [`EmergencyCode::CommandTimeout`](super::EmergencyCode::CommandTimeout): the low byte is how many
+    /// commands were refused since the last accepted one, at most 255; the high byte is the reason of the last refusal,
+    /// 0 if there was none.
     pub const fn detail(count: u64, last: Option<Refusal>) -> u16 {
         let count = if count > 255 { 255 } else { count as u16 };
         match last {

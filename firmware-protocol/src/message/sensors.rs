@@ -1,4 +1,4 @@
-//! All instruments at once, as the FD profile sends them.
+//! The readings of all instruments, as the FD profile sends them.
 
 use super::fd::{self, FdBytes, FdReader};
 use super::{Acceleration, ImpedanceHead, MessageKind};
@@ -9,11 +9,11 @@ use crate::error::{DecodeError, EncodeError};
 pub struct Measured {
     /// The value, in the unit of its signal.
     pub value: f64,
-    /// The instrument clipped it. Set in the frame as well when `value` lies beyond the range of a single.
+    /// The instrument clipped it. Also set in the frame when `value` is beyond the range of a single.
     pub saturated: bool,
 }
 
-/// What the instruments read at one sample, each along x and y of the base frame.
+/// The readings of all instruments at one sample, each along x and y of the base frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorValues {
     /// The force at the tip, point C, in newtons.
@@ -24,10 +24,10 @@ pub struct SensorValues {
     pub acceleration_c_m_s2: [Measured; 2],
 }
 
-/// A whole sample in one frame: what ImpedanceHead, AccelerometerB and AccelerometerC are in the classic profile.
+/// A whole sample in one frame: the content of ImpedanceHead, AccelerometerB and AccelerometerC in the classic profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
-    /// What the instruments read.
+    /// The readings.
     pub values: SensorValues,
     /// The index of the sample, modulo 2¹⁶.
     pub sample: u16,
@@ -36,9 +36,9 @@ pub struct Sensors {
 /// Two whole samples in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorPair {
-    /// What the instruments read at two samples in a row.
+    /// The readings at two successive samples.
     pub values: [SensorValues; 2],
-    /// The index, modulo 2¹⁶, of the first of them.
+    /// The index, modulo 2¹⁶, of the first sample.
     pub sample: u16,
 }
 
@@ -54,7 +54,7 @@ impl SensorValues {
     /// The bits of the flags: one for each signal, in their order.
     const FLAGS: u8 = 0x3F;
 
-    /// What the three messages of a sample say in the classic profile.
+    /// The readings in the three messages of a sample in the classic profile.
     pub fn from_classic(head: &ImpedanceHead, b: &Acceleration, c: &Acceleration) -> SensorValues {
         let pair = |[x, y]: [(f64, bool); 2]| [x, y].map(|(value, saturated)| Measured { value, saturated });
         let axes =

@@ -1,4 +1,4 @@
-//! Messages as named numbers, as the DBC has them.
+//! Messages as named numbers, with the names of the DBC.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ use super::{
 use crate::network::{Node, Profile};
 use crate::state::NodeState;
 
-/// The names of a sample's readings, and of their marks.
+/// The names of a sample's readings, and of their saturation marks.
 struct Names {
     values: [&'static str; 6],
     saturated: [&'static str; 6],
@@ -43,10 +43,10 @@ macro_rules! names {
 const SAMPLE: Names = names!("");
 const PAIR: [Names; 2] = [names!("first_"), names!("second_")];
 
-/// Why there is no message of these signals.
+/// Why signals don't make a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SignalError {
-    /// A signal is not given.
+    /// A signal is missing.
     Missing {
         /// The message.
         kind: MessageKind,
@@ -76,7 +76,7 @@ impl fmt::Display for SignalError {
 impl core::error::Error for SignalError {}
 
 impl Message {
-    /// Calls `visit` with the name and the physical value of every signal but those of the protection.
+    /// Calls `visit` with the name and the physical value of every signal except those of the protection.
     pub fn signals(&self, mut visit: impl FnMut(&'static str, f64)) {
         match *self {
             Message::Operator(OperatorCommand { request, target }) => {
@@ -132,11 +132,11 @@ impl Message {
         }
     }
 
-    /// The message of this kind with the signals that `get` has. Marks that are not given are 0.
+    /// The message of this kind with the signals from `get`. Missing marks are 0.
     ///
     /// # Errors
-    /// [`SignalError`] if a signal is missing, or a value is none that it can have. Whether physical values can be
-    /// sent, [`Message::check`] says.
+    /// [`SignalError`] if a signal is missing, or has an impossible value. [`Message::check`] checks whether physical
+    /// values can be sent.
     pub fn from_signals(
         kind: MessageKind,
         get: impl FnMut(&'static str) -> Option<f64>,

@@ -1,8 +1,8 @@
-//! What a node tells of itself.
+//! The events of a node.
 
 use crate::{DecodeError, Emergency, NodeState, Refusal};
 
-/// Something that happened to a node.
+/// An event of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NodeEvent {
     /// The node changed its state.
@@ -12,16 +12,16 @@ pub enum NodeEvent {
         /// The state now.
         to: NodeState,
     },
-    /// The node faulted, or would not arm, and why; or a notice, its own or the partner's.
+    /// The node faulted, or refused to arm, with the reason; or a notice, its own or the partner's.
     Emergency(Emergency),
-    /// The partner says why it has faulted. Where that ends this node's work it is the reason of the fault that
+    /// The partner reports why it has faulted. If that ends this node's work, it is the cause of the fault that
     /// follows.
     PartnerEmergency(Emergency),
-    /// A command did not reach the arm.
+    /// The plant refused a command.
     Refused(Refusal),
-    /// A frame of the protocol could not be taken.
+    /// A frame of the protocol was refused.
     Frame(DecodeError),
-    /// A frame could not be taken that came under an identifier which only this node sends: another network with other
+    /// A frame was refused whose identifier only this node sends: another network with other
     /// node ids or another profile has the same base.
     OtherSender(DecodeError),
 }

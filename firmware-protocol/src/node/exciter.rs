@@ -1,4 +1,4 @@
-//! The exciter's node: arms the plant, lets a controller answer its samples, disarms.
+//! The exciter's node: arms the plant, lets a controller answer its samples, disarms it.
 
 use super::link::Link;
 use super::phase::{Leave, Phase};
@@ -12,10 +12,10 @@ use crate::{
 
 use super::answering::{Answer, Answering, Outcome};
 
-/// Time between two tries to arm or disarm the plant, ns.
+/// Time between two attempts to arm or disarm the plant, ns.
 const RETRY_NS: u64 = 100_000_000;
 
-/// An exciter as a node, with what answers the samples.
+/// An exciter's node, with its controller.
 #[derive(Clone, Debug)]
 pub struct ExciterNode<C: Answering> {
     link: Link,
@@ -26,7 +26,7 @@ pub struct ExciterNode<C: Answering> {
     plant_state: Option<NodeState>,
     leave: Leave,
     retry_at_ns: u64,
-    /// When the last new sample came in, of the time listened.
+    /// When the last new sample was received, in time listened.
     sample_heard_ns: u64,
     head: Option<ImpedanceHead>,
     b: Option<Acceleration>,
@@ -39,10 +39,10 @@ pub struct ExciterNode<C: Answering> {
 }
 
 impl<C: Answering> ExciterNode<C> {
-    /// A node with these capabilities, of an exciter, that lets `controller` answer a plant with `rate_hz` samples a
+    /// A node with these capabilities of an exciter; `controller` answers a plant with `rate_hz` samples a
     /// second.
     ///
-    /// With two samples a frame the controller is asked for both, and what it says to the second is held for two sample
+    /// With two samples per frame the controller answers both, and its answer to the second is held for two sample
     /// periods. In the classic profile capabilities are not sent.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, capabilities: Capabilities, controller: C) -> Self {
         let capabilities = Capabilities { node: Node::Exciter, ..capabilities };
@@ -77,17 +77,17 @@ impl<C: Answering> ExciterNode<C> {
         self.link.state()
     }
 
-    /// What answers the samples.
+    /// The controller.
     pub fn controller(&self) -> &C {
         &self.controller
     }
 
-    /// What answers the samples, to be asked for what it has read.
+    /// The controller, to read its results.
     pub fn controller_mut(&mut self) -> &mut C {
         &mut self.controller
     }
 
-    /// How it ended, once it has.
+    /// How the work ended, once it has.
     pub fn outcome(&self) -> Option<Outcome<C::Abort>> {
         match self.phase {
             Phase::Done(outcome) => Some(outcome),
@@ -100,17 +100,17 @@ impl<C: Answering> ExciterNode<C> {
         self.plant_state.is_some() || self.plant_hello.is_some()
     }
 
-    /// Samples answered so far, those lost on the way included.
+    /// Samples answered so far, including lost ones.
     pub fn samples_played(&self) -> u64 {
         self.answered.map_or(0, |n| n + 1)
     }
 
-    /// Samples of the plant that never came in whole.
+    /// Samples of the plant that were never complete.
     pub fn missed_samples(&self) -> u64 {
         self.missed_samples
     }
 
-    /// Samples that came with the index of one answered before, or an older one, and were ignored.
+    /// Samples ignored because their index was repeated or older.
     pub fn stale_samples(&self) -> u64 {
         self.sequence.stale()
     }
@@ -125,22 +125,23 @@ impl<C: Answering> ExciterNode<C> {
         self.link.network()
     }
 
-    /// Frames of the protocol refused for their checks (E2E, length, values).
+    /// Frames of the protocol refused by the checks (E2E, length, values).
     pub fn refused_frames(&self) -> u64 {
         self.link.refused_frames()
     }
 
-    /// Those of them that came under identifiers which only this node sends: another network has its base.
+    /// Those of them with identifiers that only this node sends: another network has the same base.
     pub fn other_sender_frames(&self) -> u64 {
         self.link.other_sender_frames()
     }
 
-    /// What the plant said was wrong after this node had missed its samples and faulted: the reason why none came.
+    /// The plant's fault, reported after this node had missed its samples and faulted: the reason for the missing
+    /// samples.
     pub fn plant_fault(&self) -> Option<Emergency> {
         self.plant_fault
     }
 
-    /// Whether this node has faulted for want of samples, and the plant has not yet said how it stands.
+    /// Whether this node has faulted for lack of samples, and the plant has not yet reported its state.
     pub fn awaits_reason(&self) -> bool {
         self.has_missed_samples() && self.plant_state == Some(NodeState::Operational) && self.plant_fault.is_none()
     }
@@ -150,7 +151,7 @@ impl<C: Answering> ExciterNode<C> {
         (own.node, own.code) == (Node::Exciter, EmergencyCode::SensorTimeout)
     }
 
-    /// Frames that were never sent: newer ones took their place before they could be.
+    /// Frames that were never sent, as newer ones replaced them.
     pub fn unsent_frames(&self) -> u64 {
         self.link.unsent_frames()
     }
@@ -160,7 +161,7 @@ impl<C: Answering> ExciterNode<C> {
         matches!(self.phase, Phase::Done(_)) && !self.link.has_frames()
     }
 
-    /// Ends the work now: disarms the plant, also one only asked to arm. The outcome is there when it has answered.
+    /// Ends the work now: disarms the plant, even if it was only asked to arm. The outcome follows the plant's answer.
     pub fn stop(&mut self, now_ns: u64) {
         match self.phase {
             Phase::Playing => self.disarm(now_ns, Outcome::Stopped),
@@ -170,15 +171,15 @@ impl<C: Answering> ExciterNode<C> {
         }
     }
 
-    /// Begins anew after a fault: resets itself, arms the plant, and restarts the controller. `false` if no fault
-    /// ended it, or it leaves.
+    /// Starts over after a fault: resets itself, arms the plant, and restarts the controller. `false` if no fault
+    /// ended the work, or the node leaves.
     pub fn rearm(&mut self, now_ns: u64) -> bool {
         if !matches!(self.phase, Phase::Done(Outcome::Faulted(_))) || self.leave != Leave::Stay {
             return false;
         }
         self.link.transition(now_ns, StateEvent::Reset);
         self.phase = Phase::Arming;
-        // By then it has heard the plant's state after what went wrong.
+        // By then it knows the plant's state after the fault.
         self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
         (self.head, self.b, self.answered, self.plant_fault) = (None, None, None, None);
         self.sequence = Sequence::new(self.link.hello().rate_hz);
@@ -186,31 +187,31 @@ impl<C: Answering> ExciterNode<C> {
         true
     }
 
-    /// Leaves the bus in good order: as [`ExciterNode::stop`], and when the work is done tells that it leaves. It has
+    /// Leaves the bus in good order: stops like [`ExciterNode::stop`], then sends its leaving. It has
     /// left when [`ExciterNode::is_quiet`].
     pub fn leave(&mut self, now_ns: u64) {
         if self.leave == Leave::Stay {
             self.leave = Leave::Asked;
             self.stop(now_ns);
-            self.tell_leave();
+            self.send_leaving();
         }
     }
 
-    fn tell_leave(&mut self) {
+    fn send_leaving(&mut self) {
         if self.leave == Leave::Asked && matches!(self.phase, Phase::Done(_)) {
-            self.leave = Leave::Told;
+            self.leave = Leave::Announced;
             self.link.send_emergency(self.emergency(EmergencyCode::Leaving, 0));
         }
     }
 
-    /// The bus is off: a controller at work faults. One that is not waits for the bus to come back.
+    /// The bus is off: a playing controller faults. Otherwise the node waits for the bus to come back.
     pub fn bus_lost(&mut self, now_ns: u64) {
         if self.phase == Phase::Playing {
             self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
         }
     }
 
-    /// Takes in a frame from the bus; one of another protocol means nothing.
+    /// Takes a frame from the bus; frames of other protocols are ignored.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         let message = self.link.accept(now_ns, frame);
         if let Some(identifier) = self.link.take_second_sender() {
@@ -218,7 +219,7 @@ impl<C: Answering> ExciterNode<C> {
         }
         let Some(message) = message else { return };
         match message {
-            Message::PlantHello(hello) => self.greet(now_ns, hello),
+            Message::PlantHello(hello) => self.take_hello(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Plant, state }) => self.watch(now_ns, state),
             Message::Emergency(emergency) => self.heed(now_ns, emergency),
             Message::Head(head) => self.head = Some(head),
@@ -231,19 +232,19 @@ impl<C: Answering> ExciterNode<C> {
             Message::SensorPair(pair) => self.pair(now_ns, &pair),
             _ => {}
         }
-        self.tell_leave();
+        self.send_leaving();
     }
 
-    /// Another node sends this one's messages: which of the two the plant obeys is chance.
+    /// Another node sends this one's messages: either of the two may control the plant.
     fn meet_second_sender(&mut self, now_ns: u64, identifier: u16) {
         if !matches!(self.phase, Phase::Done(_)) {
             self.fault(now_ns, EmergencyCode::SecondSender, identifier);
         }
     }
 
-    /// A plant says what it speaks; its first hello is answered at once. An exciter that has ended arms none and judges
-    /// none.
-    fn greet(&mut self, now_ns: u64, hello: Hello) {
+    /// Takes a plant's hello; the first one is answered at once. An exciter that has ended neither arms nor checks
+    /// a plant.
+    fn take_hello(&mut self, now_ns: u64, hello: Hello) {
         let mismatch = self.link.hello().mismatch(&hello);
         let is_new = self.plant_hello.is_none();
         self.plant_hello = mismatch.is_none().then_some(hello);
@@ -284,13 +285,13 @@ impl<C: Answering> ExciterNode<C> {
                 self.link.tell(NodeEvent::Emergency(emergency));
                 self.slipped_periods += u64::from(emergency.detail);
             }
-            EmergencyCode::Leaving => self.part(now_ns, emergency),
+            EmergencyCode::Leaving => self.take_leaving(now_ns, emergency),
             _ => self.heed_fault(now_ns, emergency),
         }
     }
 
-    /// The plant leaves the bus. Before it was armed another may come.
-    fn part(&mut self, now_ns: u64, emergency: Emergency) {
+    /// The plant leaves the bus. Before arming, another plant may appear.
+    fn take_leaving(&mut self, now_ns: u64, emergency: Emergency) {
         self.link.tell(NodeEvent::Emergency(emergency));
         (self.plant_hello, self.plant_state) = (None, None);
         match self.phase {
@@ -303,7 +304,7 @@ impl<C: Answering> ExciterNode<C> {
         }
     }
 
-    /// The plant's own word of why it faulted says more than its heartbeat.
+    /// The plant's emergency describes its fault better than its heartbeat.
     fn heed_fault(&mut self, now_ns: u64, emergency: Emergency) {
         let incompatible = emergency.code == EmergencyCode::Incompatible;
         let no_hello_yet = incompatible && emergency.detail == Mismatch::NoHello as u16;
@@ -315,13 +316,13 @@ impl<C: Answering> ExciterNode<C> {
             self.link.transition(now_ns, StateEvent::Fault);
             self.phase = Phase::Done(Outcome::Faulted(emergency));
         } else if self.has_missed_samples() && emergency.code != EmergencyCode::PartnerFault {
-            // What came of this node's own fault is no reason for it.
+            // A consequence of this node's own fault is no reason for it.
             self.link.tell(NodeEvent::PartnerEmergency(emergency));
             self.plant_fault = Some(emergency);
         }
     }
 
-    /// In the classic profile a sample is whole when its last frame, accelerometer C, is in.
+    /// In the classic profile a sample is complete with its last frame, accelerometer C.
     fn sample(&mut self, now_ns: u64, c: Acceleration) {
         let whole = self.head.take().zip(self.b.take());
         if let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) {
@@ -330,7 +331,7 @@ impl<C: Answering> ExciterNode<C> {
         }
     }
 
-    /// Of two samples in a frame the second is answered: a command for the first would come too late.
+    /// The second of two samples in a frame is answered: a command for the first would be too late.
     fn pair(&mut self, now_ns: u64, pair: &SensorPair) {
         let [first, second] = &pair.values;
         self.whole(now_ns, pair.sample, first);
@@ -423,7 +424,7 @@ impl<C: Answering> ExciterNode<C> {
         self.sequence.last().unwrap_or(0)
     }
 
-    /// Does what is due: heartbeats, hellos, tries, and the timeouts of a playing controller.
+    /// Does the work that is due: heartbeats, hellos, retries, and the timeouts of a playing controller.
     pub fn handle_deadline(&mut self, now_ns: u64) {
         self.link.handle_deadline(now_ns);
         match self.phase {
@@ -440,14 +441,14 @@ impl<C: Answering> ExciterNode<C> {
             }
             _ => {}
         }
-        self.tell_leave();
+        self.send_leaving();
     }
 
     fn is_sensor_lost(&self) -> bool {
         self.link.listening().has_passed(self.sample_heard_ns, self.timing.partner_timeout_ns)
     }
 
-    /// When [`ExciterNode::handle_deadline`] is to be called next, at the latest.
+    /// The latest time for the next call of [`ExciterNode::handle_deadline`].
     pub fn next_deadline_ns(&self) -> u64 {
         let link = self.link.next_deadline_ns();
         match self.phase {
@@ -461,17 +462,17 @@ impl<C: Answering> ExciterNode<C> {
         }
     }
 
-    /// The next frame to send, as it is now. Ask again after any other call: it may be another by then.
+    /// The next frame to send. It may change with any other call.
     pub fn next_frame(&self) -> Option<Frame> {
         self.link.next_frame()
     }
 
-    /// The bus has taken the frame that [`ExciterNode::next_frame`] gave.
+    /// The bus has taken the frame from [`ExciterNode::next_frame`].
     pub fn frame_sent(&mut self) {
         self.link.frame_sent();
     }
 
-    /// The next frame, as one that is sent.
+    /// The next frame, marked as sent.
     pub fn poll_transmit(&mut self) -> Option<Frame> {
         let frame = self.next_frame()?;
         self.frame_sent();

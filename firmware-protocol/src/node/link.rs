@@ -1,4 +1,4 @@
-//! What both nodes share: the protocol's ends, the state, heartbeats and hellos, the time listened.
+//! The common part of both nodes: transmitter and receiver, state, heartbeats and hellos, time listened.
 
 use crate::{
     Capabilities, DecodeError, Emergency, EncodeError, Frame, FrameFormat, Heartbeat, Hello, Message, MessageKind,
@@ -10,10 +10,10 @@ use super::outbox::Outbox;
 use super::queue::Queue;
 use super::{NodeEvent, Timing};
 
-/// Events that wait to be fetched.
+/// Most events that wait to be fetched.
 const EVENTS: usize = 64;
 
-/// What a node of either kind sends and takes, and what it knows of its partner.
+/// A node's connection to the bus, and its knowledge of its partner.
 #[derive(Clone, Debug)]
 pub struct Link {
     node: Node,
@@ -29,11 +29,11 @@ pub struct Link {
     heartbeat_at_ns: u64,
     hello_at_ns: u64,
     partner_heard_ns: u64,
-    /// Since when frames wait and none was sent, of the time listened.
+    /// Since when, in time listened, frames wait and none was sent.
     jammed_since_ns: Option<u64>,
     refused_frames: u64,
     other_sender_frames: u64,
-    /// The identifier of a message that only this node sends and that came from another, not yet told.
+    /// The identifier of a message received from another node although only this one sends it, not yet reported.
     second_sender: Option<u16>,
 }
 
@@ -74,32 +74,32 @@ impl Link {
         self.state
     }
 
-    /// What the node speaks.
+    /// The node's own hello.
     pub fn hello(&self) -> &Hello {
         &self.hello
     }
 
-    /// Frames of the protocol that could not be taken.
+    /// Frames of the protocol that were refused.
     pub fn refused_frames(&self) -> u64 {
         self.refused_frames
     }
 
-    /// Those of them that came under identifiers which only this node sends ([`NodeEvent::OtherSender`]).
+    /// Those of them with identifiers that only this node sends ([`NodeEvent::OtherSender`]).
     pub fn other_sender_frames(&self) -> u64 {
         self.other_sender_frames
     }
 
-    /// Frames that a gap of a counter says were lost on the way.
+    /// Frames that were lost on the way, by the gaps of counters.
     pub fn lost_frames(&self) -> u64 {
         self.receiver.lost()
     }
 
-    /// Frames that will never be sent: newer ones took their place before they could be.
+    /// Frames that will never be sent, as newer ones replaced them.
     pub fn unsent_frames(&self) -> u64 {
         self.outbox.unsent()
     }
 
-    /// Follows the state table; `false` if the event means nothing in this state.
+    /// Follows the state table; returns `false` if it has no such event in this state.
     pub fn transition(&mut self, now_ns: u64, event: StateEvent) -> bool {
         let Some(to) = self.state.next(event) else { return false };
         let from = core::mem::replace(&mut self.state, to);
@@ -119,7 +119,7 @@ impl Link {
                 let message = message?;
                 let kind = message.kind();
                 if kind.sender() == self.node {
-                    // A station of the operator's may send requests in place of the exciter.
+                    // An operator's station may send requests in place of the exciter.
                     if kind != MessageKind::Operator {
                         self.second_sender = Some(kind.id(self.network()));
                     }
@@ -135,7 +135,7 @@ impl Link {
         }
     }
 
-    /// Counts and tells a frame that could not be taken. A remote frame is a question, and no message of another
+    /// Counts and reports a refused frame. A remote frame is a request, not a message of another
     /// sender.
     fn refuse(&mut self, error: DecodeError) {
         let kind = error.kind();
@@ -147,12 +147,12 @@ impl Link {
         self.events.push(event(error));
     }
 
-    /// The most samples in a frame that this node sends or takes.
+    /// The most samples per frame that this node sends or accepts.
     pub fn samples_per_frame(&self) -> SamplesPerFrame {
         self.capabilities.samples_per_frame
     }
 
-    /// Sets the most samples in a frame that this node sends or takes.
+    /// Sets the most samples per frame that this node sends or accepts.
     pub fn set_samples_per_frame(&mut self, most: SamplesPerFrame) {
         self.capabilities.samples_per_frame = most;
     }
@@ -175,26 +175,26 @@ impl Link {
     /// Queues a message.
     ///
     /// # Errors
-    /// [`EncodeError`] if the protocol can't say it.
+    /// [`EncodeError`] if the protocol can't encode it.
     pub fn send(&mut self, message: &Message) -> Result<(), EncodeError> {
         self.outbox.push(message)?;
         self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
         Ok(())
     }
 
-    /// Queues a message of this module's own making; the protocol can say all of them.
+    /// Queues a message made by this module, which can always be encoded.
     fn send_own(&mut self, message: &Message) {
         let sent = self.send(message);
         debug_assert!(sent.is_ok(), "{message:?}: {sent:?}");
     }
 
-    /// Queues an emergency, and tells it.
+    /// Queues an emergency, and reports it.
     pub fn send_emergency(&mut self, emergency: Emergency) {
         self.events.push(NodeEvent::Emergency(emergency));
         self.send_own(&Message::Emergency(emergency));
     }
 
-    /// Queues the hello, in the FD profile with the capabilities behind it.
+    /// Queues the hello, in the FD profile followed by the capabilities.
     pub fn send_hello(&mut self, now_ns: u64) {
         self.hello_at_ns = now_ns.saturating_add(self.timing.early(self.timing.hello_period_ns));
         self.send_own(&match self.node {
@@ -211,7 +211,7 @@ impl Link {
         self.send_own(&Message::Heartbeat(Heartbeat { node: self.node, state: self.state }));
     }
 
-    /// Looks at the clock, and sends the heartbeat and the hello that are due.
+    /// Checks the clock, and sends the heartbeat and the hello that are due.
     pub fn handle_deadline(&mut self, now_ns: u64) {
         self.listening.look(now_ns);
         if now_ns >= self.heartbeat_at_ns {
@@ -227,38 +227,38 @@ impl Link {
         self.heartbeat_at_ns.min(self.hello_at_ns)
     }
 
-    /// Whether the partner gave no sign of life in time.
+    /// Whether the partner's heartbeat has timed out.
     pub fn is_partner_lost(&self) -> bool {
         self.listening.has_passed(self.partner_heard_ns, self.timing.partner_timeout_ns)
     }
 
-    /// When to look next for [`Link::is_partner_lost`].
+    /// When to check [`Link::is_partner_lost`] next.
     pub fn partner_deadline_ns(&self) -> u64 {
         self.listening.next_look_ns(self.partner_heard_ns, self.timing.partner_timeout_ns)
     }
 
-    /// Whether frames wait and none could be sent for the bus timeout.
+    /// Whether frames have waited for the bus timeout and none could be sent.
     pub fn is_jammed(&self) -> bool {
         self.jammed_since_ns.is_some_and(|since_ns| self.listening.has_passed(since_ns, self.timing.command_timeout_ns))
     }
 
-    /// Frames not sent, for the detail of a bus loss: those that wait and those that newer ones replaced.
+    /// Frames not sent, for the detail of a bus loss: waiting, or replaced by newer ones.
     pub fn not_sent(&self) -> u16 {
         let frames = self.outbox.unsent().saturating_add(self.outbox.waiting() as u64);
         u16::try_from(frames).unwrap_or(u16::MAX)
     }
 
-    /// Tells an event.
+    /// Reports an event.
     pub fn tell(&mut self, event: NodeEvent) {
         self.events.push(event);
     }
 
-    /// The frame to send next, as it is now.
+    /// The next frame to send.
     pub fn next_frame(&self) -> Option<Frame> {
         Some(self.transmitter.next(&self.outbox.front()?))
     }
 
-    /// The frame to send next has been sent: its counter is spent.
+    /// The next frame has been sent: its counter is used.
     pub fn frame_sent(&mut self) {
         if let Some(kind) = self.outbox.pop() {
             self.transmitter.sent(kind);
@@ -266,7 +266,7 @@ impl Link {
         self.jammed_since_ns = (self.outbox.waiting() > 0).then(|| self.listening.listened_ns());
     }
 
-    /// The frames that wait, in the order in which they go, each as it is once those before it are sent.
+    /// The frames that wait, in the order of sending, each with the counter it will have.
     pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
         let (mut outbox, mut transmitter) = (self.outbox.clone(), self.transmitter.clone());
         core::iter::from_fn(move || {

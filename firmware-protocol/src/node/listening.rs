@@ -1,7 +1,7 @@
-//! The time in which a node listened: what its timeouts count.
+//! The time that a node listened: the clock of its timeouts.
 //!
-//! A node that was itself stopped has not listened, and must not take its own silence for its partner's. So between two
-//! looks at the clock at most a look period counts:
+//! A node that was itself stopped has not listened, and must not take its own silence for its partner's. So at most one
+//! look period counts between two looks at the clock:
 //!
 //! ```text
 //! listened += min(now − last look, look period)
@@ -18,7 +18,7 @@ pub struct Listening {
 }
 
 impl Listening {
-    /// Nothing listened yet; at most `look_period_ns` counts between two looks.
+    /// No time listened yet; at most `look_period_ns` counts between two looks.
     pub fn new(look_period_ns: u64) -> Listening {
         Listening { look_period_ns, looked_at_ns: 0, listened_ns: 0 }
     }
@@ -28,7 +28,7 @@ impl Listening {
         self.looked_at_ns = now_ns;
     }
 
-    /// The node looks: what has come is taken in, what is due is judged.
+    /// The node looks: it has taken all frames received, and checks its deadlines.
     pub fn look(&mut self, now_ns: u64) {
         let elapsed_ns = now_ns.saturating_sub(self.looked_at_ns);
         self.listened_ns = self.listened_ns.saturating_add(elapsed_ns.min(self.look_period_ns));
@@ -45,8 +45,8 @@ impl Listening {
         self.left_ns(since_ns, timeout_ns) == 0
     }
 
-    /// When to look next, on the clock, for a timeout that runs: when it can have passed, but within a look period, for
-    /// no more than that counts.
+    /// When to look next, on the clock, for a running timeout: at its earliest end, but within a look period, as no
+    /// longer time counts.
     pub fn next_look_ns(&self, since_ns: u64, timeout_ns: u64) -> u64 {
         self.looked_at_ns.saturating_add(self.left_ns(since_ns, timeout_ns).min(self.look_period_ns))
     }

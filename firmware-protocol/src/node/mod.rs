@@ -1,6 +1,6 @@
-//! The exciter as a node, and what it shares with the plant's: state machines without IO, heap and clock.
+//! The exciter's node, and its common part with the plant's: state machines without IO, heap and clock.
 //!
-//! [`ExciterNode`] arms the plant, asks an [`Answering`] of yours for the load at each sample, disarms, and finds
+//! [`ExciterNode`] arms the plant, asks your [`Answering`] for the load at each sample, disarms, and detects
 //! faults. Frames and the time go in, frames come out:
 //!
 //! ```text
@@ -8,9 +8,9 @@
 //! handle_deadline(now) ─────┴─► node ─────┴─ next_deadline_ns() → when to be called again
 //! ```
 //!
-//! Hand over all frames that wait before `handle_deadline`, and call that at least once a look period of its
-//! [`Timing`]: the timeouts count the time in which the node listened. A frame is made when it is fetched: ask for it
-//! anew after any other call, and say `frame_sent` once the bus has taken it. To end, call `leave` and go on until
+//! Pass all waiting frames before calling `handle_deadline`, and call that at least once per look period of its
+//! [`Timing`]: timeouts count the time in which the node listened. A frame is made when it is fetched: fetch it
+//! again after any other call, and call `frame_sent` once the bus has taken it. To end, call `leave` and continue until
 //! `is_quiet`.
 //!
 //! ```
@@ -45,7 +45,7 @@
 //! assert!(node.next_deadline_ns() <= 100_000_000);
 //! ```
 //!
-//! Times are nanoseconds of any clock that only goes forward. The rules are those of `SPEC.md`, sections 5 to 9.
+//! Times are nanoseconds of any monotonic clock. The rules are those of `SPEC.md`, sections 5 to 9.
 
 mod answering;
 mod event;

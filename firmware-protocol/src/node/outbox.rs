@@ -1,8 +1,8 @@
-//! What a node has yet to send.
+//! The messages that a node has yet to send.
 //!
-//! A message gets its counter only when it is sent, so that it is that of the frames that left, whatever was dropped
-//! before. Emergencies, heartbeats, hellos and requests wait in a short queue and go first; of commands, of
-//! force or torque, and of each sensor message only the latest waits, so that after a jam the bus gets news.
+//! A message gets its counter only when it is sent, so that dropped messages leave no gap. Emergencies, heartbeats,
+//! hellos and requests wait in a short queue and are sent first; of commands (of force or torque) and of each sensor
+//! message only the latest waits, so that after a jam the bus gets new data.
 
 use super::queue::Queue;
 use crate::content::Content;
@@ -10,11 +10,11 @@ use crate::{
     Capabilities, Emergency, EncodeError, Heartbeat, Hello, Message, MessageKind, Network, Node, OperatorCommand,
 };
 
-/// Messages that wait in the queue. None waits twice in a row, so this is many changes of state.
+/// Most messages in the queue. None waits twice in a row, so this is many changes of state.
 const CONTROL: usize = 32;
 
-/// The messages of which only the latest waits, in the order in which they go. A command sets the whole load, so one of
-/// either kind takes the place of the other.
+/// The messages of which only the latest waits, in the order of sending. A command sets the whole load, so a command
+/// of either kind replaces the other.
 const LATEST: [&[MessageKind]; 6] = [
     &[MessageKind::Force, MessageKind::Torque],
     &[MessageKind::Head],
@@ -24,7 +24,7 @@ const LATEST: [&[MessageKind]; 6] = [
     &[MessageKind::SensorPair],
 ];
 
-/// The place of commands in [`LATEST`].
+/// The index of commands in [`LATEST`].
 const COMMAND: usize = 0;
 
 /// A message that waits in the queue. A [`Message`] and a [`Content`] are larger, for two samples in a frame.
@@ -77,10 +77,10 @@ impl Outbox {
         Outbox { network, control: Queue::new(), latest: [None; LATEST.len()], replaced: 0 }
     }
 
-    /// Queues a message. A command or sensor message takes the place of the one before it, if that still waits.
+    /// Queues a message. A command or sensor message replaces the one before it, if that still waits.
     ///
     /// # Errors
-    /// [`EncodeError`] if the protocol can't say it.
+    /// [`EncodeError`] if the protocol can't encode it.
     pub fn push(&mut self, message: &Message) -> Result<(), EncodeError> {
         let content = Content::new(self.network, message)?;
         let kind = content.kind();
@@ -94,7 +94,7 @@ impl Outbox {
         Ok(())
     }
 
-    /// What to send next.
+    /// The next message to send.
     pub fn front(&self) -> Option<Content> {
         match self.control.front() {
             Some(control) => Content::new(self.network, &control.message()).ok(),
@@ -102,7 +102,7 @@ impl Outbox {
         }
     }
 
-    /// Takes out what [`Outbox::front`] gives: its kind.
+    /// Removes the message returned by [`Outbox::front`]; returns its kind.
     pub fn pop(&mut self) -> Option<MessageKind> {
         match self.control.pop() {
             Some(control) => Some(control.message().kind()),
@@ -110,12 +110,12 @@ impl Outbox {
         }
     }
 
-    /// Takes back the command that still waits.
+    /// Drops the waiting command.
     pub fn clear_command(&mut self) {
         self.latest[COMMAND] = None;
     }
 
-    /// Messages that wait.
+    /// The number of waiting messages.
     pub fn waiting(&self) -> usize {
         self.control.len() + self.latest.iter().flatten().count()
     }

@@ -1,8 +1,8 @@
-//! Where an exciter stands in its work, and in leaving the bus.
+//! The phases of an exciter's work, and of leaving the bus.
 
 use super::answering::Outcome;
 
-/// What the controller is at.
+/// The phase of the work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase<A> {
     /// Looking for the plant and arming it.
@@ -11,17 +11,17 @@ pub(super) enum Phase<A> {
     Playing,
     /// Disarming the plant, for this outcome.
     Disarming(Outcome<A>),
-    /// The work has ended so.
+    /// The work has ended with this outcome.
     Done(Outcome<A>),
 }
 
-/// Where a controller stands in leaving the bus.
+/// The phase of leaving the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Leave {
     /// Not asked to.
     Stay,
-    /// Asked to; it is told when the work is done.
+    /// Asked to; announced when the work is done.
     Asked,
-    /// Told.
-    Told,
+    /// Announced.
+    Announced,
 }

@@ -1,6 +1,6 @@
 //! A queue of fixed capacity.
 
-/// First in, first out, of at most `N` items, which stand in the queue itself: a ring.
+/// A first-in-first-out ring buffer of at most `N` items.
 #[derive(Clone, Debug)]
 pub struct Queue<T, const N: usize> {
     items: [Option<T>; N],
@@ -31,7 +31,7 @@ impl<T, const N: usize> Queue<T, N> {
         }
     }
 
-    /// Takes out the first item.
+    /// Removes the first item.
     pub fn pop(&mut self) -> Option<T> {
         let item = self.items.get_mut(self.first)?.take()?;
         self.first = (self.first + 1) % N;
@@ -44,13 +44,13 @@ impl<T, const N: usize> Queue<T, N> {
         self.items.get(self.first)?.as_ref()
     }
 
-    /// The latest of the items for which this holds.
+    /// The latest item that matches.
     pub fn latest(&self, holds: impl Fn(&T) -> bool) -> Option<&T> {
         let places = (0..self.len).rev().map(|k| (self.first + k) % N);
         places.filter_map(|place| self.items[place].as_ref()).find(|item| holds(item))
     }
 
-    /// Whether there is none.
+    /// Whether the queue is empty.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -60,7 +60,7 @@ impl<T, const N: usize> Queue<T, N> {
         self.len
     }
 
-    /// Items that found the queue full.
+    /// Items lost because the queue was full.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -73,7 +73,7 @@ mod tests {
     use std::collections::VecDeque;
 
     proptest! {
-        /// It is the queue of the standard library, as long as that is not longer than the capacity.
+        /// It behaves like the queue of the standard library, as long as that is not longer than the capacity.
         #[test]
         fn it_is_a_queue(steps in proptest::collection::vec(any::<Option<u8>>(), 0..100)) {
             let (mut queue, mut expected, mut lost) = (Queue::<u8, 5>::new(), VecDeque::new(), 0);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn one_without_capacity_loses_everything() {
+    fn a_queue_without_capacity_loses_everything() {
         let mut queue = Queue::<u8, 0>::new();
         queue.push(1);
         assert_eq!((queue.front(), queue.latest(|_| true), queue.lost()), (None, None, 1));

@@ -1,21 +1,21 @@
-//! The place of a sample's index among those before it: the window of the specification.
+//! The order of sample indices: the window of the specification.
 
 use crate::timing;
 
-/// What a sample's index says.
+/// The place of a sample's index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     /// The first since arming.
     First,
     /// A new one, this many after the last.
     Ahead(u16),
-    /// The last one again, or an older one: to be ignored.
+    /// Repeated or older: to be ignored.
     Stale,
-    /// Outside the window, or one stale sample too many: there is another plant, or the plant has started again.
+    /// Outside the window, or one stale sample too many: another plant, or the plant has restarted.
     Broken,
 }
 
-/// Follows the indices of samples.
+/// Tracks the indices of samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sequence {
     window: u16,
@@ -88,7 +88,7 @@ mod tests {
     }
 
     proptest! {
-        /// At every rate and from every index, what is new is never far, and a gapless plant is never out of sequence.
+        /// At every rate and from every index, new indices are never far, and a gapless plant is never out of sequence.
         #[test]
         fn every_index_has_one_place(rate_hz in 1_u16.., last: u16, index: u16) {
             let mut sequence = Sequence::new(rate_hz);

@@ -1,20 +1,20 @@
-//! The deadlines of the nodes, as data.
+//! The deadlines of the nodes.
 
 use crate::timing;
 
-/// How long a node waits for what.
+/// A node's periods and timeouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// Longest time, listened, without a valid command while armed (plant), or in which frames wait and none can be
+    /// Longest time listened without a valid command while armed (plant), or with frames waiting of which none can be
     /// sent (both), ns.
     pub command_timeout_ns: u64,
-    /// Longest time, listened, without a sign of life of the partner, or without a whole sample (exciter), while armed,
+    /// Longest time listened without the partner's heartbeat, or without a whole sample (exciter), while armed,
     /// ns.
     pub partner_timeout_ns: u64,
-    /// The most that counts as listened between two looks at the clock, ns. A node whose timeouts run asks to be called
-    /// at least this often.
+    /// The most that counts as listened between two looks at the clock, ns. A node with running timeouts asks to be
+    /// called at least this often.
     pub look_period_ns: u64,
-    /// Largest age of a command, ns of simulated time: how old the sample it answers may be.
+    /// Largest age of a command, ns of simulated time: the age of the sample it answers.
     pub command_age_ns: u64,
     /// How long the load takes to go to zero after a fault or a disarm, ns of simulated time.
     pub ramp_ns: u64,
@@ -25,7 +25,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The specification's times for a run in real time with `rate_hz` samples a second. A look period is a sample
+    /// The specification's times for a run in real time with `rate_hz` samples a second. A look period is one sample
     /// period.
     pub const fn real_time(rate_hz: u16) -> Timing {
         Timing {
@@ -39,8 +39,8 @@ impl Timing {
         }
     }
 
-    /// The times for a run in lockstep, where each end waits up to `timeout_ns` for the other, and only a command that
-    /// answers the very sample counts.
+    /// The times for a run in lockstep, where each node waits up to `timeout_ns` for the other, and only a command that
+    /// answers this very sample counts.
     pub const fn lockstep(timeout_ns: u64) -> Timing {
         Timing {
             command_timeout_ns: timeout_ns,
@@ -53,8 +53,8 @@ impl Timing {
         }
     }
 
-    /// When to send what is to be sent at least every `period_ns`: two look periods before, so that a node that acts
-    /// only at its ticks, and a little late, keeps the bound.
+    /// When to send a message due at least every `period_ns`: two look periods early, so that a node that acts
+    /// only at its ticks, and a little late, stays within the period.
     pub(super) const fn early(&self, period_ns: u64) -> u64 {
         let margin_ns = self.look_period_ns.saturating_mul(2);
         let least_ns = period_ns / 2;

@@ -28,7 +28,7 @@ pub fn build_for(network: Network, name: &str) -> PathBuf {
     make(&out, &out.join(name), &[format!("CONFIG={}", config.display())])
 }
 
-/// Builds what the makefile calls `name` with a setting, in a folder of its own; its path.
+/// Builds what the makefile calls `name` with a setting, in a separate folder; returns its path.
 pub fn build_with(folder: &str, setting: &str, name: &str) -> PathBuf {
     let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
     make(&out, &out.join(name), &[setting.to_string()])
@@ -139,7 +139,7 @@ pub struct Harness {
 }
 
 impl Harness {
-    /// A harness of its own, of a program that is built once, for a profile.
+    /// A new harness for a profile; its program is built once.
     pub fn start(profile: Profile) -> Harness {
         static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
         Harness::of(PROGRAM.get_or_init(|| build("codec_harness")), profile)
@@ -184,7 +184,7 @@ impl Harness {
         let answer = self.ask(&format!("encode {}{}", message.kind() as u8, bits(&values(message))));
         let expected = self.transmitter.frame(message);
         match expected {
-            // The range that C tells beside it is no part of the verdict.
+            // The range that C states as well is not compared.
             Err(EncodeError::NotFinite { .. } | EncodeError::Negative { .. }) => {
                 assert!(answer.starts_with(&encoded(expected)), "{answer}: {message:?}")
             }

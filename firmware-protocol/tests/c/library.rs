@@ -44,8 +44,8 @@ fn the_version_of_the_library_is_that_of_the_crate() {
 #[test]
 fn without_the_fd_profile_the_library_has_nothing_of_it() {
     let symbols = symbols(&build_with("classic-only", CLASSIC_ONLY, "libresonarm.a"));
-    let parts = ["resonarm_fd_", "resonarm_e2e_p5_", "single", "resonarm_readings_"];
-    let left: Vec<_> = symbols.iter().filter(|symbol| parts.iter().any(|part| symbol.contains(part))).collect();
+    let names = ["resonarm_fd_", "resonarm_e2e_p5_", "single", "resonarm_readings_"];
+    let left: Vec<_> = symbols.iter().filter(|symbol| names.iter().any(|name| symbol.contains(name))).collect();
     assert!(left.is_empty(), "{left:?}");
     let mut classic = Harness::start_classic_only();
     assert_eq!(classic.ask("network 512 1 2 1"), "not-built");

@@ -19,12 +19,12 @@ const TICK_NS: u64 = 1_000_000;
 /// Travel of the arm under a force, m/N.
 const COMPLIANCE_M_N: f64 = 1e-4;
 
-/// The node is stopped for this long at the end of each such time, ns; what it is sent meanwhile waits.
+/// The node is stopped for this long at the end of each such time, ns; frames sent meanwhile wait.
 #[derive(Clone, Copy)]
 pub struct Stops {
     pub for_ns: u64,
     pub every_ns: u64,
-    /// They come to an end.
+    /// End of the stops, ns.
     pub until_ns: u64,
 }
 
@@ -35,7 +35,7 @@ fn timing(mode: Mode) -> Timing {
     }
 }
 
-/// A node as it is seen on a bus.
+/// A node as seen from the bus.
 pub trait Device {
     fn hear(&mut self, now_ns: u64, frame: &Frame);
     fn tick(&mut self, now_ns: u64);
@@ -66,14 +66,14 @@ pub struct Virtual {
     calls: u64,
     pub stops: Option<Stops>,
     waiting: Vec<Frame>,
-    /// Until when the node's controller is bus-off, ns.
+    /// End of the bus-off of the node's controller, ns.
     off_until_ns: u64,
-    /// Until when the tester has stopped the node, ns.
+    /// End of the tester's stop of the node, ns.
     stopped_until_ns: u64,
 }
 
 impl Virtual {
-    /// With frames that were on their way before.
+    /// With frames that were sent earlier.
     pub fn with_waiting(device: Box<dyn Device>, frames: impl IntoIterator<Item = Frame>) -> Virtual {
         Virtual { frames: frames.into_iter().collect(), ..Virtual::new(device) }
     }
@@ -163,7 +163,7 @@ impl Wire for Virtual {
     }
 }
 
-/// The plant's node with an arm at rest: the head reads the load that is held.
+/// The plant's node with an arm at rest: the head reads the load held.
 pub struct PlantDevice {
     pub network: Network,
     pub mode: Mode,
@@ -171,12 +171,12 @@ pub struct PlantDevice {
     pub flaw: Option<Flaw>,
     pub load: Load,
     pub unarmed_load: Load,
-    /// The sample that is measured next.
+    /// The next sample to be measured.
     pub sample: u64,
-    /// Lockstep: whether the sample measured last is to be answered.
+    /// In lockstep: whether the sample measured last is to be answered.
     is_awaited: bool,
     pub counters: [u8; 16],
-    /// Makes what the node believes to have heard.
+    /// Makes the frames that the node believes it heard.
     pub transmitter: Transmitter,
     pub ears: Ears,
     pub mouth: Mouth,
@@ -228,7 +228,7 @@ impl PlantDevice {
         }
     }
 
-    /// The accelerometer at B reads more along x than its range is.
+    /// The accelerometer at B reads a value along x beyond its range.
     fn measure(&mut self) {
         let reading = |value| Reading { value, clipped: false };
         let head_force_n = [reading(self.load.force_n.x), reading(self.load.force_n.y)];
@@ -246,7 +246,7 @@ impl PlantDevice {
     }
 }
 
-/// That of the default limits, unless the flaw is to have none.
+/// An exciter with the default limits, or with none if that is the flaw.
 fn exciter(flaw: Option<Flaw>) -> Exciter {
     match flaw {
         Some(Flaw::ForgetsLimits) => Exciter::Ideal(ExciterSpec { force_limit_n: 1e9, ..ExciterSpec::default() }),
@@ -316,7 +316,7 @@ pub struct ExciterDevice {
     pub node: ExciterNode,
     pub flaw: Option<Flaw>,
     pub is_dead: bool,
-    /// Makes what the node believes to have heard.
+    /// Makes the frames that the node believes it heard.
     pub transmitter: Transmitter,
     pub ears: Ears,
     pub mouth: Mouth,
@@ -356,7 +356,7 @@ impl ExciterDevice {
         }
     }
 
-    /// When its work is over it leaves the bus, as the program does.
+    /// Leaves the bus when its work is over, as the program does.
     fn leave(&mut self, now_ns: u64) {
         if self.node.outcome().is_some() {
             self.node.leave(now_ns);
@@ -395,7 +395,7 @@ impl Device for ExciterDevice {
     }
 }
 
-/// An exciter that takes in nothing until a time, and is started again whenever it has ended.
+/// An exciter that hears nothing until a time, and is restarted whenever it has ended.
 pub struct StartedAgain {
     exciter: ExciterDevice,
     listens_from_ns: u64,

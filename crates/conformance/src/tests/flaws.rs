@@ -1,4 +1,4 @@
-//! Nodes with one flaw each: what they hear and say is altered.
+//! Nodes with one flaw each: the frames they hear and send are altered.
 
 use std::collections::VecDeque;
 
@@ -10,16 +10,16 @@ use resonarm_protocol::{
     MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, StateEvent,
 };
 
-/// What a node does wrong.
+/// A flaw of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flaw {
-    /// Takes frames with a wrong CRC.
+    /// Accepts frames with a wrong CRC.
     IgnoresCrc,
-    /// Takes any counter.
+    /// Accepts any counter.
     IgnoresCounters,
-    /// Says its state only when it changes.
+    /// Sends its state only when it changes.
     NoHeartbeats,
-    /// Lets go at once in place of the ramp.
+    /// Drops the load at once instead of ramping it down.
     NoRamp,
     /// Commands act when it is not armed.
     ActsUnarmed,
@@ -27,23 +27,23 @@ pub enum Flaw {
     NoTimeout,
     /// Waits for its partner for twice as long as it must.
     SlowTimeout,
-    /// Cuts commands that are too large.
+    /// Clips commands that are too large.
     Cuts,
-    /// Takes any change of the load.
+    /// Accepts any change of the load.
     Jumps,
-    /// Takes any travel.
+    /// Accepts any travel.
     Strays,
     /// Its hello has another hash.
     WrongHash,
-    /// Believes in any hello, and in one that was never sent.
+    /// Accepts any hello, and one that was never sent.
     BelievesHellos,
-    /// Arms out of a fault.
+    /// Arms when in fault.
     NoLatch,
-    /// Doesn't hear that its partner leaves.
+    /// Ignores that its partner leaves.
     DeafToLeaving,
-    /// Doesn't hear a second sender of its messages.
+    /// Ignores a second sender of its messages.
     DeafToItself,
-    /// Doesn't hear what its partner's state is, but for operational.
+    /// Ignores all states of its partner but operational.
     DeafToStates,
     /// Answers the next sample.
     AnswersNext,
@@ -51,21 +51,21 @@ pub enum Flaw {
     AnswersLast,
     /// Sets its counters at random.
     LosesCount,
-    /// Says nothing more when its partner faults.
+    /// Goes silent when its partner faults.
     Dies,
-    /// Hears nothing from a frame of another network to its second tick after it.
+    /// Ignores everything from a frame of another network until its second tick after it.
     Distracted,
-    /// Hears no command and no sample any more after 200 that it refused.
+    /// Ignores commands and samples after it has refused 200.
     Clogs,
-    /// Numbers every other pair of samples before the one that it comes after.
+    /// Swaps the indices of every two successive pairs of samples.
     SwapsPairs,
     /// Answers the first sample of a pair.
     AnswersFirst,
-    /// Says nothing of it that it lost the bus.
+    /// Doesn't report that it lost the bus.
     HidesBusLoss,
-    /// Doesn't mark readings that were clipped.
+    /// Doesn't mark clipped readings.
     HidesClipping,
-    /// Doesn't hear samples with readings that were clipped.
+    /// Ignores samples with clipped readings.
     DeafToClipping,
     /// The counter of each message steps by so many.
     StepsBy(u8),
@@ -73,19 +73,19 @@ pub enum Flaw {
     OneCounter,
     /// Takes commands for samples older than the one answered last.
     TakesOlder,
-    /// Says 80 ms late that it is in a state.
+    /// Sends the heartbeat of a state 80 ms late.
     Late(NodeState),
-    /// Takes the frames of any base.
+    /// Accepts the frames of any base.
     AnyBase,
     /// Ignores a reset.
     IgnoresReset,
-    /// Counts the time in which it was stopped as listened.
+    /// Counts the time in which it was stopped as time listened.
     CountsWallClock,
-    /// Takes commands beyond the limits that it states.
+    /// Accepts commands beyond the limits that it states.
     ForgetsLimits,
     /// Commands more than it states.
     BeyondLimits,
-    /// Answers a sample when accelerometer C comes, whatever else has.
+    /// Answers a sample when accelerometer C comes, even if it is incomplete.
     AnswersC,
     /// Answers a sample when the head comes.
     AnswersHead,
@@ -95,25 +95,25 @@ pub enum Flaw {
     LeavesUnfaulted,
     /// Commands forces without the factor of their counts.
     Unscaled,
-    /// Commands forces with their bytes the other way round.
+    /// Commands forces with their bytes in reverse order.
     Swapped,
     /// Commands along y.
     OtherAxis,
-    /// The CRC of what it sends has a wrong polynomial.
+    /// The CRC of its frames has a wrong polynomial.
     OtherPolynomial,
-    /// The CRC of what it sends has a wrong start value.
+    /// The CRC of its frames has a wrong start value.
     OtherStart,
-    /// The CRC of what it sends has a wrong data id.
+    /// The CRC of its frames has a wrong data id.
     OtherDataId,
-    /// In lockstep: goes on without an answer.
+    /// In lockstep: continues without an answer.
     RunsOn,
-    /// In lockstep: takes any command for the answer.
+    /// In lockstep: accepts any command as the answer.
     TakesOthers,
     /// In lockstep: waits no longer than in real time.
     Impatient,
 }
 
-/// What a node has heard that a flaw depends on.
+/// State of the frames heard that a flaw needs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ears {
     distracted_ticks: u8,
@@ -123,18 +123,18 @@ pub struct Ears {
     answered: Option<u16>,
 }
 
-/// What a node has said that a flaw depends on.
+/// State of the frames sent that a flaw needs.
 #[derive(Clone, Debug, Default)]
 pub struct Mouth {
     pub now_ns: u64,
     said_state: Option<NodeState>,
     counters: [u8; MessageKind::COUNT],
-    /// What is said late, and when.
+    /// Delayed frames, with their times.
     late: VecDeque<(u64, Frame)>,
 }
 
 impl Mouth {
-    /// What is said late, when it is time.
+    /// A delayed frame that is due.
     pub fn due(&mut self) -> Option<Frame> {
         let (at_ns, frame) = *self.late.front()?;
         (self.now_ns >= at_ns).then(|| self.late.pop_front()).flatten().map(|_| frame)
@@ -144,7 +144,7 @@ impl Mouth {
         self.late.is_empty()
     }
 
-    /// What comes on the bus in place of a frame, by a flaw that either node may have.
+    /// The frame sent instead, for flaws of either node.
     fn alter(&mut self, flaw: Option<Flaw>, network: Network, frame: Frame) -> Option<Frame> {
         let Some(kind) = kind(network, &frame) else { return Some(frame) };
         let is_protected = kind.data_id(network).is_some();
@@ -174,7 +174,7 @@ impl Mouth {
             Some(Flaw::OtherDataId) if is_protected => Some(with_crc(network, frame, 0x1D, 0x00, 0x0100)),
             Some(Flaw::WrongHash) => Some(hashed_wrongly(network, frame)),
             Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => None,
-            Some(Flaw::HidesBusLoss) if tells_bus_loss(network, &frame) => None,
+            Some(Flaw::HidesBusLoss) if reports_bus_loss(network, &frame) => None,
             _ => Some(frame),
         }
     }
@@ -196,7 +196,7 @@ fn with_crc(network: Network, frame: Frame, polynomial: u8, start: u8, data_id_b
     Frame::new(frame.id(), frame.format(), &data).unwrap()
 }
 
-/// A frame with the same identifier at the base of the network, if it has one at another.
+/// The frame with its identifier at the base of the network, if it is at another.
 fn rebased(network: Network, frame: &Frame) -> Frame {
     match frame.id() {
         Id::Standard(id) if (0x180..0x580).contains(&id) && id & 0xF < 12 => {
@@ -229,7 +229,7 @@ impl Ears {
     }
 }
 
-/// A frame with other bytes, and the CRC for them.
+/// A frame with other bytes, and the matching CRC.
 fn rewritten(network: Network, frame: &Frame, change: impl Fn(&mut [u8])) -> Frame {
     let kind = MessageKind::from_id(network, frame.id()).unwrap();
     let mut data = frame.data().to_vec();
@@ -240,12 +240,12 @@ fn rewritten(network: Network, frame: &Frame, change: impl Fn(&mut [u8])) -> Fra
     Frame::new(frame.id(), frame.format(), &data).unwrap()
 }
 
-/// Only frames that the protocol knows under 11 bits are altered.
+/// The message of a frame; only known messages with 11-bit identifiers are altered.
 fn kind(network: Network, frame: &Frame) -> Option<MessageKind> {
     MessageKind::from_id(network, frame.id()).filter(|_| matches!(frame.id(), Id::Standard(_)))
 }
 
-/// What a frame says, whatever its counter.
+/// The message in a frame, whatever its counter.
 fn read(network: Network, frame: &Frame) -> Option<Message> {
     resonarm_protocol::Receiver::new(network).accept(frame).ok()?
 }
@@ -263,12 +263,12 @@ fn says_nothing_new(frame: &Frame, network: Network, said: &mut Option<NodeState
     said.replace(state) == Some(state)
 }
 
-fn tells_bus_loss(network: Network, frame: &Frame) -> bool {
+fn reports_bus_loss(network: Network, frame: &Frame) -> bool {
     matches!(read(network, frame), Some(Message::Emergency(Emergency { code: EmergencyCode::BusLoss, .. })))
 }
 
 impl PlantDevice {
-    /// What the node hears in place of a frame.
+    /// The frames heard in place of a frame.
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
         let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
@@ -340,7 +340,7 @@ impl PlantDevice {
         }
     }
 
-    /// What comes on the bus in place of a frame.
+    /// The frame sent instead.
     pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
         let network = self.network;
         match (self.flaw, kind(network, &frame)) {
@@ -362,7 +362,7 @@ impl PlantDevice {
 }
 
 impl ExciterDevice {
-    /// What the node hears in place of a frame.
+    /// The frames heard in place of a frame.
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
         let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
@@ -397,7 +397,7 @@ impl ExciterDevice {
         }
     }
 
-    /// A whole sample at rest, as the node believes to have heard it.
+    /// A complete sample at rest, as the node believes it heard it.
     fn whole(&mut self, sample: u16) -> Vec<Frame> {
         let (x_saturated, y_saturated) = (false, false);
         let head = ImpedanceHead { force_x_n: 0.0, force_y_n: 0.0, x_saturated, y_saturated, sample };
@@ -407,7 +407,7 @@ impl ExciterDevice {
         messages.map(|message| self.transmitter.frame(&message).unwrap()).to_vec()
     }
 
-    /// What comes on the bus in place of a frame.
+    /// The frame sent instead.
     pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
         let network = self.network;
         if self.is_dead {

@@ -1,4 +1,4 @@
-//! Which cases fail a node with a flaw, and what they say.
+//! The cases that a node with a flaw fails, and their reasons.
 
 use super::super::*;
 use super::device::{Device, ExciterDevice, PlantDevice, StartedAgain, Virtual};
@@ -7,7 +7,7 @@ use super::{findings, findings_in, settings};
 use resonarm_protocol::{NodeState, Profile};
 
 #[test]
-fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
+fn a_plant_with_a_flaw_fails_the_cases_for_it() {
     let starved = [
         "plant-wrong-crc",
         "plant-repeated-counter",
@@ -71,7 +71,7 @@ fn a_plant_with_a_flaw_is_failed_by_the_cases_for_it() {
 }
 
 #[test]
-fn a_node_with_a_flaw_in_two_samples_a_frame_is_failed_by_the_case_for_it() {
+fn a_node_with_a_flaw_in_two_samples_a_frame_fails_the_case_for_it() {
     let network = Network::default().with_profile(Profile::Fd);
     let plant = || Box::new(PlantDevice::with(network, Some(Flaw::SwapsPairs))) as Box<dyn Device>;
     assert_eq!(failed(&findings(Node::Plant, network, plant)), ["plant-pairs"]);
@@ -80,7 +80,7 @@ fn a_node_with_a_flaw_in_two_samples_a_frame_is_failed_by_the_case_for_it() {
 }
 
 #[test]
-fn a_node_that_forgets_the_limits_it_states_is_failed_by_the_case_for_it() {
+fn a_node_that_forgets_the_limits_it_states_fails_the_case_for_it() {
     let network = Network::default().with_profile(Profile::Fd);
     let exciter = || Box::new(ExciterDevice::with(network, Some(Flaw::BeyondLimits))) as Box<dyn Device>;
     assert_eq!(failed(&findings(Node::Exciter, network, exciter)), ["exciter-own-limits"]);
@@ -98,7 +98,7 @@ fn a_node_that_forgets_the_limits_it_states_is_failed_by_the_case_for_it() {
     "#);
 }
 
-/// What a report says of a node with a flaw, by the case for it.
+/// The report on a node with a flaw, by the case for it.
 fn said(flaw: Flaw, case_id: &str) -> String {
     let network = Network::default();
     let tested = if case_id.starts_with("plant") { Node::Plant } else { Node::Exciter };
@@ -119,7 +119,7 @@ fn said(flaw: Flaw, case_id: &str) -> String {
 }
 
 #[test]
-fn the_reason_says_what_the_flaw_is() {
+fn the_reason_describes_the_flaw() {
     insta::assert_snapshot!(said(Flaw::StepsBy(2), "plant-counters"), @"failed: the counter of ImpedanceHead is 2 for sample 1 after 0 for sample 0: a step of 2, not 1");
     insta::assert_snapshot!(said(Flaw::OneCounter, "exciter-counters"), @"failed: the first OperatorCommand after its boot has the counter 2, not 0");
     insta::assert_snapshot!(said(Flaw::Late(NodeState::PreOperational), "plant-states"), @"failed: its heartbeat pre-operational after the request comes 80 samples late, not at once");
@@ -133,9 +133,9 @@ fn the_reason_says_what_the_flaw_is() {
     insta::assert_snapshot!(said(Flaw::BelievesHellos, "plant-arms-for-a-hello"), @"failed: it arms all the same: no hello seen");
 }
 
-/// No clock but the machine's tells how late it is, so that it is failed at the third time.
+/// Only the machine's clock shows the delay, so the node fails at the third time.
 #[test]
-fn an_exciter_whose_heartbeat_is_late_each_time_is_failed() {
+fn an_exciter_whose_heartbeat_is_late_each_time_fails() {
     let network = Network::default();
     let verdict = |case_id, state| {
         let case = cases(Node::Exciter, Mode::RealTime).find(|case| case.id == case_id).unwrap();
@@ -192,8 +192,8 @@ fn a_sine_that_is_not_the_expected_one_is_explained() {
 }
 
 #[test]
-fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
-    // The first good sample is answered as the last bad one.
+fn an_exciter_with_a_flaw_fails_the_cases_for_it() {
+    // The first good sample is answered like the last bad one.
     let answers_last = [
         "exciter-answers",
         "exciter-incomplete",
@@ -255,7 +255,7 @@ fn an_exciter_with_a_flaw_is_failed_by_the_cases_for_it() {
 }
 
 #[test]
-fn a_node_with_a_flaw_in_lockstep_is_failed_by_the_cases_for_it() {
+fn a_node_with_a_flaw_in_lockstep_fails_the_cases_for_it() {
     let network = Network::default();
     let plants: [(Flaw, &[&str]); 5] = [
         (Flaw::NoHeartbeats, &["lockstep-plant-heartbeats"]),

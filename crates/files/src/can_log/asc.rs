@@ -1,7 +1,7 @@
 //! ASC logs of Vector's CANalyzer and CANoe.
 //!
-//! The head states a date, the base of the numbers and whether times count from the beginning or from line to line;
-//! then comes a line a frame. `docs/recording.md` says which lines are read.
+//! The head states a date, the base of the numbers and whether times are absolute or relative to the line before;
+//! then each line is one frame. `docs/recording.md` says which lines are read.
 
 use std::io::{self, Write};
 
@@ -13,7 +13,7 @@ use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, since};
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
-/// Writes frames of channel 1, with hexadecimal numbers and times from the start of the log on.
+/// Writes frames of channel 1, with hexadecimal numbers and times relative to the start of the log.
 pub(super) struct Writer<W> {
     out: W,
     /// When the log begins, ms of the UNIX epoch.
@@ -26,7 +26,7 @@ impl<W: Write> Writer<W> {
         Writer { out, start_ms: start_ns / 1_000_000, has_head: false }
     }
 
-    /// The head, if it is not there.
+    /// Writes the head, once.
     fn begin(&mut self) -> io::Result<()> {
         if core::mem::replace(&mut self.has_head, true) {
             return Ok(());
@@ -56,7 +56,7 @@ impl<W: Write> LogWriter for Writer<W> {
             FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
                 let (brs, esi) = (u32::from(bit_rate_switch), u32::from(error_state_indicator));
                 let flags = flags(frame.format());
-                // Behind the data: duration, bits, flags, CRC and bit timings, of which only the flags are known.
+                // After the data: duration, bits, flags, CRC and bit timings, of which only the flags are known.
                 writeln!(
                     self.out,
                     "CANFD   1 {direction:<4} {id:>9} {:32} {brs} {esi} {dlc:x} {length:>2}{data} \
@@ -74,12 +74,12 @@ impl<W: Write> LogWriter for Writer<W> {
     }
 }
 
-/// What the head of a log has said, and where its times have got to.
+/// The settings from the head of a log, and the time reached so far.
 pub(super) struct Reader {
     /// When the log begins, ns of the UNIX epoch; 0 without a date.
     start_ns: u64,
     radix: u32,
-    /// Times count from the line before.
+    /// Times are relative to the line before.
     is_relative: bool,
     time_ns: u64,
 }
@@ -94,7 +94,7 @@ impl Reader {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
             ["date", ref date @ ..] => self.date(date).map(|()| None),
-            // One without a date begins with the log.
+            // Without a date, the log begins at 0.
             [begin, block] if is_trigger_block(begin, block) => Ok(None),
             [begin, block, ref date @ ..] if is_trigger_block(begin, block) => self.date(date).map(|()| None),
             ["base", base, "timestamps", times, ..] => {
@@ -151,8 +151,8 @@ impl Reader {
         Ok(Frame::classic(self.id(id)?, &data)?)
     }
 
-    /// `ID [NAME] BRS ESI DLC LENGTH BYTES … [DURATION BITS FLAGS …]`. On a CAN FD channel classical frames are
-    /// logged so, too: the flags say it.
+    /// `ID [NAME] BRS ESI DLC LENGTH BYTES … [DURATION BITS FLAGS …]`. Classical frames on a CAN FD channel have this
+    /// form, too; the flags show it.
     fn fd(&self, id: &str, words: &[&str]) -> Result<Frame, CanLogError> {
         let is_bit = |word: Option<&&str>| matches!(word, Some(&("0" | "1")));
         let words = if is_bit(words.first()) && is_bit(words.get(1)) { words } else { words.get(1..).unwrap_or(&[]) };

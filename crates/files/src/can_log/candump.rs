@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
-/// Writes lines `(12.345678) vcan0 201#1122 T`: T was sent, R was received.
+/// Writes lines `(12.345678) vcan0 201#1122 T`: T for sent, R for received.
 pub(super) struct Writer<W> {
     out: W,
     interface: String,
@@ -36,7 +36,7 @@ impl<W: Write> LogWriter for Writer<W> {
 /// Reads a line `(TIME) INTERFACE FRAME [R|T]`, the time in s with any number of digits.
 ///
 /// # Errors
-/// What the line has that it can't have.
+/// The first fault of the line.
 pub fn parse_line(line: &str) -> Result<LoggedFrame, CanLogError> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let (time, interface, frame, direction) = match words[..] {
@@ -51,7 +51,7 @@ pub fn parse_line(line: &str) -> Result<LoggedFrame, CanLogError> {
     Ok(LoggedFrame { time_ns, interface: Some(interface.to_owned()), direction, frame })
 }
 
-/// Decimal seconds in whole nanoseconds, without the rounding of a floating-point number; further digits are cut off.
+/// Decimal seconds as whole nanoseconds, without floating-point rounding; further digits are cut off.
 pub(super) fn nanoseconds(text: &str) -> Option<u64> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, ""));
     let is_number = |digits: &str| digits.bytes().all(|byte| byte.is_ascii_digit());

@@ -2,8 +2,8 @@
 
 const DAYS: [&str; 7] = ["Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"];
 const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
-/// What CANoe writes on a German Windows where it is another name; the second is of a text whose code page is not
-/// known.
+/// Month names that CANoe writes on a German Windows where they differ; the second is `Mär` read from an unknown code
+/// page.
 const GERMAN_MONTHS: [(&str, u64); 6] =
     [("M\u{e4}r", 3), ("M\u{fffd}r", 3), ("Mrz", 3), ("Mai", 5), ("Okt", 10), ("Dez", 12)];
 const DAY_S: u64 = 86_400;
@@ -27,7 +27,7 @@ pub(super) struct Date {
 impl Date {
     /// The date `unix_ms` milliseconds after the UNIX epoch.
     ///
-    /// Years are counted from 1 March, so that the day that may be missing is the last, in eras of 400 years
+    /// Years are counted from 1 March, so that the leap day is the last of a year, in eras of 400 years
     /// (H. Hinnant, "chrono-Compatible low-level date algorithms", 2013, `civil_from_days`).
     pub fn from_unix_ms(unix_ms: u64) -> Date {
         let (seconds, millisecond) = (unix_ms / 1000, unix_ms % 1000);
@@ -51,15 +51,15 @@ impl Date {
         }
     }
 
-    /// Nanoseconds of the UNIX epoch; `None` if there is no such date, or they don't fit 64 bits, as before 1970 and
-    /// from 2554 on.
+    /// Nanoseconds of the UNIX epoch; `None` if there is no such date, or they don't fit 64 bits (before 1970 and
+    /// from 2554 on).
     pub fn unix_ns(&self) -> Option<u64> {
         self.unix_ms()?.checked_mul(1_000_000)
     }
 
     /// Milliseconds of the UNIX epoch; `None` before it, or if there is no such date.
     fn unix_ms(&self) -> Option<u64> {
-        // What is compared below tells days that a month does not have.
+        // The comparison below rejects days that a month does not have.
         let is_there = self.year < 10_000 && self.month < 13 && self.day < 32 && self.hour < 24;
         if !is_there || self.minute >= 60 || self.second >= 60 || self.millisecond >= 1000 {
             return None;
@@ -76,14 +76,14 @@ impl Date {
         (found == *self).then_some(unix_ms)
     }
 
-    /// As ASC has it: `Sat Sep 30 15:06:13.191 2017`.
+    /// In the form of ASC: `Sat Sep 30 15:06:13.191 2017`.
     pub fn asc(&self) -> String {
         let Date { year, month, day, weekday, hour, minute, second, millisecond } = *self;
         let (weekday, month) = (DAYS[weekday as usize % 7], MONTHS[(month as usize - 1) % 12]);
         format!("{weekday} {month} {day:02} {hour:02}:{minute:02}:{second:02}.{millisecond:03} {year}")
     }
 
-    /// From ASC: `Sat Sep 30 15:06:13.191 2017`, the milliseconds left out or the hours of half a day,
+    /// From the form of ASC: `Sat Sep 30 15:06:13.191 2017`, with optional milliseconds, or with 12-hour time,
     /// `Sat Sep 30 03:06:13.191 pm 2017`; the month in English or German.
     pub fn from_asc(text: &str) -> Option<Date> {
         let words: Vec<&str> = text.split_whitespace().collect();
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn dates_are_those_of_the_calendar() {
-        // As `date -u -d @SECONDS` writes them.
+        // As written by `date -u -d @SECONDS`.
         let cases = [
             (0, "Thu Jan 01 00:00:00.000 1970"),
             (951_782_399_999, "Mon Feb 28 23:59:59.999 2000"),

@@ -1,4 +1,4 @@
-//! What keeps a log from being read.
+//! Errors in reading a log.
 
 use std::io;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::BlfFault;
 use resonarm_protocol::FrameTextError;
 
-/// What is wrong with a log, or with a line of one.
+/// An error in a log, or in a line of one.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CanLogError {
@@ -18,57 +18,57 @@ pub enum CanLogError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// A line is none of the format.
+    /// A line is not valid in its format.
     #[error("{}, line {line}: {source}", path.display())]
     Line {
         /// The file.
         path: PathBuf,
         /// The line, from 1 on.
         line: u64,
-        /// What is wrong with it.
+        /// The error in the line.
         source: Box<CanLogError>,
     },
-    /// A BLF log can't be read on.
+    /// The rest of a BLF log can't be read.
     #[error("{}, byte {offset}: {fault}", path.display())]
     Blf {
         /// The file.
         path: PathBuf,
-        /// Where the object begins, or the container that it is in, bytes from the start of the file.
+        /// Where the object, or its container, begins, bytes from the start of the file.
         offset: u64,
-        /// What is wrong with it.
+        /// The fault.
         fault: BlfFault,
     },
-    /// A line that is longer than any of a log.
+    /// A line is too long.
     #[error("it is longer than {most} bytes")]
     LongLine {
         /// The longest that is read, bytes.
         most: usize,
     },
-    /// A line that is none of a candump log.
-    #[error("it is not a line of `candump -L`, as (12.345678) vcan0 201#1122")]
+    /// A line that is not of a candump log.
+    #[error("it is not a line of `candump -L` such as (12.345678) vcan0 201#1122")]
     CandumpLine,
     /// A frame of a candump log that can't be read.
     #[error(transparent)]
     FrameText(FrameTextError),
-    /// A line of an ASC log that begins as a frame and does not go on as one.
-    #[error("it is not a frame of an ASC log, as 0.001000 1 201 Rx d 2 11 22")]
+    /// A line of an ASC log that begins like a frame but is not one.
+    #[error("it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22")]
     AscLine,
     /// A date of an ASC log.
-    #[error("{got:?} is no date, as Sat Sep 30 15:06:13.191 2017")]
+    #[error("{got:?} is not a date such as Sat Sep 30 15:06:13.191 2017")]
     Date {
-        /// What stands there.
+        /// The text found.
         got: String,
     },
     /// A time of a candump log.
-    #[error("{got:?} is no time in brackets, as (12.345678)")]
+    #[error("{got:?} is not a time in brackets such as (12.345678)")]
     Time {
-        /// What stands there.
+        /// The text found.
         got: String,
     },
-    /// A frame that can't exist.
+    /// An impossible frame.
     #[error("{0}")]
     Frame(FrameError),
 }

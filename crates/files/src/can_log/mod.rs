@@ -1,6 +1,6 @@
 //! Frames in the log files of other tools: `candump -L` of can-utils, ASC and BLF of Vector.
 //!
-//! Every writer takes one frame after the other, and every reader gives one after the other: none is kept.
+//! Writers take frames one by one, and readers return them one by one: none is kept.
 
 mod asc;
 mod blf;
@@ -22,14 +22,14 @@ pub use error::CanLogError;
 use reader::Entry;
 pub use reader::{LoggedFrames, read};
 
-/// A frame and what a log says of it.
+/// A frame as a log has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedFrame {
-    /// When it was seen, ns: of the UNIX epoch, or from the start of a log that has no date.
+    /// When it was logged, ns: of the UNIX epoch, or from the start of a log that has no date.
     pub time_ns: u64,
-    /// On which interface, or on which channel, where the log says.
+    /// Its interface or channel, if the log names one.
     pub interface: Option<String>,
-    /// Whether the node that logged received or sent it, where the log says.
+    /// Whether the logging node received or sent it, if the log says so.
     pub direction: Option<Direction>,
     /// The frame.
     pub frame: Frame,
@@ -38,11 +38,11 @@ pub struct LoggedFrame {
 /// A format of logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LogFormat {
-    /// Lines as `candump -L` of can-utils writes them, with the direction behind: `(12.345678) vcan0 201#1122 T`.
+    /// Lines as `candump -L` of can-utils writes them, the direction last: `(12.345678) vcan0 201#1122 T`.
     Candump,
     /// The text format of Vector's CANalyzer and CANoe; times have microseconds.
     Asc,
-    /// The binary format of Vector's CANalyzer and CANoe; written uncompressed, read compressed as well.
+    /// The binary format of Vector's CANalyzer and CANoe; written uncompressed, read compressed or not.
     Blf,
 }
 
@@ -50,7 +50,7 @@ impl LogFormat {
     /// All formats.
     pub const ALL: [LogFormat; 3] = [LogFormat::Candump, LogFormat::Asc, LogFormat::Blf];
 
-    /// The name, as flags have it.
+    /// The name, as flags use it.
     pub const fn name(self) -> &'static str {
         match self {
             LogFormat::Candump => "candump",
@@ -59,7 +59,7 @@ impl LogFormat {
         }
     }
 
-    /// How the names of its files end.
+    /// The extension of its files.
     pub const fn ending(self) -> &'static str {
         match self {
             LogFormat::Candump => ".log",
@@ -68,8 +68,8 @@ impl LogFormat {
         }
     }
 
-    /// A writer of this format. A candump log names `interface` in every line, the others call it channel 1; their
-    /// times count from the millisecond of `start_ns`, ns, than which no frame may be earlier.
+    /// A writer of this format. A candump log names `interface` in every line; the others call it channel 1, and their
+    /// times count from the millisecond of `start_ns`, ns. No frame may be earlier.
     pub fn writer<'a, W: Write + Seek + 'a>(self, out: W, interface: &str, start_ns: u64) -> Box<dyn LogWriter + 'a> {
         match self {
             LogFormat::Candump => Box::new(candump::Writer::new(out, interface)),
@@ -79,19 +79,19 @@ impl LogFormat {
     }
 }
 
-/// Takes the frames of a log, in their order.
+/// Writes the frames of a log, in order.
 pub trait LogWriter {
-    /// Writes one frame. Its interface is that of the log.
+    /// Writes one frame. Its interface is the log's.
     ///
     /// # Errors
-    /// What the system says; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if it is earlier than the start of a
+    /// The system's; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if the frame is earlier than the start of a
     /// log that counts from there.
     fn write(&mut self, frame: &LoggedFrame) -> std::io::Result<()>;
 
-    /// Writes what belongs at the end. A log without it may not be readable.
+    /// Writes the end of the log. A log without it may not be readable.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's.
     fn finish(&mut self) -> std::io::Result<()>;
 }
 

@@ -1,4 +1,4 @@
-//! Logs read frame by frame.
+//! Reads logs frame by frame.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use super::{CanLogError, LogFormat, LoggedFrame, asc, blf, parse_line};
 
-/// Set in the identifiers of a candump log's error frames, which tell of the bus and were never on it (linux/can.h).
+/// Set in the identifiers of a candump log's error frames, which report the bus's state and were never on it
+/// (linux/can.h).
 const ERROR_FRAME: u32 = 0x2000_0000;
 
-/// Longest line that is believed, bytes: far above what a frame needs.
+/// Longest accepted line, bytes: far above what a frame needs.
 const LONGEST_LINE: usize = 1 << 20;
 
 /// A line of a text, or an object of a BLF log.
@@ -34,7 +35,7 @@ enum Entries {
 struct Lines {
     path: PathBuf,
     file: BufReader<File>,
-    /// The last line, and its number from 1 on.
+    /// The last line, and its number, from 1.
     bytes: Vec<u8>,
     number: u64,
     syntax: Syntax,
@@ -49,7 +50,7 @@ enum Syntax {
 ///
 /// # Errors
 /// [`CanLogError::Read`] if the file can't be opened; [`CanLogError::Blf`] if it should be a BLF log and does not begin
-/// as one.
+/// like one.
 pub fn read(path: &Path, format: LogFormat) -> Result<LoggedFrames, CanLogError> {
     let entries = match format {
         LogFormat::Candump => Entries::Lines(Lines::open(path, Syntax::Candump)?),
@@ -60,7 +61,7 @@ pub fn read(path: &Path, format: LogFormat) -> Result<LoggedFrames, CanLogError>
 }
 
 impl LoggedFrames {
-    /// Lines or objects so far that are no frames: error frames, comments and other events, the head of an ASC log.
+    /// Lines or objects so far that are not frames: error frames, comments and other events, the head of an ASC log.
     pub fn others(&self) -> u64 {
         self.others
     }
@@ -89,7 +90,7 @@ impl Lines {
         }
     }
 
-    /// What stands in the next line that is not empty; `None` at the end.
+    /// The entry in the next line that is not empty; `None` at the end.
     fn next(&mut self) -> Result<Option<Entry>, CanLogError> {
         loop {
             self.bytes.clear();
@@ -106,7 +107,7 @@ impl Lines {
             if read > LONGEST_LINE {
                 return Err(failed(CanLogError::LongLine { most: LONGEST_LINE }));
             }
-            // Comments and names may be of any code page; what counts is ASCII.
+            // Comments and names may be in any code page; the rest is ASCII.
             let text = String::from_utf8_lossy(&self.bytes);
             let line = text.trim();
             if line.is_empty() {
@@ -122,7 +123,7 @@ impl Lines {
     }
 }
 
-/// Whether a line of a candump log tells of an error frame.
+/// Whether a line of a candump log is an error frame.
 fn is_error_frame(line: &str) -> bool {
     let id = line.split_whitespace().nth(2).and_then(|frame| frame.split_once('#')).map(|(id, _)| id);
     let id = id.filter(|id| id.len() == 8).and_then(|id| u32::from_str_radix(id, 16).ok());

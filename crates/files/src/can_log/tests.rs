@@ -40,7 +40,7 @@ fn written(format: LogFormat, frames: &[LoggedFrame]) -> Vec<u8> {
     out.into_inner()
 }
 
-/// What is read of a log, and how many lines were no frames.
+/// The frames of a log, and how many lines were no frames.
 fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), CanLogError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log");
@@ -51,7 +51,7 @@ fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), 
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn written_logs_are_read_back() {
     for start_ns in [0, 1_785_000_000_123_456_000] {
         let frames = frames(start_ns);
         for (format, interface, others) in
@@ -66,7 +66,7 @@ fn what_is_written_is_read() {
     }
 }
 
-/// What would come out as a time that it does not have is refused.
+/// A time before the start of the log can't be written.
 #[test]
 fn a_frame_before_the_start_of_its_log_is_refused() {
     let frames = frames(1_785_000_000_123_456_000);
@@ -92,7 +92,7 @@ fn logs_of_other_programs_are_read() {
     let candump = b"(1436509052.249713) vcan0 044#2A366C2BBA\n\n(1436509052.5) can0 20000080#0000000000000000\n";
     let (found, others) = read_text(LogFormat::Candump, candump).unwrap();
     assert_eq!((found.len(), others, found[0].time_ns, found[0].direction), (1, 1, 1_436_509_052_249_713_000, None));
-    // Of Vector's CANalyzer: times from line to line, decimal numbers, a classical frame on a CAN FD channel.
+    // From Vector's CANalyzer: times from line to line, decimal numbers, a classical frame on a CAN FD channel.
     let asc = b"date Sat Sep 30 03:06:13 pm 2017\nbase dec  timestamps relative\n// version 9.0.0\n\
         0.100000 1  291             Rx   d 2 17 255  Length = 0 BitCount = 64 ID = 291\n\
         0.200000 CANFD   2 Tx        512x  Name_of_it  0 0 1 1 7   0  0  1000 0 0 0 0 0\n\
@@ -100,15 +100,15 @@ fn logs_of_other_programs_are_read() {
         0.5 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%\n\
         0.5 1  ErrorFrame\n0.5 CANFD 1 Rx ErrorFrame Not Acknowledge error\n";
     let (found, others) = read_text(LogFormat::Asc, asc).unwrap();
-    let told: Vec<_> = found.iter().map(|logged| (logged.time_ns, logged.frame.to_string())).collect();
+    let frames: Vec<_> = found.iter().map(|logged| (logged.time_ns, logged.frame.to_string())).collect();
     let start_ns = 1_506_783_973_000_000_000;
     let expected = [(100_000_000, "123#11FF"), (300_000_000, "00000200##007"), (300_001_000, "003#07")];
-    assert_eq!(told, expected.map(|(time_ns, frame)| (start_ns + time_ns, String::from(frame))));
+    assert_eq!(frames, expected.map(|(time_ns, frame)| (start_ns + time_ns, String::from(frame))));
     assert_eq!(others, 6);
 }
 
-/// CANoe writes the names of months in the language of Windows, in its code page, and a trigger block may state no
-/// date.
+/// CANoe writes the names of months in the language of Windows, in its code page, and a trigger block need not state
+/// a date.
 #[test]
 fn dates_of_vectors_tools_are_read_in_german_and_left_out() {
     let times = |head: &[u8]| {
@@ -139,17 +139,17 @@ fn dates_of_vectors_tools_are_read_in_german_and_left_out() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_line() {
+fn errors_name_their_line() {
     let said = |format, text: &[u8]| {
         let error = read_text(format, text).unwrap_err().to_string();
         error.rsplit_once("/log").map(|(_, said)| said.to_owned()).unwrap_or(error)
     };
     let good = "(1.0) can0 123#00\n";
-    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: it is not a line of `candump -L`, as (12.345678) vcan0 201#1122");
-    insta::assert_snapshot!(said(LogFormat::Candump, b"(-1.0) can0 123#00"), @r#", line 1: "(-1.0)" is no time in brackets, as (12.345678)"#);
+    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: it is not a line of `candump -L` such as (12.345678) vcan0 201#1122");
+    insta::assert_snapshot!(said(LogFormat::Candump, b"(-1.0) can0 123#00"), @r#", line 1: "(-1.0)" is not a time in brackets such as (12.345678)"#);
     insta::assert_snapshot!(said(LogFormat::Candump, b"(1.0) can0 123#0"), @", line 1: the data must be pairs of hexadecimal digits");
-    insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log, as 0.001000 1 201 Rx d 2 11 22");
-    insta::assert_snapshot!(said(LogFormat::Asc, b"date today"), @r#", line 1: "today" is no date, as Sat Sep 30 15:06:13.191 2017"#);
+    insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, b"date today"), @r#", line 1: "today" is not a date such as Sat Sep 30 15:06:13.191 2017"#);
     insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: it is longer than 1048576 bytes");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");
 }
@@ -163,46 +163,46 @@ fn a_blf_file_states_its_length_and_count() {
     assert_eq!((&bytes[..4], number(16, 8), number(24, 8), number(32, 4)), (&b"LOGG"[..], bytes.len(), bytes.len(), 7));
 }
 
-/// What is said of a BLF log, behind the name of its file.
+/// The error of a BLF log, after the name of its file.
 fn blf_error(bytes: &[u8]) -> String {
     let error = read_text(LogFormat::Blf, bytes).unwrap_err().to_string();
     error.rsplit_once("/log, ").map(|(_, said)| said.to_owned()).unwrap_or(error)
 }
 
 #[test]
-fn a_damaged_blf_log_is_said() {
+fn damage_in_a_blf_log_is_reported() {
     let good = written(LogFormat::Blf, &frames(1_785_000_000_123_456_000)[..2]);
-    // Its head has 144 bytes, that of the container 32, then come two objects of 48.
+    // The file's head has 144 bytes, the container's 32; two objects of 48 follow.
     let said = |at: usize, bytes: &[u8]| {
         let mut changed = good.clone();
         changed[at..at + bytes.len()].copy_from_slice(bytes);
         blf_error(&changed)
     };
-    insta::assert_snapshot!(said(0, b"LOGO"), @r#"byte 0: it is no BLF log, which begins with LOGG, but with "LOGO""#);
+    insta::assert_snapshot!(said(0, b"LOGO"), @r#"byte 0: it is not a BLF log: it begins with "LOGO", not with LOGG"#);
     insta::assert_snapshot!(said(4, &[40]), @"byte 0: an object states a length of 40 bytes, expected 56 to 16777216");
     insta::assert_snapshot!(said(42, &[13]), @"byte 0: the head states no date: [2026, 13, 6, 25, 17, 20, 0, 123] (year, month, weekday, day, hour, minute, second, millisecond)");
-    insta::assert_snapshot!(said(144, b"LOGG"), @"byte 144: there is no object, which begins with LOBJ");
+    insta::assert_snapshot!(said(144, b"LOGG"), @"byte 144: there is no object: one begins with LOBJ");
     insta::assert_snapshot!(said(152, &[15]), @"byte 144: an object states a length of 15 bytes, expected 16 to 16777216");
     insta::assert_snapshot!(said(160, &[1]), @"byte 144: a container is compressed by method 1; known are 0, none, and 2, deflate");
     insta::assert_snapshot!(said(160, &[2]), @"byte 144: a container can't be inflated: corrupt deflate stream");
     insta::assert_snapshot!(said(168, &[95]), @"byte 144: a container holds 96 bytes and states 95");
-    insta::assert_snapshot!(said(176, b"LOB?"), @"byte 144: there is no object, which begins with LOBJ");
-    insta::assert_snapshot!(said(180, &[16]), @"byte 144: the head of a frame states a length of 16 bytes, expected 32 at least");
+    insta::assert_snapshot!(said(176, b"LOB?"), @"byte 144: there is no object: one begins with LOBJ");
+    insta::assert_snapshot!(said(180, &[16]), @"byte 144: the head of a frame states a length of 16 bytes, expected at least 32");
     insta::assert_snapshot!(said(182, &[3]), @"byte 144: the head of a frame has version 3; known are 1 and 2");
-    insta::assert_snapshot!(said(184, &[40]), @"byte 144: an object of kind 1 has 40 bytes, expected 48 at least");
+    insta::assert_snapshot!(said(184, &[40]), @"byte 144: an object of kind 1 has 40 bytes, expected at least 48");
     insta::assert_snapshot!(said(184 + 48, &[49]), @"byte 272: the log ends inside an object: the last container has 48 bytes of it");
     insta::assert_snapshot!(said(192, &[3]), @"byte 144: the time of a frame has unit 3; known are 1, 10 µs, and 2, 1 ns");
-    insta::assert_snapshot!(said(200, &[0xFF; 8]), @"byte 144: a frame 18446744073709551615 of its units after the start of the log: its time in ns does not fit 64 bits");
+    insta::assert_snapshot!(said(200, &[0xFF; 8]), @"byte 144: a frame is 18446744073709551615 time units after the start of the log: its time in ns does not fit 64 bits");
     insta::assert_snapshot!(said(212, &[0, 8]), @"byte 144: identifier 0x800 does not fit 11 bits (at most 0x7FF)");
     insta::assert_snapshot!(said(212, &[0, 0, 1]), @"byte 144: identifier 0x10000 does not fit 11 bits, and is not marked as extended");
 }
 
 #[test]
-fn a_blf_log_that_is_cut_anywhere_is_said() {
+fn a_truncated_blf_log_is_reported() {
     let good = written(LogFormat::Blf, &frames(0));
     (0..good.len()).for_each(|length| drop(blf_error(&good[..length])));
     insta::assert_snapshot!(blf_error(&good[..200]), @"byte 0: the log is cut short: it has 200 bytes, its head states 716");
-    // One that was not finished does not state its length.
+    // A log that was not finished does not state its length.
     let mut unfinished = good.clone();
     unfinished[16..24].fill(0);
     insta::assert_snapshot!(blf_error(&unfinished[..200]), @"byte 144: the log is cut short: 556 bytes are expected, 40 are there");
@@ -210,7 +210,7 @@ fn a_blf_log_that_is_cut_anywhere_is_said() {
 }
 
 proptest::proptest! {
-    /// A log with changed bytes gives frames or an error.
+    /// A log with changed bytes yields frames or an error.
     #[test]
     fn no_damage_is_a_panic(changes in proptest::collection::vec((0.0..1.0, proptest::num::u8::ANY), 1..8)) {
         for format in LogFormat::ALL {

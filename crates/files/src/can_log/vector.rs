@@ -1,4 +1,4 @@
-//! What Vector's formats, ASC and BLF, have in common.
+//! Common parts of Vector's formats, ASC and BLF.
 
 use std::io;
 
@@ -8,7 +8,7 @@ use super::LoggedFrame;
 
 /// Lengths of CAN FD frames by their DLC (ISO 11898-1).
 const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-/// Longest data of a classical frame, which larger DLCs stand for as well, bytes (ISO 11898-1).
+/// Longest data of a classical frame, bytes; larger DLCs mean the same length (ISO 11898-1).
 pub(super) const LONGEST_CLASSIC: usize = 8;
 
 /// Flags of a frame on a CAN FD channel: remote, extended data length, bit rate switch, error state indicator.
@@ -34,7 +34,7 @@ pub(super) fn flags(format: FrameFormat) -> u32 {
     }
 }
 
-/// The format that the flags tell of: classical frames are logged on such a channel as well.
+/// The format according to the flags: a CAN FD channel also logs classical frames.
 pub(super) fn format(flags: u32) -> FrameFormat {
     let is = |flag: u32| flags & flag != 0;
     match (is(EDL), is(REMOTE)) {
@@ -44,7 +44,7 @@ pub(super) fn format(flags: u32) -> FrameFormat {
     }
 }
 
-/// When a frame was seen in a log that begins at `start_ms` of the UNIX epoch, ns from there.
+/// Time of a frame, ns, from the start of the log at `start_ms` of the UNIX epoch.
 pub(super) fn since(logged: &LoggedFrame, start_ms: u64) -> io::Result<u64> {
     logged.time_ns.checked_sub(start_ms * 1_000_000).ok_or_else(|| {
         let cause = format!("a frame at {} ns, earlier than the start of the log, {start_ms} ms", logged.time_ns);

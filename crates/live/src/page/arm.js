@@ -1,11 +1,11 @@
-// The arm in its plane: base, elbow B, tip C; its vibration drawn larger than it is, and slower.
+// The arm in its plane: base, elbow B, tip C; its vibration is drawn magnified and slowed down.
 
 import { begin, color, line } from "./canvas.js";
 import { Clipping } from "./clipped.js";
 
-// The largest vibration as it is drawn, rad.
+// The largest vibration drawn, rad.
 const DRAWN_RAD = 0.22;
-// How fast a stroboscope lets the vibration seem to go, Hz.
+// How fast the vibration appears in a stroboscope, Hz.
 const APPARENT_HZ = 1;
 const [ALPHA1, ALPHA2, B_X, C_X] = [10, 11, 6, 8];
 
@@ -15,7 +15,7 @@ export class ArmView {
     Object.assign(this, { canvas, scaleText, note, clipping, factor: 1, cycles: 0, at: null });
   }
 
-  // The angles of a row; where no plant tells them, from the accelerations across the links at the angular frequency w:
+  // The angles of a row; without a plant's angles, from the accelerations across the links at the angular frequency w:
   // α1 = −a_B·n1/(l1 w²), α1 + α2 = −(a_C − a_B)·n2/(l2 w²), n across a link.
   angles(row, about, w) {
     if (!Number.isNaN(row[ALPHA1])) return [row[ALPHA1], row[ALPHA2]];
@@ -35,8 +35,8 @@ export class ArmView {
     return [b, [b[0] + about.lengths_m[1] * Math.cos(second), b[1] + about.lengths_m[1] * Math.sin(second)]];
   }
 
-  // The latest row, or that of a stroboscope: the one whose phase, of the strongest vibration at `peakHz`, is that of a
-  // slow clock. The phase of the latest sample is carried on from frame to frame.
+  // The latest row, or with the stroboscope the row whose phase (of the strongest vibration at `peakHz`) is that of a
+  // slow clock. The phase of the latest sample is continued from frame to frame.
   chosen(rows, newest, about, peakHz, stroboscope) {
     const last = rows.length - 1;
     if (!stroboscope || !(peakHz > APPARENT_HZ) || rows.length < 2 * about.rate_hz / peakHz) return rows[last];
@@ -64,7 +64,7 @@ export class ArmView {
     const period = peakHz > 0 ? Math.ceil(about.rate_hz / peakHz) : 1;
     const shown = rows.slice(-Math.max(period, 2));
     const latest = shown.map((row) => this.angles(row, about, w));
-    // What a plant tells of its angles rests on no reading.
+    // A plant's own angles do not depend on readings.
     const isRead = shown.length > 0 && Number.isNaN(shown[shown.length - 1][ALPHA1]);
     this.note.textContent = isRead ? this.clipping.words(clipped.slice(-shown.length)) : "";
     this.rescale(latest, toScale);
@@ -82,7 +82,7 @@ export class ArmView {
     this.tip = c;
   }
 
-  // How many times larger: 1, 2, 5, 10 … so that the largest angle is well seen.
+  // The magnification: 1, 2, 5, 10 … so that the largest angle is clearly visible.
   rescale(latest, toScale) {
     const largest = latest.reduce((most, [a1, a2]) => Math.max(most, Math.abs(a1), Math.abs(a1 + a2)), 0);
     if (toScale) { this.factor = 1; return; }

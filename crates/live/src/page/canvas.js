@@ -1,4 +1,4 @@
-// Drawing on canvases: sharp on every screen, in the colours of the page.
+// Drawing on canvases: sharp on every screen, in the page's colours.
 
 let colors = null;
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors = null; });
@@ -74,10 +74,10 @@ export function line(context, points) {
   context.stroke();
 }
 
-// How far the range of one number reaches to both sides, as a part of it.
+// Half the range around a single number, as a fraction of it.
 const AROUND_ONE = 0.05;
 
-// The range of numbers with a margin, around a single one as well; a default where there is none.
+// The range of numbers with a margin, also around a single one; a default if there is none.
 export function range(values, margin, fallback) {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {

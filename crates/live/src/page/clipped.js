@@ -1,6 +1,6 @@
-// Readings beyond the range of their sensor: how the plots that are made of them say so.
+// Readings beyond the range of their sensor, as shown in the plots made from them.
 
-// What tells the clipped readings of a sample, among some channels of which each has a name: [channel, name].
+// Names the clipped readings of a sample, for some channels with names: [channel, name].
 export class Clipping {
   constructor(about, named) {
     const bit = (channel) => about.clipped_bits.indexOf(about.channels[channel]);
@@ -9,10 +9,10 @@ export class Clipping {
     this.mask = this.readings.reduce((mask, reading) => mask | reading.mask, 0);
   }
 
-  // Whether any of them was clipped in a sample of which `bits` tells.
+  // Whether any of them was clipped in a sample with these bits.
   has(bits) { return (bits & this.mask) !== 0; }
 
-  // In words, of samples of which `bits` has the clipped readings of each.
+  // In words, for samples with these bits each.
   words(bits) {
     const all = bits.reduce((either, one) => either | one, 0);
     const clipped = this.readings.filter(({ mask }) => all & mask).map(({ name }) => name);

@@ -1,10 +1,10 @@
-// What a viewer with the token may ask for: requests, set-points, and where a recording goes on.
+// Requests of a viewer with the token: states, set-points, and the playback of a recording.
 
-// How long the time bar stays where it was set, if the recording does not come to be there, ms.
+// How long the time bar stays where it was set if the recording does not get there, ms.
 const HELD_MS = 1000;
-// Keys of the player, and how many samples each goes on.
+// Keys of the player, and by how many samples each steps.
 const STEPS = { ",": -1, ".": 1 };
-// The numbers of a set-point, and the fields of its form.
+// The numbers of a set-point, and their form fields.
 const FIELDS = { load: "set-load", frequency_hz: "set-frequency", phase_deg: "set-phase" };
 
 const element = (id) => document.getElementById(id);
@@ -24,7 +24,7 @@ export class Controls {
       event.preventDefault();
       this.set();
     });
-    // A set-point that was refused can be asked for no more once it is corrected.
+    // Editing a refused set-point clears the answer, so that it can be requested again.
     form.addEventListener("input", () => {
       this.isEdited = true;
       if (form.checkValidity()) this.answer("");
@@ -48,14 +48,14 @@ export class Controls {
     element("speed").addEventListener("change", () => this.ask({ speed: { times: Number(element("speed").value) } }));
   }
 
-  // The token stands behind # in the address that the terminal shows; whoever has only looked can add it.
+  // The token follows # in the address that the terminal shows; a viewer without it can add it later.
   takeToken() {
     this.token = location.hash.slice(1);
     this.answer("");
     this.enable();
   }
 
-  // Shows what may be asked for here.
+  // Shows the controls for the permitted requests.
   show(about) {
     Object.assign(this, { about, isOver: false, asked: null, wanted: null });
     const may = (action) => about.actions.includes(action);
@@ -77,7 +77,7 @@ export class Controls {
     this.enable();
   }
 
-  // Nothing more can be asked for.
+  // No more requests are possible.
   end() {
     this.isOver = true;
     this.answer("");
@@ -100,7 +100,7 @@ export class Controls {
     this.answer(`asked for ${this.words(wanted)}`);
   }
 
-  // The set-point that the exciter has: everybody sees it. A form in which nobody has written shows it as well.
+  // The exciter's set-point, for all viewers. A form that has not been edited shows it, too.
   setPoint(now) {
     element("set-point-now").textContent = `set: ${this.words(now)}`;
     if (this.asked !== null && Object.keys(FIELDS).every((name) => this.asked[name] === now[name])) {
@@ -119,7 +119,7 @@ export class Controls {
     return `${short(load)} ${this.about.unit} at ${short(frequency_hz)} Hz, ${short(phase_deg)}°`;
   }
 
-  // The exciter has not taken the set-point that was asked for.
+  // The exciter did not accept the set-point that was requested.
   notTaken() {
     if (this.asked !== null) this.refused(`the exciter did not take ${this.words(this.asked)}`);
   }
@@ -129,7 +129,7 @@ export class Controls {
     this.answer(why, "refused");
   }
 
-  // What kept a request from being carried out may be over in another state.
+  // The cause of a refusal may be over in another state.
   stateChanged() {
     if (element("answer").className === "refused") this.answer("");
   }
@@ -158,8 +158,8 @@ export class Controls {
     this.ask({ step: { samples } });
   }
 
-  // The time of what is shown, s. The bar stays where it was set until the recording is there, so that a key that is
-  // held goes on from there.
+  // The time shown, s. The bar stays where it was set until the recording is there, so that a key that is
+  // held down continues from there.
   time(time_s) {
     if (this.wanted !== null && performance.now() - this.wanted.asked_ms < HELD_MS) return;
     this.wanted = null;

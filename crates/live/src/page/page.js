@@ -1,4 +1,4 @@
-// The page: what is told goes into `data`, and is drawn with each update, up to thirty times a second.
+// The page: messages are stored in `data`, which is drawn with each update, up to thirty times a second.
 
 import { ArmView } from "./arm.js";
 import { Clipping } from "./clipped.js";
@@ -16,18 +16,18 @@ let data = null;
 let views = null;
 let waiting = false;
 
-// Everything that is known, empty.
+// The data before the first update.
 function empty(about) {
   const columns = () => about.channels.map(() => []);
   return {
     about, times: [], least: columns(), largest: columns(), clipped: [], rows: [], rowsClipped: [], newest: 0, head: null, spectrum: null, branch: null, player: null,
     points: [], timing: noTimings(), frames: 0,
-    // Time that drawing has taken, ms.
+    // Time spent drawing, ms.
     drawing_ms: 0,
   };
 }
 
-// How the loop kept time: of each update, and the latest that told it.
+// The loop's timing: of each update, and the latest.
 function noTimings() {
   return { times: [], columns: [[], [], [], []], latest: null };
 }
@@ -39,7 +39,7 @@ function makeViews(about) {
   element("force-name").textContent = torque ? "Load" : "Load and force in the head";
   element("force").hidden = torque;
   const upper = { height: 145, isUpper: true };
-  // Two plots: what is commanded and what is read lie one over the other where the exciter is a good one.
+  // Two plots: command and reading lie one over the other where the exciter is a good one.
   const force = torque ? {} : { "force": new BandPlot(about, element("force"), element("force-clipped"), "head (N)", forces, { height: 170 }) };
   return {
     arm: new ArmView(about, element("arm"), element("arm-scale"), element("arm-clipped")),
@@ -61,8 +61,8 @@ function makeViews(about) {
   };
 }
 
-// What a text message of each kind does.
-const told = {
+// Takes a text message of each kind.
+const receive = {
   about(about) {
     const first = data === null;
     data = empty(about);
@@ -95,7 +95,7 @@ const told = {
     Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), clipped: [] });
     Object.assign(data, { rows: [], rowsClipped: [], points: [], spectrum: null, timing: noTimings() });
     element("events").replaceChildren();
-    told.state({ state: "unknown", fault: null });
+    receive.state({ state: "unknown", fault: null });
   },
   player(player) {
     data.player = player;
@@ -144,7 +144,7 @@ function takeTiming({ time_s, timing }) {
   [times, ...columns].forEach((column) => column.splice(0, column.length - TIMINGS_KEPT));
 }
 
-// What is on the screen: the rest is not drawn.
+// The canvases on the screen: others are not drawn.
 const seen = new Set();
 const watching = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
   if (isIntersecting) seen.add(target.id); else seen.delete(target.id);
@@ -160,7 +160,7 @@ function draw() {
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
   controls.time(head.time_s);
   const joint = Number(document.querySelector("[name=joint]:checked").value);
-  // Of a recording that is halted the sample at which it is.
+  // A paused recording shows its current sample.
   const moves = data.player?.playing ?? true;
   const choices = { toScale: element("to-scale").checked, stroboscope: moves && element("stroboscope").checked };
   if (seen.has("arm")) views.arm.draw(rows, rowsClipped, data.newest, about, peakHz, choices);
@@ -205,6 +205,6 @@ function linked(isLinked) {
 }
 
 const controls = new Controls((message) => stream.send(message));
-const stream = connect({ told: ({ kind, ...message }) => told[kind]?.(message), updated, linked });
-// For those who look at the page by a program.
+const stream = connect({ received: ({ kind, ...message }) => receive[kind]?.(message), updated, linked });
+// For programs that inspect the page.
 window.resonarm = { ask: controls.ask, get data() { return data; }, get views() { return views; } };

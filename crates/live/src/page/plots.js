@@ -7,9 +7,9 @@ const HUES = ["first", "second", "third", "fourth"];
 
 // Height of a plot without its legend, CSS pixels.
 const HEIGHT = 200;
-// How much of what lies under a line is seen through it.
+// Opacity of lines and bands.
 const LINE = "65%", BAND = "35%";
-// Height of the bar over a stretch in which a reading was clipped, CSS pixels.
+// Height of the bar over a stretch with a clipped reading, CSS pixels.
 const BAR = 4;
 
 const axis = (label) => ({
@@ -17,10 +17,10 @@ const axis = (label) => ({
   grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false },
 });
 const below = (label) => ({ ...axis(label), size: 30 });
-// Below a plot over another one that has the same times.
+// Under a plot that shares its time axis with the one below.
 const above = { ...axis(), label: undefined, size: 24 };
 
-// Of a logarithmic axis lines at powers of ten alone.
+// On a logarithmic axis only the powers of ten have lines.
 const isPower = (value) => Number.isInteger(Math.round(Math.log10(value) * 1e6) / 1e6);
 const powers = (_, values) => values.map((value) => (isPower(value) ? value : null));
 const logarithmic = (label) => ({
@@ -71,7 +71,7 @@ export class BandPlot {
     const series = [{}];
     const bands = [];
     named.forEach(([, label], k) => {
-      const thin = (part) => () => `color-mix(in srgb, ${color(HUES[k])} ${part}, transparent)`;
+      const thin = (opacity) => () => `color-mix(in srgb, ${color(HUES[k])} ${opacity}, transparent)`;
       series.push({ label, stroke: thin(LINE), width: 1 }, { label, stroke: thin(LINE), width: 1 });
       bands.push({ series: [2 * k + 1, 2 * k + 2], fill: thin(BAND) });
     });
@@ -98,7 +98,7 @@ export class BandPlot {
   }
 }
 
-// Lines over anything; `log` takes the logarithm of the values.
+// Lines over any axis; `log` makes the vertical axis logarithmic.
 export class LinePlot {
   constructor(place, xLabel, unit, labels, { log = false, secondUnit = null } = {}) {
     const series = labels.map((label, k) => ({
@@ -121,8 +121,8 @@ export class LinePlot {
 const FORCES = ["torque 1", "torque 2", "force x", "force y", "head x", "head y"];
 const ACCELERATIONS = { 8: "C x", 9: "C y" };
 
-// Acceleration of C over force, both along the axes on which they are largest: a line if in phase, an ellipse if not. Dots
-// mark clipped readings, and the note says of what.
+// Acceleration of C over force, each along the axis on which it is largest: a line if in phase, an ellipse if not. Dots
+// mark clipped readings, and the note names them.
 export class Lissajous {
   constructor(about, canvas, note) { Object.assign(this, { about, canvas, note, x: [-1, 1], y: [-1, 1] }); }
 
@@ -157,8 +157,8 @@ function settle([, high], largest) {
   return [-next, next];
 }
 
-// Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles. A cross is over
-// what rests on clipped readings.
+// Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles. A cross marks
+// responses computed from clipped readings.
 export class ResponsePlot {
   constructor(canvas) { this.canvas = canvas; }
 

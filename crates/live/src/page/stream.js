@@ -1,8 +1,8 @@
-// The way to the program: one WebSocket, text messages as JSON, updates as binary messages (docs/live.md).
+// The connection to the program: one WebSocket, text messages as JSON, updates as binary messages (docs/live.md).
 
 const AGAIN_MS = 1000;
 
-// An update taken apart: its head, the least and the largest row of each stretch, and the latest rows.
+// Decodes an update: its head, the least and the largest row of each stretch, and the latest rows.
 export function decode(buffer, channels) {
   const headBytes = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, headBytes)));
@@ -15,9 +15,9 @@ export function decode(buffer, channels) {
   return { head, stretches, rows };
 }
 
-// Connects, and again whenever the connection is lost before the run is over; `told` takes text messages, `updated`
-// binary ones.
-export function connect({ told, updated, linked }) {
+// Connects, and reconnects when the connection is lost before the run is over; `received` takes text messages,
+// `updated` binary ones.
+export function connect({ received, updated, linked }) {
   let [socket, over] = [null, false];
   const open = () => {
     socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
@@ -33,7 +33,7 @@ export function connect({ told, updated, linked }) {
       if (typeof data !== "string") return updated(data);
       const message = JSON.parse(data);
       over ||= message.kind === "ended";
-      return told(message);
+      return received(message);
     };
   };
   open();

@@ -1,5 +1,5 @@
 /** @file held_spec.h
- * @brief What main_held.c holds. */
+ * @brief The stepped sine of main_held.c. */
 #ifndef HELD_SPEC_H
 #define HELD_SPEC_H
 

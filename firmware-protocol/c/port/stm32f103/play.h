@@ -5,7 +5,7 @@
 
 #include "resonarm_exciter.h"
 
-/** Lets the function answer samples until the node has left the bus; 0 if its work had an end. */
+/** Lets the function answer samples until the node has left the bus; 0 if its work ended. */
 int play(resonarm_answer_function answer, void *context);
 
 #endif

@@ -1,10 +1,10 @@
-/* The start of a Cortex-M: the vector table, memory made ready, and what GCC wants of a program without a library. */
+/* The start of a Cortex-M: the vector table, initialised memory, and the functions that GCC needs without a library. */
 #include <stddef.h>
 #include <stdint.h>
 
 #include "stm32f103.h"
 
-/* Of the linker's script. */
+/* From the linker script. */
 extern uint32_t stack_end[], data_begin[], data_end[], data_in_flash[], bss_begin[], bss_end[];
 
 int main(void);
@@ -30,7 +30,7 @@ void *memset(void *to, int byte, size_t count)
     return to;
 }
 
-/* A fault of the processor, or an interrupt that nobody asked for: silence, and the plant finds the exciter lost. */
+/* A processor fault or an unexpected interrupt: the node goes silent, and the plant finds the exciter lost. */
 static void trap(void)
 {
     for (;;) {

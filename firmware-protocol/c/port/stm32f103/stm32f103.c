@@ -71,7 +71,7 @@ static void start_can(void)
     wait_for(&CAN_MSR, BIT(0), BIT(0));
     CAN_BTR = 1u << 24 | 1u << 20 | 14u << 16 | 1u; /* SJW 2, TS2 2, TS1 15, BRP 2. */
     CAN_FMR |= BIT(0);
-    CAN_FS1R |= BIT(0); /* Bank 0: one mask of 32 bits, of which none must match. */
+    CAN_FS1R |= BIT(0); /* Bank 0: one mask of 32 bits, all of them ignored. */
     CAN_F0R1 = 0;
     CAN_F0R2 = 0;
     CAN_FA1R |= BIT(0);
@@ -89,7 +89,7 @@ void stm32f103_start(void)
     start_can();
 }
 
-/* SysTick counts down 24 bits, 0.23 s: it has to be asked more often than that, which the loop does. */
+/* SysTick counts down 24 bits, 0.23 s: it must be read more often than that, which the loop does. */
 uint64_t port_now_ns(void)
 {
     static uint64_t cycles;
@@ -141,11 +141,11 @@ port_result port_receive(resonarm_frame *frame)
     return PORT_DONE;
 }
 
-/* One mailbox of the three, so that the frames keep their order. */
+/* Uses one of the three mailboxes, so that frames keep their order. */
 port_result port_send(const resonarm_frame *frame)
 {
     if (frame->format != RESONARM_FRAME_CLASSIC) {
-        return PORT_FAILED; /* bxCAN knows no other. */
+        return PORT_FAILED; /* bxCAN has no other format. */
     }
     if (is_bus_off()) {
         return PORT_BUS_OFF;

@@ -1,14 +1,14 @@
-//! What is wrong with a BLF log.
+//! Faults in a BLF log.
 
 use resonarm_protocol::FrameError;
 use thiserror::Error;
 
-/// What is wrong with a BLF log.
+/// A fault in a BLF log.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum BlfFault {
     /// The file has another signature.
-    #[error("it is no BLF log, which begins with LOGG, but with {:?}", got.escape_ascii().to_string())]
+    #[error("it is not a BLF log: it begins with {:?}, not with LOGG", got.escape_ascii().to_string())]
     Signature {
         /// The first bytes.
         got: Vec<u8>,
@@ -24,47 +24,47 @@ pub enum BlfFault {
     Short {
         /// Bytes that the head states.
         expected: u64,
-        /// Bytes that are there.
+        /// Bytes found.
         got: u64,
     },
     /// The file ends inside its head or inside an object.
     #[error("the log is cut short: {expected} bytes are expected, {got} are there")]
     Truncated {
-        /// Bytes that belong there.
+        /// Bytes expected.
         expected: usize,
-        /// Bytes that are there.
+        /// Bytes found.
         got: usize,
     },
-    /// The last container ends inside an object that no other goes on with.
+    /// The last container ends inside an object, and no container follows.
     #[error("the log ends inside an object: the last container has {got} bytes of it")]
     Unfinished {
-        /// Bytes of it that are there.
+        /// Bytes of the object found.
         got: usize,
     },
-    /// There is no object where one must be.
-    #[error("there is no object, which begins with LOBJ")]
+    /// There is no object where one is expected.
+    #[error("there is no object: one begins with LOBJ")]
     NoObject,
-    /// A length that can't be.
+    /// An object states an impossible length.
     #[error("an object states a length of {got} bytes, expected {least} to {most}")]
     Length {
-        /// The length.
+        /// The length stated.
         got: u32,
-        /// The least that it can be.
+        /// The least possible.
         least: usize,
-        /// The most that is read.
+        /// The largest that is read.
         most: usize,
     },
     /// An object that is too short for its kind.
-    #[error("an object of kind {kind} has {got} bytes, expected {expected} at least")]
+    #[error("an object of kind {kind} has {got} bytes, expected at least {expected}")]
     Object {
         /// The kind.
         kind: u32,
-        /// Bytes that it has.
+        /// Its bytes.
         got: usize,
-        /// Bytes that it must have.
+        /// Bytes expected.
         expected: usize,
     },
-    /// A container that is compressed in another way.
+    /// A container with an unknown method of compression.
     #[error("a container is compressed by method {got}; known are 0, none, and 2, deflate")]
     Compression {
         /// The method.
@@ -73,7 +73,7 @@ pub enum BlfFault {
     /// A container that can't be inflated.
     #[error("a container can't be inflated: {cause}")]
     Inflate {
-        /// Why.
+        /// The cause.
         cause: String,
     },
     /// A container that holds more or less than it states.
@@ -81,21 +81,21 @@ pub enum BlfFault {
     Container {
         /// Bytes that it states.
         expected: usize,
-        /// Bytes that it holds; of more than it states, one more.
+        /// Bytes that it holds; counted only up to one more than it states.
         got: usize,
     },
-    /// The head of a frame's object has another layout.
+    /// The head of a frame's object has an unknown version.
     #[error("the head of a frame has version {got}; known are 1 and 2")]
     Version {
         /// The version.
         got: u16,
     },
     /// The head of a frame is too short for its time.
-    #[error("the head of a frame states a length of {got} bytes, expected {least} at least")]
+    #[error("the head of a frame states a length of {got} bytes, expected at least {least}")]
     Head {
-        /// The length.
+        /// The length stated.
         got: u16,
-        /// The least that it can be.
+        /// The least possible.
         least: usize,
     },
     /// The time of a frame has an unknown unit.
@@ -104,19 +104,19 @@ pub enum BlfFault {
         /// The unit.
         got: u32,
     },
-    /// The time of a frame is beyond what 64 bits hold.
-    #[error("a frame {got} of its units after the start of the log: its time in ns does not fit 64 bits")]
+    /// The time of a frame does not fit 64 bits.
+    #[error("a frame is {got} time units after the start of the log: its time in ns does not fit 64 bits")]
     Time {
         /// Time from the start of the log, in the object's unit.
         got: u64,
     },
-    /// An identifier that is not marked as extended and too large to be standard.
+    /// An identifier that is too large to be standard and is not marked as extended.
     #[error("identifier {got:#X} does not fit 11 bits, and is not marked as extended")]
     Id {
         /// The identifier.
         got: u32,
     },
-    /// A frame that can't exist.
+    /// An impossible frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
 }

@@ -1,7 +1,7 @@
 //! BLF logs of Vector's CANalyzer and CANoe.
 //!
-//! A file is a head and containers, a container a sequence of objects, each with a head of its own, compressed or not;
-//! an object may go on in the next container. All numbers are little-endian. Vector publishes no layout; this one is
+//! A file is a head and containers; a container is a sequence of objects, each with its own head, compressed or not.
+//! An object may continue in the next container. All numbers are little-endian. Vector publishes no layout; this one is
 //! that of python-can, can/io/blf.py.
 
 mod fault;
@@ -13,17 +13,17 @@ pub use fault::BlfFault;
 pub(super) use reader::Reader;
 pub(super) use writer::Writer;
 
-/// How a file begins.
+/// The first bytes of a file.
 const SIGNATURE: &[u8; 4] = b"LOGG";
-/// Bytes of a file's head, as it is written.
+/// Bytes of a file's head as this program writes it.
 const FILE_HEAD: usize = 144;
-/// How an object begins.
+/// The first bytes of an object.
 const OBJECT_SIGNATURE: &[u8; 4] = b"LOBJ";
 /// Signature, length of the head, its version, length of the object, kind of the object.
 const BASE_HEAD: usize = 16;
-/// Flags, client, version, time: behind the base of an object with a time.
+/// Flags, client, version, time: after the base of an object with a time.
 const OBJECT_HEAD: usize = BASE_HEAD + 16;
-/// Method of compression and length: behind the base of a container.
+/// Method of compression and length: after the base of a container.
 const CONTAINER_HEAD: usize = BASE_HEAD + 16;
 
 const CAN_MESSAGE: u32 = 1;
@@ -39,10 +39,10 @@ const NANOSECONDS: u32 = 2;
 const NO_COMPRESSION: u16 = 0;
 const DEFLATE: u16 = 2;
 
-/// In the flags of a frame that is none of [`CAN_FD_MESSAGE_64`]: the direction, and that it is remote.
+/// In the flags of a frame other than [`CAN_FD_MESSAGE_64`]: the direction, and whether it is remote.
 const DIRECTION: u8 = 0x0F;
 const REMOTE: u8 = 0x80;
-/// Directions. Above are requests to send, which are no frames on the bus.
+/// Directions. Larger values are requests to send, which are not frames on the bus.
 const RECEIVED: u8 = 0;
 const SENT: u8 = 1;
 /// In an identifier.

@@ -13,15 +13,15 @@ use crate::recording::Direction;
 /// An object with its head.
 pub(super) struct Object<'a>(&'a [u8]);
 
-/// What an object says of a frame.
-struct Told {
+/// The channel, direction and frame in an object.
+struct FrameFields {
     channel: u16,
     direction: u8,
     frame: Frame,
 }
 
 impl<'a> Object<'a> {
-    /// An object that has the base of its head, at least.
+    /// `bytes` hold at least the base of the head.
     pub fn new(bytes: &'a [u8]) -> Object<'a> {
         Object(bytes)
     }
@@ -31,40 +31,39 @@ impl<'a> Object<'a> {
         self.number(12).map(u32::from_le_bytes)
     }
 
-    /// The bytes from a place on.
+    /// The bytes from offset `at` to the end.
     pub fn from(&self, at: usize) -> Result<&'a [u8], BlfFault> {
         self.bytes(at, 0)?;
         Ok(&self.0[at..])
     }
 
-    /// What it is in a log that begins at `start_ns`.
+    /// The entry that the object makes in a log that begins at `start_ns`.
     pub fn entry(&self, start_ns: u64) -> Result<Entry, BlfFault> {
         Ok(self.frame(start_ns)?.map_or(Entry::Other, Entry::Frame))
     }
 
-    /// The frame that it tells of; `None` of any other kind, and of requests to
-    /// send.
+    /// The frame in the object; `None` for objects of other kinds and requests to send.
     fn frame(&self, start_ns: u64) -> Result<Option<LoggedFrame>, BlfFault> {
-        let told = match self.kind()? {
+        let fields = match self.kind()? {
             CAN_MESSAGE | CAN_MESSAGE2 => self.classic()?,
             CAN_FD_MESSAGE => self.fd()?,
             CAN_FD_MESSAGE_64 => self.fd64()?,
             _ => return Ok(None),
         };
-        let direction = match told.direction {
+        let direction = match fields.direction {
             RECEIVED => Direction::Received,
             SENT => Direction::Sent,
             _ => return Ok(None),
         };
         Ok(Some(LoggedFrame {
             time_ns: self.time_ns(start_ns)?,
-            interface: Some(told.channel.to_string()),
+            interface: Some(fields.channel.to_string()),
             direction: Some(direction),
-            frame: told.frame,
+            frame: fields.frame,
         }))
     }
 
-    /// Behind the base: unit, then in version 1 client and version, in version 2 status and version; time.
+    /// After the base: unit; client and version (version 1) or status and version (version 2); time.
     fn time_ns(&self, start_ns: u64) -> Result<u64, BlfFault> {
         let version = u16::from_le_bytes(self.number(6)?);
         if !matches!(version, 1 | 2) {
@@ -81,30 +80,30 @@ impl<'a> Object<'a> {
     }
 
     /// Channel, flags, DLC, identifier, data.
-    fn classic(&self) -> Result<Told, BlfFault> {
+    fn classic(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
         let [flags, dlc] = self.number(body + 2)?;
         let format = if flags & REMOTE != 0 { FrameFormat::Remote } else { FrameFormat::Classic };
         let data: [u8; LONGEST_CLASSIC] = self.number(body + 8)?;
         let frame = Frame::new(self.id(body + 4)?, format, &data[..LONGEST_CLASSIC.min(dlc.into())])?;
-        Ok(Told { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
+        Ok(FrameFields { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
     }
 
     /// Channel, flags, DLC, identifier, length on the wire, bits of the arbitration, flags of CAN FD, length, data.
-    fn fd(&self) -> Result<Told, BlfFault> {
+    fn fd(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
         let [flags, _dlc] = self.number(body + 2)?;
         let [of_fd, length] = self.number(body + 13)?;
         let remote = if flags & REMOTE != 0 { vector::REMOTE } else { 0 };
         let format = format(u32::from(of_fd & FD_FLAGS) << FD_SHIFT | remote);
         let frame = Frame::new(self.id(body + 4)?, format, self.bytes(body + 20, length.into())?)?;
-        Ok(Told { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
+        Ok(FrameFields { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
     }
 
-    /// Channel, DLC, length, count of tries, identifier, length on the wire, flags, bit timings, direction, place of
-    /// further data, CRC, data. What is missing at the end of the data counts as 0, as in Vector's tools (python-can,
+    /// Channel, DLC, length, number of tries, identifier, length on the wire, flags, bit timings, direction, offset of
+    /// further data, CRC, data. Data missing at the end count as 0, as in Vector's tools (python-can,
     /// issue 1905).
-    fn fd64(&self) -> Result<Told, BlfFault> {
+    fn fd64(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
         let [channel, _dlc, length] = self.number(body)?;
         let format = format(u32::from_le_bytes(self.number(body + 12)?));
@@ -118,7 +117,7 @@ impl<'a> Object<'a> {
         let used = rest.len().min(length.into());
         data[..used].copy_from_slice(&rest[..used]);
         let frame = Frame::new(self.id(body + 4)?, format, &data[..length.into()])?;
-        Ok(Told { channel: channel.into(), direction, frame })
+        Ok(FrameFields { channel: channel.into(), direction, frame })
     }
 
     fn id(&self, at: usize) -> Result<Id, BlfFault> {
@@ -129,7 +128,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Where the body begins: behind the head, whose length it states.
+    /// Where the body begins: after the head, whose length it states.
     fn body(&self) -> Result<usize, BlfFault> {
         let got = u16::from_le_bytes(self.number(4)?);
         let body = usize::from(got);

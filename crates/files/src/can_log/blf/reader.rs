@@ -1,4 +1,4 @@
-//! BLF logs read object by object.
+//! Reads BLF logs object by object.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -11,28 +11,28 @@ use super::{BASE_HEAD, BlfFault, CONTAINER_HEAD, DEFLATE, LOG_CONTAINER, NO_COMP
 use crate::can_log::date::Date;
 use crate::can_log::{CanLogError, Entry};
 
-/// Longest object, and longest container once inflated, that is believed: 16 MiB. Vector's tools write containers of
+/// Largest accepted length of an object, and of an inflated container: 16 MiB. Vector's tools write containers of
 /// 128 KiB.
 const LONGEST: usize = 1 << 24;
-/// Most bytes between two objects: each is filled up to a multiple of 4.
+/// Most bytes between two objects: each is padded to a multiple of 4.
 const PADDING: usize = 3;
 
-/// The entries of a log. Of the file a container is in memory, and the begin of an object that goes on in the next.
+/// The entries of a log. Keeps one container in memory, and the beginning of an object that continues in the next.
 pub(in crate::can_log) struct Reader {
     path: PathBuf,
     file: BufReader<File>,
     /// Bytes read of the file.
     position: u64,
-    /// Where the object begins that was read last of the file, bytes.
+    /// Offset in the file of the object read last, bytes.
     offset: u64,
     /// When the log begins, ns of the UNIX epoch; 0 without a date.
     start_ns: u64,
-    /// Objects out of containers, of which so many bytes are taken.
+    /// Objects from containers, and how many of their bytes are consumed.
     objects: Vec<u8>,
     taken: usize,
 }
 
-/// Why there is nothing more to be had.
+/// Why reading stops.
 enum Stop {
     Io(io::Error),
     Fault(BlfFault),
@@ -78,7 +78,7 @@ impl Reader {
         }
     }
 
-    /// Signature, length of the head, program and version, length of the file, that without compression, two counts,
+    /// Signature, length of the head, program and version, length of the file, uncompressed length, two counts,
     /// begin, end.
     fn head(&mut self) -> Result<(), Stop> {
         let got = self.read(SIGNATURE.len())?;
@@ -118,7 +118,7 @@ impl Reader {
         if got > PADDING { Err(BlfFault::Unfinished { got }.into()) } else { Ok(None) }
     }
 
-    /// The next object of the containers read so far, if it is there to its end.
+    /// The next object of the containers read so far, if it is complete.
     fn entry_of_container(&mut self) -> Result<Option<Entry>, BlfFault> {
         let rest = &self.objects[self.taken..];
         for padding in 0..=PADDING {
@@ -144,12 +144,12 @@ impl Reader {
         complete(&object, BASE_HEAD)?;
         let length = object_length(&object)?;
         object.append(&mut self.exactly(length - BASE_HEAD)?);
-        // The last object may be without.
+        // The last object may lack its padding.
         self.read(length % (PADDING + 1))?;
         Ok(Some(object))
     }
 
-    /// As many of so many bytes as the file still has.
+    /// Reads `length` bytes, or as many as the file still has.
     fn read(&mut self, length: usize) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         self.position += self.file.by_ref().take(length as u64).read_to_end(&mut bytes)? as u64;
@@ -182,20 +182,20 @@ fn object_length(base: &[u8]) -> Result<usize, BlfFault> {
     within(u32::from_le_bytes(Object::new(base).number(8)?), BASE_HEAD)
 }
 
-/// A length that is believed.
+/// Checks a length against its limits.
 fn within(length: u32, least: usize) -> Result<usize, BlfFault> {
     let found = usize::try_from(length).ok().filter(|length| (least..=LONGEST).contains(length));
     found.ok_or(BlfFault::Length { got: length, least, most: LONGEST })
 }
 
-/// Appends what a container holds.
+/// Appends the objects in a container.
 fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault> {
     let method = u16::from_le_bytes(container.number(BASE_HEAD)?);
     let expected = within(u32::from_le_bytes(container.number(BASE_HEAD + 8)?), 0)?;
     let (content, before) = (container.from(CONTAINER_HEAD)?, objects.len());
     match method {
         NO_COMPRESSION => objects.extend_from_slice(content),
-        // One byte more shows that there is more.
+        // One extra byte shows whether the container holds more than it states.
         DEFLATE => ZlibDecoder::new(content)
             .take(expected as u64 + 1)
             .read_to_end(objects)
@@ -207,7 +207,7 @@ fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault>
     if got == expected { Ok(()) } else { Err(BlfFault::Container { expected, got }) }
 }
 
-/// When a log begins, ns of the UNIX epoch: a SYSTEMTIME of Windows, taken as UTC; all 0 is no date.
+/// When a log begins, ns of the UNIX epoch: a Windows SYSTEMTIME, taken as UTC; all 0 means no date.
 fn start_ns(got: [u16; 8]) -> Result<u64, BlfFault> {
     if got == [0; 8] {
         return Ok(0);

@@ -1,4 +1,4 @@
-//! BLF logs written, uncompressed.
+//! Writes BLF logs, uncompressed.
 //!
 //! A writer may leave out compression; only a reader needs to support it.
 
@@ -14,13 +14,13 @@ use crate::can_log::date::Date;
 use crate::can_log::{LogWriter, LoggedFrame, vector};
 use crate::recording::Direction;
 
-/// Bytes of objects from which on a container is written.
+/// A container is written once its objects have this many bytes.
 const CONTAINER: usize = 1 << 17;
 
-/// Writes frames of channel 1, with times from the start of the log on.
+/// Writes frames of channel 1, with times relative to the start of the log.
 pub(in crate::can_log) struct Writer<W> {
     out: W,
-    /// Objects that wait for a container.
+    /// Objects that are not yet in a container.
     objects: Vec<u8>,
     count: u32,
     /// The head and the containers written so far, bytes.
@@ -36,7 +36,7 @@ impl<W: Write + Seek> Writer<W> {
         Writer { out, objects: Vec::new(), count: 0, written: 0, start_ms, last_ms: start_ms }
     }
 
-    /// The head, if it is not there: the place for it.
+    /// Reserves space for the head, once.
     fn begin(&mut self) -> io::Result<()> {
         if self.written == 0 {
             self.write_head()?;
@@ -45,7 +45,7 @@ impl<W: Write + Seek> Writer<W> {
         Ok(())
     }
 
-    /// The objects so far as a container.
+    /// Writes the pending objects as a container.
     fn write_container(&mut self) -> io::Result<()> {
         let mut head = Vec::with_capacity(CONTAINER_HEAD);
         base(&mut head, BASE_HEAD, CONTAINER_HEAD + self.objects.len(), LOG_CONTAINER);
@@ -60,14 +60,14 @@ impl<W: Write + Seek> Writer<W> {
         Ok(())
     }
 
-    /// The head of the file; its counts are known at the end.
+    /// Writes the head of the file, whose counts are known only at the end.
     fn write_head(&mut self) -> io::Result<()> {
         let mut head = Vec::with_capacity(FILE_HEAD);
         head.extend_from_slice(SIGNATURE);
         head.extend_from_slice(&(FILE_HEAD as u32).to_le_bytes());
-        // The program that wrote the file, none of Vector's; the version of the layout.
+        // The program that wrote the file (none of Vector's); the version of the layout.
         head.extend_from_slice(&[0, 0, 0, 0, 2, 6, 8, 1]);
-        // The size of the file, and what it would be without compression.
+        // The size of the file, compressed and uncompressed.
         head.extend_from_slice(&self.written.to_le_bytes());
         head.extend_from_slice(&self.written.to_le_bytes());
         head.extend_from_slice(&self.count.to_le_bytes());
@@ -83,7 +83,7 @@ impl<W: Write + Seek> LogWriter for Writer<W> {
     fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
         self.begin()?;
         self.last_ms = self.last_ms.max(logged.time_ns / 1_000_000);
-        // A file with the date 0, of simulated time, has the times themselves.
+        // A file with the date 0, of simulated time, has the times unchanged.
         let time_ns = vector::since(logged, stated_ms(self.start_ms))?;
         let (kind, body) = body(&logged.frame, logged.direction);
         base(&mut self.objects, OBJECT_HEAD, OBJECT_HEAD + body.len(), kind);
@@ -115,7 +115,7 @@ fn base(bytes: &mut Vec<u8>, head: usize, length: usize, kind: u32) {
     bytes.extend_from_slice(&kind.to_le_bytes());
 }
 
-/// Kind and body of a frame's object; its length is a multiple of 4, so that nothing is padded.
+/// Kind and body of a frame's object; its length is a multiple of 4, so it needs no padding.
 fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
     let sent = if direction == Some(Direction::Sent) { SENT } else { 0 };
     let remote = if frame.format() == FrameFormat::Remote { REMOTE } else { 0 };
@@ -128,7 +128,7 @@ fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
     match frame.format() {
         FrameFormat::Fd { .. } => {
             let flags = (vector::flags(frame.format()) >> FD_SHIFT) as u8;
-            // Before the flags the length on the wire in ns and the bits of the arbitration, both unknown.
+            // Before the flags: the length on the wire in ns and the bits of the arbitration, both unknown.
             body.extend_from_slice(&[0, 0, 0, 0, 0, flags, frame.len() as u8, 0, 0, 0, 0, 0]);
             body.extend_from_slice(frame.data());
             body.resize(20 + 64, 0);
@@ -142,7 +142,7 @@ fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
     }
 }
 
-/// Times below this are simulated ones: a file then has no date. 1990 is where python-can draws the line.
+/// Earlier times are simulated ones: the file then states no date. python-can uses the same limit, 1990.
 const EARLIEST_MS: u64 = 631_152_000_000;
 
 /// The time that a head states, ms of the UNIX epoch; 0 for none.
@@ -150,7 +150,7 @@ fn stated_ms(unix_ms: u64) -> u64 {
     if unix_ms < EARLIEST_MS { 0 } else { unix_ms }
 }
 
-/// A SYSTEMTIME of Windows: year, month, weekday, day, hour, minute, second, millisecond; all 0 for no date.
+/// A Windows SYSTEMTIME: year, month, weekday, day, hour, minute, second, millisecond; all 0 means no date.
 fn system_time(unix_ms: u64) -> [u8; 16] {
     let mut bytes = [0; 16];
     if stated_ms(unix_ms) > 0 {
