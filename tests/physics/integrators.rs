@@ -1,8 +1,8 @@
 //! What the choice of the default scheme and rate rests on.
 
-use resonarm::analysis::{energy_drift, mode_errors};
-use resonarm::arm::{Arm, Pose, Preset, State};
-use resonarm::integrate::Scheme;
+use resonarm::analysis::{energy_drift, mode_errors, modes};
+use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, State};
+use resonarm::integrate::{Integrator, Scheme};
 use resonarm::scenario::SimulationSection;
 
 fn arm(preset: Preset, beta2_deg: f64) -> Arm {
@@ -48,5 +48,39 @@ fn energy_of_the_symmetric_schemes_goes_nowhere() {
         // What the schemes that are not symmetric do, the measure sees.
         let rk4 = energy_drift(&arm, Scheme::Rk4, rate_hz(Scheme::Rk4), &start, 20_000).unwrap();
         assert!(rk4.change < -1e-6, "{preset} {beta2_deg}°: {rk4:?}");
+    }
+}
+
+/// The state after `steps` steps at `rate_hz` under a load that does not change.
+fn run(arm: &Arm, scheme: Scheme, rate_hz: f64, steps: u32, state: State, load: &Load) -> State {
+    let integrator = Integrator::new(scheme, rate_hz, arm).unwrap();
+    (0..steps).fold(state, |state, k| integrator.step(arm, f64::from(k) / rate_hz, &state, load).unwrap())
+}
+
+/// The exponential schemes are exact for the linear arm: free vibration at ωh = 3.6, dampers included, small enough
+/// that no nonlinearity shows, against the closed solution in modes.
+#[test]
+fn exponential_schemes_are_exact_for_the_linear_arm() {
+    let preset = Preset::Irb1600Table1.parameters().unwrap();
+    // Damping in proportion to the stiffness, so that the modes stay uncoupled.
+    let parameters = Parameters {
+        damping1_nm_s_rad: 1e-6 * preset.stiffness1_nm_rad,
+        damping2_nm_s_rad: 1e-6 * preset.stiffness2_nm_rad,
+        ..preset
+    };
+    let arm = Arm::new(parameters, Pose::default()).unwrap();
+    for mode in modes(&arm) {
+        let amplitude = 1e-9;
+        let start = State::new(mode.shape.map(|phi| amplitude * phi), [0.0; 2]);
+        let ends = [Scheme::Exponential, Scheme::Exponential8].map(|scheme| run(&arm, scheme, 1000.0, 1000, start, &Load::default()));
+        let omega = core::f64::consts::TAU * mode.frequency_hz;
+        let (zeta, damped) = (mode.damping_ratio, omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio));
+        let decay = libm::exp(-zeta * omega);
+        let part = decay * (libm::cos(damped) + zeta * omega / damped * libm::sin(damped));
+        for i in 0..2 {
+            let expected = amplitude * mode.shape[i] * part;
+            let errors = ends.map(|end| (end.alpha_rad[i] - expected) / (amplitude * decay * mode.shape[i]));
+            assert!(errors.iter().all(|error| error.abs() < 1e-10), "{mode:?}: {errors:?}");
+        }
     }
 }

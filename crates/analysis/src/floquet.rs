@@ -319,7 +319,7 @@ mod tests {
 
     use super::*;
     use crate::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Load, Preset};
 
     /// Four stages have order 8: the sum of the weights times any polynomial of degree up to 7 is its integral.
@@ -357,7 +357,7 @@ mod tests {
 
     /// The motion under a slow torque, mostly at joint 2, which modulates the modes.
     fn slow_motion(hz: f64, torque_nm: f64) -> (HarmonicBalance<ForcedArm>, Orbit) {
-        let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(0.3, 1.0), torque_nm);
+        let forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(0.3, 1.0), torque_nm);
         let options = BranchOptions { most_points: 1, ..BranchOptions::new(hz, 2.0 * hz) };
         let orbit = trace(forced.clone(), hz, Coordinate::FrequencyHz, &options).unwrap_err().so_far.orbits.remove(0);
         (HarmonicBalance::new(forced, hz, 1, orbit.harmonics()), orbit)

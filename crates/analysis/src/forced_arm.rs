@@ -175,13 +175,13 @@ impl Oscillator for ForcedArm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Gravity, Preset};
 
     #[test]
     fn derivatives_by_every_parameter_are_exact() {
         let load = Load { torque_nm: [2.0, -1.0].into(), force_n: [0.5, 0.7].into() };
-        let arm = arm(Preset::Irb1600Fitted, 25.0, 70.0);
+        let arm = arm_at(Preset::Irb1600Fitted, 25.0, 70.0);
         // A gravity under which the joints sag by several degrees.
         let gravity = Some(Gravity { gravity_m_s2: 50.0, mass1_kg: 20.0, centre1_m: 0.3 });
         let soft = Parameters { stiffness1_nm_rad: 2e4, stiffness2_nm_rad: 5e3, gravity, ..*arm.parameters() };
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn an_amplitude_that_is_no_number_is_refused_and_not_kept() {
-        let mut forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 25.0, 70.0), Load::torque_nm(1.0, 0.0), 30.0);
+        let mut forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 25.0, 70.0), Load::torque_nm(1.0, 0.0), 30.0);
         for value in [f64::NAN, f64::INFINITY] {
             assert!(!forced.set_parameter(ArmParameter::Amplitude, value));
             assert_eq!(forced.parameter(ArmParameter::Amplitude), 30.0);

@@ -39,7 +39,7 @@ mod tests {
     use super::*;
     use crate::{Drive, FrequencyResponse, Quantity, Response, modes};
     use resonarm_dynamics::arm::Preset;
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
 
     fn largest(linear: &FrequencyResponse, hz: &[f64]) -> f64 {
         let modulus = |hz: &f64| linear.at(Quantity::Accelerance, Drive::ForceY, Response::CY, *hz).unwrap().norm_sqr();
@@ -52,7 +52,7 @@ mod tests {
         let mut least_of_even = f64::INFINITY;
         for preset in Preset::ALL {
             for beta2_deg in [0.0, 60.0, 120.0] {
-                let arm = arm(preset, 0.0, beta2_deg);
+                let arm = arm_at(preset, 0.0, beta2_deg);
                 let (linear, modes) = (FrequencyResponse::new(&arm), modes(&arm));
                 for mode in modes.iter().filter(|mode| mode.frequency_hz < 80.0) {
                     let near = |part: f64| mode.frequency_hz * (1.0 + part * mode.damping_ratio);
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn frequencies_ascend_within_the_range_and_are_few() {
-        let modes = modes(&arm(Preset::Irb1600Fitted, 0.0, 60.0));
+        let modes = modes(&arm_at(Preset::Irb1600Fitted, 0.0, 60.0));
         let all = frequencies_hz(1.0, 80.0, 801, &modes);
         assert!(all.windows(2).all(|pair| pair[0] < pair[1]) && (all[0], all[all.len() - 1]) == (1.0, 80.0));
         assert!((900..1200).contains(&all.len()), "{}", all.len());

@@ -140,7 +140,7 @@ mod tests {
     use nalgebra::ComplexField as _;
 
     use super::*;
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Attachment, Preset};
 
     /// What linear theory says of each scheme, to the leading term: ζ and the frequency error as powers of z = ωh.
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn errors_are_those_of_theory() {
-        let alone = arm(Preset::Irb1600Fitted, 0.0, 60.0);
+        let alone = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
         let armature = Attachment { mass_kg: 2.0, stiffness_n_m: 2e4, damping_n_s_m: 30.0, direction_deg: 40.0 };
         let driven = alone.clone().with_attachment(armature).unwrap();
         for (arm, scheme) in [&alone, &driven].into_iter().flat_map(|arm| Scheme::ALL.map(|scheme| (arm, scheme))) {
@@ -174,7 +174,7 @@ mod tests {
     /// For gl4 that is two parts of a step.
     #[test]
     fn errors_are_those_of_the_functions_of_stability() {
-        let arm = arm(Preset::Irb1600Table1, 0.0, 0.0);
+        let arm = arm_at(Preset::Irb1600Table1, 0.0, 0.0);
         let rate_hz = 4000.0;
         for scheme in [Scheme::Rk4, Scheme::Gl4, Scheme::Gl6] {
             let [_, error] = mode_errors(&arm, scheme, rate_hz).unwrap();
@@ -199,7 +199,7 @@ mod tests {
     fn exponential_scheme_adds_nothing_at_any_pose() {
         for preset in Preset::ALL {
             for beta2_deg in (-150..=150).step_by(10) {
-                let arm = arm(preset, 0.0, f64::from(beta2_deg));
+                let arm = arm_at(preset, 0.0, f64::from(beta2_deg));
                 for error in mode_errors(&arm, Scheme::Exponential, 1000.0).unwrap() {
                     assert!(error.damping_ratio.abs() < 1e-12 && error.frequency_error.abs() < 1e-12, "{error:?}");
                 }
@@ -212,7 +212,7 @@ mod tests {
     fn symmetric_schemes_keep_the_energy() {
         let start = State::new([0.05, -0.08], [0.5, -1.0]);
         let drift = |preset, beta2_deg, scheme, rate_hz| {
-            energy_drift(&arm(preset, 20.0, beta2_deg), scheme, rate_hz, &start, 20_000).unwrap()
+            energy_drift(&arm_at(preset, 20.0, beta2_deg), scheme, rate_hz, &start, 20_000).unwrap()
         };
         let (fitted, table1) = (Preset::Irb1600Fitted, Preset::Irb1600Table1);
         // The last two are so slow that the second mode turns by about π a step.
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn says_which_rate_would_do() {
-        let arm = arm(Preset::Irb1600Table1, 0.0, 0.0);
+        let arm = arm_at(Preset::Irb1600Table1, 0.0, 0.0);
         insta::assert_snapshot!(mode_errors(&arm, Scheme::Rk4, 1000.0).unwrap_err(), @"scheme rk4 can't carry this arm at 1000 Hz: its second mode needs at least 1265 Hz");
     }
 }

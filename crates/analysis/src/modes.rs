@@ -67,7 +67,7 @@ fn mode(arm: &Arm, lambda: f64, scaled: Vector2<f64>) -> Mode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Parameters, Pose, Preset};
     use proptest::prelude::*;
 
@@ -76,7 +76,7 @@ mod tests {
         fn eigenproblem_agrees_with_equation_30(
             preset in prop::sample::select(&Preset::ALL[..]), beta2_deg in -180.0..180.0,
         ) {
-            let arm = arm(preset, 0.0, beta2_deg);
+            let arm = arm_at(preset, 0.0, beta2_deg);
             for (mode, closed) in modes(&arm).iter().zip(arm.angular_frequencies_rad_s()) {
                 prop_assert!((mode.frequency_hz * TAU / closed - 1.0).abs() < 1e-12, "{mode:?} {closed}");
             }
@@ -84,7 +84,7 @@ mod tests {
 
         #[test]
         fn shapes_solve_the_eigenproblem(preset in prop::sample::select(&Preset::ALL[..]), beta2_deg in -180.0..180.0) {
-            let arm = arm(preset, 0.0, beta2_deg);
+            let arm = arm_at(preset, 0.0, beta2_deg);
             let m = arm.mass_matrix(&Vector2::zeros());
             let shapes = modes(&arm).map(|mode| Vector2::from(mode.shape));
             for (mode, shape) in modes(&arm).iter().zip(shapes) {

@@ -145,12 +145,12 @@ mod tests {
     use crate::{
         BackboneOptions, BranchOptions, Drive, FrequencyResponse, Quantity, backbone, modes, trace, trace_doublings,
     };
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Load, Preset};
     use resonarm_dynamics::integrate::Sine;
 
     fn fitted(beta1_deg: f64, beta2_deg: f64) -> Arm {
-        arm(Preset::Irb1600Fitted, beta1_deg, beta2_deg)
+        arm_at(Preset::Irb1600Fitted, beta1_deg, beta2_deg)
     }
 
     fn near(got: Phasor, expected: Phasor, tolerance: f64) {

@@ -97,12 +97,12 @@ mod tests {
     use super::*;
     use crate::modes;
     use resonarm_dynamics::arm::Preset;
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
 
     /// Under a small load each resonance is as wide as 2ζf and as high as the linear arm's.
     #[test]
     fn resonances_of_the_linear_arm_are_as_wide_as_its_damping() {
-        let arm = arm(Preset::Irb1600Fitted, 0.0, 60.0);
+        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
         let branch = forced_response(&arm, &Load::torque_nm(1e-3, 0.0), [20.0, 60.0]).unwrap();
         let resonances = branch.resonances();
         for mode in modes(&arm) {

@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::time::Instant;
 
 /// When a wait ends, on the monotonic clock.
-pub(super) struct Deadline {
+pub struct Deadline {
     /// `None` lies beyond what the clock can express: never.
     end: Option<Instant>,
 }
@@ -12,13 +12,13 @@ pub(super) struct Deadline {
 impl Deadline {
     /// `timeout` from now.
     #[allow(clippy::disallowed_methods, reason = "a wait is bounded in real time whatever time the simulation has")]
-    pub(super) fn after(timeout: Duration) -> Deadline {
+    pub fn after(timeout: Duration) -> Deadline {
         Deadline { end: Instant::now().checked_add(timeout) }
     }
 
     /// The time left, for a system call that takes a relative timeout; zero once it has passed.
     #[allow(clippy::disallowed_methods, reason = "see `after`")]
-    pub(super) fn remaining(&self) -> Duration {
+    pub fn remaining(&self) -> Duration {
         match self.end {
             Some(end) => end.saturating_duration_since(Instant::now()),
             None => Duration::MAX,

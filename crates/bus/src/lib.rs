@@ -4,7 +4,7 @@ extern crate alloc;
 
 mod address;
 mod controller;
-mod deadline;
+pub mod deadline;
 mod error;
 pub mod fault;
 pub mod memory;

@@ -125,7 +125,7 @@ mod tests {
 
     use super::*;
     use crate::modes;
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
     use resonarm_dynamics::integrate::{Integrator, Scheme, Sine};
     use proptest::prelude::*;
@@ -154,7 +154,7 @@ mod tests {
             preset in prop::sample::select(&Preset::ALL[..]),
             beta1_deg in -180.0..180.0, beta2_deg in -180.0..180.0, f in 0.1..200.0,
         ) {
-            let response = FrequencyResponse::new(&arm(preset, beta1_deg, beta2_deg));
+            let response = FrequencyResponse::new(&arm_at(preset, beta1_deg, beta2_deg));
             let at = |drive, place| response.at(Quantity::Receptance, drive, place, f).unwrap();
             for (one, other) in [
                 (at(Drive::ForceX, Response::CY), at(Drive::ForceY, Response::CX)),
@@ -169,7 +169,7 @@ mod tests {
     /// The arm started on the steady vibration that H predicts stays on it: amplitude and phase, near both resonances.
     #[test]
     fn predicts_the_small_vibration_of_the_simulated_arm() {
-        let arm = arm(Preset::Irb1600Fitted, 35.0, 60.0);
+        let arm = arm_at(Preset::Irb1600Fitted, 35.0, 60.0);
         let response = FrequencyResponse::new(&arm);
         for frequency_hz in [10.0, 22.15, 40.0, 48.9, 70.0] {
             let sine = Sine {
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn derivatives_and_points_follow_from_the_receptance() {
-        let arm = arm(Preset::Irb1600Fitted, 90.0, 0.0);
+        let arm = arm_at(Preset::Irb1600Fitted, 90.0, 0.0);
         let response = FrequencyResponse::new(&arm);
         let at = |quantity, place| response.at(quantity, Drive::Torque1, place, 15.0).unwrap();
         let (omega, alpha1) = (TAU * 15.0, at(Quantity::Receptance, Response::Alpha1));

@@ -260,13 +260,13 @@ impl<O: Oscillator> HarmonicBalance<O> {
 mod tests {
     use super::*;
     use crate::{ArmParameter, ForcedArm};
-    use resonarm_dynamics::arm::tests::arm;
+    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Load, Preset};
     use alloc::vec;
 
     fn balance(subharmonic: usize) -> HarmonicBalance<ForcedArm> {
         let load = Load { torque_nm: [1.0, 0.3].into(), force_n: [0.5, -0.7].into() };
-        let arm = ForcedArm::new(arm(Preset::Irb1600Fitted, 25.0, 70.0), load, 60.0);
+        let arm = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 25.0, 70.0), load, 60.0);
         HarmonicBalance::new(arm, 22.0, subharmonic, 4)
     }
 

@@ -5,12 +5,12 @@ use core::f64::consts::TAU;
 use nalgebra::{Matrix4, Normed as _};
 
 use crate::*;
-use resonarm_dynamics::arm::tests::arm;
+use crate::tests::arm_at;
 use resonarm_dynamics::arm::{Load, Preset, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme, Sine};
 
 pub(super) fn forced(beta2_deg: f64, torque1_nm: f64) -> ForcedArm {
-    ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, beta2_deg), Load::torque_nm(1.0, 0.0), torque1_nm)
+    ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, beta2_deg), Load::torque_nm(1.0, 0.0), torque1_nm)
 }
 
 /// The state at t = 0 of a motion of base frequency Ω/ν.
@@ -260,7 +260,7 @@ fn bifurcations_do_not_depend_on_where_the_points_lie() {
 fn folds_meet_in_a_cusp() {
     let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
     let cusp = |least_harmonics: usize, in_amplitude: bool| {
-        let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0), 60.0);
+        let forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0), 60.0);
         let (first, second) =
             if in_amplitude { (Coordinate::FrequencyHz, amplitude) } else { (amplitude, Coordinate::FrequencyHz) };
         let (hz, mut options, to) = if in_amplitude {

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::*;
-use resonarm_dynamics::arm::tests::arm;
+use crate::tests::arm_at;
 use resonarm_dynamics::arm::{Load, Preset};
 
 /// All loads of one unit that a drive has.
@@ -29,7 +29,7 @@ fn options(smallest_rad: f64, natural_hz: f64, part: f64) -> BackboneOptions {
 fn begin_everywhere() {
     for preset in Preset::ALL {
         for (beta1_deg, beta2_deg) in [-150.0, -75.0, 0.0, 30.0, 60.0, 75.0, 90.0, 120.0, 150.0].map(|b| (20.0, b)) {
-            let arm = arm(preset, beta1_deg, beta2_deg);
+            let arm = arm_at(preset, beta1_deg, beta2_deg);
             let natural = modes(&arm);
             for (name, torque, force) in LOADS {
                 let load = Load { torque_nm: torque.into(), force_n: force.into() };
@@ -61,7 +61,7 @@ fn begin_everywhere() {
 #[test]
 fn hardly_driven_modes_begin_too() {
     for preset in Preset::ALL {
-        let arm = arm(preset, 0.0, 120.0);
+        let arm = arm_at(preset, 0.0, 120.0);
         for (mode, linear) in modes(&arm).into_iter().enumerate() {
             for angle_deg in (0..180).step_by(3) {
                 let (sine, cosine) = libm::sincos(f64::from(angle_deg).to_radians());
@@ -81,7 +81,7 @@ fn hardly_driven_modes_begin_too() {
 /// A drive that is small for the first amplitude asked for still has a curve, which ends there.
 #[test]
 fn weak_drives_have_curves() {
-    let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0), 0.0);
+    let forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0), 0.0);
     let options = BackboneOptions { largest_drive: 0.1, ..options(0.1, 22.0, 0.5) };
     let curve = backbone(forced, 0, ArmParameter::Amplitude, &options).unwrap();
     let drives: Vec<f64> = curve.points.iter().map(|point| point.drive).collect();
@@ -92,7 +92,7 @@ fn weak_drives_have_curves() {
 /// A force along the straight arm bends neither joint, so it drives no mode.
 #[test]
 fn a_mode_that_is_not_driven_is_said() {
-    let forced = ForcedArm::new(arm(Preset::Irb1600Fitted, 0.0, 0.0), Load::force_n(1.0, 0.0), 0.0);
+    let forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, 0.0), Load::force_n(1.0, 0.0), 0.0);
     let says = |forced: &ForcedArm| {
         backbone(forced.clone(), 0, ArmParameter::Amplitude, &options(1e-3, 20.0, 0.5)).unwrap_err().to_string()
     };

@@ -6,12 +6,12 @@ use super::*;
 use crate::{
     ArmParameter, Bifurcation, BifurcationKind, BranchOptions, Coordinate, ForcedArm, FrequencyResponse, Orbit, trace,
 };
-use resonarm_dynamics::arm::tests::arm;
+use crate::tests::arm_at;
 use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose, Preset, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme, Sine};
 
 fn fitted(beta2_deg: f64) -> Arm {
-    arm(Preset::Irb1600Fitted, 0.0, beta2_deg)
+    arm_at(Preset::Irb1600Fitted, 0.0, beta2_deg)
 }
 
 fn frequency_sweep(torque1_nm: f64, (from, to, points): (f64, f64, u32), direction: Direction) -> Sweep {
@@ -49,7 +49,7 @@ fn small_motions_are_those_of_the_linear_arm() {
         (Preset::Irb1600Fitted, vec![5.0, 15.0, 22.1575, 22.3, 40.0, 48.9, 70.0]),
         (Preset::Irb1600Table1, vec![10.0, 23.64, 60.0]),
     ] {
-        let arm = arm(preset, 35.0, 60.0);
+        let arm = arm_at(preset, 35.0, 60.0);
         let response = FrequencyResponse::new(&arm);
         for amplitude in [
             Load::torque_nm(1e-6, 0.0),

@@ -312,60 +312,6 @@ fn size(phasor: Phasor) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_files::scenario::Scenario;
-
-    fn says(section: &str) -> alloc::string::String {
-        alloc::string::ToString::to_string(&Scenario::parse(section, "test").unwrap_err())
-    }
-
-    #[test]
-    fn rejects_harmonics_that_can_t_be_cancelled() {
-        let with = |orders: &str| {
-            says(&alloc::format!(
-                "[control]\nlaw = 'phase-walk'\namplitude = {{ force_x_n = 1 }}\ncancel_harmonics = {orders}\n"
-            ))
-        };
-        insta::assert_snapshot!(with("[0]"), @r"
-        test: TOML parse error at line 1, column 1
-          |
-        1 | [control]
-          | ^^^^^^^^^
-        `cancel_harmonics`: harmonic 0 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
-        ");
-        insta::assert_snapshot!(with("[2, 1]"), @r"
-        test: TOML parse error at line 1, column 1
-          |
-        1 | [control]
-          | ^^^^^^^^^
-        `cancel_harmonics`: harmonic 1 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
-        ");
-        insta::assert_snapshot!(with("[7]"), @r"
-        test: TOML parse error at line 1, column 1
-          |
-        1 | [control]
-          | ^^^^^^^^^
-        `cancel_harmonics`: harmonic 7 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
-        ");
-        insta::assert_snapshot!(with("[2, 3, 2]"), @r"
-        test: TOML parse error at line 1, column 1
-          |
-        1 | [control]
-          | ^^^^^^^^^
-        `cancel_harmonics`: harmonic 2 is listed twice: list each once
-        ");
-        let open = "[excitation]\namplitude = { force_x_n = 1 }\ncancel_harmonics = [2]\n\
-            profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 1 }\n";
-        insta::assert_snapshot!(says(open), @r"
-        test: TOML parse error at line 3, column 1
-          |
-        3 | cancel_harmonics = [2]
-          | ^^^^^^^^^^^^^^^^
-        unknown field `cancel_harmonics`, expected one of `amplitude`, `ramp_s`, `profile`
-        ");
-        let torque = "[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 1 }\ncancel_harmonics = [2]\n";
-        let scenario = Scenario::parse(torque, "test").unwrap();
-        insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces");
-    }
 
     /// A written value reads back the same.
     #[test]

@@ -5,7 +5,7 @@ use alloc::string::ToString;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use resonarm_analysis;
+use resonarm_analysis as analysis;
 use resonarm_dynamics::arm::{Arm, Load, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Normed as _;
 
-use resonarm_analysis;
+use resonarm_analysis as analysis;
 use resonarm_analysis::{Drive, FrequencyResponse, Quantity, Response};
 use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
 use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};

@@ -21,7 +21,7 @@ const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
 
 /// What the controller has told by error frames.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate) struct Told {
+pub struct Told {
     /// How often, by kind.
     pub errors: ControllerErrors,
     /// The state that it told last.
@@ -38,7 +38,7 @@ impl Told {
 
 /// What an error frame tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate) struct ErrorFrame {
+pub struct ErrorFrame {
     /// The classes of errors.
     class: u32,
     /// What the controller tells of itself.

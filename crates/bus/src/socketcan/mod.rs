@@ -47,13 +47,13 @@ use self::incoming::{Came, Incoming};
 use super::deadline::Deadline;
 use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
-pub(super) use error_frame::{ErrorFrame, Told};
+pub use error_frame::{ErrorFrame, Told};
 pub use interface::interfaces;
 
 /// The place of the frames lost at the receive queue among the `u32` counters of `SO_MEMINFO` (Linux 4.12).
 const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
 /// The size of those counters up to that one, bytes.
-pub(super) const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
+pub const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
 
 /// For how long a receiving call sleeps if no frame comes (`SO_RCVTIMEO`). The kernel rounds it up to its timer ticks
 /// and adds up to one (`CONFIG_HZ`): 12 ms at most with ticks of 4 ms, 20 ms with the longest, of 10.
@@ -365,7 +365,7 @@ fn drops(socket: &CanFdSocket) -> io::Result<u64> {
 }
 
 /// The same out of the counters of `SO_MEMINFO`.
-pub(super) fn drops_in(counters: &[u8]) -> io::Result<u64> {
+pub fn drops_in(counters: &[u8]) -> io::Result<u64> {
     let last = counters.chunks_exact(4).nth(DROPS).and_then(|bytes| bytes.try_into().ok());
     let count = last.map(u32::from_ne_bytes).ok_or_else(|| io::Error::from(io::ErrorKind::UnexpectedEof))?;
     Ok(u64::from(count))

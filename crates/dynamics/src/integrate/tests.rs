@@ -80,34 +80,6 @@ fn implicit_schemes_hold_at_every_pose() {
 
 const EXPONENTIAL: [Scheme; 2] = [Scheme::Exponential, Scheme::Exponential8];
 
-/// The exponential schemes are exact for the linear arm: free vibration at ωh = 3.6, dampers included, small enough
-/// that no nonlinearity shows, against the closed solution in modes.
-#[test]
-fn exponential_schemes_are_exact_for_the_linear_arm() {
-    let preset = Preset::Irb1600Table1.parameters().unwrap();
-    // Damping in proportion to the stiffness, so that the modes stay uncoupled.
-    let parameters = crate::arm::Parameters {
-        damping1_nm_s_rad: 1e-6 * preset.stiffness1_nm_rad,
-        damping2_nm_s_rad: 1e-6 * preset.stiffness2_nm_rad,
-        ..preset
-    };
-    let arm = Arm::new(parameters, crate::arm::Pose::default()).unwrap();
-    for mode in resonarm_analysis::modes(&arm) {
-        let amplitude = 1e-9;
-        let start = State::new(mode.shape.map(|phi| amplitude * phi), [0.0; 2]);
-        let ends = EXPONENTIAL.map(|scheme| run(&arm, scheme, 1000.0, 1000, start, &Load::default()));
-        let omega = core::f64::consts::TAU * mode.frequency_hz;
-        let (zeta, damped) = (mode.damping_ratio, omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio));
-        let decay = libm::exp(-zeta * omega);
-        let part = decay * (libm::cos(damped) + zeta * omega / damped * libm::sin(damped));
-        for i in 0..2 {
-            let expected = amplitude * mode.shape[i] * part;
-            let errors = ends.map(|end| (end.alpha_rad[i] - expected) / (amplitude * decay * mode.shape[i]));
-            assert!(errors.iter().all(|error| error.abs() < 1e-10), "{mode:?}: {errors:?}");
-        }
-    }
-}
-
 /// A held load, too: one step of a millisecond is as right as a thousand of a microsecond by another scheme.
 #[test]
 fn exponential_schemes_are_exact_under_a_held_load() {
