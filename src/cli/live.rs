@@ -154,6 +154,7 @@ mod serving {
     use crate::number::short;
     use crate::realtime::unix_time_ns;
     use crate::recording::Recording;
+    use crate::recording::channels::Channels;
     use crate::run::watch;
     use crate::scenario::Scenario;
 
@@ -184,6 +185,7 @@ mod serving {
             interface: part.interface.clone(),
             // An exciter knows no angles.
             arm: (part.role != Role::Exciter).then(|| arm.clone()),
+            table: Channels::arm(scenario.rig.shaker.is_some()),
             model: Model::new(about, arm),
             source: Source::Run(watcher),
             // The load of what is steered is not that of the scenario.
@@ -216,6 +218,7 @@ mod serving {
         let shown = Shown {
             interface: recording.origin().interface.clone(),
             arm: Some(arm.clone()),
+            table: recording.channels().clone(),
             model: Model::new(about, arm),
             compute: load(&scenario).map(|load| compute(scenario.clone(), load)),
             range_hz: range_hz(&scenario),

@@ -26,6 +26,7 @@ mod decimate;
 mod decode;
 mod error;
 mod frames;
+mod layout;
 mod lengths;
 mod options;
 mod plots;
@@ -50,9 +51,12 @@ pub use cut::{cut, merge};
 pub use error::RecordingError;
 #[cfg(feature = "live")]
 pub(crate) use frames::FrameBatcher;
+pub use layout::ChannelsError;
+#[cfg(feature = "live")]
+pub(crate) use layout::{Layout, NumberBatch, Numbers, Plot};
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Naming, Options, TimeBase};
 #[cfg(feature = "live")]
-pub(crate) use plots::{Plot, Plots};
+pub(crate) use plots::Plots;
 pub use reader::Recording;
 pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};

@@ -23,6 +23,7 @@ use crate::node::{self, ExciterNode, PlantNode, Timing};
 use crate::plant::Plant;
 use crate::protocol::Node;
 use crate::realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
+use crate::recording::channels::Channels;
 use crate::recording::{self, Existing, Recorder};
 use crate::scenario::Scenario;
 
@@ -445,6 +446,7 @@ impl Session {
         options.existing = *existing;
         options.plot_every_samples = self.scenario.recording.plot_every_samples;
         options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
+        options.channels = Channels::arm(self.scenario.rig.shaker.is_some());
         Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
     }
 }
