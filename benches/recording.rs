@@ -141,6 +141,46 @@ mod proto {
     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));
 }
 
+/// States and loads, as far as the peer reads them, with the field numbers of `docs/recording.md`.
+#[derive(Clone, PartialEq, Message)]
+struct StepBatch {
+    #[prost(double, repeated, tag = "4")]
+    alpha1_rad: Vec<f64>,
+    #[prost(double, repeated, tag = "5")]
+    alpha2_rad: Vec<f64>,
+    #[prost(double, repeated, tag = "6")]
+    alpha1_dot_rad_s: Vec<f64>,
+    #[prost(double, repeated, tag = "7")]
+    alpha2_dot_rad_s: Vec<f64>,
+    #[prost(double, repeated, tag = "8")]
+    torque1_nm: Vec<f64>,
+    #[prost(double, repeated, tag = "9")]
+    torque2_nm: Vec<f64>,
+    #[prost(double, repeated, tag = "10")]
+    force_x_n: Vec<f64>,
+    #[prost(double, repeated, tag = "11")]
+    force_y_n: Vec<f64>,
+}
+
+/// Readings likewise.
+#[derive(Clone, PartialEq, Message)]
+struct SampleBatch {
+    #[prost(uint32, repeated, tag = "3")]
+    clipped: Vec<u32>,
+    #[prost(double, repeated, tag = "4")]
+    acceleration_b_x_m_s2: Vec<f64>,
+    #[prost(double, repeated, tag = "5")]
+    acceleration_b_y_m_s2: Vec<f64>,
+    #[prost(double, repeated, tag = "6")]
+    acceleration_c_x_m_s2: Vec<f64>,
+    #[prost(double, repeated, tag = "7")]
+    acceleration_c_y_m_s2: Vec<f64>,
+    #[prost(double, repeated, tag = "8")]
+    head_force_x_n: Vec<f64>,
+    #[prost(double, repeated, tag = "9")]
+    head_force_y_n: Vec<f64>,
+}
+
 /// What the peer gives.
 #[derive(Clone, Copy, PartialEq)]
 enum Unit {
@@ -155,13 +195,13 @@ fn by_mcap(path: &Path, unit: Unit) -> Result<usize, Box<dyn Error>> {
         let message = message?;
         match message.channel.topic.as_str() {
             "/plant/steps" => {
-                let batch = black_box(proto::StepBatch::decode(&*message.data)?);
+                let batch = black_box(StepBatch::decode(&*message.data)?);
                 let columns = [&batch.alpha1_rad, &batch.alpha2_rad, &batch.alpha1_dot_rad_s, &batch.alpha2_dot_rad_s];
                 let loads = [&batch.torque1_nm, &batch.torque2_nm, &batch.force_x_n, &batch.force_y_n];
                 count += rows(unit, columns) + rows(unit, loads);
             }
             "/plant/samples" => {
-                let batch = black_box(proto::SampleBatch::decode(&*message.data)?);
+                let batch = black_box(SampleBatch::decode(&*message.data)?);
                 let b = [&batch.acceleration_b_x_m_s2, &batch.acceleration_b_y_m_s2];
                 let c = [&batch.acceleration_c_x_m_s2, &batch.acceleration_c_y_m_s2];
                 count += rows(unit, b) + rows(unit, c) + rows(unit, [&batch.head_force_x_n, &batch.head_force_y_n]);

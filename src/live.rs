@@ -154,6 +154,7 @@ mod serving {
     use resonarm_numeric::number::short;
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
+    use resonarm::recording::channels::Channels;
     use resonarm::run::watch;
     use resonarm::scenario::Scenario;
 
@@ -189,6 +190,7 @@ mod serving {
             interface: part.interface.clone(),
             // An exciter knows no angles.
             arm: (part.role != Role::Exciter).then(|| arm.clone()),
+            table: Channels::arm(scenario.rig.shaker.is_some()),
             model: Model::new(about, arm),
             source: Source::Run(watcher),
             // A steered load is not that of the scenario.
@@ -221,6 +223,7 @@ mod serving {
         let shown = Shown {
             interface: recording.origin().interface.clone(),
             arm: Some(arm.clone()),
+            table: recording.channels().clone(),
             model: Model::new(about, arm),
             compute: load(&scenario).map(|load| compute(scenario.clone(), load)),
             range_hz: range_hz(&scenario),

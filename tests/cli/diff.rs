@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use insta::assert_snapshot;
+use resonarm::recording::channels::Channels;
 use resonarm::recording::{Clipped, Configuration, Options, Record, Recorder, SampleRecord, StateRecord};
 
 use crate::{complaint, document, resonarm};
@@ -78,8 +79,9 @@ fn what_cannot_be_compared_is_said() {
 /// A recording of two samples, of which only what is marked differs from others, the last state as the end of the run
 /// and readings as clipped, and the current of a coil.
 fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_current_a: Option<f64>) {
-    let recorder =
-        Recorder::create(folder.join(name), &Configuration::new(), Options::virtual_time(1e-3, "none")).unwrap();
+    let channels = Channels::arm(coil_current_a.is_some());
+    let options = Options { channels, ..Options::virtual_time(1e-3, "none") };
+    let recorder = Recorder::create(folder.join(name), &Configuration::new(), options).unwrap();
     let mut channel = recorder.channel("plant", 64).unwrap();
     for sample in 0..2 {
         let zero = [0.0; 2];

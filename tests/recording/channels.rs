@@ -1,8 +1,10 @@
 //! The table of channels, and what is derived from it.
 
+use std::path::Path;
+
 use resonarm::export::{ExportFormat, Part, Selection, export};
 use resonarm::recording::channels::{Channels, Kind};
-use resonarm::recording::{Record, Recording, Topic};
+use resonarm::recording::{Options, Record, Recording, RecordingError, Topic};
 use resonarm::statistics::statistics;
 
 use crate::{Outcome, options, record, run};
@@ -43,7 +45,8 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
             state.coil_current_a = Some(0.5 + state.sample as f64);
         }
     }
-    record(&path, options(), &records)?;
+    let options = Options { channels: Channels::arm(true), ..options() };
+    record(&path, options, &records)?;
     let recording = Recording::open(&path)?;
     let found = statistics(&recording)?;
     let current = found.channels.iter().find(|channel| channel.name == "coil_current_a").ok_or("no current")?;
@@ -57,5 +60,52 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
     let csv = std::fs::read_to_string(directory.path().join("run-states.csv"))?;
     assert!(csv.lines().next().is_some_and(|names| names.ends_with(",force_y_n,coil_current_a,is_end")), "{csv}");
     assert!(csv.lines().nth(2).is_some_and(|row| row.ends_with(",1.5,0")), "{csv}");
+    Ok(())
+}
+
+#[test]
+fn a_record_of_other_channels_than_its_recording_is_refused() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let options = Options { channels: Channels::arm(true), ..options() };
+    let refused = record(&directory.path().join("run.mcap"), options, &run(1)?).err().ok_or("it was written")?;
+    let cause = refused.downcast_ref::<RecordingError>().ok_or("another error")?;
+    assert!(matches!(cause, RecordingError::Row { topic: "/plant/steps", expected: 9, got: 8, .. }), "{cause}");
+    Ok(())
+}
+
+/// The recording with a name in its schemas replaced by one of the same length; what opening it says.
+fn renamed(path: &Path, from: &str, to: &str) -> Outcome<String> {
+    let bytes = std::fs::read(path)?;
+    let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
+    let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
+    let about = [("format", "4"), ("dt_s", "0.001"), ("time", "simulated"), ("plot_every_samples", "10")];
+    let metadata = about.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    writer.write_metadata(&mcap::records::Metadata { name: String::from("resonarm.recording"), metadata })?;
+    for message in mcap::MessageStream::new(&bytes)? {
+        let mut message = message?;
+        let channel = message.channel.as_ref().clone();
+        let schema = channel.schema.as_ref().ok_or("a topic without a schema")?.as_ref().clone();
+        let mut data = schema.data.to_vec();
+        if let Some(place) = data.windows(from.len()).position(|name| name == from.as_bytes()) {
+            data[place..place + to.len()].copy_from_slice(to.as_bytes());
+        }
+        let schema = Some(std::sync::Arc::new(mcap::Schema { data: data.into(), ..schema }));
+        message.channel = std::sync::Arc::new(mcap::Channel { schema, ..channel });
+        writer.write(&message)?;
+    }
+    writer.finish()?;
+    let path = path.with_file_name("renamed.mcap");
+    std::fs::write(&path, writer.into_inner().into_inner())?;
+    let refused = Recording::open(&path).err().ok_or("it was read")?.to_string();
+    Ok(refused.replace(&path.display().to_string(), "renamed.mcap"))
+}
+
+#[test]
+fn the_channels_of_a_recording_are_checked() -> Outcome {
+    let directory = tempfile::tempdir()?;
+    let path = directory.path().join("run.mcap");
+    record(&path, options(), &run(3)?)?;
+    insta::assert_snapshot!(renamed(&path, "torque2_nm", "torque3_nm")?, @"recording `renamed.mcap` has channel `torque3_nm`, which this version does not know, in topic `/plant/steps`: read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(renamed(&path, "torque2_nm", "torque1_nm")?, @"recording `renamed.mcap` has channel `torque1_nm` twice, or two channels in its field, in topic `/plant/steps`: read it with the version of resonarm that wrote it");
     Ok(())
 }

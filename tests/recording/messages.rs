@@ -91,7 +91,7 @@ fn of_recordings_of_another_kind() -> Outcome {
         let _written = fs::write(&path, bytes);
         Recording::open(&path)
     };
-    let (topic, schema) = ("/plant/samples", "resonarm.v1.SampleBatch");
+    let (topic, schema) = ("/can/frames", "resonarm.v1.FrameBatch");
     let recording = open(&good, topic, schema)?;
     insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
     insta::assert_snapshot!(text(open(&[("format", "5"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 5, written by resonarm 9.1.0: this is resonarm 0.1.0, which reads formats 3 to 4; read it with version 9.1.0");
@@ -99,7 +99,7 @@ fn of_recordings_of_another_kind() -> Outcome {
     insta::assert_snapshot!(text(open(&[("format", "three")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `three` in its metadata `resonarm.recording`, expected a version of the format");
     insta::assert_snapshot!(text(open(&[("format", "3")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
     insta::assert_snapshot!(text(open(&[("format", "3"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
-    insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/plant/samples`, expected `resonarm.v1.SampleBatch (protobuf)`: read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/can/frames`, expected `resonarm.v1.FrameBatch (protobuf)`: read it with the version of resonarm that wrote it");
     Ok(())
 }
 

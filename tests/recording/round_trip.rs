@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
+use resonarm::recording::channels::Channels;
 use resonarm::recording::{
     Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
     SampleRecord, StateRecord, TickRecord,
@@ -42,11 +43,12 @@ fn clipped() -> impl Strategy<Value = Clipped> {
     })
 }
 
-fn any_record(sample: u64) -> impl Strategy<Value = Record> {
+fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
     let direction = prop_oneof![Just(Direction::Received), Just(Direction::Sent)];
     prop_oneof![
-        4 => ([pair(), pair(), pair(), pair()], prop::option::of(any::<u64>().prop_map(f64::from_bits))).prop_map(
-            move |([alpha_rad, alpha_dot_rad_s, torque_nm, force_n], coil_current_a)| {
+        4 => ([pair(), pair(), pair(), pair()], any::<u64>().prop_map(f64::from_bits)).prop_map(
+            move |([alpha_rad, alpha_dot_rad_s, torque_nm, force_n], current_a)| {
+                let coil_current_a = has_coil.then_some(current_a);
                 let is_end = sample % 7 == 3;
                 Record::State(StateRecord {
                     sample,
@@ -78,8 +80,8 @@ fn any_record(sample: u64) -> impl Strategy<Value = Record> {
     ]
 }
 
-/// Samples that mostly follow each other, and now and then jump anywhere.
-fn any_run() -> impl Strategy<Value = Vec<Record>> {
+/// Samples that mostly follow each other, and now and then jump anywhere, of a plant with or without a coil.
+fn any_run() -> impl Strategy<Value = (bool, Vec<Record>)> {
     let samples = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
         let samples = jumps.into_iter().scan(0_u64, |sample, (chance, anywhere)| {
             *sample = if chance == 0 { anywhere } else { sample.wrapping_add(u64::from(chance > 9)) };
@@ -87,7 +89,10 @@ fn any_run() -> impl Strategy<Value = Vec<Record>> {
         });
         samples.collect::<Vec<_>>()
     });
-    samples.prop_flat_map(|samples| samples.into_iter().map(any_record).collect::<Vec<_>>())
+    (any::<bool>(), samples).prop_flat_map(|(has_coil, samples)| {
+        let records = samples.into_iter().map(|sample| any_record(sample, has_coil)).collect::<Vec<_>>();
+        (Just(has_coil), records)
+    })
 }
 
 fn any_options() -> impl Strategy<Value = Options> {
@@ -142,9 +147,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn every_record_comes_back(records in any_run(), options in any_options()) {
+    fn every_record_comes_back((has_coil, records) in any_run(), options in any_options()) {
         let directory = tempfile::tempdir()?;
         let path = directory.path().join("run.mcap");
+        let options = Options { channels: Channels::arm(has_coil), ..options };
         record(&path, options, &records).map_err(|error| TestCaseError::fail(error.to_string()))?;
         let recording = Recording::open(&path)?;
         prop_assert_eq!(recording.integrity(), &Integrity::Complete);

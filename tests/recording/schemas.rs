@@ -10,8 +10,7 @@ use prost_build::Module;
 use protox::prost::Message;
 
 /// One schema a file: a descriptor then holds one message and what it needs, and nothing else.
-const NAMES: [&str; 8] =
-    ["command", "event", "frame_batch", "sample_batch", "sensors", "state", "step_batch", "tick_batch"];
+const NAMES: [&str; 3] = ["event", "frame_batch", "tick_batch"];
 
 /// Path inside `proto/` and content of a generated file.
 type Generated = (PathBuf, Vec<u8>);

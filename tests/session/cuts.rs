@@ -5,6 +5,39 @@ use resonarm::replay::resimulate;
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
+/// A cut from any sample on is simulated again, bit for bit, and has the readings of the whole.
+#[test]
+fn cuts_of_every_kind_of_run_are_simulated_again() {
+    let shaker = "[rig.shaker]\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\ndamping_n_s_m = 10.0\n\
+        force_factor_n_a = 20.0\nresistance_ohm = 2.0\ninductance_h = 3e-4\nstroke_m = 0.0127\n\
+        current_limit_a = 15.0\nvoltage_limit_v = 60.0\namplifier = ";
+    let rigs = [String::new(), format!("{shaker}'current'\n"), format!("{shaker}'voltage'\n")];
+    let converters = ["instant", "sinc5"];
+    for (rig, converter) in rigs.iter().flat_map(|rig| converters.map(|converter| (rig, converter))) {
+        let text = format!(
+            "[rig]\nconverter = '{converter}'\n{rig}[excitation]\namplitude = {{ force_x_n = 20.0 }}\n\
+             profile = {{ waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.3, settle_s = 0.1 }}\n"
+        );
+        let directory = tempfile::tempdir().unwrap();
+        let (whole, part) = (directory.path().join("whole.mcap"), directory.path().join("part.mcap"));
+        let record = Some(RecordTo { path: whole.clone(), existing: Existing::Refuse });
+        let scenario = Scenario::parse(&text, "test").unwrap();
+        let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
+        assert!(session.both(&Signals::default(), |_event| {}).unwrap().plant.error.is_none());
+        let whole = Recording::open(&whole).unwrap();
+        let readings: Vec<_> = whole.samples().unwrap().map(Result::unwrap).collect();
+        let (_, last) = whole.summary().samples.unwrap();
+        for first in (0..last).step_by(23) {
+            recording::cut(&whole, first..=last, &part, Existing::Overwrite).unwrap();
+            let part = Recording::open(&part).unwrap();
+            assert_eq!(part.channels(), whole.channels());
+            let verdict = resimulate(&part).unwrap();
+            assert!(verdict.identical && verdict.samples == last - first + 1, "{rig} from {first}: {verdict:?}");
+            assert!(part.samples().unwrap().map(Result::unwrap).eq(readings[first as usize..].iter().copied()));
+        }
+    }
+}
+
 /// The current in a coil is part of the state of a run in voltage mode: a cut begins with that of its first sample.
 #[test]
 fn a_cut_of_a_run_in_voltage_mode_is_simulated_again() {

@@ -7,6 +7,7 @@
 //! and a new one, `foxglove.sdk.v1`, for the same messages.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes};
@@ -19,7 +20,11 @@ use super::about::About;
 use super::moving_arm::MovingArm;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::export::scene;
-use resonarm_files::recording::{Batch, Batcher, Event, FrameBatcher, MessageType, Plot, Plots, Record, proto};
+use resonarm_files::recording::channels::Channels;
+use resonarm_files::recording::{
+    Batch, Batcher, Event, FrameBatcher, Layout, MessageType, NumberBatch, Numbers, Plot, Plots, Record, SampleRecord,
+    StateRecord, proto,
+};
 use resonarm_session::run::{self, CommandRecord};
 
 /// Both names of the subprotocol.
@@ -56,14 +61,14 @@ pub enum Channel {
 
 impl Channel {
     /// Its entry in `advertise`.
-    fn advertised(self, id: usize) -> Value {
+    fn advertised(self, id: usize, table: &Channels) -> Value {
         match self {
             Channel::Recorded(of) => json!({
                 "id": id,
                 "topic": of.topic().name(),
                 "encoding": "protobuf",
                 "schemaName": of.name(),
-                "schema": STANDARD.encode(of.descriptor()),
+                "schema": STANDARD.encode(of.descriptor(table)),
                 "schemaEncoding": "protobuf",
             }),
             Channel::Arm => json!({
@@ -91,8 +96,9 @@ pub struct Stream {
     dt_s: f64,
     /// Time of sample 0, ns of the UNIX epoch.
     start_unix_ns: u64,
-    states: Batcher<proto::StepBatch>,
-    readings: Batcher<proto::SampleBatch>,
+    table: Channels,
+    states: Batcher<NumberBatch<StateRecord>>,
+    readings: Batcher<NumberBatch<SampleRecord>>,
     ticks: Batcher<proto::TickBatch>,
     frames: FrameBatcher,
     plots: Plots,
@@ -103,17 +109,18 @@ pub struct Stream {
 
 impl Stream {
     /// For samples `dt_s` apart, the first at `start_unix_ns`, frames on the bus `interface`, and
-    /// an arm whose angles are known.
-    pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, arm: Option<Arm>) -> Stream {
+    /// an arm whose angles are known; states and readings consist of the channels of `table`.
+    pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, arm: Option<Arm>, table: Channels) -> Stream {
         Stream {
             dt_s,
             start_unix_ns,
-            states: Batcher::new(BATCH_ROWS, dt_s),
-            readings: Batcher::new(BATCH_ROWS, dt_s),
-            ticks: Batcher::new(BATCH_ROWS, dt_s),
+            states: numbers(&table, dt_s),
+            readings: numbers(&table, dt_s),
+            ticks: Batcher::new(proto::TickBatch::default(), BATCH_ROWS, dt_s),
             frames: FrameBatcher::new(BATCH_ROWS, interface),
             arm: arm.map(MovingArm::new),
-            plots: Plots::new(PLOT_EVERY),
+            plots: Plots::new(PLOT_EVERY, &table),
+            table,
             published: Vec::new(),
         }
     }
@@ -131,11 +138,10 @@ impl Stream {
         match notice {
             run::Told::Record(record) => self.record(record),
             run::Told::Command(CommandRecord { sample, load }) => {
-                let (t, f) = (load.torque_nm, load.force_n);
-                let (torque1_nm, torque2_nm, force_x_n, force_y_n) = (t.x, t.y, f.x, f.y);
                 if sample.is_multiple_of(PLOT_EVERY) {
-                    let command = proto::Command { step: *sample, torque1_nm, torque2_nm, force_x_n, force_y_n };
-                    self.publish(MessageType::Command, *sample, &command);
+                    let (t, f) = (load.torque_nm, load.force_n);
+                    let row = [0.0, 0.0, 0.0, 0.0, t.x, t.y, f.x, f.y];
+                    self.publish_plot(&Plot::new(MessageType::Command, &self.table, *sample, &row, 0));
                 }
             }
             run::Told::Response(_) | run::Told::SetPoint(_) => {}
@@ -210,13 +216,12 @@ impl Stream {
 
     fn publish_plots(&mut self) {
         for plot in self.plots.ready() {
-            let sample = plot.sample();
-            match plot {
-                Plot::State(state) => self.publish(MessageType::State, sample, &state),
-                Plot::Command(command) => self.publish(MessageType::Command, sample, &command),
-                Plot::Sensors(sensors) => self.publish(MessageType::Sensors, sample, &sensors),
-            }
+            self.publish_plot(&plot);
         }
+    }
+
+    fn publish_plot(&mut self, plot: &Plot) {
+        self.publish(plot.message_type, plot.sample, plot);
     }
 
     fn publish(&mut self, message_type: MessageType, sample: u64, message: &impl prost::Message) {
@@ -230,13 +235,18 @@ impl Stream {
     }
 }
 
+/// Gathers states or readings.
+fn numbers<R: Numbers>(table: &Channels, dt_s: f64) -> Batcher<NumberBatch<R>> {
+    Batcher::new(NumberBatch::new(Arc::new(Layout::new(table, R::TYPE))), BATCH_ROWS, dt_s)
+}
+
 /// Time of a sample, ns of the UNIX epoch.
 fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
     start_unix_ns.saturating_add((sample as f64 * dt_s * 1e9) as u64)
 }
 
 /// The first messages to a client.
-pub fn introduction(about: &About, channels: &[Channel], session: &str) -> [Message; 2] {
+pub fn introduction(about: &About, channels: &[Channel], table: &Channels, session: &str) -> [Message; 2] {
     let info = json!({
         "op": "serverInfo",
         "name": format!("resonarm {} ({}, {})", about.version, about.role, about.place),
@@ -245,7 +255,7 @@ pub fn introduction(about: &About, channels: &[Channel], session: &str) -> [Mess
         "metadata": { "arm": about.arm, "rate_hz": about.rate_hz.to_string() },
         "sessionId": session,
     });
-    let channels: Vec<Value> = channels.iter().enumerate().map(|(id, channel)| channel.advertised(id)).collect();
+    let channels: Vec<Value> = channels.iter().enumerate().map(|(id, channel)| channel.advertised(id, table)).collect();
     [text(&info), text(&json!({ "op": "advertise", "channels": channels }))]
 }
 
@@ -335,7 +345,7 @@ mod tests {
     use prost::Message as _;
 
     use super::*;
-    use resonarm_files::recording::{Direction, FrameRecord, StateRecord, TickRecord};
+    use resonarm_files::recording::{Direction, FrameRecord, TickRecord};
     use resonarm_files::scenario::Scenario;
 
     fn frame(sample: u64, direction: Direction, id: u16) -> Record {
@@ -345,7 +355,7 @@ mod tests {
 
     #[test]
     fn frames_are_sent_as_recorded() {
-        let mut stream = Stream::new(1e-3, 0, "vcan0", None);
+        let mut stream = Stream::new(1e-3, 0, "vcan0", None, Channels::default());
         assert_eq!(stream.channels().len(), CHANNELS.len() - 1);
         stream.record(&frame(3, Direction::Received, 0x203));
         stream.record(&frame(4, Direction::Sent, 0x205));
@@ -364,7 +374,8 @@ mod tests {
 
     #[test]
     fn the_arm_is_sent_once_an_update_as_in_copies_for_viewers() {
-        let mut stream = Stream::new(1e-3, 1_000, "none", Some(Scenario::default().build_arm().unwrap()));
+        let mut stream =
+            Stream::new(1e-3, 1_000, "none", Some(Scenario::default().build_arm().unwrap()), Channels::default());
         assert_eq!(stream.channels(), CHANNELS);
         let zero = [0.0; 2];
         for sample in 5..8 {
@@ -391,7 +402,7 @@ mod tests {
 
     #[test]
     fn subscribers_get_frames_and_nonsense_is_answered() {
-        let mut stream = Stream::new(1e-3, 1_000, "vcan0", None);
+        let mut stream = Stream::new(1e-3, 1_000, "vcan0", None, Channels::default());
         let mut subscriptions = Subscriptions::new(stream.channels());
         let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":5},{"id":8,"channelId":99}]}"#;
         let Some(Message::Text(refused)) = subscriptions.said(subscribe) else { panic!("nothing refused") };

@@ -24,6 +24,7 @@ use super::model::Model;
 use super::source::Source;
 use super::{LiveError, page, viewer};
 use resonarm_dynamics::arm::Arm;
+use resonarm_files::recording::channels::Channels;
 
 /// Interval between updates: thirty a second.
 const BEAT: Duration = Duration::from_millis(33);
@@ -63,6 +64,8 @@ pub struct Shown {
     pub interface: String,
     /// The arm, if its angles are known.
     pub arm: Option<Arm>,
+    /// What its states and readings consist of.
+    pub table: Channels,
 }
 
 /// A server at work; it ends when this is dropped.
@@ -86,6 +89,7 @@ pub struct Shared {
     pub session: String,
     /// The channels published for Foxglove.
     pub channels: &'static [Channel],
+    pub table: Channels,
     origins: Origins,
 }
 
@@ -102,7 +106,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
     let branches = shown.compute.map(Branches::start).transpose()?;
     let dt_s = 1.0 / shown.model.about().rate_hz;
-    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.arm);
+    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.arm, shown.table.clone());
     let shared = Arc::new(Shared {
         model: Mutex::new(shown.model),
         source: Mutex::new(shown.source),
@@ -113,6 +117,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         viewers: AtomicUsize::new(0),
         session: shown.start_unix_ns.to_string(),
         channels: stream.channels(),
+        table: shown.table,
         origins: options.origins.clone(),
     });
     let beats = Beats { shared: Arc::clone(&shared), branches, range_hz: shown.range_hz, stream, count: 0 };

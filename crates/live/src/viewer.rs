@@ -137,7 +137,8 @@ fn refuse(why: &str, nonsense: &mut u32) -> Option<Message> {
 /// Sends a Foxglove client the messages it has subscribed to.
 pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
-    let introduction = foxglove::introduction(lock(&shared.model).about(), shared.channels, &shared.session);
+    let introduction =
+        foxglove::introduction(lock(&shared.model).about(), shared.channels, &shared.table, &shared.session);
     let mut published = shared.published.subscribe();
     let (mut subscriptions, mut nonsense) = (Subscriptions::new(shared.channels), 0);
     if send(&mut socket, introduction).await.is_err() {

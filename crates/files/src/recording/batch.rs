@@ -2,14 +2,14 @@
 
 use alloc::vec::Vec;
 
+use super::TickRecord;
 use super::schema::MessageType;
+use super::schema::proto::TickBatch;
 use super::schema::proto::tick_batch::Cause;
-use super::schema::proto::{SampleBatch, StepBatch, TickBatch};
-use super::{Clipped, SampleRecord, StateRecord, TickRecord};
 use resonarm_realtime::OverrunCause;
 
 /// A message that holds one row for each of a number of consecutive samples, column by column.
-pub trait Batch: prost::Message + Default {
+pub(crate) trait Batch: prost::Message {
     /// What one row is made from.
     type Row: Copy;
 
@@ -49,7 +49,7 @@ pub trait Batch: prost::Message + Default {
 
 /// Gathers rows until a batch is full or the samples stop being consecutive.
 #[derive(Debug)]
-pub struct Batcher<B> {
+pub(crate) struct Batcher<B> {
     batch: B,
     rows: u32,
     limit: u32,
@@ -57,9 +57,9 @@ pub struct Batcher<B> {
 }
 
 impl<B: Batch> Batcher<B> {
-    /// Gathers at most `limit` rows, `dt_s` apart.
-    pub fn new(limit: u32, dt_s: f64) -> Batcher<B> {
-        Batcher { batch: B::default(), rows: 0, limit, dt_s }
+    /// Gathers at most `limit` rows, `dt_s` apart, in `batch`, which is empty.
+    pub fn new(batch: B, limit: u32, dt_s: f64) -> Batcher<B> {
+        Batcher { batch, rows: 0, limit, dt_s }
     }
 
     /// Whether `row` can't be appended before the batch is taken.
@@ -82,120 +82,6 @@ impl<B: Batch> Batcher<B> {
     pub fn take(&mut self) -> Option<&B> {
         let rows = core::mem::take(&mut self.rows);
         (rows > 0).then_some(&self.batch)
-    }
-}
-
-impl Batch for StepBatch {
-    type Row = StateRecord;
-    const TYPE: MessageType = MessageType::StepBatch;
-
-    fn begin(&mut self, first_sample: u64, dt_s: f64) {
-        prost::Message::clear(self);
-        self.first_step = first_sample;
-        self.dt_s = dt_s;
-    }
-
-    fn first_sample(&self) -> u64 {
-        self.first_step
-    }
-
-    fn sample(row: &StateRecord) -> u64 {
-        row.sample
-    }
-
-    fn append(&mut self, row: &StateRecord) {
-        self.alpha1_rad.push(row.alpha_rad[0]);
-        self.alpha2_rad.push(row.alpha_rad[1]);
-        self.alpha1_dot_rad_s.push(row.alpha_dot_rad_s[0]);
-        self.alpha2_dot_rad_s.push(row.alpha_dot_rad_s[1]);
-        self.torque1_nm.push(row.torque_nm[0]);
-        self.torque2_nm.push(row.torque_nm[1]);
-        self.force_x_n.push(row.force_n[0]);
-        self.force_y_n.push(row.force_n[1]);
-        self.coil_current_a.extend(row.coil_current_a);
-        self.last_row_is_end = row.is_end;
-    }
-
-    fn dt_s(&self) -> Option<f64> {
-        Some(self.dt_s)
-    }
-
-    fn takes(&self, row: &StateRecord) -> bool {
-        !self.last_row_is_end && self.coil_current_a.is_empty() == row.coil_current_a.is_none()
-    }
-
-    fn columns(&self) -> Vec<usize> {
-        let columns = [&self.alpha1_rad, &self.alpha2_rad, &self.alpha1_dot_rad_s, &self.alpha2_dot_rad_s];
-        let loads = [&self.torque1_nm, &self.torque2_nm, &self.force_x_n, &self.force_y_n];
-        let current = (!self.coil_current_a.is_empty()).then_some(self.coil_current_a.len());
-        columns.iter().chain(&loads).map(|column| column.len()).chain(current).collect()
-    }
-
-    fn row(&self, index: usize) -> Option<StateRecord> {
-        let coil_current_a = match self.coil_current_a.as_slice() {
-            [] => None,
-            column => Some(*column.get(index)?),
-        };
-        Some(StateRecord {
-            sample: self.first_step.checked_add(index as u64)?,
-            alpha_rad: [*self.alpha1_rad.get(index)?, *self.alpha2_rad.get(index)?],
-            alpha_dot_rad_s: [*self.alpha1_dot_rad_s.get(index)?, *self.alpha2_dot_rad_s.get(index)?],
-            torque_nm: [*self.torque1_nm.get(index)?, *self.torque2_nm.get(index)?],
-            force_n: [*self.force_x_n.get(index)?, *self.force_y_n.get(index)?],
-            coil_current_a,
-            is_end: self.last_row_is_end && index + 1 == self.force_x_n.len(),
-        })
-    }
-}
-
-impl Batch for SampleBatch {
-    type Row = SampleRecord;
-    const TYPE: MessageType = MessageType::SampleBatch;
-
-    fn begin(&mut self, first_sample: u64, dt_s: f64) {
-        prost::Message::clear(self);
-        self.first_step = first_sample;
-        self.dt_s = dt_s;
-    }
-
-    fn first_sample(&self) -> u64 {
-        self.first_step
-    }
-
-    fn sample(row: &SampleRecord) -> u64 {
-        row.sample
-    }
-
-    fn append(&mut self, row: &SampleRecord) {
-        self.acceleration_b_x_m_s2.push(row.acceleration_b_m_s2[0]);
-        self.acceleration_b_y_m_s2.push(row.acceleration_b_m_s2[1]);
-        self.acceleration_c_x_m_s2.push(row.acceleration_c_m_s2[0]);
-        self.acceleration_c_y_m_s2.push(row.acceleration_c_m_s2[1]);
-        self.head_force_x_n.push(row.head_force_n[0]);
-        self.head_force_y_n.push(row.head_force_n[1]);
-        self.clipped.push(row.clipped.bits());
-    }
-
-    fn dt_s(&self) -> Option<f64> {
-        Some(self.dt_s)
-    }
-
-    fn columns(&self) -> Vec<usize> {
-        let accelerations = [&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2];
-        let others =
-            [&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2, &self.head_force_x_n, &self.head_force_y_n];
-        accelerations.iter().chain(&others).map(|column| column.len()).chain([self.clipped.len()]).collect()
-    }
-
-    fn row(&self, index: usize) -> Option<SampleRecord> {
-        let pair = |x: &[f64], y: &[f64]| Some([*x.get(index)?, *y.get(index)?]);
-        Some(SampleRecord {
-            sample: self.first_step.checked_add(index as u64)?,
-            acceleration_b_m_s2: pair(&self.acceleration_b_x_m_s2, &self.acceleration_b_y_m_s2)?,
-            acceleration_c_m_s2: pair(&self.acceleration_c_x_m_s2, &self.acceleration_c_y_m_s2)?,
-            head_force_n: pair(&self.head_force_x_n, &self.head_force_y_n)?,
-            clipped: Clipped::from_bits(*self.clipped.get(index)?)?,
-        })
     }
 }
 

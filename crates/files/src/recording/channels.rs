@@ -185,6 +185,14 @@ impl Channels {
         Channels { states, readings: READINGS.into() }
     }
 
+    /// Those of a topic are these.
+    pub(super) fn set(&mut self, topic: Topic, channels: &[Channel]) {
+        match topic {
+            Topic::Samples => self.readings = channels.to_vec(),
+            _ => self.states = channels.to_vec(),
+        }
+    }
+
     /// Those of a topic, vector by vector: its name and its components.
     pub fn vectors(&self, topic: Topic) -> impl Iterator<Item = (&'static str, &[Channel])> {
         self.of(topic).chunk_by(|one, next| one.vector == next.vector).map(|vector| (vector[0].vector, vector))
@@ -197,6 +205,12 @@ impl Channels {
             Topic::Samples => &self.readings,
             _ => &[],
         }
+    }
+}
+
+impl Default for Channels {
+    fn default() -> Channels {
+        Channels::arm(false)
     }
 }
 

@@ -3,11 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::ops::Range;
+use std::sync::Arc;
 
 use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, parse_record};
 
+use super::layout::{ChannelsError, Layout};
 use super::lengths;
 use super::schema::{MessageType, Topic};
 
@@ -29,6 +31,8 @@ pub(super) enum Fault {
     Io(io::Error),
     /// A topic has another message type than it should.
     Schema(Topic, String),
+    /// A topic has other channels than it should.
+    Channels(String, ChannelsError),
 }
 
 impl From<McapError> for Fault {
@@ -48,14 +52,24 @@ impl From<McapError> for Fault {
 /// What the chunks read so far have declared, and the messages of the last.
 #[derive(Default)]
 pub(super) struct Contents {
-    schemas: BTreeMap<u16, String>,
-    channels: BTreeMap<u16, Option<MessageType>>,
+    schemas: BTreeMap<u16, (String, Vec<u8>)>,
+    channels: BTreeMap<u16, Option<Declared>>,
     bytes: Vec<u8>,
     messages: Vec<Message>,
 }
 
+/// A topic of ours that is declared.
+#[derive(Clone)]
+pub(super) struct Declared {
+    pub message_type: MessageType,
+    /// The schema as it is in the file.
+    pub schema: Vec<u8>,
+    /// Where the numbers of its messages are, of states and readings.
+    pub layout: Option<Arc<Layout>>,
+}
+
 struct Message {
-    message_type: MessageType,
+    channel: u16,
     log_time_ns: u64,
     publish_time_ns: u64,
     range: Range<usize>,
@@ -65,24 +79,29 @@ struct Message {
 #[derive(Clone, Copy)]
 pub(super) struct RawMessage<'a> {
     pub message_type: MessageType,
+    pub layout: Option<&'a Arc<Layout>>,
     pub log_time_ns: u64,
     pub publish_time_ns: u64,
     pub bytes: &'a [u8],
 }
 
 impl Contents {
-    /// Types of message declared so far.
-    pub fn types(&self) -> impl Iterator<Item = MessageType> {
-        self.channels.values().filter_map(|message_type| *message_type)
+    /// Topics of ours declared so far.
+    pub fn declared(&self) -> impl Iterator<Item = &Declared> {
+        self.channels.values().flatten()
     }
 
     /// The messages of the chunk read last, in the order in which they were written.
     pub fn messages(&self) -> impl Iterator<Item = RawMessage<'_>> {
-        self.messages.iter().map(|message| RawMessage {
-            message_type: message.message_type,
-            log_time_ns: message.log_time_ns,
-            publish_time_ns: message.publish_time_ns,
-            bytes: &self.bytes[message.range.clone()],
+        self.messages.iter().filter_map(|message| {
+            let declared = self.channels.get(&message.channel)?.as_ref()?;
+            Some(RawMessage {
+                message_type: declared.message_type,
+                layout: declared.layout.as_ref(),
+                log_time_ns: message.log_time_ns,
+                publish_time_ns: message.publish_time_ns,
+                bytes: &self.bytes[message.range.clone()],
+            })
         })
     }
 
@@ -128,26 +147,32 @@ impl Contents {
     /// Makes sense of a record inside a chunk, or of a declaration repeated at the end of the file.
     pub fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
         match parse(opcode, body)? {
-            McapRecord::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
+            McapRecord::Schema { header, data } => {
+                self.schemas.insert(header.id, (header.name, data.into_owned()));
             }
             McapRecord::Channel(channel) => {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
-                let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
+                let (schema, data) =
+                    self.schemas.get(&channel.schema_id).map_or(("", &[][..]), |(name, data)| (name, data));
                 let message_type = MessageType::ALL.into_iter().find(|of| {
                     Some(of.topic()) == topic && of.name() == schema && channel.message_encoding == "protobuf"
                 });
                 if let (Some(topic), None) = (topic, message_type) {
                     return Err(Fault::Schema(topic, format!("{schema} ({})", channel.message_encoding)));
                 }
-                self.channels.insert(channel.id, message_type);
+                let is_of_numbers = |of: &MessageType| matches!(of, MessageType::StepBatch | MessageType::SampleBatch);
+                let layout = message_type.filter(is_of_numbers).map(|of| Layout::read(of, data).map(Arc::new));
+                let layout = layout.transpose().map_err(|cause| Fault::Channels(channel.topic.clone(), cause))?;
+                let schema = data.to_vec();
+                let declared = message_type.map(|message_type| Declared { message_type, schema, layout });
+                self.channels.insert(channel.id, declared);
             }
             McapRecord::Message { header, data } => match self.channels.get(&header.channel_id) {
-                Some(Some(message_type)) => {
+                Some(Some(_)) => {
                     let start = self.bytes.len();
                     self.bytes.extend_from_slice(&data);
                     self.messages.push(Message {
-                        message_type: *message_type,
+                        channel: header.channel_id,
                         log_time_ns: header.log_time,
                         publish_time_ns: header.publish_time,
                         range: start..self.bytes.len(),

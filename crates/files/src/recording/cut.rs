@@ -149,6 +149,7 @@ fn options(recording: &Recording, existing: Existing) -> Options {
         naming: Naming::Whole,
         plot_every_samples: origin.plot_every_samples,
         reading_delay_samples: origin.reading_delay_samples,
+        channels: recording.channels().clone(),
         ..Options::virtual_time(origin.dt_s, &origin.interface)
     }
 }

@@ -38,84 +38,120 @@ pub(super) fn describe(every: u64) -> String {
     }
 }
 
-/// Takes rows of `N` numbers, and gives every n-th filtered.
-pub(super) struct Decimator<const N: usize> {
+/// Numbers of a row that are filtered at once: as many sums as hide the latency of an addition.
+const LANES: usize = 8;
+
+/// Takes rows of numbers, and gives every n-th filtered.
+pub(super) struct Decimator {
     every: u64,
     taps: Vec<f64>,
-    /// The rows under the filter, oldest first, each with its flags.
-    window: VecDeque<([f64; N], u32)>,
+    /// The numbers of a row.
+    width: usize,
+    /// The rows under the filter, oldest first, in blocks of [`LANES`] numbers.
+    windows: Vec<VecDeque<[f64; LANES]>>,
+    /// The flags of each row.
+    flags: VecDeque<u32>,
     /// The first row of the series and the one after its last.
     series: Option<(u64, u64)>,
 }
 
 /// A filtered row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Decimated<const N: usize> {
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Decimated {
     /// The index of the row for which it stands.
     pub index: u64,
-    pub values: [f64; N],
+    pub values: Vec<f64>,
     /// The flags of all rows that it was made of.
     pub flags: u32,
 }
 
-impl<const N: usize> Decimator<N> {
-    /// Gives the rows whose index is a multiple of `every`; none for 0, and for 1 all as they are.
-    pub fn new(every: u64) -> Decimator<N> {
+impl Decimator {
+    /// Gives the rows, of `width` numbers each, whose index is a multiple of `every`; none for 0, and for 1 all as they
+    /// are.
+    pub fn new(every: u64, width: usize) -> Decimator {
         let taps = if every < 2 { vec![1.0] } else { taps(every) };
-        Decimator { every, window: VecDeque::with_capacity(taps.len() + 1), taps, series: None }
+        let windows = vec![VecDeque::with_capacity(taps.len() + 1); width.div_ceil(LANES)];
+        let flags = VecDeque::with_capacity(taps.len() + 1);
+        Decimator { every, taps, width, windows, flags, series: None }
     }
 
     /// Takes the next row; a row that doesn't follow the last begins another series. Hands over what is ready.
-    pub fn push(&mut self, index: u64, values: [f64; N], flags: u32, ready: &mut Vec<Decimated<N>>) {
+    pub fn push(&mut self, index: u64, values: &[f64], flags: u32, ready: &mut Vec<Decimated>) {
         if self.every == 0 {
             return;
         }
         if self.series.is_some_and(|(_, next)| next != index) {
             self.end(ready);
         }
-        let (first, _) = *self.series.get_or_insert_with(|| {
-            self.window.clear();
-            self.window.extend(core::iter::repeat_n((values, flags), self.taps.len()));
-            (index, index)
-        });
+        let first = match self.series {
+            Some((first, _)) => first,
+            None => {
+                (0..self.taps.len()).for_each(|_| self.take(values, flags));
+                index
+            }
+        };
         self.series = Some((first, index.wrapping_add(1)));
-        self.shift(index, (values, flags), ready);
+        self.take(values, flags);
+        self.give(index, ready);
     }
 
     /// Ends the series, and hands over the rest of it.
-    pub fn end(&mut self, ready: &mut Vec<Decimated<N>>) {
-        let (Some((_, next)), Some(last)) = (self.series, self.window.back().copied()) else { return };
+    pub fn end(&mut self, ready: &mut Vec<Decimated>) {
+        let (Some((_, next)), Some(last)) = (self.series, self.last()) else { return };
         for index in 0..self.half_length() {
-            self.shift(next.wrapping_add(index), last, ready);
+            self.take(&last.values, last.flags);
+            self.give(next.wrapping_add(index), ready);
         }
         self.series = None;
+    }
+
+    /// The newest row as it is.
+    fn last(&self) -> Option<Decimated> {
+        let blocks = self.windows.iter().filter_map(VecDeque::back).flatten();
+        let (values, flags) = (blocks.take(self.width).copied().collect(), *self.flags.back()?);
+        Some(Decimated { index: self.series?.1.wrapping_sub(1), values, flags })
+    }
+
+    /// Takes a row into the windows in place of the oldest.
+    fn take(&mut self, values: &[f64], flags: u32) {
+        let is_full = self.flags.len() == self.taps.len();
+        for (window, values) in self.windows.iter_mut().zip(values.chunks(LANES)) {
+            let mut block = [0.0; LANES];
+            block[..values.len()].copy_from_slice(values);
+            window.push_back(block);
+            is_full.then(|| window.pop_front());
+        }
+        self.flags.push_back(flags);
+        is_full.then(|| self.flags.pop_front());
     }
 
     fn half_length(&self) -> u64 {
         (self.taps.len() / 2) as u64
     }
 
-    /// Moves the filter on to `newest`, and gives the row in its middle, if it is asked for.
-    fn shift(&mut self, newest: u64, row: ([f64; N], u32), ready: &mut Vec<Decimated<N>>) {
-        self.window.pop_front();
-        self.window.push_back(row);
+    /// Gives the row in the middle of the windows up to `newest`, if it is asked for.
+    fn give(&self, newest: u64, ready: &mut Vec<Decimated>) {
         let middle = newest.wrapping_sub(self.half_length());
         let within = self.series.is_some_and(|(first, next)| middle.wrapping_sub(first) < next.wrapping_sub(first));
         if within && middle.is_multiple_of(self.every) {
-            ready.push(self.filtered(middle));
+            match self.taps.as_slice() {
+                [_] => ready.extend(self.last()),
+                taps => ready.push(self.filtered(taps, middle)),
+            }
         }
     }
 
-    fn filtered(&self, index: u64) -> Decimated<N> {
-        if let ([_], Some((values, flags))) = (self.taps.as_slice(), self.window.back()) {
-            return Decimated { index, values: *values, flags: *flags };
+    fn filtered(&self, taps: &[f64], index: u64) -> Decimated {
+        let mut values = Vec::with_capacity(self.windows.len() * LANES);
+        for window in &self.windows {
+            let mut sums = [0.0; LANES];
+            for (tap, row) in taps.iter().zip(window) {
+                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += tap * value);
+            }
+            values.extend(sums);
         }
-        let (mut values, mut flags) = ([0.0; N], 0);
-        for (tap, (row, flag)) in self.taps.iter().zip(&self.window) {
-            values.iter_mut().zip(row).for_each(|(sum, value)| *sum += tap * value);
-            flags |= flag;
-        }
-        Decimated { index, values, flags }
+        values.truncate(self.width);
+        Decimated { index, values, flags: self.flags.iter().fold(0, |all, flags| all | flags) }
     }
 }
 
@@ -154,10 +190,10 @@ mod tests {
 
     /// Every 10th row of a sine of 1 at `frequency`, in parts of the rate.
     fn decimated(frequency: f64) -> Vec<f64> {
-        let mut decimator = Decimator::<1>::new(10);
+        let mut decimator = Decimator::new(10, 1);
         let mut ready = Vec::new();
         for index in 0..5000_u64 {
-            decimator.push(index, [libm::sin(2.0 * PI * frequency * index as f64)], 0, &mut ready);
+            decimator.push(index, &[libm::sin(2.0 * PI * frequency * index as f64)], 0, &mut ready);
         }
         decimator.end(&mut ready);
         assert!(ready.iter().map(|row| row.index).eq((0..5000).step_by(10)));
@@ -187,10 +223,10 @@ mod tests {
 
     #[test]
     fn a_constant_stays_and_flags_reach_every_value_that_rests_on_them() {
-        let mut decimator = Decimator::<2>::new(4);
+        let mut decimator = Decimator::new(4, 2);
         let mut ready = Vec::new();
         for index in 1000..2000_u64 {
-            decimator.push(index, [3.0, -2.0], u32::from(index == 1500), &mut ready);
+            decimator.push(index, &[3.0, -2.0], u32::from(index == 1500), &mut ready);
         }
         decimator.end(&mut ready);
         assert!(ready.iter().map(|row| row.index).eq((1000..2000).step_by(4)));
@@ -203,10 +239,10 @@ mod tests {
     #[test]
     fn all_or_nothing_is_given_as_it_is() {
         for (every, count) in [(0, 0), (1, 100)] {
-            let mut decimator = Decimator::<1>::new(every);
+            let mut decimator = Decimator::new(every, 1);
             let mut ready = Vec::new();
             for index in (0..60_u64).chain(100..140) {
-                decimator.push(index, [if index == 3 { -0.0 } else { index as f64 }], 0, &mut ready);
+                decimator.push(index, &[if index == 3 { -0.0 } else { index as f64 }], 0, &mut ready);
             }
             decimator.end(&mut ready);
             assert_eq!(ready.len(), count);
@@ -217,10 +253,10 @@ mod tests {
 
     #[test]
     fn a_gap_ends_a_series() {
-        let mut decimator = Decimator::<1>::new(10);
+        let mut decimator = Decimator::new(10, 1);
         let mut ready = Vec::new();
         for index in (0..400_u64).chain(1_000..1_400) {
-            decimator.push(index, [if index < 400 { 1.0 } else { 5.0 }], 0, &mut ready);
+            decimator.push(index, &[if index < 400 { 1.0 } else { 5.0 }], 0, &mut ready);
         }
         decimator.end(&mut ready);
         assert!(ready.iter().map(|row| row.index).eq((0..400).step_by(10).chain((1_000..1_400).step_by(10))));

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use mcap::McapError;
 
 use super::Integrity;
+use super::layout::ChannelsError;
 use super::schema::{FIRST_FORMAT, FORMAT};
 
 /// Why a recording can't be written or read.
@@ -168,6 +169,31 @@ pub enum RecordingError {
         expected: &'static str,
         /// Message type and encoding that it has.
         got: String,
+    },
+    /// A topic has other channels than the table.
+    #[error("recording `{path}` has {cause}, in topic `{topic}`: read it with the version of resonarm that wrote it")]
+    Channels {
+        /// The file.
+        path: PathBuf,
+        /// Name of the topic.
+        topic: String,
+        /// What is wrong with them.
+        cause: ChannelsError,
+    },
+    /// A record does not have the channels of its recording.
+    #[error(
+        "a record of {got} numbers can't be written to recording `{path}`, whose topic `{topic}` has {expected} channels: \
+         set `Options::channels` to those of the plant"
+    )]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Name of the topic.
+        topic: &'static str,
+        /// How many channels the topic has.
+        expected: usize,
+        /// How many numbers the record has.
+        got: usize,
     },
     /// The file has no such topic.
     #[error(

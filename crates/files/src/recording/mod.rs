@@ -26,6 +26,7 @@ mod decimate;
 mod decode;
 mod error;
 mod frames;
+mod layout;
 mod lengths;
 mod options;
 mod plots;
@@ -43,13 +44,19 @@ mod summary;
 mod walk;
 mod writer;
 
-pub use batch::{Batch, Batcher};
+#[cfg(feature = "live")]
+pub(crate) use batch::{Batch, Batcher};
 pub use build_info::{BuildInfo, build_info};
 pub use cut::{cut, merge};
 pub use error::RecordingError;
-pub use frames::FrameBatcher;
+#[cfg(feature = "live")]
+pub(crate) use frames::FrameBatcher;
+pub use layout::ChannelsError;
+#[cfg(feature = "live")]
+pub(crate) use layout::{Layout, NumberBatch, Numbers, Plot};
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Naming, Options, TimeBase};
-pub use plots::{Plot, Plots};
+#[cfg(feature = "live")]
+pub(crate) use plots::Plots;
 pub use reader::Recording;
 pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};
@@ -57,5 +64,6 @@ pub use records::Records;
 pub use recover::{MissingSamples, Recovered, recover};
 pub use salvage::LostChunk;
 pub use schema::Topic;
-pub use schema::{MessageType, proto};
+#[cfg(feature = "live")]
+pub(crate) use schema::{MessageType, proto};
 pub use summary::{Integrity, Origin, RecordedFault, RecordingSummary, RunTime, TopicSummary};

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use super::channels::Channels;
 use super::{RecordingError, RunTime};
 use resonarm_numeric::number::short;
 
@@ -147,6 +148,8 @@ pub struct Options {
     pub plot_every_samples: u64,
     /// How long before its sample a reading was, in samples, 0 or more: noted in the file. By default 0.5.
     pub reading_delay_samples: f64,
+    /// What states and readings consist of. By default the arm's, without the coil of a shaker.
+    pub channels: Channels,
 }
 
 impl Options {
@@ -179,6 +182,7 @@ impl Options {
             batch_samples: 500,
             plot_every_samples: 10,
             reading_delay_samples: 0.5,
+            channels: Channels::arm(false),
         }
     }
 

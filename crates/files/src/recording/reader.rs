@@ -22,7 +22,6 @@ pub struct Recording {
     scan: Scan,
     origin: Origin,
     configuration: Configuration,
-    channels: Channels,
 }
 
 impl Recording {
@@ -43,8 +42,7 @@ impl Recording {
             return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
         }
         let configuration = Configuration(scan.required(path, metadata::CONFIGURATION)?.clone());
-        let channels = Channels::arm(scan.tally.has_coil);
-        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration, channels })
+        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })
     }
 
     /// The file.
@@ -69,7 +67,7 @@ impl Recording {
 
     /// What its states and readings consist of.
     pub fn channels(&self) -> &Channels {
-        &self.channels
+        &self.scan.tally.channels
     }
 
     /// The statistics handed in at the end of the run, if its end is in the file.

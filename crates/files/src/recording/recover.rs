@@ -67,7 +67,8 @@ pub fn recover(
     Origin::of(input, &scan)?;
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
     let (mut staged, file) = Staged::create(output, existing).map_err(|error| RecordingError::create(output, error))?;
-    let mut sink = Sink::begin(file, output, Compression::Zstd, &head, salvage.contents().types())?;
+    let schemas = salvage.contents().declared().map(|topic| (topic.message_type, topic.schema.clone()));
+    let mut sink = Sink::begin(file, output, Compression::Zstd, &head, schemas)?;
     let filled = fill(&mut sink, salvage, input, &scan).and_then(|copied| {
         head.into_iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
         finish(&mut sink, input, &scan, &copied)?;

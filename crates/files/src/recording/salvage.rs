@@ -227,5 +227,6 @@ fn cause(fault: Fault) -> String {
         Fault::Damaged(cause) => cause,
         Fault::Io(error) => error.to_string(),
         Fault::Schema(topic, got) => format!("topic {} has messages {got}", topic.name()),
+        Fault::Channels(topic, cause) => format!("topic {topic} has {cause}"),
     }
 }

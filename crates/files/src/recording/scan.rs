@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::channels::Channels;
 use super::contents::Contents;
 use super::decode::decode;
 use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
 use super::summary::format;
 use super::walk::{Part, Walk};
-use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, StateRecord, TopicSummary};
+use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use resonarm_numeric::number::short;
 
 /// How many faults are told one by one; what comes after these is in `/events`.
@@ -38,8 +39,8 @@ pub(super) struct Tally {
     pub dt_s: Option<f64>,
     /// Samples with a reading beyond the range of its sensor.
     pub clipped_samples: u64,
-    /// Whether a state has the current in a coil.
-    pub has_coil: bool,
+    /// What states and readings consist of, as far as their topics are declared.
+    pub channels: Channels,
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
     /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
@@ -146,7 +147,11 @@ impl Tally {
     /// The tally with the chunk that was read last. Errors: what is wrong with a message in it.
     pub fn with(mut self, contents: &Contents) -> Result<Tally, String> {
         self.topics.iter_mut().for_each(|topic| topic.first_of_chunk = None);
-        contents.types().for_each(|of| self.topics[of.topic() as usize].declared = true);
+        for declared in contents.declared() {
+            let topic = declared.message_type.topic();
+            self.topics[topic as usize].declared = true;
+            declared.layout.iter().for_each(|layout| self.channels.set(topic, layout.channels()));
+        }
         for message in contents.messages() {
             let topic = message.message_type.topic();
             let summary = &mut self.topics[topic as usize].summary;
@@ -192,7 +197,6 @@ impl Tally {
         if let Record::Sample(SampleRecord { clipped, .. }) = record {
             self.clipped_samples += u64::from(clipped.any());
         }
-        self.has_coil |= matches!(record, Record::State(StateRecord { coil_current_a: Some(_), .. }));
         if let Record::Event(event) = record {
             self.event(event);
         }

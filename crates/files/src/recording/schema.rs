@@ -1,5 +1,8 @@
 //! The topics of a recording and the Protobuf messages in them.
 
+use super::channels::Channels;
+use super::layout;
+
 /// Generated from `proto/*.proto`; `tests/recording/schemas.rs` holds it to them.
 #[allow(missing_docs, clippy::doc_markdown)]
 pub mod proto {
@@ -130,16 +133,12 @@ impl MessageType {
     }
 
     /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
-    pub const fn descriptor(self) -> &'static [u8] {
+    pub fn descriptor(self, channels: &Channels) -> Vec<u8> {
         match self {
-            MessageType::StepBatch => include_bytes!("../../proto/descriptors/step_batch.bin"),
-            MessageType::SampleBatch => include_bytes!("../../proto/descriptors/sample_batch.bin"),
-            MessageType::State => include_bytes!("../../proto/descriptors/state.bin"),
-            MessageType::Command => include_bytes!("../../proto/descriptors/command.bin"),
-            MessageType::Sensors => include_bytes!("../../proto/descriptors/sensors.bin"),
-            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin"),
-            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin"),
-            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin"),
+            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin").into(),
+            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin").into(),
+            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin").into(),
+            of => layout::schema(of, channels),
         }
     }
 }

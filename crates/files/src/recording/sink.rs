@@ -42,14 +42,14 @@ struct Written {
 }
 
 impl Sink {
-    /// Writes the head of a new file: `metadata` records first, flushed, then topics with messages of `types`. In what
-    /// users read it is called `path`.
+    /// Writes the head of a new file: `metadata` records first, flushed, then topics with messages of some types and
+    /// their schemas. In what users read it is called `path`.
     pub fn begin(
         file: File,
         path: &Path,
         compression: Compression,
         metadata: &[(&str, &BTreeMap<String, String>)],
-        types: impl IntoIterator<Item = MessageType>,
+        schemas: impl IntoIterator<Item = (MessageType, Vec<u8>)>,
     ) -> Result<Sink, RecordingError> {
         let compression = match compression {
             Compression::None => None,
@@ -67,23 +67,20 @@ impl Sink {
         let mut sink = Sink { path: path.to_path_buf(), writer, channels, buffer: Vec::new(), unflushed: true };
         metadata.iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
         sink.flush()?;
-        types.into_iter().try_for_each(|message_type| sink.channel(message_type).map(drop))?;
+        schemas.into_iter().try_for_each(|(of, schema)| sink.declare(of, &schema))?;
         Ok(sink)
     }
 
-    /// The channel for messages of a type; its topic and its schema are declared before the first.
-    fn channel(&mut self, message_type: MessageType) -> Result<&mut Written, RecordingError> {
+    /// Declares the topic of messages of a type, with their schema.
+    fn declare(&mut self, message_type: MessageType, schema: &[u8]) -> Result<(), RecordingError> {
         let (name, topic) = (message_type.name(), message_type.topic().name());
-        let place = &mut self.channels[message_type as usize];
-        if let Some(channel) = place {
-            return Ok(channel);
-        }
         let id = self
             .writer
-            .add_schema(name, "protobuf", message_type.descriptor())
+            .add_schema(name, "protobuf", schema)
             .and_then(|schema| self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new()))
             .map_err(|error| RecordingError::write(&self.path, error))?;
-        Ok(place.insert(Written { id, messages: 0 }))
+        self.channels[message_type as usize] = Some(Written { id, messages: 0 });
+        Ok(())
     }
 
     /// Writes one message.
@@ -98,7 +95,7 @@ impl Sink {
         let written = match message.encode(&mut buffer) {
             Ok(()) => {
                 let (log_time_ns, publish_time_ns) = (stamp.log_ns, stamp.publish_ns);
-                self.raw(RawMessage { message_type, log_time_ns, publish_time_ns, bytes: &buffer })
+                self.raw(RawMessage { message_type, layout: None, log_time_ns, publish_time_ns, bytes: &buffer })
             }
             Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
         };
@@ -108,7 +105,8 @@ impl Sink {
 
     /// Writes one message that is serialised already.
     pub fn raw(&mut self, message: RawMessage<'_>) -> Result<(), RecordingError> {
-        let channel = self.channel(message.message_type)?;
+        // Every type is declared at the beginning.
+        let Some(channel) = &mut self.channels[message.message_type as usize] else { return Ok(()) };
         let header = MessageHeader {
             channel_id: channel.id,
             sequence: channel.messages as u32, // wraps, as MCAP's sequence numbers may

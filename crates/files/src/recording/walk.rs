@@ -97,6 +97,7 @@ impl Walk {
                 Fault::Truncated => RecordingError::Truncated { path, offset, file_bytes: self.file_bytes },
                 Fault::Damaged(cause) => self.damaged(offset, cause),
                 Fault::Io(source) => RecordingError::Open { path, source: Arc::new(source) },
+                Fault::Channels(topic, cause) => RecordingError::Channels { path, topic, cause },
                 Fault::Schema(topic, got) => {
                     RecordingError::Schema { path, topic: topic.name(), expected: topic.schema_name(), got }
                 }

@@ -8,9 +8,10 @@ use std::time::Duration;
 
 use super::batch::{Batch, Batcher};
 use super::frames::FrameBatcher;
-use super::plots::{Plot, Plots};
+use super::layout::{Layout, NumberBatch, Numbers};
+use super::plots::Plots;
 use super::recorder::{Shared, Summary};
-use super::schema::proto::{self, SampleBatch, StepBatch, TickBatch};
+use super::schema::proto::{self, TickBatch};
 use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
 use super::sink::{Sink, Stamp};
 use super::{
@@ -67,8 +68,8 @@ pub(super) struct Writer {
     configuration: BTreeMap<String, String>,
     commands: mpsc::Receiver<Control>,
     sources: Vec<Source>,
-    states: Batcher<StepBatch>,
-    readings: Batcher<SampleBatch>,
+    states: Batcher<NumberBatch<StateRecord>>,
+    readings: Batcher<NumberBatch<SampleRecord>>,
     ticks: Batcher<TickBatch>,
     frames: FrameBatcher,
     plots: Plots,
@@ -103,7 +104,9 @@ impl Writer {
             Naming::Whole => Staged::create,
         };
         let (file, opened) = create(path, options.existing).map_err(|error| RecordingError::create(path, error))?;
-        let sink = Sink::begin(opened, path, options.compression, &head, Topic::ALL.map(Topic::message_type))?;
+        let channels = &options.channels;
+        let schemas = Topic::ALL.map(|topic| (topic.message_type(), topic.message_type().descriptor(channels)));
+        let sink = Sink::begin(opened, path, options.compression, &head, schemas)?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
             FlushPolicy::Samples(_) => Duration::ZERO,
@@ -114,11 +117,11 @@ impl Writer {
             configuration,
             commands,
             sources: Vec::new(),
-            states: Batcher::new(options.batch_samples, options.dt_s),
-            readings: Batcher::new(options.batch_samples, options.dt_s),
-            ticks: Batcher::new(options.batch_samples, options.dt_s),
+            states: numbers(&options),
+            readings: numbers(&options),
+            ticks: Batcher::new(TickBatch::default(), options.batch_samples, options.dt_s),
             frames: FrameBatcher::new(options.batch_samples, &options.interface),
-            plots: Plots::new(options.plot_every_samples),
+            plots: Plots::new(options.plot_every_samples, &options.channels),
             state_count: 0,
             last_sample: 0,
             has_begun: false,
@@ -243,6 +246,7 @@ impl Writer {
     }
 
     fn write_state(&mut self, record: &StateRecord) -> Result<(), RecordingError> {
+        self.check(Topic::States, record.values().len())?;
         self.state_count += 1;
         if self.states.must_take_before(record) {
             self.take_states()?;
@@ -259,6 +263,14 @@ impl Writer {
         self.readings.append(record);
         self.plots.reading(record);
         self.write_plots()
+    }
+
+    /// Refuses a record with another number of values than its topic has channels.
+    fn check(&self, topic: Topic, got: usize) -> Result<(), RecordingError> {
+        match self.options.channels.of(topic).len() {
+            expected if expected == got => Ok(()),
+            expected => Err(RecordingError::Row { path: self.shared.path.clone(), topic: topic.name(), expected, got }),
+        }
     }
 
     fn write_tick(&mut self, record: &TickRecord) -> Result<(), RecordingError> {
@@ -302,12 +314,8 @@ impl Writer {
     /// Writes what is ready for plotting.
     fn write_plots(&mut self) -> Result<(), RecordingError> {
         for message in self.plots.ready() {
-            let stamp = self.times.stamp(&self.options, message.sample());
-            match message {
-                Plot::State(state) => self.sink.message(MessageType::State, stamp, &state)?,
-                Plot::Command(command) => self.sink.message(MessageType::Command, stamp, &command)?,
-                Plot::Sensors(sensors) => self.sink.message(MessageType::Sensors, stamp, &sensors)?,
-            }
+            let stamp = self.times.stamp(&self.options, message.sample);
+            self.sink.message(message.message_type, stamp, &message)?;
         }
         Ok(())
     }
@@ -441,6 +449,12 @@ fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, Rec
         true => Ok(Summary { bytes: written.len(), ..summary }),
         false => Err(RecordingError::Gone { path: summary.path }),
     }
+}
+
+/// Gathers states or readings.
+fn numbers<R: Numbers>(options: &Options) -> Batcher<NumberBatch<R>> {
+    let batch = NumberBatch::new(Arc::new(Layout::new(&options.channels, R::TYPE)));
+    Batcher::new(batch, options.batch_samples, options.dt_s)
 }
 
 /// Writes a batch, if it holds a row.

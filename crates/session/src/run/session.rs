@@ -23,6 +23,7 @@ use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
 use resonarm_bench::plant::Plant;
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
+use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Existing, Recorder};
 use resonarm_files::scenario::Scenario;
 
@@ -445,6 +446,7 @@ impl Session {
         options.existing = *existing;
         options.plot_every_samples = self.scenario.recording.plot_every_samples;
         options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
+        options.channels = Channels::arm(self.scenario.rig.shaker.is_some());
         Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
     }
 }

@@ -1,0 +1,459 @@
+//! The Protobuf messages of states, loads and readings, made from the table of channels.
+//!
+//! A batch is `first_step` (1), `dt_s` (2), a mark (3) and one packed column for each channel from field 4 on, in the
+//! order of the table. The messages for plotting number their channels alike. A reader goes by the names in the schema.
+
+use core::marker::PhantomData;
+use std::sync::Arc;
+
+use prost::bytes::{Buf, BufMut};
+use prost::encoding::{self, DecodeContext, WireType};
+use prost::{DecodeError, Message};
+use thiserror::Error;
+
+use super::Topic;
+use super::batch::Batch;
+use super::channels::{Channel, Channels, Kind, READINGS, STATES, Values};
+use super::schema::MessageType;
+use super::{Clipped, SampleRecord, StateRecord};
+
+/// Fields of every message.
+const STEP: u32 = 1;
+const DT_S: u32 = 2;
+const MARK: u32 = 3;
+/// The field of the first channel.
+const FIRST: u32 = 4;
+
+/// As much of `google/protobuf/descriptor.proto` as the schemas use.
+mod descriptor {
+    pub const OPTIONAL: i32 = 1;
+    pub const REPEATED: i32 = 3;
+    pub const DOUBLE: i32 = 1;
+    pub const UINT64: i32 = 4;
+    pub const BOOL: i32 = 8;
+    pub const UINT32: i32 = 13;
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub struct FileSet {
+        #[prost(message, repeated, tag = "1")]
+        pub files: Vec<File>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub struct File {
+        #[prost(string, tag = "1")]
+        pub name: String,
+        #[prost(string, tag = "2")]
+        pub package: String,
+        #[prost(message, repeated, tag = "4")]
+        pub messages: Vec<Type>,
+        #[prost(string, tag = "12")]
+        pub syntax: String,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub struct Type {
+        #[prost(string, tag = "1")]
+        pub name: String,
+        #[prost(message, repeated, tag = "2")]
+        pub fields: Vec<Field>,
+    }
+
+    #[derive(Clone, PartialEq, prost::Message)]
+    pub struct Field {
+        #[prost(string, tag = "1")]
+        pub name: String,
+        #[prost(int32, tag = "3")]
+        pub number: i32,
+        #[prost(int32, tag = "4")]
+        pub label: i32,
+        #[prost(int32, tag = "5")]
+        pub kind: i32,
+    }
+}
+
+use descriptor::{BOOL, DOUBLE, Field, File, FileSet, OPTIONAL, REPEATED, Type, UINT32, UINT64};
+
+/// The channels of a message with the numbers of their fields.
+fn numbered(message_type: MessageType, channels: &Channels) -> impl Iterator<Item = (u32, &Channel)> {
+    let topic = match message_type {
+        MessageType::State | MessageType::Command => Topic::States,
+        MessageType::Sensors => Topic::Samples,
+        of => of.topic(),
+    };
+    let is_in = move |channel: &Channel| match message_type {
+        MessageType::State => matches!(channel.kind, Kind::State | Kind::Internal),
+        MessageType::Command => channel.kind == Kind::Load,
+        _ => true,
+    };
+    (FIRST..).zip(channels.of(topic)).filter(move |(_, channel)| is_in(channel))
+}
+
+/// The schema of a message of states, loads or readings: a serialised `google.protobuf.FileDescriptorSet`.
+pub(super) fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
+    let is_batch = matches!(message_type, MessageType::StepBatch | MessageType::SampleBatch);
+    let label = if is_batch { REPEATED } else { OPTIONAL };
+    let field =
+        |name: &str, number: u32, label, kind| Field { name: name.to_owned(), number: number as i32, label, kind };
+    let mut fields = match is_batch {
+        true => vec![field("first_step", STEP, OPTIONAL, UINT64), field("dt_s", DT_S, OPTIONAL, DOUBLE)],
+        false => vec![field("step", STEP, OPTIONAL, UINT64)],
+    };
+    match message_type {
+        MessageType::StepBatch => fields.push(field("last_row_is_end", MARK, OPTIONAL, BOOL)),
+        MessageType::SampleBatch | MessageType::Sensors => fields.push(field("clipped", MARK, label, UINT32)),
+        _ => {}
+    }
+    fields.extend(numbered(message_type, channels).map(|(number, of)| field(of.name, number, label, DOUBLE)));
+    let name = message_type.name();
+    let (package, name) = name.rsplit_once('.').unwrap_or(("", name));
+    let messages = vec![Type { name: name.to_owned(), fields }];
+    let file = format!("{}.proto", name.to_lowercase());
+    let (package, syntax) = (package.to_owned(), String::from("proto3"));
+    FileSet { files: vec![File { name: file, package, messages, syntax }] }.encode_to_vec()
+}
+
+/// Why the channels of a recording can't be read.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ChannelsError {
+    /// The schema is not one.
+    #[error("a schema that can't be read: {cause}")]
+    Schema {
+        /// What is wrong with it.
+        cause: String,
+    },
+    /// A channel that this version does not know.
+    #[error("channel `{name}`, which this version does not know")]
+    Unknown {
+        /// Its name.
+        name: String,
+    },
+    /// A channel is missing.
+    #[error("no channel `{name}`")]
+    Missing {
+        /// Its name.
+        name: &'static str,
+    },
+    /// Two channels have one name or one field.
+    #[error("channel `{name}` twice, or two channels in its field")]
+    Doubled {
+        /// The name.
+        name: String,
+    },
+    /// A field has another type than it should.
+    #[error("field `{name}` of another type than it should have")]
+    Type {
+        /// The name.
+        name: String,
+    },
+}
+
+/// Where the channels of a batch are.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Layout {
+    channels: Vec<Channel>,
+    /// The field of each.
+    fields: Vec<u32>,
+    mark: u32,
+}
+
+impl Layout {
+    /// As it is written.
+    pub fn new(channels: &Channels, message_type: MessageType) -> Layout {
+        let (fields, channels) = numbered(message_type, channels).unzip();
+        let channels: Vec<&Channel> = channels;
+        Layout { channels: channels.into_iter().copied().collect(), fields, mark: MARK }
+    }
+
+    /// As the schema of a batch says.
+    pub fn read(message_type: MessageType, schema: &[u8]) -> Result<Layout, ChannelsError> {
+        let set = FileSet::decode(schema).map_err(|error| ChannelsError::Schema { cause: error.to_string() })?;
+        let types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
+        let found = types.filter(|(package, of)| format!("{package}.{}", of.name) == message_type.name()).next();
+        let missing = || ChannelsError::Schema { cause: format!("it has no message `{}`", message_type.name()) };
+        let (known, mark_name, mark_type): (&[Channel], _, _) = match message_type {
+            MessageType::StepBatch => (&STATES, "last_row_is_end", (OPTIONAL, BOOL)),
+            _ => (&READINGS, "clipped", (REPEATED, UINT32)),
+        };
+        let (mut mark, mut places) = (None, vec![None; known.len()]);
+        let mut numbers = Vec::new();
+        for Field { name, number, label, kind } in &found.ok_or_else(missing)?.1.fields {
+            let number = u32::try_from(*number).map_err(|_| ChannelsError::Type { name: name.clone() })?;
+            let (place, expected) = match name.as_str() {
+                "first_step" => (None, (OPTIONAL, UINT64)),
+                "dt_s" => (None, (OPTIONAL, DOUBLE)),
+                of if of == mark_name => (Some(&mut mark), mark_type),
+                of => match known.iter().position(|channel| channel.name == of) {
+                    Some(place) => (Some(&mut places[place]), (REPEATED, DOUBLE)),
+                    None => return Err(ChannelsError::Unknown { name: name.clone() }),
+                },
+            };
+            let is_reserved = name == "first_step" && number != STEP || name == "dt_s" && number != DT_S;
+            if (*label, *kind) != expected || is_reserved {
+                return Err(ChannelsError::Type { name: name.clone() });
+            }
+            if numbers.contains(&number) || place.is_some_and(|place| place.replace(number).is_some()) {
+                return Err(ChannelsError::Doubled { name: name.clone() });
+            }
+            numbers.push(number);
+        }
+        let mark = mark.ok_or(ChannelsError::Missing { name: mark_name })?;
+        let missing =
+            known.iter().zip(&places).find(|(channel, place)| place.is_none() && channel.kind != Kind::Internal);
+        if let Some((channel, _)) = missing {
+            return Err(ChannelsError::Missing { name: channel.name });
+        }
+        let (channels, fields) =
+            known.iter().zip(places).filter_map(|(channel, place)| Some((*channel, place?))).unzip();
+        Ok(Layout { channels, fields, mark })
+    }
+
+    /// The channels, in the order of the table.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+}
+
+/// A record of numbers in the order of the table, with a mark.
+pub(crate) trait Numbers: Copy + core::fmt::Debug + Send + Sync {
+    /// The message of its batches.
+    const TYPE: MessageType;
+
+    fn sample(&self) -> u64;
+    fn values(&self) -> Values;
+    /// Whether it is the end of a run, or which readings are clipped.
+    fn mark(&self) -> u32;
+    /// The record; `None` if there are too few numbers, or the mark means nothing.
+    fn of(sample: u64, values: &[f64], mark: u32) -> Option<Self>;
+}
+
+impl Numbers for StateRecord {
+    const TYPE: MessageType = MessageType::StepBatch;
+
+    fn sample(&self) -> u64 {
+        self.sample
+    }
+
+    fn values(&self) -> Values {
+        StateRecord::values(self)
+    }
+
+    fn mark(&self) -> u32 {
+        self.is_end.into()
+    }
+
+    fn of(sample: u64, values: &[f64], mark: u32) -> Option<StateRecord> {
+        let ([a, b, c, d, e, f, g, h], coil) = values.split_first_chunk()?;
+        Some(StateRecord {
+            sample,
+            alpha_rad: [*a, *b],
+            alpha_dot_rad_s: [*c, *d],
+            torque_nm: [*e, *f],
+            force_n: [*g, *h],
+            coil_current_a: coil.first().copied(),
+            is_end: mark != 0,
+        })
+    }
+}
+
+impl Numbers for SampleRecord {
+    const TYPE: MessageType = MessageType::SampleBatch;
+
+    fn sample(&self) -> u64 {
+        self.sample
+    }
+
+    fn values(&self) -> Values {
+        SampleRecord::values(self)
+    }
+
+    fn mark(&self) -> u32 {
+        self.clipped.bits()
+    }
+
+    fn of(sample: u64, values: &[f64], mark: u32) -> Option<SampleRecord> {
+        let ([a, b, c, d, e, f], _) = values.split_first_chunk()?;
+        let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = ([*a, *b], [*c, *d], [*e, *f]);
+        let clipped = Clipped::from_bits(mark)?;
+        Some(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
+    }
+}
+
+/// A batch of states or readings, column by column.
+#[derive(Clone, Debug)]
+pub(crate) struct NumberBatch<R> {
+    layout: Arc<Layout>,
+    first_sample: u64,
+    dt_s: f64,
+    columns: Vec<Vec<f64>>,
+    /// Marks of readings, one a row.
+    clipped: Vec<u32>,
+    /// The mark of states: the last row is the end of a run.
+    ends: bool,
+    row: PhantomData<R>,
+}
+
+impl<R: Numbers> NumberBatch<R> {
+    /// An empty batch.
+    pub fn new(layout: Arc<Layout>) -> NumberBatch<R> {
+        let columns = vec![Vec::new(); layout.fields.len()];
+        NumberBatch { layout, first_sample: 0, dt_s: 0.0, columns, clipped: Vec::new(), ends: false, row: PhantomData }
+    }
+
+    const IS_STATES: bool = matches!(R::TYPE, MessageType::StepBatch);
+}
+
+impl<R: Numbers> Message for NumberBatch<R> {
+    fn encode_raw(&self, buf: &mut impl BufMut) {
+        encoding::uint64::encode(STEP, &self.first_sample, buf);
+        encoding::double::encode(DT_S, &self.dt_s, buf);
+        if self.ends {
+            encoding::bool::encode(self.layout.mark, &true, buf);
+        }
+        encoding::uint32::encode_packed(self.layout.mark, &self.clipped, buf);
+        for (field, column) in self.layout.fields.iter().zip(&self.columns) {
+            encoding::double::encode_packed(*field, column, buf);
+        }
+    }
+
+    fn merge_field(
+        &mut self,
+        tag: u32,
+        wire: WireType,
+        buf: &mut impl Buf,
+        context: DecodeContext,
+    ) -> Result<(), DecodeError> {
+        if let Some(place) = self.layout.fields.iter().position(|field| *field == tag) {
+            return encoding::double::merge_repeated(wire, &mut self.columns[place], buf, context);
+        }
+        match tag {
+            STEP => encoding::uint64::merge(wire, &mut self.first_sample, buf, context),
+            DT_S => encoding::double::merge(wire, &mut self.dt_s, buf, context),
+            tag if tag != self.layout.mark => encoding::skip_field(wire, tag, buf, context),
+            _ if Self::IS_STATES => encoding::bool::merge(wire, &mut self.ends, buf, context),
+            _ => encoding::uint32::merge_repeated(wire, &mut self.clipped, buf, context),
+        }
+    }
+
+    fn encoded_len(&self) -> usize {
+        let columns = self.layout.fields.iter().zip(&self.columns);
+        encoding::uint64::encoded_len(STEP, &self.first_sample)
+            + encoding::double::encoded_len(DT_S, &self.dt_s)
+            + if self.ends { encoding::bool::encoded_len(self.layout.mark, &true) } else { 0 }
+            + encoding::uint32::encoded_len_packed(self.layout.mark, &self.clipped)
+            + columns.map(|(field, column)| encoding::double::encoded_len_packed(*field, column)).sum::<usize>()
+    }
+
+    fn clear(&mut self) {
+        (self.first_sample, self.dt_s, self.ends) = (0, 0.0, false);
+        self.clipped.clear();
+        self.columns.iter_mut().for_each(Vec::clear);
+    }
+}
+
+impl<R: Numbers> Batch for NumberBatch<R> {
+    type Row = R;
+    const TYPE: MessageType = R::TYPE;
+
+    fn begin(&mut self, first_sample: u64, dt_s: f64) {
+        self.clear();
+        (self.first_sample, self.dt_s) = (first_sample, dt_s);
+    }
+
+    fn first_sample(&self) -> u64 {
+        self.first_sample
+    }
+
+    fn sample(row: &R) -> u64 {
+        row.sample()
+    }
+
+    fn append(&mut self, row: &R) {
+        self.columns.iter_mut().zip(&*row.values()).for_each(|(column, value)| column.push(*value));
+        match Self::IS_STATES {
+            true => self.ends = row.mark() != 0,
+            false => self.clipped.push(row.mark()),
+        }
+    }
+
+    fn dt_s(&self) -> Option<f64> {
+        Some(self.dt_s)
+    }
+
+    fn takes(&self, _row: &R) -> bool {
+        !self.ends
+    }
+
+    fn columns(&self) -> Vec<usize> {
+        let marks = (!Self::IS_STATES).then_some(self.clipped.len());
+        self.columns.iter().map(Vec::len).chain(marks).collect()
+    }
+
+    fn row(&self, index: usize) -> Option<R> {
+        let mut values = [0.0; STATES.len()];
+        for (value, column) in values.iter_mut().zip(&self.columns) {
+            *value = *column.get(index)?;
+        }
+        let mark = match Self::IS_STATES {
+            true => u32::from(self.ends && index + 1 == self.columns[0].len()),
+            false => *self.clipped.get(index)?,
+        };
+        R::of(self.first_sample.checked_add(index as u64)?, &values[..self.columns.len()], mark)
+    }
+}
+
+/// A message for plotting: the numbers of one sample.
+#[derive(Clone, Debug)]
+pub(crate) struct Plot {
+    pub message_type: MessageType,
+    /// The sample for which it stands.
+    pub sample: u64,
+    clipped: u32,
+    numbers: Vec<(u32, f64)>,
+}
+
+impl Plot {
+    /// Of the numbers of a row, in the order of the table, those that the message has.
+    pub fn new(message_type: MessageType, channels: &Channels, sample: u64, row: &[f64], clipped: u32) -> Plot {
+        let fields = numbered(message_type, channels).map(|(field, _)| field);
+        let numbers = fields.filter_map(|field| Some((field, *row.get((field - FIRST) as usize)?))).collect();
+        Plot { message_type, sample, clipped, numbers }
+    }
+}
+
+/// Zeros are left out, as proto3 has it.
+impl Message for Plot {
+    fn encode_raw(&self, buf: &mut impl BufMut) {
+        if self.sample != 0 {
+            encoding::uint64::encode(STEP, &self.sample, buf);
+        }
+        if self.clipped != 0 {
+            encoding::uint32::encode(MARK, &self.clipped, buf);
+        }
+        for (field, value) in self.numbers.iter().filter(|(_, value)| *value != 0.0) {
+            encoding::double::encode(*field, value, buf);
+        }
+    }
+
+    fn merge_field(
+        &mut self,
+        tag: u32,
+        wire: WireType,
+        buf: &mut impl Buf,
+        context: DecodeContext,
+    ) -> Result<(), DecodeError> {
+        encoding::skip_field(wire, tag, buf, context)
+    }
+
+    fn encoded_len(&self) -> usize {
+        let numbers = self.numbers.iter().filter(|(_, value)| *value != 0.0);
+        let step = if self.sample == 0 { 0 } else { encoding::uint64::encoded_len(STEP, &self.sample) };
+        let mark = if self.clipped == 0 { 0 } else { encoding::uint32::encoded_len(MARK, &self.clipped) };
+        step + mark + numbers.map(|(field, value)| encoding::double::encoded_len(*field, value)).sum::<usize>()
+    }
+
+    fn clear(&mut self) {
+        (self.sample, self.clipped) = (0, 0);
+        self.numbers.clear();
+    }
+}
