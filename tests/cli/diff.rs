@@ -1,4 +1,4 @@
-//! Two recordings compared.
+//! `diff`: compares two recordings.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ fn record(folder: &Path, name: &str, duration_s: &str, beta2_deg: &str) {
 }
 
 #[test]
-fn the_same_run_is_the_same() {
+fn equal_runs_do_not_differ() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "a.mcap", "0.1", "60");
     record(folder.path(), "b.mcap", "0.1", "60");
@@ -30,7 +30,7 @@ fn the_same_run_is_the_same() {
 }
 
 #[test]
-fn what_differs_is_found_first_and_at_most() {
+fn the_first_and_the_largest_difference_are_found() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "a.mcap", "0.1", "60");
     record(folder.path(), "b.mcap", "0.08", "60.001");
@@ -65,7 +65,7 @@ fn what_differs_is_found_first_and_at_most() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_said() {
+fn recordings_that_cannot_be_compared_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "a.mcap", "0.1", "60");
     fs::write(folder.path().join("b.mcap"), "no recording").unwrap();
@@ -75,8 +75,8 @@ fn what_cannot_be_compared_is_said() {
     assert_snapshot!(said(&["a.mcap", "--from-s", "3"]), @"resonarm: there is no sample from 3 to 0.15 s: the recording has those from 0 to 0.15 s");
 }
 
-/// A recording of two samples, of which only what is marked differs from others, the last state as the end of the run
-/// and readings as clipped, and the current of a coil.
+/// A recording of two samples that differs from others only in its marks (the last state as the end of the run,
+/// readings as clipped) and in the current of a coil.
 fn marked(folder: &Path, name: &str, is_end: bool, clipped: Option<Clipped>, coil_current_a: Option<f64>) {
     let recorder =
         Recorder::create(folder.join(name), &Configuration::new(), Options::virtual_time(1e-3, "none")).unwrap();
@@ -117,7 +117,7 @@ fn marks_are_compared() {
     samples: 2 compared; first difference at sample 1: clipped is acceleration_b_y_m_s2 and head_force_x_n in A, none in B
     ");
     assert_eq!(document(folder.path(), 1, &[&both[..], &["--json"]].concat())["same"], false);
-    // Recordings of earlier formats say nothing of clipped readings and of coils.
+    // Recordings of earlier formats have neither marks of clipped readings nor coils.
     document(folder.path(), 0, &["diff", "a.mcap", "says-nothing.mcap", "--json"]);
 }
 
