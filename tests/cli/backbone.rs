@@ -114,7 +114,7 @@ fn a_document_that_the_forced_response_passes_through() {
         let of = |point: &Value| point["harmonic1_rad"][0].as_f64().unwrap();
         let highest = branch["points"].as_array().unwrap().iter().map(of).fold(0.0, f64::max);
         // No point of the branch is above the peak, which the walk may miss by a step.
-        let partial = highest / of(point);
+        let ratio = highest / of(point);
         assert!((0.95..1.000_1).contains(&ratio), "{hz} Hz, {force} N: {ratio}");
     }
 }
@@ -131,7 +131,7 @@ fn a_figure_over_the_forced_response() {
     written to ./backbone.svg, ./backbone.png, ./backbone.txt, ./backbone-response.csv, ./backbone.csv, ./backbone.json
     ");
     let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
-    for partial in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
+    for words in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
         assert!(svg.contains(words), "{words}");
     }
     assert!(stem.with_extension("png").exists());
