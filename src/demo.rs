@@ -102,19 +102,19 @@ impl Demo {
         if !self.json {
             output::print(&introduction)?;
         }
-        let part = ShownRole {
+        let shown_role = ShownRole {
             role: Role::PlantAndExciter,
             place: String::from("a bus in memory"),
             interface: session.interface_of_both().to_owned(),
             json: false,
             steered: None,
         };
-        let (session, _serving) = self.live.watched(session, &part)?;
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
         let signals = Arc::new(Signals::default());
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = Status::new(Style::People { every: None });
-        let tell = |line: &mut Line| status.write(&shown, line);
-        let report = supervise("plant", &signals, length, tell, move || session.both(&watched, |_| {}))??;
+        let on_tick = |line: &mut Line| status.write(&shown, line);
+        let report = supervise("plant", &signals, length, on_tick, move || session.both(&watched, |_| {}))??;
         self.conclude(&scenario, &control, report)
     }
 

@@ -95,9 +95,9 @@ impl Exciter {
         if self.live.live.is_none() {
             set_filters(bus.as_mut(), &address, &session)?;
         }
-        let part =
+        let shown_role =
             ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
-        let (session, _serving) = self.live.watched(session, &part)?;
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
         let signals = Arc::new(Signals::default());
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = Status::new(Style::People { every: self.status.every()? });

@@ -104,9 +104,9 @@ pub(super) struct Serving {
 
 impl LiveFlags {
     /// Serves the live view of a session if --live is given; the session is then watched.
-    pub fn watched(&self, session: Session, part: &ShownRole) -> Result<(Session, Option<Serving>), Failure> {
+    pub fn watched(&self, session: Session, shown_role: &ShownRole) -> Result<(Session, Option<Serving>), Failure> {
         let serving = match &self.live {
-            Some(address) => Some(serving::of_session(address, &self.live_origin, &session, part)?),
+            Some(address) => Some(serving::of_session(address, &self.live_origin, &session, shown_role)?),
             None => None,
         };
         Ok(match serving {
@@ -166,43 +166,43 @@ mod serving {
         address: &str,
         origins: &[String],
         session: &Session,
-        part: &ShownRole,
+        shown_role: &ShownRole,
     ) -> Result<Serving, Failure> {
         let scenario = session.scenario();
         let arm = scenario.build_arm()?;
-        let role = match part.role {
+        let role = match shown_role.role {
             Role::Plant => "plant",
             Role::Exciter => "exciter",
             Role::PlantAndExciter => "plant and exciter",
         };
-        let mut about = About::new(role, part.place.clone(), scenario, &arm);
-        about.actions = match part.role {
+        let mut about = About::new(role, shown_role.place.clone(), scenario, &arm);
+        about.actions = match shown_role.role {
             Role::Plant => vec![Action::Arm, Action::Disarm, Action::Reset],
             Role::Exciter | Role::PlantAndExciter => vec![Action::Disarm],
         };
-        if let Some(steered) = &part.steered {
+        if let Some(steered) = &shown_role.steered {
             about.actions.push(Action::Set);
             about.steering = Some(Steering::new(steered.limit(), scenario.simulation.rate_hz));
         }
         let (watch, watcher) = watch();
-        let responds = part.role != Role::Plant;
+        let responds = shown_role.role != Role::Plant;
         let shown = Shown {
-            interface: part.interface.clone(),
+            interface: shown_role.interface.clone(),
             // An exciter knows no angles.
-            arm: (part.role != Role::Exciter).then(|| arm.clone()),
+            arm: (shown_role.role != Role::Exciter).then(|| arm.clone()),
             table: Channels::arm(scenario.rig.shaker.is_some()),
             model: Model::new(about, arm),
             source: Source::Run(watcher),
             // A steered load is not that of the scenario.
             compute: load(scenario)
-                .filter(|_| responds && part.steered.is_none())
+                .filter(|_| responds && shown_role.steered.is_none())
                 .map(|load| compute(scenario.clone(), load)),
             range_hz: if responds { range_hz(scenario) } else { None },
             start_unix_ns: unix_time_ns(),
         };
         let options = Options { address: parse(address)?, origins: Origins::new(origins)? };
         let live = serve(&options, shown)?;
-        announce(&live, part.json);
+        announce(&live, shown_role.json);
         Ok(Serving { watch, _live: live })
     }
 

@@ -146,14 +146,14 @@ impl Run {
         if self.record.record.is_none() && self.live.live.is_none() {
             set_filters(bus.as_mut(), &address, &session)?;
         }
-        let part = ShownRole {
+        let shown_role = ShownRole {
             role: Role::Plant,
             place: address.to_string(),
             interface: bus.name(),
             json: self.json_events,
             steered: None,
         };
-        let (session, _serving) = self.live.watched(session, &part)?;
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
         let signals = Arc::new(Signals::default());
         let (mut event_sender, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
@@ -188,18 +188,18 @@ impl Run {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),
         };
-        let part = ShownRole {
+        let shown_role = ShownRole {
             role: Role::PlantAndExciter,
             place: String::from("a virtual bus"),
             interface: session.interface_of_both().to_owned(),
             json: self.json_events,
             steered,
         };
-        let (session, _serving) = self.live.watched(session, &part)?;
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
         let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = self.status()?;
-        let tell = |line: &mut Line| status.write(&shown, line);
-        let report = supervise("plant", &signals, length, tell, move || session.both(&watched, |_| {}))??;
+        let on_tick = |line: &mut Line| status.write(&shown, line);
+        let report = supervise("plant", &signals, length, on_tick, move || session.both(&watched, |_| {}))??;
         self.conclude(configuration, report.plant, Some(&report.exciter))
     }
 

@@ -1,4 +1,4 @@
-//! `resonarm backbone` as a process: the table, the document, the figure, and what it says to bad input.
+//! `resonarm backbone` as a process: the table, the document, the figure, and its messages on bad input.
 
 use std::process::{Command, Output, Stdio};
 
@@ -23,8 +23,7 @@ fn document(arguments: &str) -> Value {
     serde_json::from_str(&done(&format!("{arguments} --json"))).unwrap()
 }
 
-/// The first mode at β2 = 60° softens; a mode of the undamped arm takes no excitation and has next to the same
-/// frequencies.
+/// The first mode at β2 = 60° softens; a mode of the undamped arm has no excitation and almost the same frequencies.
 #[test]
 fn a_table_with_its_reading() {
     insta::assert_snapshot!(done("backbone --torque1-nm=10 --to-rad=0.1"), @r"
@@ -95,7 +94,7 @@ fn a_table_with_its_reading() {
     ");
 }
 
-/// Each point of the curve is next to the peak of the forced response under the excitation that stands beside it.
+/// Each point of the curve is next to the peak of the forced response under the excitation in its row.
 #[test]
 fn a_document_that_the_forced_response_passes_through() {
     let curve = document("backbone --force-x-n=60 --beta1-deg=30 --beta2-deg=120");
@@ -114,9 +113,9 @@ fn a_document_that_the_forced_response_passes_through() {
         let branch = document(&arguments);
         let of = |point: &Value| point["harmonic1_rad"][0].as_f64().unwrap();
         let highest = branch["points"].as_array().unwrap().iter().map(of).fold(0.0, f64::max);
-        // No point of the branch lies above the peak, and the walk leaves some way to it.
-        let part = highest / of(point);
-        assert!((0.95..1.000_1).contains(&part), "{hz} Hz, {force} N: {part}");
+        // No point of the branch is above the peak, which the walk may miss by a step.
+        let ratio = highest / of(point);
+        assert!((0.95..1.000_1).contains(&ratio), "{hz} Hz, {force} N: {ratio}");
     }
 }
 
@@ -132,8 +131,8 @@ fn a_figure_over_the_forced_response() {
     written to ./backbone.svg, ./backbone.png, ./backbone.txt, ./backbone-response.csv, ./backbone.csv, ./backbone.json
     ");
     let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
-    for part in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
-        assert!(svg.contains(part), "{part}");
+    for words in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
+        assert!(svg.contains(words), "{words}");
     }
     assert!(stem.with_extension("png").exists());
     let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
@@ -143,8 +142,8 @@ fn a_figure_over_the_forced_response() {
     assert_eq!(read("-response.csv").lines().filter(|line| line.ends_with(",marginal,fold")).count(), 2);
 }
 
-/// What a figure of branches shows stands beside it as numbers, with what it depends on; its title says the excitation,
-/// and not an angle that varies.
+/// A figure of branches has its numbers in files beside it, with the inputs; its title states the excitation, but not
+/// an angle that varies.
 #[test]
 fn figures_of_branches_have_their_numbers_beside_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -169,8 +168,7 @@ fn figures_of_branches_have_their_numbers_beside_them() {
     assert!(read("-curves.svg").contains("irb1600-fitted, β₁ = 0°, torque at joint 1, 22 Hz"));
 }
 
-/// The examples at the end of a help text do what they say: each ends well, and those with a folder or a figure leave
-/// one.
+/// The examples at the end of a help text work: each succeeds, and those with a folder or a figure write one.
 #[test]
 fn examples_of_the_help_run() {
     for command in ["continue", "backbone", "sweep", "poincare"] {
@@ -192,7 +190,7 @@ fn examples_of_the_help_run() {
 }
 
 #[test]
-fn help_says_what_there_is() {
+fn help_lists_every_flag() {
     insta::assert_snapshot!(done("backbone -h"), @r"
     Follows a resonance to larger amplitudes: its frequency, the excitation it needs, whether it hardens
     or softens
@@ -232,7 +230,7 @@ fn help_says_what_there_is() {
 }
 
 #[test]
-fn bad_input_is_said() {
+fn bad_input_is_refused() {
     let says = |code, arguments: &str| {
         let output = resonarm(arguments);
         assert_eq!(output.status.code(), Some(code), "{arguments}: {}", text(&output.stderr));
@@ -261,8 +259,9 @@ fn bad_input_is_said() {
     insta::assert_snapshot!(says(2, "backbone --to-rad=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
 }
 
-/// What was walked is printed, why it is not all is said, and the exit code is that of a negative verdict.
-fn part(arguments: &str) -> (String, String) {
+/// The result so far is printed, the reason for the early end reported, and the exit code is that of a negative
+/// verdict.
+fn partial(arguments: &str) -> (String, String) {
     let output = resonarm(arguments);
     assert_eq!(output.status.code(), Some(1), "{arguments}: {}", text(&output.stderr));
     (text(&output.stdout), text(&output.stderr))
@@ -270,7 +269,7 @@ fn part(arguments: &str) -> (String, String) {
 
 #[test]
 fn a_curve_that_ends_early_is_kept() {
-    let (table, reason) = part("backbone --most-points=5");
+    let (table, reason) = partial("backbone --most-points=5");
     insta::assert_snapshot!(table, @r"
     irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
 
@@ -284,14 +283,14 @@ fn a_curve_that_ends_early_is_kept() {
     softening: -0.000005 Hz (-0.0000 %) at |α1| = 0.001923 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
     ");
     insta::assert_snapshot!(reason, @"resonarm: along the backbone: the branch has more than 5 points and has come to 22.157521 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 5 motions before that are in the results");
-    let (document, reason) = part("backbone --most-harmonics=3 --json");
+    let (document, reason) = partial("backbone --most-harmonics=3 --json");
     insta::assert_snapshot!(reason, @"resonarm: along the backbone: at 22.157517 Hz the motion needs more than 3 harmonics; try to allow more, or less excitation (--most-harmonics); the 5 motions before that are in the results");
     let document: Value = serde_json::from_str(&document).unwrap();
     assert_eq!(document["points"].as_array().unwrap().len(), 5);
     assert_eq!(format!("resonarm: {}", document["ended_early"][0].as_str().unwrap()), reason);
 }
 
-/// A branch too: its first motions and bifurcations are those of the whole one, and its figure is drawn.
+/// A branch that ends early has the first motions and bifurcations of the whole one, and its figure is drawn.
 #[test]
 fn a_branch_that_ends_early_is_kept() {
     let command = "continue --torque1-nm=60 --from-hz=21 --to-hz=23";
@@ -299,21 +298,21 @@ fn a_branch_that_ends_early_is_kept() {
     assert!(whole["ended_early"].is_null());
     let folder = tempfile::tempdir().unwrap();
     let stem = folder.path().join("branch");
-    let (early, reason) = part(&format!("{command} --most-points=50 --json --plot={}", stem.display()));
+    let (early, reason) = partial(&format!("{command} --most-points=50 --json --plot={}", stem.display()));
     insta::assert_snapshot!(reason, @"resonarm: along frequency_hz: the branch has more than 50 points and has come to 22.153542 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 50 motions before that are in the results");
     let early: Value = serde_json::from_str(&early).unwrap();
     assert_eq!(early["points"].as_array().unwrap()[..], whole["points"].as_array().unwrap()[..50]);
     assert_eq!(early["bifurcations"], whole["bifurcations"]);
     assert!(stem.with_extension("png").exists());
-    let (summary, _) = part(&format!("{command} --most-points=10"));
+    let (summary, _) = partial(&format!("{command} --most-points=10"));
     assert!(summary.starts_with("branch: 10 motions, 0 of them unstable"), "{summary}");
 }
 
-/// What is added to a branch leaves it as it is: of the curves of its folds each is kept as far as it came.
+/// Curves of folds that end early do not change the branch; each is kept as far as it came.
 #[test]
 fn curves_that_end_early_leave_the_branch() {
     let command = "continue --torque1-nm=60 --from-hz=21 --to-hz=23 --curves-in=amplitude --curves-to=5";
-    let (early, reason) = part(&format!("{command} --most-points=60 --json"));
+    let (early, reason) = partial(&format!("{command} --most-points=60 --json"));
     insta::assert_snapshot!(reason, @r"
     resonarm: along frequency_hz: the branch has more than 60 points and has come to 22.244301 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
     resonarm: along torque1_nm: the branch has more than 60 points and has come to 24.192237 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
@@ -324,10 +323,10 @@ fn curves_that_end_early_leave_the_branch() {
     assert_eq!(early["curves"].as_array().unwrap().len(), 2);
 }
 
-/// What `continue` says: an interval without a resonance is as good as any other, an impossible one is refused, and a
-/// walk that ends early says where, why, and what to try.
+/// `continue` accepts an interval without a resonance, refuses an impossible one, and reports where and why a walk
+/// ended early, and what to try.
 #[test]
-fn continue_says_what_it_can_not_do() {
+fn continue_reports_its_failures() {
     assert!(done("continue --torque1-nm=60 --from-hz=3 --to-hz=10").contains("0 of them unstable"));
     let says = |code, arguments: &str| {
         let output = resonarm(&format!("continue {arguments}"));

@@ -1,4 +1,4 @@
-//! Bad input: the message, exactly, and the exit code.
+//! Bad input: the exact message and the exit code.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// What `run --mode free` says of a scenario.
+/// The message of `run --mode free` about a scenario.
 fn scenario(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scenario.toml"), text).unwrap();
@@ -35,7 +35,7 @@ fn arms_that_cannot_be() {
 }
 
 #[test]
-fn what_a_bus_cannot_be_made_to_do() {
+fn faults_that_a_bus_cannot_simulate() {
     let folder = tempfile::tempdir().unwrap();
     let say = |text: &str, command: &[&str]| {
         fs::write(folder.path().join("scenario.toml"), text).unwrap();
@@ -98,7 +98,7 @@ fn scenarios_that_cannot_be_read() {
 }
 
 #[test]
-fn scenarios_that_are_too_much() {
+fn scenarios_beyond_the_limits() {
     assert_snapshot!(complaint(here(), 2, &["modes", "--scenario", "/dev/zero"]), @"resonarm: can't read the scenario /dev/zero: it is larger than 1 MiB");
     // A line of the file is not repeated in the message.
     for text in
@@ -120,7 +120,7 @@ fn scenarios_that_are_too_much() {
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; take a shorter time or a lower rate");
 }
 
-/// A seed of 64 bits goes into a recording and comes back.
+/// A seed of 64 bits survives in a recording.
 #[test]
 fn seeds_are_exact_up_to_the_largest() {
     let folder = tempfile::tempdir().unwrap();
@@ -148,7 +148,7 @@ fn seeds_are_exact_up_to_the_largest() {
 }
 
 #[test]
-fn buses_that_are_none() {
+fn invalid_buses() {
     assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
     assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
@@ -161,9 +161,9 @@ fn buses_that_are_none() {
     ");
 }
 
-/// What is missing differs from machine to machine: the interface, or CAN itself.
+/// Machines differ: either the interface is missing, or CAN itself.
 #[test]
-fn a_missing_interface_is_told_with_the_way_to_make_it() {
+fn a_missing_interface_is_reported_with_the_command_that_makes_it() {
     let missing = ["--bus", "vcan999"];
     for command in ["run", "exciter"] {
         let says = complaint(here(), 3, &[&[command], missing.as_slice()].concat());
@@ -176,7 +176,7 @@ fn a_missing_interface_is_told_with_the_way_to_make_it() {
 }
 
 #[test]
-fn words_that_are_not_understood() {
+fn invalid_words() {
     assert_snapshot!(complaint(here(), 2, &["modes", "--presett", "irb1600-fitted"]), @r"
     error: unexpected argument '--presett' found
 
@@ -196,7 +196,7 @@ fn words_that_are_not_understood() {
 }
 
 #[test]
-fn ranges_of_poses_that_are_none() {
+fn invalid_ranges_of_poses() {
     assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30: the poses must rise from one angle to the other, within -360 to 360");
     assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "90", "--points", "1"]), @r"
     error: invalid value '1' for '--points <N>': 1 is not in 2..=1000000
@@ -235,7 +235,7 @@ fn ranges_of_poses_that_are_none() {
 }
 
 #[test]
-fn responses_that_are_none() {
+fn invalid_responses() {
     assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise from 0 or above, to 1e9 at most");
     assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "nan"]), @r"
     error: invalid value 'nan' for '--from-hz <F>': it must be a finite number

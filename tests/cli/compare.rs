@@ -1,4 +1,4 @@
-//! `compare`: what a closed loop has read beside what harmonic balance computes.
+//! `compare`: the readings of a closed loop against the results of harmonic balance.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn a_walk_lies_on_the_computed_branch() {
+fn a_walk_is_on_the_computed_branch() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let walk = ["experiment", "walk", "--torque1-nm", "20", "--points", "9", "--plot", "walk"];
@@ -42,7 +42,7 @@ fn a_walk_lies_on_the_computed_branch() {
         );
     }
     assert!(number(&found["largest_frequency_deviation"]) < 3e-5, "{found:#}");
-    assert!(points.iter().any(|point| point["computed_stable"] == false), "the walk crosses the unstable part");
+    assert!(points.iter().any(|point| point["computed_stable"] == false), "the walk crosses the unstable section");
     let said = resonarm(folder, &["compare", "walk.json", "--joint", "2", "--plot", "compared"]);
     assert_eq!(said.code, 0, "{}", said.stderr);
     assert!(
@@ -54,7 +54,7 @@ fn a_walk_lies_on_the_computed_branch() {
 }
 
 #[test]
-fn says_what_can_t_be_compared() {
+fn reports_documents_that_can_t_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let walk = ["experiment", "walk", "--torque1-nm", "10", "--points", "3", "--backbone", "--plot", "backbone"];
@@ -75,7 +75,7 @@ fn says_what_can_t_be_compared() {
     assert_snapshot!(complaint(folder, 2, &["compare", "zero.json"]), @"resonarm: zero.json: point 0 has no positive frequency and amplitudes other than zero");
 }
 
-/// A recording tells the same as the document of the run: the controller reads the same from its frames.
+/// A recording gives the same as the document of the run: the controller reads the same from its frames.
 #[test]
 fn a_recording_is_compared_by_what_its_controller_reads() {
     let folder = tempfile::tempdir().unwrap();
@@ -109,7 +109,7 @@ fn dwells(rest: &str) -> String {
 }
 
 #[test]
-fn dwells_in_open_loop_lie_on_the_branch_of_the_force_that_acted() {
+fn dwells_in_open_loop_are_on_the_branch_of_the_force_that_acted() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     record(folder, "ideal", &dwells(""));
@@ -146,7 +146,7 @@ fn of_another_dbc(path: &Path) {
 }
 
 #[test]
-fn says_why_a_recording_can_t_be_compared() {
+fn reports_why_a_recording_can_t_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     of_another_dbc(&folder.join("old.mcap"));

@@ -1,4 +1,4 @@
-//! `conformance`: its flags, and a bus that isn't there. What it says of nodes stands in `tests/vcan`.
+//! `conformance`: its flags, and a missing bus. `tests/vcan` tests its verdicts on nodes.
 
 use std::path::Path;
 
@@ -118,7 +118,7 @@ fn forces_that_cannot_be() {
 }
 
 #[test]
-fn files_that_are_there_are_kept() {
+fn existing_files_are_kept() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("report.xml"), "kept").unwrap();
     for flag in ["--junit", "--record"] {
@@ -129,14 +129,14 @@ fn files_that_are_there_are_kept() {
     assert_eq!(std::fs::read_to_string(folder.path().join("report.xml")).unwrap(), "kept");
 }
 
-/// There is no interface of this name, or no CAN at all.
+/// Either the interface is missing, or CAN itself.
 #[test]
-fn no_bus_is_said_by_its_exit_code() {
+fn a_missing_bus_has_its_exit_code() {
     let said = complaint(Path::new("."), 3, &["conformance", "--role", "plant", "--bus", "nobody0"]);
     assert!(said.starts_with("resonarm: "), "{said}");
 }
 
-/// A bus inside this process alone.
+/// A bus inside this process.
 #[cfg(feature = "python-can")]
 mod on_an_empty_bus {
     use super::*;
@@ -177,7 +177,7 @@ mod on_an_empty_bus {
     }
 
     #[test]
-    fn people_are_told_the_same() {
+    fn the_text_has_the_same_content() {
         let outcome = resonarm(Path::new("."), &EMPTY);
         assert_eq!((outcome.code, outcome.stderr.as_str()), (1, ""));
         assert_snapshot!(outcome.stdout, @r"

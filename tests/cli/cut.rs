@@ -1,4 +1,4 @@
-//! Parts of recordings, and parts joined; a recording in numbers and as a figure.
+//! `cut` and `merge`; `inspect` with statistics and a figure.
 
 use std::fs;
 use std::path::Path;
@@ -22,7 +22,7 @@ fn run(folder: &Path, arguments: &str) {
 }
 
 #[test]
-fn a_part_is_a_recording() {
+fn a_section_is_a_recording() {
     let folder = recorded();
     run(folder.path(), "cut run.mcap part.mcap --from-s 0.1 --to-s 0.2");
     let states = &document(folder.path(), 0, &["inspect", "part.mcap", "--json"])["topics"]["/plant/steps"];
@@ -37,7 +37,7 @@ fn a_part_is_a_recording() {
 }
 
 #[test]
-fn parts_that_are_joined_are_the_whole() {
+fn joined_sections_are_the_whole() {
     let folder = recorded();
     run(folder.path(), "cut run.mcap a.mcap --to-s 0.1");
     run(folder.path(), "cut run.mcap b.mcap --from-s 0.101 --to-s 0.2");
@@ -55,12 +55,12 @@ fn parts_that_are_joined_are_the_whole() {
     assert!(!folder.path().join("new.mcap").exists());
 }
 
-/// Of a recording that was cut short before its first record, and of one without a record.
+/// With a recording truncated before its first record, and one without a record.
 #[test]
-fn nothing_to_cut_or_to_join_is_no_success() {
+fn nothing_to_copy_is_an_error() {
     let folder = recorded();
     let bytes = fs::read(folder.path().join("run.mcap")).unwrap();
-    // Behind the metadata stands the first chunk.
+    // The first chunk follows the metadata.
     let zstd = bytes.windows(8).position(|bytes| bytes == b"\x04\0\0\0zstd").unwrap();
     fs::write(folder.path().join("head.mcap"), &bytes[..zstd]).unwrap();
     assert_eq!(document(folder.path(), 1, &["inspect", "head.mcap", "--json"])["samples"], serde_json::Value::Null);
@@ -74,14 +74,14 @@ fn nothing_to_cut_or_to_join_is_no_success() {
     let said = |arguments: &[&str]| {
         let said = complaint(folder.path(), 1, arguments);
         let line = said.lines().find(|line| line.starts_with("resonarm: ")).unwrap_or_default();
-        // The head has the commit and the compiler in it: its length is that of the machine.
+        // The head contains the commit and the compiler: its length varies between machines.
         line.replace(&zstd.to_string(), "N").replace(&(zstd - 37).to_string(), "M")
     };
     assert_snapshot!(said(&["cut", "head.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
     assert_snapshot!(said(&["cut", "head.mcap", "part.mcap", "--from-s", "0.1"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
     assert_snapshot!(said(&["cut", "empty.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `empty.mcap` has no record; no file was written");
     assert_snapshot!(said(&["merge", "head.mcap", "empty.mcap", "--out", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample), recording `empty.mcap` has no record; no file was written");
-    // What follows is looked for beyond a recording that has nothing.
+    // An empty recording in between does not hide that the next does not follow.
     let said = complaint(folder.path(), 2, &["merge", "run.mcap", "empty.mcap", "run.mcap", "--out", "part.mcap"]);
     assert_snapshot!(said, @"resonarm: recording `run.mcap` can't be joined to the one before it: it has samples from 0 on, expected later ones than 350");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), files, "a file is left");

@@ -1,4 +1,4 @@
-//! Two recordings compared.
+//! `diff`: compares two recordings.
 
 use std::fs;
 use std::path::Path;
@@ -16,7 +16,7 @@ fn record(folder: &Path, name: &str, duration_s: &str, beta2_deg: &str) {
 }
 
 #[test]
-fn the_same_run_is_the_same() {
+fn equal_runs_do_not_differ() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "a.mcap", "0.1", "60");
     record(folder.path(), "b.mcap", "0.1", "60");
@@ -31,7 +31,7 @@ fn the_same_run_is_the_same() {
 }
 
 #[test]
-fn what_differs_is_found_first_and_at_most() {
+fn the_first_and_the_largest_difference_are_found() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "a.mcap", "0.1", "60");
     record(folder.path(), "b.mcap", "0.08", "60.001");
@@ -66,7 +66,7 @@ fn what_differs_is_found_first_and_at_most() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_said() {
+fn recordings_that_cannot_be_compared_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "a.mcap", "0.1", "60");
     fs::write(folder.path().join("b.mcap"), "no recording").unwrap();

@@ -13,7 +13,7 @@ fn oracles(kind: &str) -> Vec<Value> {
     file[kind].as_array().unwrap().clone()
 }
 
-/// The preset with a case's I_S2.
+/// The preset with the I_S2 of a case.
 fn preset(case: &Value) -> &'static str {
     if case["I_S2"] == 1.5 { "irb1600-fitted" } else { "irb1600-table1" }
 }
@@ -80,8 +80,8 @@ fn modes_over_beta2_are_those_of_the_oracles() {
     }
 }
 
-/// With `--plot` the data are in files beside the figure, and standard output says which; with `--json`, too, it has
-/// the document.
+/// With `--plot` the data are in files beside the figure, and standard output lists them, or with `--json` has the
+/// document.
 fn plots_beside_its_data(folder: &std::path::Path, command: &[&str], csv: &str, document: &Value) {
     let plot = [command, &["--plot", "figure"]].concat();
     let said = crate::resonarm(folder, &plot).stdout;
@@ -98,18 +98,18 @@ fn a_plotted_response_leaves_standard_output_readable() {
     let folder = tempfile::tempdir().unwrap();
     let csv = crate::resonarm(folder.path(), &["frf"]).stdout;
     plots_beside_its_data(folder.path(), &["frf"], &csv, &document(folder.path(), 0, &["frf", "--json"]));
-    // A unit an axis: rad and m apart.
+    // One unit per axis: rad and m are separate.
     let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
     let axes = ["receptance (rad per N·m)", "receptance (m per N·m)", "phase (°)"];
     assert!(axes.iter().all(|axis| svg.contains(&format!(">{axis}<"))), "{svg}");
-    // Every response stands in the legend of its modulus and in that of the phases.
+    // Every response is in the legend of its modulus and in that of the phases.
     for response in ["α1", "α2", "B y", "C x", "C y"] {
         assert_eq!(svg.matches(&format!(">{response}<")).count(), 2, "{response}");
     }
 }
 
-/// The default frequencies meet the peak of a lightly damped mode: half a width off the natural frequency the modulus
-/// is 1/√2 of it.
+/// The default frequencies include the peak of a lightly damped mode: half a width off the natural frequency the
+/// modulus is 1/√2 of it.
 #[test]
 fn default_frequencies_meet_the_peaks() {
     let drive = ["frf", "--drive", "force-x", "--quantity", "accelerance", "--response", "c-x"];
@@ -125,8 +125,8 @@ fn default_frequencies_meet_the_peaks() {
     assert!((largest / peak - 1.0).abs() < 1e-3, "{largest} of {peak}");
 }
 
-/// The unit of every response stands beside it, in the document and in the columns; their numbers are the same. At rest
-/// α1 is the torque over the stiffness of the joint, and B moves by l1 α1, along y with link 1 along x.
+/// Every response has its unit, in the document and in the columns; both have the same numbers. At rest α1 is the
+/// torque over the stiffness of the joint, and B moves by l1 α1, along y with link 1 along x.
 #[test]
 fn responses_have_their_units() {
     let range = ["frf", "--from-hz", "0", "--to-hz", "60", "--points", "7", "--response", "alpha1,b-y"];
@@ -191,10 +191,10 @@ fn simulate_meets_the_oracles() {
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
 }
 
-/// Every document of an analysis or a run says of which arm it is, in which pose, with all of its parameters; headers
-/// say what differs from the preset.
+/// Every document of an analysis or a run has the arm, its pose and all of its parameters; headers state the
+/// differences from the preset.
 #[test]
-fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
+fn a_changed_arm_is_in_every_document_and_header() {
     let folder = tempfile::tempdir().unwrap();
     let text = "arm = { beta1_deg = 20, beta2_deg = 30, parameters = { mass2_kg = 40 } }
         excitation.amplitude.force_x_n = 1
@@ -235,9 +235,9 @@ fn an_arm_of_ones_own_is_told_in_every_document_and_header() {
     ");
 }
 
-/// An arm with a name is called by it in headers, figures and documents; the caption says what it is.
+/// Headers, figures and documents call an arm by its name; the caption describes it.
 #[test]
-fn an_arm_with_a_name_is_called_by_it() {
+fn a_named_arm_is_called_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("own.toml"), "arm = { name = 'lab arm', parameters = { mass2_kg = 40 } }").unwrap();
@@ -251,7 +251,7 @@ fn an_arm_with_a_name_is_called_by_it() {
 }
 
 #[test]
-fn a_pose_may_come_from_a_scenario_and_flags_win() {
+fn a_pose_may_come_from_a_scenario_and_flags_take_precedence() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("arm.toml"), "[arm]\npreset = 'irb1600-table1'\nbeta2_deg = 30.0\n").unwrap();
     let modes = |arguments: &[&str]| document(folder.path(), 0, &[&["modes", "--json"], arguments].concat());
@@ -292,7 +292,7 @@ fn run_reports_steps_bus_and_recording() {
         names(&got["bus"]),
         ["dropped", "e2e_errors", "errors", "malformed", "other_sender", "received", "sent"]
     );
-    // The sine is at a zero after 0.5 s, so that there is nothing to ramp. Two integration steps a sample.
+    // The sine is at a zero after 0.5 s, so there is nothing to ramp. Two integration steps a sample.
     assert_eq!((&got["samples"], &got["steps"], &got["overruns"]), (&501.into(), &1000.into(), &0.into()));
     assert_eq!((&got["outcome"], &got["recording"]), (&"completed".into(), &"run.mcap".into()));
     assert!(got["bus"]["received"].as_u64() > Some(500) && got["bus"]["sent"].as_u64() > Some(1500), "{got}");
@@ -309,7 +309,7 @@ fn run_reports_steps_bus_and_recording() {
 }
 
 #[test]
-fn doctor_says_what_can_be_mended() {
+fn doctor_says_what_can_be_fixed() {
     let got = document(here(), 0, &["doctor", "--json"]);
     let findings = got["findings"].as_array().unwrap();
     let subjects: Vec<_> = findings.iter().map(|finding| finding["subject"].as_str().unwrap()).collect();
@@ -317,9 +317,9 @@ fn doctor_says_what_can_be_mended() {
     assert!(findings.len() > 3 && findings.iter().all(|finding| names(finding) == ["mend", "state", "subject"]));
 }
 
-/// The curve of folds through the two of a branch turns back in a cusp, and comes back at the other one.
+/// The curve from one fold of a branch turns back in a cusp and returns at the other fold.
 #[test]
-fn curves_of_folds_stand_beside_the_branch() {
+fn curves_of_folds_are_in_files_beside_the_branch() {
     let branch = ["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23.5", "--json"];
     let got = document(here(), 0, &[branch.as_slice(), &["--curves-in", "amplitude", "--curves-to", "5"]].concat());
     assert_eq!(names(&got), ["bifurcations", "configuration", "curves", "points", "wall_s"]);

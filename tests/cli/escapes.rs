@@ -1,4 +1,4 @@
-//! Control characters in the files of others: on a terminal they could move the cursor, rename its window, hide lines.
+//! Control characters in foreign files: on a terminal they could move the cursor, rename its window or hide lines.
 
 use std::fs;
 use std::io::Write;
@@ -8,13 +8,13 @@ use std::process::{Command, Stdio};
 use insta::assert_snapshot;
 use resonarm::recording::{Configuration, Event, Options, Record, Recorder};
 
-use crate::{Outcome, document, resonarm};
+use crate::{CommandResult, document, resonarm};
 
-/// A title for the window in a control sequence of seven bits, one of eight, a line that overwrites itself, an
-/// override of the direction of writing, and a line of its own.
+/// A title for the window in a control sequence of seven bits, one of eight, a line that overwrites itself, an override
+/// of the direction of writing, and a forged line.
 const HOSTILE: &str = "\u{1b}]0;owned\u{7}\u{9b}2J\rgood\u{202e}dab\u{7f}\nintegrity    complete";
 
-/// A recording that names its bus, a key and an event so.
+/// A recording with `name` as its bus, a key and an event.
 fn record(path: &Path, name: &str) {
     let configuration = Configuration::new().with("scenario", name).with("key", name).with(name, "value");
     let recorder = Recorder::create(path, &configuration, Options::virtual_time(1e-3, name)).unwrap();
@@ -25,8 +25,8 @@ fn record(path: &Path, name: &str) {
     recorder.finish(&[("frames", name.to_owned())]).unwrap();
 }
 
-/// Checks that a terminal is told nothing but text.
-fn check(arguments: &[&str], outcome: &Outcome) {
+/// Checks that a terminal receives only text.
+fn check(arguments: &[&str], outcome: &CommandResult) {
     for text in [&outcome.stdout, &outcome.stderr] {
         let control = |letter: &char| letter.is_control() && !matches!(letter, '\n' | '\t') || *letter == '\u{202e}';
         assert_eq!(text.chars().find(control), None, "{arguments:?}: {text:?}");
@@ -35,7 +35,7 @@ fn check(arguments: &[&str], outcome: &Outcome) {
 }
 
 #[test]
-fn what_a_recording_names_is_escaped() {
+fn names_in_a_recording_are_escaped() {
     let folder = tempfile::tempdir().unwrap();
     record(&folder.path().join("hostile.mcap"), HOSTILE);
     record(&folder.path().join("other.mcap"), "harmless");
@@ -49,8 +49,8 @@ fn what_a_recording_names_is_escaped() {
     ] {
         check(arguments, &resonarm(folder.path(), arguments));
     }
-    let told = document(folder.path(), 0, &["inspect", "hostile.mcap", "--json"]);
-    assert_eq!(told["origin"]["interface"], HOSTILE, "a document has the very name");
+    let summary = document(folder.path(), 0, &["inspect", "hostile.mcap", "--json"]);
+    assert_eq!(summary["origin"]["interface"], HOSTILE, "a document has the very name");
     let text = resonarm(folder.path(), &["inspect", "hostile.mcap", "--statistics"]).stdout;
     let is_told = |line: &&str| line.starts_with("bus ") || line.starts_with("frames ") || line.starts_with('\\');
     assert_snapshot!(text.lines().filter(is_told).collect::<Vec<_>>().join("\n"), @r"
@@ -60,11 +60,11 @@ fn what_a_recording_names_is_escaped() {
     \u{1b}]0;owned\u{7}\u{9b}2J\rgood\u{202e}dab\u{7f}
     \u{1b}]0;owned\u{7}\u{9b}2J\rgood\u{202e}dab\u{7f}
     ");
-    assert_eq!(text.lines().filter(|line| line.starts_with("integrity ")).count(), 3, "its own, and in two documents");
+    assert_eq!(text.lines().filter(|line| line.starts_with("integrity ")).count(), 3, "its line, and in two documents");
 }
 
 #[test]
-fn what_a_damaged_or_foreign_file_names_is_escaped() {
+fn names_in_a_damaged_or_foreign_file_are_escaped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hostile.mcap");
     let mut writer = mcap::WriteOptions::new().library(HOSTILE).create(std::io::Cursor::new(Vec::new())).unwrap();
@@ -73,7 +73,7 @@ fn what_a_damaged_or_foreign_file_names_is_escaped() {
     for arguments in [["inspect", "hostile.mcap"].as_slice(), &["recover", "hostile.mcap", "new.mcap"]] {
         check(arguments, &resonarm(folder.path(), arguments));
     }
-    // The cause of damage, in a warning and in a verdict: a compression that nobody knows.
+    // The cause of damage, in a warning and in a verdict: an unknown compression.
     fs::remove_file(&path).unwrap();
     record(&path, "owned");
     let mut bytes = fs::read(&path).unwrap();
@@ -86,14 +86,14 @@ fn what_a_damaged_or_foreign_file_names_is_escaped() {
         &["export", "hostile.mcap", "--to", "csv"],
         &["recover", "hostile.mcap", "new.mcap"],
     ] {
-        let Outcome { stdout, stderr, .. } = resonarm(folder.path(), arguments);
+        let CommandResult { stdout, stderr, .. } = resonarm(folder.path(), arguments);
         assert!(!stdout.contains('\x1b') && !stderr.contains('\x1b'), "{arguments:?}: {stdout:?}{stderr:?}");
         assert!(stdout.contains(r"\u{1b}[2J") || stderr.contains(r"\u{1b}[2J"), "{arguments:?}: {stdout}{stderr}");
     }
 }
 
 #[test]
-fn what_a_log_names_is_escaped() {
+fn names_in_a_log_are_escaped() {
     let folder = tempfile::tempdir().unwrap();
     let name = "\u{1b}]0;owned\u{7}\u{9b}2J\u{202e}";
     fs::write(folder.path().join("two.log"), format!("(1.0) {name} 123#00\n(1.1) can0 123#00\n")).unwrap();
@@ -116,6 +116,6 @@ fn what_a_log_names_is_escaped() {
         let output = decode.wait_with_output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         let code = output.status.code().unwrap();
-        check(&arguments, &Outcome { code, stdout: text(output.stdout), stderr: text(output.stderr) });
+        check(&arguments, &CommandResult { code, stdout: text(output.stdout), stderr: text(output.stderr) });
     }
 }

@@ -1,4 +1,4 @@
-//! `experiment fig9`: what it says, and what it refuses.
+//! `experiment fig9` and `experiment walk`: their output and refusals.
 
 use std::fs;
 use std::path::Path;
@@ -56,7 +56,7 @@ fn both_zones_are_measured_and_drawn() {
             assert_eq!(run["outcome"], "finished");
             let points_read = run["points"].as_array().unwrap();
             assert!((points..=points + 2).contains(&points_read.len()), "{run:#}");
-            // The head's counts are coarse beside the smallest force of the backbone.
+            // The head's resolution is coarse for the smallest force of the backbone.
             let unsettled = points_read.iter().filter(|point| point["settled"] == false).count();
             assert!(unsettled == 0 || (points == 10 && unsettled <= 2), "{run:#}");
         }
@@ -65,12 +65,12 @@ fn both_zones_are_measured_and_drawn() {
     let csv = fs::read_to_string(folder.join("zones.csv")).unwrap();
     assert!(csv.starts_with("zone,run,frequency_hz,"), "{csv}");
     over_the_papers_curves(folder);
-    // What was drawn is not drawn over.
+    // An existing figure is not overwritten.
     assert!(complaint(folder, 2, &[&SMALL[..], &["--plot", "zones"]].concat()).contains("--overwrite"));
 }
 
-/// `paper fig9 --measured` draws the document: a curve for each zone under its force, and every
-/// settled point in its place.
+/// `paper fig9 --measured` draws the document: a curve for each zone under its force, and every settled point in its
+/// place.
 fn over_the_papers_curves(folder: &Path) {
     let drawn = document(folder, 0, &["paper", "fig9", "--measured", "zones.json", "--out", "paper", "--json"]);
     assert_eq!(drawn["figures"][0]["files"].as_array().unwrap().len(), 5, "{drawn}");
@@ -105,7 +105,7 @@ fn over_the_papers_curves(folder: &Path) {
 }
 
 #[test]
-fn what_can_not_be_measured_is_said_before_it_is_tried() {
+fn impossible_measurements_are_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let refusal = |flags: &[&str]| complaint(folder.path(), 2, &[&["experiment", "fig9"], flags].concat());
     assert_snapshot!(refusal(&["--from-hz", "30"]), @"resonarm: --from-hz is 30: it must be above 0 and below the first natural frequency, 26.84 Hz at β1 = -76.5413°, β2 = 120°");
@@ -116,7 +116,7 @@ fn what_can_not_be_measured_is_said_before_it_is_tried() {
     assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: 300 samples a second are too few for a mode at 40.36 Hz: at least 445 are needed");
 }
 
-/// A shaker along y in a scenario of which no flag repeats the direction.
+/// A shaker along y in a scenario; no flag repeats the direction.
 #[test]
 fn a_walk_goes_along_the_shaker_of_its_scenario() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,13 +128,13 @@ fn a_walk_goes_along_the_shaker_of_its_scenario() {
     assert_eq!(walked["configuration"]["force_n"], serde_json::json!([0.0, 4.0]));
     let message = complaint(folder, 2, &["experiment", "walk", "--force-n", "4"]);
     assert_snapshot!(message, @"resonarm: --force-n 4 acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n");
-    // A scenario with a load of its own is walked with it.
+    // Without a load in the flags, the walk takes that of the scenario.
     let dwell = "[excitation]\namplitude = { force_y_n = 4 }\nprofile = { waveform = 'dwell', frequency_hz = 20, duration_s = 1, settle_s = 0.1 }\n";
     fs::write(folder.join("bench.toml"), format!("{bench}{dwell}")).unwrap();
     assert_eq!(document(folder, 0, &walk)["configuration"]["force_n"], serde_json::json!([0.0, 4.0]));
 }
 
-/// A torque does not go through the impedance head, which then reads noise: there is no distortion to state.
+/// A torque does not act through the impedance head, which then reads only noise: there is no distortion to report.
 #[test]
 fn a_torque_has_no_distortion() {
     let folder = tempfile::tempdir().unwrap();
@@ -156,7 +156,7 @@ fn a_torque_has_no_distortion() {
     }
 }
 
-/// Ctrl-C while the walks go on: what was read is kept and shown, and nothing is said of what was not measured.
+/// Ctrl-C during the walks: the points read so far are kept and shown, without a verdict on incomplete zones.
 #[test]
 #[allow(clippy::disallowed_methods, reason = "it waits for another process")]
 fn an_interrupted_experiment_is_not_judged() {
@@ -165,7 +165,7 @@ fn an_interrupted_experiment_is_not_judged() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
     command.args(["experiment", "fig9", "--plot", "zones"]).current_dir(folder).env_remove("RESONARM_LOG");
     let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // The threads of the runs are there once signals are listened for.
+    // The threads of the runs start after the signal handlers are installed.
     while threads(&child) < 3 {
         thread::sleep(Duration::from_millis(20));
     }
@@ -184,7 +184,7 @@ fn an_interrupted_experiment_is_not_judged() {
     assert!(fs::read_to_string(folder.join("zones.svg")).unwrap().contains("interrupted"));
 }
 
-/// How many threads a process has.
+/// The number of threads of a process.
 fn threads(child: &Child) -> usize {
     fs::read_dir(format!("/proc/{}/task", child.id())).map_or(0, Iterator::count)
 }

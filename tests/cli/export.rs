@@ -1,5 +1,5 @@
-//! Exported recordings: which files, what is said of them, and what is refused. What is in them is compared by
-//! independent readers, `tests/recording/test_export.py`.
+//! Exported recordings: their files, messages and refusals. `tests/recording/test_export.py` compares the contents by
+//! independent readers.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use resonarm::recording::{Options, Record, Recorder, Recording, SampleRecord, St
 
 use crate::{complaint, document, resonarm};
 
-/// A folder with the recording of a run of 50 ms, and of as much again in which it ends.
+/// A folder with the recording of a run of 50 ms, followed by 50 ms in which it ends.
 fn recorded() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let run = ["run", "--mode", "free", "--duration-s", "0.05", "--record", "run.mcap"];
@@ -18,7 +18,7 @@ fn recorded() -> tempfile::TempDir {
 }
 
 #[test]
-fn files_are_named_after_the_recording_and_told() {
+fn files_are_named_after_the_recording_and_listed() {
     let folder = recorded();
     let said = resonarm(folder.path(), &["export", "run.mcap", "--to", "csv", "--parts", "events,states,events"]);
     assert_eq!((said.code, said.stderr.as_str()), (0, "writing run-states.csv, run-events.csv\n"));
@@ -31,9 +31,9 @@ fn files_are_named_after_the_recording_and_told() {
     assert!(log["files"][0]["rows"].as_u64().unwrap() > 100, "{log}");
 }
 
-/// Files are written where the command is given, or where it says: never beside a recording elsewhere.
+/// Files are written to the current folder or where --out says, never beside a recording elsewhere.
 #[test]
-fn files_are_written_where_they_are_asked_for() {
+fn files_are_written_to_the_given_place() {
     let folder = recorded();
     let folder = folder.path();
     for name in ["far", "here"] {
@@ -50,15 +50,15 @@ fn files_are_written_where_they_are_asked_for() {
         let said = resonarm(&folder.join(place), &[&export[..], &out].concat());
         let said_first = said.stderr.lines().next().unwrap().trim_start_matches("writing ").to_owned();
         assert_eq!(said.code, 0, "{}", said.stderr);
-        let [told, expected] = [folder.join(place).join(said_first), folder.join(expected)];
-        assert_eq!(told.canonicalize().unwrap(), expected.canonicalize().unwrap());
+        let [written, expected] = [folder.join(place).join(said_first), folder.join(expected)];
+        assert_eq!(written.canonicalize().unwrap(), expected.canonicalize().unwrap());
     }
     assert_eq!(fs::read_dir(folder.join("here")).unwrap().count(), 2);
     assert_eq!(fs::read_dir(folder.join("far")).unwrap().count(), 2);
 }
 
 #[test]
-fn what_is_there_is_kept_until_it_is_given_up() {
+fn existing_files_are_kept_without_overwrite() {
     let folder = recorded();
     fs::write(folder.path().join("run-samples.wav"), "mine").unwrap();
     let export = ["export", "run.mcap", "--to", "wav"];
@@ -69,7 +69,7 @@ fn what_is_there_is_kept_until_it_is_given_up() {
 }
 
 #[test]
-fn what_a_format_cannot_hold_is_said() {
+fn contents_that_a_format_cannot_hold_are_refused() {
     let folder = recorded();
     let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["export", "run.mcap", "--to"], arguments].concat());
     assert_snapshot!(said(&["wav", "--parts", "frames"]), @"resonarm: wav holds no frames, only states, samples; csv holds all");
@@ -97,7 +97,7 @@ fn with_gap(folder: &Path) {
 }
 
 #[test]
-fn a_gap_is_said_where_every_sample_is_needed() {
+fn a_gap_is_refused_where_every_sample_is_needed() {
     let folder = recorded();
     with_gap(folder.path());
     assert_snapshot!(complaint(folder.path(), 2, &["export", "gap.mcap", "--to", "wav"]), @"
@@ -108,12 +108,12 @@ fn a_gap_is_said_where_every_sample_is_needed() {
     assert_eq!(table["files"][0]["rows"], 100);
 }
 
-/// An export that fails leaves what was there, and no part of a file.
+/// A failed export keeps existing files, and leaves no partial file.
 #[test]
-fn what_may_be_overwritten_is_kept_by_an_export_that_fails() {
+fn a_failed_export_keeps_files_that_may_be_overwritten() {
     let folder = recorded();
     with_gap(folder.path());
-    // The gap is found at once, and the damage, behind the first samples, on the way.
+    // The gap is found at once; the damage, after the first samples, only during the export.
     let bytes = fs::read(folder.path().join("run.mcap")).unwrap();
     let there = ["gap.uff", "gap-states.wav"];
     there.iter().for_each(|name| fs::write(folder.path().join(name), "mine").unwrap());
@@ -123,7 +123,7 @@ fn what_may_be_overwritten_is_kept_by_an_export_that_fails() {
     for name in there {
         assert_eq!(fs::read_to_string(folder.path().join(name)).unwrap(), "mine", "{name}");
     }
-    // A disk that fills up, for which a limit of 2 KiB stands.
+    // A full disk, simulated by a limit of 2 KiB.
     for (format, name) in [
         ("csv", "run-states.csv"),
         ("candump", "run.log"),
@@ -149,7 +149,7 @@ fn what_may_be_overwritten_is_kept_by_an_export_that_fails() {
     assert_eq!(names, ["gap-states.wav", "gap.mcap", "gap.uff", "run.mcap"]);
 }
 
-/// Somebody else's recording may state any sample.
+/// A foreign recording may state any sample.
 #[test]
 fn the_last_of_all_samples_is_exported() {
     let folder = recorded();
@@ -165,9 +165,9 @@ fn the_last_of_all_samples_is_exported() {
     }
     recorder.finish(&[]).unwrap();
     for format in ["csv", "uff58", "wav", "foxglove"] {
-        let told = document(folder.path(), 0, &["export", "last.mcap", "--to", format, "--json"]);
+        let written = document(folder.path(), 0, &["export", "last.mcap", "--to", format, "--json"]);
         let rows = if format == "foxglove" { 6 } else { 3 };
-        assert_eq!(told["files"][0]["rows"], rows, "{format}");
+        assert_eq!(written["files"][0]["rows"], rows, "{format}");
     }
     document(folder.path(), 0, &["inspect", "last.mcap", "--statistics", "--plot", "last", "--json"]);
     document(folder.path(), 0, &["cut", "last.mcap", "part.mcap", "--json"]);

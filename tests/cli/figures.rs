@@ -1,4 +1,4 @@
-//! What the lines of figures say without their colours.
+//! Lines of figures can be distinguished without colours.
 
 use std::fs;
 
@@ -15,14 +15,14 @@ pub fn dashed(svg: &str, color: &str) -> Vec<bool> {
     lines.map(|line| line.contains("stroke-dasharray")).collect()
 }
 
-/// Every line of unstable motions is dashed, none of stable ones is, and of both there are some.
+/// Every line of unstable motions is dashed, none of stable ones is, and both occur.
 pub fn unstable_motions_are_dashed(svg: &str) {
     let (stable, unstable) = (dashed(svg, STABLE), dashed(svg, UNSTABLE));
     assert!(!stable.is_empty() && stable.iter().all(|dashed| !dashed), "stable: {stable:?}");
     assert!(!unstable.is_empty() && unstable.iter().all(|dashed| *dashed), "unstable: {unstable:?}");
 }
 
-/// Figures of branches; those of `paper` are looked at where they are made.
+/// Figures of branches; those of `paper` are checked in its test.
 #[test]
 fn unstable_motions_are_dashed_in_figures_of_branches() {
     let commands = [
@@ -39,7 +39,7 @@ fn unstable_motions_are_dashed_in_figures_of_branches() {
     }
 }
 
-/// Colour, width and dashes of the lines in a figure, but for grid and frame.
+/// Colour, width and dashes of the lines in a figure, except grid and frame.
 fn lines(command: &str, figure: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let outcome = resonarm(folder.path(), &command.split(' ').collect::<Vec<_>>());
@@ -52,15 +52,15 @@ fn lines(command: &str, figure: &str) -> String {
             rest.split_once('"').map(|(value, _)| value)
         };
         let (color, width) = (value("stroke").unwrap(), value("stroke-width").unwrap());
-        let told = format!("{color}, {width} px, {}", value("stroke-dasharray").unwrap_or("solid"));
-        if !["#DDDDDD", "#202020"].contains(&color) && !all.contains(&told) {
-            all.push(told);
+        let line_style = format!("{color}, {width} px, {}", value("stroke-dasharray").unwrap_or("solid"));
+        if !["#DDDDDD", "#202020"].contains(&color) && !all.contains(&line_style) {
+            all.push(line_style);
         }
     }
     all.join("\n")
 }
 
-/// Lines that may cross differ in their dashes, or as black and orange do in lightness.
+/// Lines that may cross differ in their dashes, or, as black and orange, in lightness.
 #[test]
 fn lines_differ_without_colours() {
     insta::assert_snapshot!(lines("frf --beta1-deg 30 --plot figure", "figure.svg"), @r"

@@ -1,4 +1,4 @@
-//! `identify`: what the readings of a recording tell, beside what the arm's equations say.
+//! `identify`: results from the readings of a recording against the arm's equations.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +23,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn a_recording_tells_the_modes_of_its_arm() {
+fn modes_are_identified_from_a_recording() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     record(
@@ -62,15 +62,15 @@ fn a_recording_tells_the_modes_of_its_arm() {
     let table = fs::read_to_string(folder.join("found.csv")).unwrap();
     assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_h1_modulus_m_s2_per_n,b_x_h1_phase_deg,b_x_h2_modulus_m_s2_per_n,b_x_h2_phase_deg,b_x_coherence,b_y_h1_modulus_m_s2_per_n,b_y_h1_phase_deg,b_y_h2_modulus_m_s2_per_n,b_y_h2_phase_deg,b_y_coherence,c_x_h1_modulus_m_s2_per_n,c_x_h1_phase_deg,c_x_h2_modulus_m_s2_per_n,c_x_h2_phase_deg,c_x_coherence,c_y_h1_modulus_m_s2_per_n,c_y_h1_phase_deg,c_y_h2_modulus_m_s2_per_n,c_y_h2_phase_deg,c_y_coherence");
     assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: name another place, or allow overwriting it (--overwrite)");
-    // Between the modes there is none.
+    // There is no resonance between the modes.
     let none = resonarm(folder, &["identify", "random.mcap", "--from-hz", "30", "--to-hz", "36"]);
     assert_eq!(none.code, 1, "{}", none.stdout);
     assert!(none.stderr.contains("there is no resonance from 30 to 36 Hz"), "{}", none.stderr);
 }
 
-/// Modes have the arm's numbers, and one that is missing is named with the reason.
+/// Modes are numbered as in the arm, and a missing one is listed with the reason.
 #[test]
-fn a_mode_that_is_missing_is_named() {
+fn a_missing_mode_is_listed() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let shaker = "arm.beta1_deg = 30\n[rig.shaker]\namplifier = 'voltage'\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\n\
@@ -92,7 +92,7 @@ fn a_mode_that_is_missing_is_named() {
     assert!(!said.stderr.contains("images"), "{}", said.stderr);
     let said = resonarm(folder, &["identify", "instant.mcap"]);
     assert!(said.stderr.contains("rig.converter is `instant`: the head reads images"), "{}", said.stderr);
-    // Alone in the band the second mode is the second.
+    // The second mode keeps its number if it is alone in the band.
     let random = "waveform = 'random', from_hz = 40, to_hz = 60, duration_s = 20, seed = 2";
     record(folder, "second", "force_y_n = 6", random);
     let found = document(folder, 0, &["identify", "second.mcap", "--json"]);
@@ -100,7 +100,7 @@ fn a_mode_that_is_missing_is_named() {
 }
 
 #[test]
-fn recordings_that_tell_nothing() {
+fn recordings_without_modes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let random = |duration_s: &str| format!("waveform = 'random', from_hz = 5, to_hz = 80, duration_s = {duration_s}");
@@ -117,9 +117,9 @@ fn recordings_that_tell_nothing() {
     assert_snapshot!(says(&["notes.txt"]), @"resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`");
 }
 
-/// The table of angles against the states of the run, which the recording holds as well.
+/// The table of angles against the states of the run, which are in the recording.
 #[test]
-fn a_recording_tells_the_angles_of_its_arm() {
+fn angles_are_identified_from_a_recording() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 4, settle_s = 1";
@@ -139,7 +139,7 @@ fn a_recording_tells_the_angles_of_its_arm() {
         let rows: Vec<Vec<f64>> =
             lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
         assert_eq!(rows.len() as u64, found["samples"].as_u64().unwrap());
-        // The run begins at rest, so the table begins with it, in the middle of the first hold.
+        // The run begins at rest, so the table begins with the run, in the middle of the first hold.
         assert_eq!(rows[0][0], 0.0005);
         for row in &rows {
             let after = &states[(row[0] * 1000.0 + 0.5).round() as usize];
@@ -148,7 +148,7 @@ fn a_recording_tells_the_angles_of_its_arm() {
                 let middle = 0.5 * (before.alpha_rad[joint] + after.alpha_rad[joint])
                     + 0.125e-3 * (before.alpha_dot_rad_s[joint] - after.alpha_dot_rad_s[joint]);
                 let off = (row[1 + joint] - middle).abs();
-                // Five deviations, and what a sudden start has below the corner.
+                // Five standard deviations, and the share of a sudden start below the corner.
                 assert!(off < 5.0 * row[3 + joint] + 1e-2 * number(&found["largest_rad"][joint]), "{row:?} {middle}");
             }
         }
@@ -170,7 +170,7 @@ fn a_recording_tells_the_angles_of_its_arm() {
 }
 
 #[test]
-fn recordings_that_tell_no_angles() {
+fn recordings_without_angles_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 1, settle_s = 0.2";

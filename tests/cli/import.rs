@@ -1,4 +1,4 @@
-//! Logs of other tools as recordings.
+//! `import`: logs of other tools as recordings.
 
 use std::fs;
 use std::io::Write;
@@ -32,13 +32,13 @@ fn frames(path: &Path) -> Vec<FrameRecord> {
     Recording::open(path).unwrap().frames().unwrap().map(Result::unwrap).collect()
 }
 
-/// Everything but the sample, which is that of the time, and digits that the logs don't have.
+/// Everything except the sample, which follows from the time, and digits that the logs don't have.
 fn content(frame: &FrameRecord) -> String {
     format!("{:?} {} {}", frame.direction, frame.time_ns / 1000, frame.frame)
 }
 
 #[test]
-fn exported_frames_come_back() {
+fn exported_frames_are_imported_unchanged() {
     let folder = exported();
     let expected: Vec<String> = frames(&folder.path().join("run.mcap")).iter().map(content).collect();
     for log in ["run.log", "run.asc", "run.blf"] {
@@ -48,14 +48,14 @@ fn exported_frames_come_back() {
         let found: Vec<String> = frames(&folder.path().join("back.mcap")).iter().map(content).collect();
         assert_eq!(found, expected, "{log}");
     }
-    // Its frames are a recording's: what the controller read is read again.
+    // `compare` reads the same responses from the imported frames.
     let said = resonarm(folder.path(), &["compare", "back.mcap", "--json"]);
     let ours = resonarm(folder.path(), &["compare", "run.mcap", "--json"]);
     assert_eq!((said.code, said.stdout), (ours.code, ours.stdout));
     assert_eq!(document(folder.path(), 0, &["inspect", "back.mcap", "--json"])["integrity"]["state"], "complete");
 }
 
-/// A log of what a program sends and what it receives is out of order by what waited in a queue.
+/// In a log of sent and received frames, queued frames are out of order.
 #[test]
 fn frames_out_of_order_keep_their_times() {
     let folder = tempfile::tempdir().unwrap();
@@ -73,7 +73,7 @@ fn frames_out_of_order_keep_their_times() {
 }
 
 #[test]
-fn what_is_missing_to_simulate_again_is_said() {
+fn the_refusal_to_simulate_again_says_what_is_missing() {
     let folder = exported();
     for arguments in [&["import", "run.log", "a.mcap"][..], &["import", "run.log", "b.mcap", "--scenario", "run.toml"]]
     {
@@ -84,7 +84,7 @@ fn what_is_missing_to_simulate_again_is_said() {
 }
 
 #[test]
-fn what_cannot_be_imported_is_said() {
+fn logs_that_cannot_be_imported_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let said = |name: &str, log: &str, arguments: &[&str]| {
         fs::write(folder.path().join(name), log).unwrap();
@@ -95,7 +95,7 @@ fn what_cannot_be_imported_is_said() {
     assert_snapshot!(said("a.log", "", &[]), @"resonarm: a.log has no frames");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(1.5) can1 123#00\n", &[]), @"resonarm: a.log has frames of can0 and of can1: choose one (--interface)");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n", &["--interface", "can7"]), @"resonarm: a.log has no frames of interface can7");
-    // A tenth of a second is not too much.
+    // A tenth of a second is accepted.
     fs::write(folder.path().join("early.log"), "(1.0) can0 123#00\n(0.9) can0 124#00\n").unwrap();
     let early = resonarm(folder.path(), &["import", "early.log", "early.mcap"]);
     assert_snapshot!(early.stdout, @"early.mcap: 2 frames of 0.100 s; left out 0 of other interfaces and 0 lines or objects that are no frames");
@@ -103,7 +103,7 @@ fn what_cannot_be_imported_is_said() {
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L` such as (12.345678) vcan0 201#1122");
     assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending does not say the format: give it by --from, one of candump, asc, blf");
     assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: 4 bytes are expected, 0 are there");
-    // A log is read twice: a pipe has nothing the second time.
+    // A log is read twice, and a pipe can be read only once.
     assert!(Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
     let from_pipe = ["import", "pipe", "new.mcap", "--from", "candump"];
     assert_snapshot!(complaint(folder.path(), 2, &from_pipe), @"resonarm: can't read pipe: it is a named pipe, expected a regular file, since a log is read twice");
@@ -114,12 +114,12 @@ fn what_cannot_be_imported_is_said() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // A program that refuses the pipe need not take what is in it.
+    // A program that refuses the pipe need not read it.
     let _refused = piped.stdin.take().unwrap().write_all(b"(1.0) can0 123#00\n");
     let piped = piped.wait_with_output().unwrap();
-    let told = String::from_utf8(piped.stderr).unwrap();
-    assert_eq!((piped.status.code(), folder.path().join("new.mcap").exists()), (Some(2), false), "{told}");
-    // Nor is it written over itself.
+    let message = String::from_utf8(piped.stderr).unwrap();
+    assert_eq!((piped.status.code(), folder.path().join("new.mcap").exists()), (Some(2), false), "{message}");
+    // A log is not overwritten with its recording.
     fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n").unwrap();
     assert_snapshot!(complaint(folder.path(), 2, &["import", "a.log", "a.log", "--overwrite"]), @"resonarm: recording `a.log` can't be written over itself: name another file for the result");
     assert_eq!(fs::read_to_string(folder.path().join("a.log")).unwrap(), "(1.0) can0 123#00\n");
@@ -128,7 +128,7 @@ fn what_cannot_be_imported_is_said() {
 }
 
 #[test]
-fn one_line_that_is_no_frame_is_one_line() {
+fn a_single_line_without_a_frame_is_counted() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can0 20000040#00\n(1.75) can0 123#00\n").unwrap();
     let said = resonarm(folder.path(), &["import", "a.log", "a.mcap"]);

@@ -1,4 +1,4 @@
-//! `resonarm integrators`: the table, the document, and what it says to bad input.
+//! `resonarm integrators`: the table, the document, and its messages on bad input.
 
 use std::path::Path;
 
@@ -48,10 +48,10 @@ fn document_has_every_scheme_measured() {
     }
 }
 
-/// The rate of a scenario counts, a flag wins over it; a scheme that a rate is too low for names the rate that would
-/// do, and the others are measured all the same.
+/// The rate is that of the scenario unless a flag gives one; a scheme for which the rate is too low states the rate it
+/// needs, and the others are still measured.
 #[test]
-fn what_a_scheme_cannot_carry_is_said_in_its_row() {
+fn a_scheme_that_fails_says_so_in_its_row() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = folder.path().join("straight.toml");
     std::fs::write(
@@ -90,7 +90,7 @@ fn table_has_a_line_for_every_scheme() {
 }
 
 #[test]
-fn says_what_is_wrong() {
+fn bad_input_is_refused() {
     insta::assert_snapshot!(complaint(&["--rate-hz", "0"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
     insta::assert_snapshot!(complaint(&["--rate-hz", "nan"]), @r"
     error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number

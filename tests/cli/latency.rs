@@ -1,4 +1,4 @@
-//! `latency`, and what a run in real time does without its privileges.
+//! `latency`, and runs in real time without privileges.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -26,7 +26,7 @@ fn both_loops_are_measured_at_each_rate() {
     }
 }
 
-/// With a recording, which keeps the last turn: a file that is there is not written over unasked.
+/// With a recording, which keeps the last turn; an existing file is not overwritten without the flag.
 #[test]
 fn the_plant_s_turns_are_recorded() {
     let folder = tempfile::tempdir().unwrap();
@@ -40,10 +40,10 @@ fn the_plant_s_turns_are_recorded() {
     assert_snapshot!(said, @"resonarm: recording `turn.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
 }
 
-/// What the kernel does for a thread it does in part on the thread's core: the recorder, which writes, leaves that of
-/// the loop. The exciter, which only answers, may run on any.
+/// The kernel does some work for a thread on the thread's core: the recorder, which writes, moves off the core of the
+/// loop. The exciter, which only answers, may run on any.
 #[test]
-fn what_asks_much_of_the_kernel_leaves_the_loop_s_core_if_it_can() {
+fn the_recorder_leaves_the_loop_s_core_if_it_can() {
     let cores_of = |status: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).unwrap();
         line.trim().to_owned()
@@ -67,7 +67,8 @@ fn what_asks_much_of_the_kernel_leaves_the_loop_s_core_if_it_can() {
             status.starts_with(&format!("Name:\t{name}\n")).then(|| cores_of(&status))
         })
     };
-    // The plant's turn, which is recorded, comes after the bare loop's, and is long against any stop of this process.
+    // The plant's turn, which is recorded, follows the bare loop's, and is long compared with any delay of this
+    // process.
     let found = (0..6000).find_map(|_| {
         SystemClock.sleep_until_ns(SystemClock.now_ns() + 10_000_000);
         of_thread("recorder").zip(of_thread("exciter"))
@@ -80,10 +81,10 @@ fn what_asks_much_of_the_kernel_leaves_the_loop_s_core_if_it_can() {
 }
 
 #[test]
-fn what_is_required_and_not_to_be_had_ends_the_run() {
+fn missing_required_privileges_end_the_run() {
     let said =
         complaint(here(), 3, &["latency", "--turn-s", "0.05", "--turns", "1", "--rt", "require", "--core", "1023"]);
-    // The cores are the machine's, the privileges the user's.
+    // Cores vary with the machine, privileges with the user.
     let core = said.find("no core 1023: ").unwrap();
     assert!(said.starts_with("resonarm: the thread of the run must be a real-time thread, and has "), "{said}");
     assert!(said[core..].contains("to mend: choose a core that this process may use: ["), "{said}");
@@ -91,7 +92,7 @@ fn what_is_required_and_not_to_be_had_ends_the_run() {
 }
 
 #[test]
-fn a_core_is_not_asked_for_with_rt_off() {
+fn a_core_is_refused_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--core", "0"]);
     assert_snapshot!(said, @"resonarm: --core 0 asks for what --rt off leaves out: give one of them");
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
@@ -103,7 +104,7 @@ fn a_core_is_not_asked_for_with_rt_off() {
 }
 
 #[test]
-fn the_loops_spin_if_asked_to_and_their_latencies_are_drawn() {
+fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let common = ["latency", "--turn-s", "0.05", "--turns", "2", "--histogram", "late.svg"];
     let given = document(folder.path(), 0, &[&common[..], &["--spin", "100", "--json"]].concat());
@@ -118,7 +119,7 @@ fn the_loops_spin_if_asked_to_and_their_latencies_are_drawn() {
     let measured = document(folder.path(), 0, &[&common[..], &["--overwrite", "--spin", "auto", "--json"]].concat());
     let found = &measured["rates"][0]["spin"];
     let [spin_us, p99_us] = ["spin_us", "slept_p99_us"].map(|name| found[name].as_f64().unwrap());
-    // The machine's: at most a quarter of the period, or not at all.
+    // It depends on the machine: at most a quarter of the period, or no spinning.
     assert!(p99_us > 0.0 && if p99_us > 250.0 { spin_us == 0.0 } else { spin_us <= p99_us }, "{found}");
     let said = complaint(folder.path(), 2, &["latency", "--rate-hz", "4000", "--turn-s", "0.05", "--spin", "63"]);
     assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
@@ -126,7 +127,7 @@ fn the_loops_spin_if_asked_to_and_their_latencies_are_drawn() {
     assert_snapshot!(said, @"resonarm: --histogram run.svg: a run in the mode free has no schedule to be late for; take real-time or lockstep");
 }
 
-/// The flags of the command in the unit are the program's: it gets as far as the interface, which is not there.
+/// The flags of the command in the unit are valid: the program gets as far as the missing interface.
 #[test]
 fn the_unit_for_systemd_starts_the_program_as_it_is() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,4 +1,4 @@
-//! The command line as a user meets it: documents, messages and exit codes of the program itself.
+//! The command line from the user's side: documents, messages and exit codes of the program.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 mod backbone;
@@ -31,24 +31,24 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// What a command came to.
-pub struct Outcome {
+/// The result of a command.
+pub struct CommandResult {
     /// Its exit code.
     pub code: i32,
-    /// What it said on standard output.
+    /// Its standard output.
     pub stdout: String,
-    /// What it said on standard error.
+    /// Its standard error.
     pub stderr: String,
 }
 
-/// Runs the program in `folder`, without lines of progress, which a machine that stalls would add. None of the commands
-/// given here runs for more than some seconds.
-pub fn resonarm(folder: &Path, arguments: &[&str]) -> Outcome {
+/// Runs the program in `folder`, without lines of progress, which would appear on a machine that stalls. No command
+/// here takes more than some seconds.
+pub fn resonarm(folder: &Path, arguments: &[&str]) -> CommandResult {
     let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
     command.args(arguments).current_dir(folder).env("RESONARM_LOG", "resonarm::progress=off").stdin(Stdio::null());
     let output = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Outcome { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    CommandResult { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 /// Runs a command that must end with `code` and print one JSON document, and nothing else.
@@ -58,7 +58,7 @@ pub fn document(folder: &Path, code: i32, arguments: &[&str]) -> Value {
     serde_json::from_str(&outcome.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error} in {}", outcome.stdout))
 }
 
-/// Runs a command that must fail with `code` and print nothing on standard output; what it says on standard error.
+/// Runs a command that must fail with `code` and print nothing on standard output; returns its standard error.
 pub fn complaint(folder: &Path, code: i32, arguments: &[&str]) -> String {
     let outcome = resonarm(folder, arguments);
     assert_eq!(outcome.code, code, "{arguments:?}: {}{}", outcome.stdout, outcome.stderr);

@@ -1,4 +1,4 @@
-//! Every numeric flag of every command, given what no flag can take, and what few can.
+//! Every numeric flag of every command, with values that no flag accepts, and values that few accept.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use crate::resonarm;
 
-/// What makes each command end soon if its numbers are good: without a bus, a folder to write to or a recording, or
-/// with little to do.
+/// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
+/// recording, or with little to do.
 const COMMANDS: [(&str, &str); 33] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
@@ -126,7 +126,7 @@ fn with(command: &str, usual: &str, flag: &str, value: &str) -> Vec<String> {
     let mut arguments: Vec<String> = command.split(' ').map(String::from).collect();
     let mut words = usual.split_whitespace().peekable();
     while let Some(word) = words.next() {
-        // An angle in place of a range of angles.
+        // A single angle instead of a range of angles.
         let replaced = word == flag || (command == "modes" && flag == "--beta2-deg" && word.starts_with("--"));
         if replaced {
             let _value = words.next();
@@ -138,7 +138,7 @@ fn with(command: &str, usual: &str, flag: &str, value: &str) -> Vec<String> {
     arguments
 }
 
-/// Ends a command that goes on for longer than any of these can: none has more than a second's work.
+/// Ends a command that takes too long: none of these has more than a second's work.
 #[allow(clippy::disallowed_methods, reason = "a test waits for another process")]
 fn wait(mut child: Child) -> (Option<i32>, String) {
     let (mut stderr, deadline) = (child.stderr.take().unwrap(), Instant::now() + Duration::from_secs(120));
@@ -153,14 +153,15 @@ fn wait(mut child: Child) -> (Option<i32>, String) {
     (child.wait().unwrap().code(), said)
 }
 
-/// What is wrong with how a command took a value, if anything is.
+/// What is wrong with a command's reaction to a value, if anything.
 fn wrong(folder: &Path, arguments: &[String], flag: &str, value: &str) -> Option<String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
     command.args(arguments).current_dir(folder).env_remove("RESONARM_LOG");
     let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let (code, said) = wait(child);
     let key = flag.trim_start_matches('-').replace('-', "_");
-    // Where the quantity is told in words its value stands there, too; the usual arguments may be what is refused next.
+    // A message that describes the quantity in words includes its value; one of the usual arguments may be refused
+    // next.
     let named = [flag, &key, value, "/dev/null/none", "none.mcap"].iter().any(|name| said.contains(name));
     let must_fail = !matches!(value, "-1" | "1e300");
     let problem = match code {
@@ -171,18 +172,18 @@ fn wrong(folder: &Path, arguments: &[String], flag: &str, value: &str) -> Option
         Some(2) if !named => "the message does not name the flag",
         Some(0..=3) if must_fail && code != Some(2) => "it is accepted",
         Some(0..=3) => return None,
-        Some(_) => "an exit code of its own",
+        Some(_) => "an unexpected exit code",
     };
     let said: String = said.chars().take(400).collect();
     Some(format!("{}: {problem} ({code:?}): {said}", arguments.join(" ")))
 }
 
 #[test]
-fn every_numeric_flag_takes_its_value_or_says_why_not() {
+fn every_numeric_flag_accepts_its_value_or_says_why_not() {
     let folder = tempfile::tempdir().unwrap();
     let help = resonarm(folder.path(), &["--help"]).stdout;
     let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
-    // Descriptions that take more than a line go on further to the right.
+    // Further lines of a description are indented more.
     let listed = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let listed: Vec<&str> =
         listed.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();

@@ -1,4 +1,4 @@
-//! `resonarm paper` as a user meets it: its files, held against the rest of the program and independent numbers, and
+//! `resonarm paper` from the user's side: its files, compared with the rest of the program and independent numbers, and
 //! its messages.
 
 use std::fs;
@@ -10,7 +10,7 @@ use resonarm::analysis::modes;
 use resonarm::arm::{Arm, Pose, Preset};
 use serde_json::Value;
 
-/// The settings that come with the program.
+/// The embedded settings.
 const SETTINGS: &str = include_str!("../../scenarios/paper/settings.toml");
 
 fn paper(folder: &Path, arguments: &[&str]) -> Output {
@@ -24,7 +24,7 @@ fn paper(folder: &Path, arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-/// What the program says on standard error when it must fail as bad usage or input.
+/// Runs the program, which must fail for bad usage or input; returns its standard error.
 fn complaint(folder: &Path, arguments: &[&str]) -> String {
     let output = paper(folder, arguments);
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{output:?}");
@@ -41,15 +41,15 @@ fn table(path: &Path) -> (Vec<String>, Vec<Vec<String>>) {
     (header, rows)
 }
 
-/// How often a pose is named in a figure: at each of its peaks. The second ones of `irb1600-table1` lie beyond 80 Hz,
-/// and are in the panel of second zones only.
+/// How often a pose is named in a figure: at each of its peaks. The second ones of `irb1600-table1` are beyond 80 Hz,
+/// and only in the panel of second zones.
 fn peaks(figure: &str, preset: Preset) -> usize {
     let in_a_spectrum = if preset == Preset::Irb1600Fitted { 2 } else { 1 };
     if figure == "fig4" { in_a_spectrum + 2 } else { 2 * in_a_spectrum }
 }
 
 #[test]
-fn every_figure_is_there_in_four_forms_and_its_numbers_are_finite() {
+fn every_figure_has_four_files_and_finite_numbers() {
     for preset in Preset::ALL {
         let folder = tempfile::tempdir().unwrap();
         for figure in ["fig3", "fig4", "fig5", "fig7", "fig9"] {
@@ -114,20 +114,20 @@ fn natural_frequencies_are_those_of_modes_and_of_the_oracles() {
     assert_eq!(compared, 24);
 }
 
-/// What the program says of the settings that come with it when one text in them is another.
-fn own(from: &str, to: &str, what: &str) -> String {
+/// The message for the embedded settings with one text replaced.
+fn changed(from: &str, to: &str, what: &str) -> String {
     assert!(SETTINGS.contains(from), "{from}");
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("own.toml"), SETTINGS.replacen(from, to, 1)).unwrap();
-    complaint(folder.path(), &[what, "--settings", "own.toml", "--out", "out"])
+    fs::write(folder.path().join("changed.toml"), SETTINGS.replacen(from, to, 1)).unwrap();
+    complaint(folder.path(), &[what, "--settings", "changed.toml", "--out", "out"])
 }
 
 #[test]
-fn bad_input_is_said_with_what_would_do() {
-    let unknown = own("height_m = -0.2", "hight_m = -0.2", "fig7");
-    assert!(unknown.starts_with("resonarm: own.toml: TOML parse error"), "{unknown}");
+fn bad_input_is_refused_with_the_accepted_values() {
+    let unknown = changed("height_m = -0.2", "hight_m = -0.2", "fig7");
+    assert!(unknown.starts_with("resonarm: changed.toml: TOML parse error"), "{unknown}");
     assert_snapshot!(unknown.lines().last().unwrap(), @"Did you mean `height_m`?");
-    assert_snapshot!(own("height_m = -0.2", "height_m = -0.5", "fig7"), @"resonarm: at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of -0.5 m: bring line.height_m nearer to 0, or bend the arm less");
+    assert_snapshot!(changed("height_m = -0.2", "height_m = -0.5", "fig7"), @"resonarm: at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of -0.5 m: bring line.height_m nearer to 0, or bend the arm less");
     let folder = tempfile::tempdir().unwrap();
     assert_snapshot!(complaint(folder.path(), &["fig3"]), @"resonarm: figures need a folder: --out DIR");
     assert_snapshot!(complaint(folder.path(), &["fig3", "--settings", "none.toml", "--out", "out"]), @"resonarm: can't read the settings none.toml: No such file or directory (os error 2)");

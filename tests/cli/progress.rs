@@ -9,12 +9,12 @@ fn started(flags: &[&str], log: &str) -> Child {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// What it said on standard error.
+/// Its standard error.
 fn said(child: Child) -> String {
     String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap()
 }
 
-/// After ten seconds there is a line, later ones ten seconds apart; none where standard error is kept for others.
+/// The first line comes after ten seconds, further ones ten seconds apart; none if standard error has another use.
 #[test]
 fn long_work_writes_a_line_every_ten_seconds() {
     let wanted = started(&[], "");

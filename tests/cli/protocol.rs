@@ -1,4 +1,4 @@
-//! `protocol`: the wire's documents, and frames explained and made.
+//! `protocol`: the wire's documents, and decoding and encoding of frames.
 
 use std::io::Write;
 use std::path::Path;
@@ -34,7 +34,7 @@ const LOG: &str = "\
 ";
 
 #[test]
-fn a_log_is_explained_with_a_receiver_s_verdicts() {
+fn a_log_is_decoded_with_a_receiver_s_verdicts() {
     let (code, stdout, stderr) = piped(&["protocol", "decode"], LOG);
     assert_eq!((code, stderr.as_str()), (1, ""));
     assert_snapshot!(stdout, @r"
@@ -56,7 +56,7 @@ fn a_log_is_explained_with_a_receiver_s_verdicts() {
 }
 
 #[test]
-fn what_is_encoded_decodes_in_every_network() {
+fn encoded_frames_decode_in_every_network() {
     for network in [&["--profile", "classic"][..], &["--profile", "fd", "--base", "0x300", "--plant-id", "7"]] {
         let signals = ["ForceCommand", "force_x_n=10", "force_y_n=-2.5", "sample=0x1234", "--counter", "3"];
         let made = resonarm(here(), &[&["protocol", "encode"], &signals[..], network].concat());
@@ -94,7 +94,7 @@ fn the_documents_are_those_of_the_crate() {
 }
 
 #[test]
-fn says_what_is_wrong() {
+fn bad_input_is_refused() {
     let said = |arguments: &[&str]| complaint(here(), 2, &[&["protocol"], arguments].concat());
     assert_snapshot!(said(&["decode", "201#0"]), @r#"resonarm: "201#0": the data must be pairs of hexadecimal digits"#);
     assert_snapshot!(said(&["decode", "201#00", "--base", "0x205"]), @"resonarm: base identifier 0x205 is not a multiple of 0x10: take 0x200");
@@ -112,7 +112,7 @@ fn says_what_is_wrong() {
 }
 
 #[test]
-fn a_line_without_a_frame_is_told_counted_and_left_out() {
+fn a_line_without_a_frame_is_reported_counted_and_left_out() {
     let log = format!("201#8A00F40183FF3412\nnonsense here\n{}\n(2.0) vcan0 702#05\n", "x".repeat(200));
     let (code, stdout, stderr) = piped(&["protocol", "decode"], &log);
     assert_eq!((code, stderr.as_str()), (1, ""));
@@ -129,9 +129,9 @@ fn a_line_without_a_frame_is_told_counted_and_left_out() {
     assert_eq!((&found["unreadable"][0]["line"], found["frames"].as_array().unwrap().len()), (&2.into(), 2));
 }
 
-/// A log is given as standard input, and what takes its name for a frame says so.
+/// A log is read from standard input; the refusal of its name as a frame says so.
 #[test]
-fn the_name_of_a_log_as_a_frame_is_answered_with_the_way_to_read_it() {
+fn the_name_of_a_log_as_a_frame_is_refused_with_the_way_to_read_it() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("can0.log"), LOG).unwrap();
     assert_snapshot!(complaint(folder.path(), 2, &["protocol", "decode", "can0.log"]), @r#"resonarm: "can0.log": there is no `#` between identifier and data, as in 123#1122. It is a file: `resonarm protocol decode < can0.log` reads it"#);

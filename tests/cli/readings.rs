@@ -1,5 +1,5 @@
-//! `--readings`: what a bench reads of computed motions, in the documents and tables of `continue`, `backbone` and
-//! `sweep`.
+//! `--readings`: the readings a bench would take of computed motions, in the documents and tables of `continue`,
+//! `backbone` and `sweep`.
 
 use std::fs;
 use std::path::Path;
@@ -34,7 +34,7 @@ fn reading(point: &Value, column: &str) -> f64 {
     point["readings"][place][quantity][part].as_f64().unwrap()
 }
 
-/// A table has, behind `others` columns of its own, the readings of these points.
+/// Checks that a table has the readings of these points after `others` other columns.
 fn has_the_readings(path: &Path, others: usize, points: &[&Value]) {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
@@ -87,8 +87,8 @@ fn a_small_force_gives_frf_times_the_force() {
     }
 }
 
-/// Every motion of the document and of the table, bifurcations and doubled branches too; without the flag neither has
-/// any.
+/// Every motion of the document and of the table has readings, also bifurcations and doubled branches; without the flag
+/// none has.
 #[test]
 fn continue_reads_every_motion() {
     let folder = tempfile::tempdir().unwrap();
@@ -103,7 +103,7 @@ fn continue_reads_every_motion() {
     for point in &all {
         assert_eq!(names(&point["readings"]), PLACES, "{point}");
     }
-    // Their order in the table is that of the walk; that of one point is enough.
+    // The table follows the order of the walk; one point is enough to check.
     let text = fs::read_to_string(folder.path().join("branch.csv")).unwrap();
     assert_eq!(text.lines().count(), all.len() + 1);
     let first: Vec<String> = text.lines().take(2).map(|line| format!("{line}\n")).collect();
@@ -125,7 +125,7 @@ fn backbone_reads_every_point() {
     let got = document(folder.path(), 0, &curve);
     let points = array(&got, "points");
     assert!(points.len() > 5);
-    // The mode lags by 90°, so the acceleration leads by as much; the other mode turns it a little.
+    // The mode lags by 90°, so the acceleration leads by as much; the other mode changes it a little.
     let lag_deg = reading(points[points.len() - 1], "b_y_acceleration_lag_deg");
     assert!((lag_deg + 90.0).abs() < 1.0, "{lag_deg}");
     has_the_readings(&folder.path().join("curve.csv"), 6, &points);
@@ -182,7 +182,7 @@ fn a_reading_in_numbers() {
 }
 
 #[test]
-fn the_help_says_what_the_keys_are() {
+fn the_help_explains_the_keys() {
     for command in ["continue", "backbone", "sweep"] {
         let help = resonarm(Path::new("."), &[command, "--help"]).stdout;
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -1,11 +1,11 @@
-//! What the documents tell the reader to type or to follow is there: commands parse, files and links exist.
+//! Commands in the documents parse, and their files and links exist.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use resonarm::cli;
 
-/// The documents, with the folder that their links count from.
+/// The documents, with the base folder of their links.
 fn documents() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths: Vec<PathBuf> =
@@ -23,14 +23,14 @@ fn shell_lines(text: &str) -> impl Iterator<Item = &str> {
     blocks.filter_map(|block| block.strip_prefix("sh\n")).flat_map(str::lines)
 }
 
-/// The arguments of the program in a line of shell, if it calls it.
+/// The arguments of the program, if the line of shell calls it.
 fn arguments(line: &str) -> Option<&str> {
     let command = line.split(" && ").last().unwrap_or(line);
     ["resonarm ", "cargo run --release -- "].iter().find_map(|program| command.strip_prefix(program))
 }
 
 #[test]
-fn every_command_in_the_documents_is_one() {
+fn every_command_in_the_documents_is_valid() {
     let mut commands = 0;
     for (path, text) in documents() {
         for line in shell_lines(&text) {
@@ -56,14 +56,14 @@ fn every_scenario_and_recording_that_a_command_names_is_there() {
     }
 }
 
-/// The flags whose value is the name of a file, or its beginning, that a command writes.
+/// The flags whose value is the name, or its beginning, of a file that a command writes.
 const WRITE: [&str; 6] = ["--record", "--plot", "--out", "--angles", "--junit", "--histogram"];
 /// The commands whose second file is written.
 const COPY: [&str; 3] = ["cut", "import", "recover"];
 /// The endings of files that commands read.
 const READ: [&str; 7] = [".mcap", ".toml", ".json", ".log", ".asc", ".blf", ".csv"];
 
-/// The files that a command line reads, and those that it writes, or what their names begin with.
+/// The files that a command line reads and those that it writes, or the beginnings of their names.
 fn files(arguments: &str) -> (Vec<String>, Vec<String>) {
     let words: Vec<&str> = arguments.split_whitespace().collect();
     let (mut read, mut written) = (Vec::new(), Vec::new());
@@ -82,8 +82,8 @@ fn files(arguments: &str) -> (Vec<String>, Vec<String>) {
     (read, written)
 }
 
-/// A reader who types the commands of a document in the project's folder, one after another, has each file that a
-/// command reads, and no file of an earlier command in the way.
+/// If the commands of a document are typed one after another in the project's folder, each file to read exists, and no
+/// file to write does.
 #[test]
 fn the_commands_of_a_document_have_their_files() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -111,7 +111,7 @@ fn the_commands_of_a_document_have_their_files() {
 }
 
 #[test]
-fn every_link_within_the_project_leads_somewhere() {
+fn every_link_within_the_project_has_its_target() {
     let mut links = 0;
     for (path, text) in documents() {
         for link in text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next()) {
@@ -125,7 +125,7 @@ fn every_link_within_the_project_leads_somewhere() {
 }
 
 #[test]
-fn a_command_that_is_none_is_told() {
+fn an_invalid_command_is_found() {
     assert!(cli::check_arguments(["replay", "run.mcap"]).is_err());
     assert!(cli::check_arguments(["modes", "--beta-deg", "60"]).is_err());
     assert!(cli::check_arguments(["modes", "--beta2-deg", "-60"]).is_ok());

@@ -1,4 +1,4 @@
-//! Recordings that can't be written or read, and what is said of those that are not whole or not true.
+//! Recordings that can't be written or read, and reports on those that are incomplete or wrong.
 
 use std::fs::{self, OpenOptions};
 use std::path::Path;
@@ -19,14 +19,14 @@ fn recorded() -> tempfile::TempDir {
 }
 
 #[test]
-fn a_place_where_nothing_can_be_written() {
+fn a_folder_that_does_not_exist_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let run = ["run", "--mode", "free", "--duration-s", "0.5", "--record", "no/such/folder/run.mcap"];
     assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: can't create recording `no/such/folder/run.mcap`: No such file or directory (os error 2); name a file in a directory that exists and is writable");
 }
 
 #[test]
-fn a_recording_that_exists_is_kept_until_it_is_given_up() {
+fn an_existing_recording_is_kept_without_overwrite() {
     let folder = recorded();
     let path = folder.path().join("run.mcap");
     let before = fs::read(&path).unwrap();
@@ -58,8 +58,8 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let recovered = resonarm(folder.path(), &["recover", "run.mcap", "whole.mcap"]);
     assert_eq!((recovered.code, recovered.stderr.as_str()), (0, ""));
     assert!(recovered.stdout.starts_with("the recording is truncated: "), "{}", recovered.stdout);
-    let mended = document(folder.path(), 1, &["inspect", "whole.mcap", "--json"]);
-    assert_eq!((&mended["integrity"]["state"], &mended["topics"]), (&"unfinished".into(), &cut["topics"]));
+    let repaired = document(folder.path(), 1, &["inspect", "whole.mcap", "--json"]);
+    assert_eq!((&repaired["integrity"]["state"], &repaired["topics"]), (&"unfinished".into(), &cut["topics"]));
     let resim = resonarm(folder.path(), &["resim", "whole.mcap"]);
     let note = "the recording was recovered from a truncated or damaged one\n";
     assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {states} samples, bit for bit\n")));
@@ -85,7 +85,7 @@ fn files_that_are_no_recordings() {
     assert_snapshot!(complaint(folder.path(), 2, &["replay", "none.mcap", "--bus", "vcan0"]), @"resonarm: can't read recording `none.mcap`: No such file or directory (os error 2)");
 }
 
-/// The recording once more, with one state off by one unit in its last place.
+/// A copy of the recording with one state off by one unit in the last place.
 fn alter(from: &Path, to: &Path, sample: u64) {
     let recording = Recording::open(from).unwrap();
     let options = Options::virtual_time(recording.origin().dt_s, "none");
@@ -114,7 +114,7 @@ fn a_state_that_is_off_by_a_bit_is_found() {
     assert!(said.stdout.starts_with("differs from sample 321 on; "), "{}", said.stdout);
 }
 
-/// Runs the program with files limited to 32 KiB, which to it is as a full disk.
+/// Runs the program with files limited to 32 KiB, which acts like a full disk.
 fn with_little_space(folder: &Path, arguments: &str) -> std::process::Output {
     let script = format!("ulimit -f 64; exec \"$0\" {arguments}");
     let program = env!("CARGO_BIN_EXE_resonarm");
@@ -122,7 +122,7 @@ fn with_little_space(folder: &Path, arguments: &str) -> std::process::Output {
 }
 
 #[test]
-fn a_disk_that_fills_up_is_told_and_leaves_what_was_there() {
+fn a_full_disk_is_reported_and_existing_files_are_kept() {
     let folder = recorded();
     let run = with_little_space(folder.path(), "run --mode free --duration-s 2.5 --record full.mcap");
     let said = String::from_utf8(run.stderr).unwrap();
@@ -130,7 +130,7 @@ fn a_disk_that_fills_up_is_told_and_leaves_what_was_there() {
     let cause = "can't write recording `full.mcap`: File too large";
     assert!(said.contains(&format!("ERROR the recording has failed: {cause}")), "{said}");
     assert!(said.contains(&format!("resonarm: the run is not recorded to its end: {cause}")), "{said}");
-    // The run has gone on to its end, and what was flushed before can be read.
+    // The run continued to its end, and the records flushed before can be read.
     let done = String::from_utf8(run.stdout).unwrap();
     assert!(done.starts_with("samples      2501,"), "{done}");
     let kept = document(folder.path(), 1, &["inspect", "full.mcap", "--json"]);
@@ -147,11 +147,11 @@ fn a_disk_that_fills_up_is_told_and_leaves_what_was_there() {
         assert_eq!(fs::read(folder.path().join("other.mcap")).unwrap(), b"something else", "{command}");
         let ended = with_little_space(folder.path(), &format!("{command} new.mcap"));
         assert_eq!(ended.status.code(), Some(3), "{command}: {}", String::from_utf8_lossy(&ended.stderr));
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "{command}: a part of a file is left");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "{command}: a partial file is left");
     }
 }
 
-/// Where the chunks of a recording lie: the places of their records, bytes.
+/// The byte ranges of the chunks' records in a recording.
 fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
     let (mut chunks, mut offset) = (Vec::new(), mcap::MAGIC.len());
@@ -166,7 +166,7 @@ fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     chunks
 }
 
-/// The recording with a byte wrong in the middle of one chunk.
+/// Changes a byte in the middle of one chunk of the recording.
 fn damage(path: &Path, chunk: usize) {
     let mut bytes = fs::read(path).unwrap();
     let place = chunks(&bytes)[chunk].clone();
@@ -186,31 +186,31 @@ fn a_hard_link_is_not_overwritten_with_what_is_recovered_from_it() {
 }
 
 #[test]
-fn recovery_goes_on_behind_a_damaged_chunk_and_says_what_is_gone() {
+fn recovery_continues_after_a_damaged_chunk_and_lists_the_gap() {
     let folder = recorded();
     let path = folder.path().join("run.mcap");
     damage(&path, 1);
-    let recovered = document(folder.path(), 0, &["recover", "run.mcap", "mended.mcap", "--json"]);
+    let recovered = document(folder.path(), 0, &["recover", "run.mcap", "repaired.mcap", "--json"]);
     assert_eq!(recovered["lost_chunks"].as_array().unwrap().len(), 1, "{recovered:#}");
     assert_eq!(recovered["missing_samples"], serde_json::json!([{ "first": 1000, "last": 1999 }]));
-    let mended = document(folder.path(), 1, &["inspect", "mended.mcap", "--json"]);
-    assert_eq!(mended["integrity"]["state"], "unfinished");
-    assert_eq!((&mended["samples"][0], &mended["samples"][1]), (&0.into(), &2500.into()));
-    assert_eq!(mended["topics"]["/plant/steps"]["gaps"], 1);
+    let repaired = document(folder.path(), 1, &["inspect", "repaired.mcap", "--json"]);
+    assert_eq!(repaired["integrity"]["state"], "unfinished");
+    assert_eq!((&repaired["samples"][0], &repaired["samples"][1]), (&0.into(), &2500.into()));
+    assert_eq!(repaired["topics"]["/plant/steps"]["gaps"], 1);
     let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
     assert!(said.stdout.contains("are gone, which states log times from 0.740 to 1.730 s: "), "{}", said.stdout);
     assert!(said.stdout.contains("samples 1000 to 1999 are gone"), "{}", said.stdout);
 }
 
 #[test]
-fn recovery_of_nothing_is_no_success() {
+fn recovery_of_nothing_is_an_error() {
     let folder = recorded();
     let path = folder.path().join("run.mcap");
     let first = chunks(&fs::read(&path).unwrap())[0].clone();
     OpenOptions::new().write(true).open(&path).unwrap().set_len(first.end as u64 - 1).unwrap();
-    let said = complaint(folder.path(), 1, &["recover", "run.mcap", "mended.mcap"]);
+    let said = complaint(folder.path(), 1, &["recover", "run.mcap", "repaired.mcap"]);
     assert!(said.contains("nothing of recording `run.mcap` could be recovered"), "{said}");
-    assert!(!folder.path().join("mended.mcap").exists());
+    assert!(!folder.path().join("repaired.mcap").exists());
 }
 
 #[test]
@@ -256,7 +256,7 @@ fn a_recording_is_judged_by_the_configuration_it_states() {
 }
 
 #[test]
-fn an_mcap_file_of_another_program_is_called_so() {
+fn an_mcap_file_of_another_program_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut writer = mcap::WriteOptions::new()
         .use_chunks(false)
@@ -280,7 +280,7 @@ fn an_mcap_file_of_another_program_is_called_so() {
 }
 
 #[test]
-fn a_fault_is_told() {
+fn a_fault_is_reported() {
     let folder = recorded();
     let whole = document(folder.path(), 0, &["inspect", "run.mcap", "--json"]);
     assert_eq!(whole["faults"], serde_json::json!([]));
@@ -303,7 +303,7 @@ fn a_fault_is_told() {
 }
 
 #[test]
-fn what_a_sensor_could_not_tell_is_told() {
+fn clipped_readings_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = "
         rig = { accelerometer_b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
@@ -331,10 +331,10 @@ fn what_a_sensor_could_not_tell_is_told() {
 }
 
 #[test]
-fn the_topics_for_plotting_hold_as_much_as_the_scenario_says() {
+fn the_topics_for_plotting_follow_the_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let run = ["run", "--mode", "free", "--scenario", "plot.toml", "--record", "run.mcap", "--overwrite"];
-    // 0.3 s, and 50 ms of ramp on top.
+    // 0.3 s, and 50 ms of ramp in addition.
     let scenario = |every: u64| {
         let excitation = "amplitude = { force_x_n = 30.0 }
             profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.3, settle_s = 0.05 }";
@@ -356,7 +356,7 @@ fn the_topics_for_plotting_hold_as_much_as_the_scenario_says() {
 }
 
 #[test]
-fn what_is_no_regular_file_is_refused() {
+fn special_files_are_refused() {
     let folder = recorded();
     assert!(std::process::Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
     fs::create_dir(folder.path().join("folder")).unwrap();

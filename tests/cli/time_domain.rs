@@ -1,4 +1,4 @@
-//! `resonarm sweep` and `resonarm poincare` as processes: stopped by Ctrl-C and gone on with, and what they say to bad
+//! `resonarm sweep` and `resonarm poincare` as processes: stopped by Ctrl-C and resumed, and their messages on bad
 //! input.
 
 use std::path::Path;
@@ -41,7 +41,7 @@ fn lines(path: &Path) -> usize {
     std::fs::read_to_string(path).map_or(0, |text| text.lines().count())
 }
 
-/// Looks every hundredth of a second, for a minute at most: what is waited for takes parts of a second of processor
+/// Checks every hundredth of a second, for a minute at most: the awaited work takes a fraction of a second of processor
 /// time.
 #[allow(clippy::disallowed_methods, reason = "it waits for another process")]
 fn wait_until(what: &str, reached: impl Fn() -> bool) {
@@ -55,16 +55,15 @@ fn wait_until(what: &str, reached: impl Fn() -> bool) {
     assert!(waited, "waited a minute for {what}");
 }
 
-/// Ctrl-C in the middle: the same command goes on, and ends with the files of a run that was never stopped, byte for
-/// byte.
+/// Ctrl-C in the middle: the same command resumes, and ends with the files of an uninterrupted run, byte for byte.
 #[test]
-fn a_stopped_sweep_goes_on_to_the_same_result() {
+fn a_stopped_sweep_resumes_to_the_same_result() {
     let folder = tempfile::tempdir().unwrap();
     let (stopped, whole) = (folder.path().join("stopped"), folder.path().join("whole"));
     let partial = stopped.join("sweep.partial.jsonl");
 
     let first = into(&stopped, &SWEEP).spawn().unwrap();
-    // The 192 points behind it take seconds of processor time: should this process be held up now, some are left.
+    // The remaining 192 points take seconds of processor time, so some are left even if this process is delayed now.
     wait_until("ten points", || lines(&partial) > 10);
     kill_process(Pid::from_child(&first), Signal::INT).unwrap();
     let output = first.wait_with_output().unwrap();
@@ -90,7 +89,7 @@ fn a_stopped_sweep_goes_on_to_the_same_result() {
     }
 }
 
-/// The sections of a diagram, as JSON: up it doubles its period, and each motion has as many points as periods.
+/// The sections of a diagram, as JSON: stepped up, the period doubles, and each motion has as many points as periods.
 #[test]
 fn a_diagram_is_one_json_document() {
     let arguments = [
@@ -117,7 +116,7 @@ fn a_diagram_is_one_json_document() {
 }
 
 #[test]
-fn bad_input_is_said_with_exit_code_2() {
+fn bad_input_has_exit_code_2() {
     let says = |arguments: &str| {
         let arguments: Vec<&str> = arguments.split(' ').collect();
         let output = resonarm(&arguments).output().unwrap();
@@ -166,16 +165,16 @@ fn bad_input_is_said_with_exit_code_2() {
     insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --torque1-nm=60"), @"resonarm: --frequency-hz is for a section or a diagram in amplitude: leave it out");
 }
 
-/// More load than the arm can bear is no bad usage: it is found out on the way.
+/// More load than the arm can bear is not bad usage: it is found during the computation.
 #[test]
-fn what_can_not_be_followed_is_said_with_exit_code_1() {
+fn a_motion_that_can_not_be_followed_has_exit_code_1() {
     let output = resonarm(&["sweep", "--torque1-nm=1e9", "--from-hz=21", "--to-hz=23"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     let says = errors(&output);
     insta::assert_snapshot!(says.lines().last().unwrap_or_default(), @"resonarm: excited at 21 Hz: the motion grows beyond all bounds, 3.25e-3 s after phase 0; try less excitation");
 }
 
-/// A range without a resonance is as good as any other.
+/// A range without a resonance is accepted.
 #[test]
 fn a_range_without_a_resonance_is_swept() {
     let output = resonarm(&["sweep", "--torque1-nm=60", "--from-hz=5", "--to-hz=10", "--steps=6"]).output().unwrap();
@@ -192,7 +191,7 @@ fn a_range_without_a_resonance_is_swept() {
 }
 
 #[test]
-fn help_says_what_there_is() {
+fn help_lists_every_flag() {
     let help = |command| {
         let output = resonarm(&[command, "-h"]).env_remove("COLUMNS").output().unwrap();
         String::from_utf8_lossy(&output.stdout).into_owned()
@@ -289,7 +288,7 @@ fn largest(points: &serde_json::Value) -> f64 {
     points.map(|point| point["amplitude_rad"][0].as_f64().unwrap()).fold(0.0, f64::max)
 }
 
-/// The help's own example: the sweep reaches the peak that the branch has, up to where it jumps off.
+/// The help's own example: the sweep reaches the branch's peak, up to the jump.
 #[test]
 fn a_sweep_sees_the_resonance() {
     let drive = ["--force-x-n=20", "--from-hz=21", "--to-hz=28"];
@@ -300,9 +299,9 @@ fn a_sweep_sees_the_resonance() {
     assert_eq!(sweep["sweeps"][0]["stepped_over"], serde_json::json!([]));
 }
 
-/// With steps of one's own the sweep says that it stepped over the resonance.
+/// With --steps the sweep reports that it stepped over the resonance.
 #[test]
-fn a_sweep_says_what_it_stepped_over() {
+fn a_sweep_reports_what_it_stepped_over() {
     let arguments = ["sweep", "--force-x-n=20", "--from-hz=21", "--to-hz=28", "--steps=11", "--direction=up"];
     let output = resonarm(&arguments).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
@@ -312,16 +311,16 @@ fn a_sweep_says_what_it_stepped_over() {
     assert!(stepped_over.iter().any(|found| found["joint"] == 1 && found["width_hz"].as_f64().unwrap() < 0.1));
 }
 
-/// The ends of a sweep in either order are the same sweep.
+/// Swapping the ends gives the same sweep.
 #[test]
-fn a_sweep_takes_its_ends_in_either_order() {
+fn a_sweep_accepts_its_ends_in_either_order() {
     let sweep = |from, to| json(&["sweep", "--torque1-nm=1", from, to, "--steps=3"])["sweeps"].clone();
     assert_eq!(sweep("--from-hz=24", "--to-hz=20"), sweep("--from-hz=20", "--to-hz=24"));
 }
 
-/// Results that are there stay, unless they may be written over: for every command that writes.
+/// Every command that writes keeps existing results unless they may be overwritten.
 #[test]
-fn results_are_not_written_over() {
+fn results_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let commands: [(&str, &[&str]); 6] = [
         ("sweep.csv", &["sweep", "--torque1-nm=1", "--from-hz=20", "--to-hz=24", "--steps=2", "--out=."]),
@@ -348,7 +347,7 @@ fn results_are_not_written_over() {
     }
 }
 
-/// A motion that grows beyond all bounds is a negative verdict, with words, in every command that can meet one.
+/// A motion that grows beyond all bounds gives a negative verdict with a message in every command where it can occur.
 #[test]
 fn a_numerical_blow_up_is_exit_code_1_everywhere() {
     for command in [

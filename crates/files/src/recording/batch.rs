@@ -9,7 +9,7 @@ use super::schema::proto::tick_batch::Cause;
 use resonarm_realtime::OverrunCause;
 
 /// A message that holds one row for each of a number of consecutive samples, column by column.
-pub(crate) trait Batch: prost::Message {
+pub trait Batch: prost::Message {
     /// What one row is made from.
     type Row: Copy;
 
@@ -49,7 +49,7 @@ pub(crate) trait Batch: prost::Message {
 
 /// Gathers rows until a batch is full or the samples stop being consecutive.
 #[derive(Debug)]
-pub(crate) struct Batcher<B> {
+pub struct Batcher<B> {
     batch: B,
     rows: u32,
     limit: u32,

@@ -150,7 +150,7 @@ pub enum ChannelsError {
 
 /// Where the channels of a batch are.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Layout {
+pub struct Layout {
     channels: Vec<Channel>,
     /// The field of each.
     fields: Vec<u32>,
@@ -215,7 +215,7 @@ impl Layout {
 }
 
 /// A record of numbers in the order of the table, with a mark.
-pub(crate) trait Numbers: Copy + core::fmt::Debug + Send + Sync {
+pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
     /// The message of its batches.
     const TYPE: MessageType;
 
@@ -281,7 +281,7 @@ impl Numbers for SampleRecord {
 
 /// A batch of states or readings, column by column.
 #[derive(Clone, Debug)]
-pub(crate) struct NumberBatch<R> {
+pub struct NumberBatch<R> {
     layout: Arc<Layout>,
     first_sample: u64,
     dt_s: f64,
@@ -404,7 +404,7 @@ impl<R: Numbers> Batch for NumberBatch<R> {
 
 /// A message for plotting: the numbers of one sample.
 #[derive(Clone, Debug)]
-pub(crate) struct Plot {
+pub struct Plot {
     pub message_type: MessageType,
     /// The sample for which it stands.
     pub sample: u64,

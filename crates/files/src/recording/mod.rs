@@ -44,19 +44,15 @@ mod summary;
 mod walk;
 mod writer;
 
-#[cfg(feature = "live")]
-pub(crate) use batch::{Batch, Batcher};
+pub use batch::{Batch, Batcher};
 pub use build_info::{BuildInfo, build_info};
 pub use cut::{cut, merge};
 pub use error::RecordingError;
-#[cfg(feature = "live")]
-pub(crate) use frames::FrameBatcher;
+pub use frames::FrameBatcher;
 pub use layout::ChannelsError;
-#[cfg(feature = "live")]
-pub(crate) use layout::{Layout, NumberBatch, Numbers, Plot};
+pub use layout::{Layout, NumberBatch, Numbers, Plot};
 pub use options::{Compression, Configuration, Existing, FlushPolicy, Naming, Options, TimeBase};
-#[cfg(feature = "live")]
-pub(crate) use plots::Plots;
+pub use plots::Plots;
 pub use reader::Recording;
 pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 pub use recorder::{Channel, Pushed, Recorder, Summary};
@@ -64,6 +60,5 @@ pub use records::Records;
 pub use recover::{MissingSamples, Recovered, recover};
 pub use salvage::LostChunk;
 pub use schema::Topic;
-#[cfg(feature = "live")]
-pub(crate) use schema::{MessageType, proto};
+pub use schema::{MessageType, proto};
 pub use summary::{Integrity, Origin, RecordedFault, RecordingSummary, RunTime, TopicSummary};

@@ -17,7 +17,7 @@ fn plotted(every: u64, value: f64) -> f64 {
 }
 
 /// Gathers what is to be plotted.
-pub(crate) struct Plots {
+pub struct Plots {
     /// Every how many samples something is plotted.
     every: u64,
     channels: Channels,
