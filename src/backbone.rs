@@ -23,10 +23,10 @@ use resonarm::analysis::{
     ForcedArm, Readings, backbone, modes, trace,
 };
 use resonarm::arm::Load;
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style, beside};
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style, beside};
+use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:

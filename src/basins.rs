@@ -16,10 +16,10 @@ use resonarm::analysis::EndedEarly;
 use resonarm::analysis::time_domain::{Outcome, StableMotion, StateCoordinate, stable_motions};
 use resonarm::arm::State;
 use resonarm::integrate::Sine;
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
 use resonarm::scenario::Scenario;
 use resonarm::study::{Basins as Study, StateGrid};
+use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
+use resonarm_numeric::number::short;
 
 /// Without --to, the grid reaches this many times as far as the largest stable motion.
 const REACH: f64 = 1.5;

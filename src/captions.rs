@@ -2,8 +2,8 @@
 
 use resonarm::analysis::Drive;
 use resonarm::arm::Load;
-use resonarm_figures::plot::Subtitle;
 use resonarm::scenario::ArmSection;
+use resonarm_figures::plot::Subtitle;
 
 /// α of each joint.
 pub(super) const ALPHA: [&str; 2] = ["α₁", "α₂"];

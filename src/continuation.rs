@@ -22,10 +22,10 @@ use super::singular_curves::{CurveFlags, Curves};
 use super::walk_flags::WalkFlags;
 use resonarm::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
 use resonarm::arm::{Arm, Load};
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Subtitle, beside};
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Subtitle, beside};
+use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:

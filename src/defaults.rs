@@ -7,9 +7,9 @@ use super::{demo, exciter, experiment, run};
 use resonarm::arm::Preset;
 use resonarm::control::PhaseWalkSpec;
 use resonarm::excitation::Amplitude;
-use resonarm_numeric::number::short;
 use resonarm::run::{Mode, Speed};
 use resonarm::scenario::Scenario;
+use resonarm_numeric::number::short;
 
 /// The command line with `[default: …]` after the help of every flag whose default comes from a scenario. If an
 /// embedded scenario can't be read, its command shows no defaults; running the command reports why.

@@ -11,8 +11,8 @@ use super::time_range::TimeRange;
 use super::{flags, inspect};
 use resonarm::diff::{DiffOptions, Difference, PartDifference, diff};
 use resonarm::export::{Part, samples};
-use resonarm_numeric::number::short;
 use resonarm::recording::Recording;
+use resonarm_numeric::number::short;
 
 /// What can be compared.
 const PARTS: [Part; 4] = [Part::States, Part::Samples, Part::Frames, Part::Events];

@@ -16,15 +16,15 @@ use resonarm::export::ExportError;
 use resonarm::identify::IdentifyError;
 use resonarm::import::ImportError;
 use resonarm::integrate::IntegrateError;
-use resonarm_figures::paper::PaperError;
 use resonarm::plant::PlantSpecError;
-use resonarm_figures::plot::PlotError;
 use resonarm::realtime::RateError;
 use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
 use resonarm::scenario::ScenarioError;
 use resonarm::study::{JournalError, StudyError};
+use resonarm_figures::paper::PaperError;
+use resonarm_figures::plot::PlotError;
 
 /// The verdict of a command that completed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,10 +8,10 @@ use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser
 
 use super::failure::Failure;
 use resonarm::integrate::Scheme;
-use resonarm_numeric::number::short;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
 use resonarm::scenario::Scenario;
+use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
 
 /// The number of points in a range; the maximum fits easily in memory and in a figure.

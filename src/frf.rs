@@ -15,9 +15,9 @@ use super::flags::{self, ArmFlags};
 use super::output::{self, OverwriteFlag};
 use resonarm::analysis::{Drive, FrequencyResponse, Quantity, Response, frequencies_hz, modes};
 use resonarm::arm::Arm;
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
+use resonarm_numeric::number::short;
 
 /// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C.
 ///

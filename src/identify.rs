@@ -21,10 +21,10 @@ use resonarm::identify::{
     self, Averaging, Band, CHANNELS, Direction, FrequencyResponseEstimate, Identification, IdentifiedMode,
     IdentifyError, Record,
 };
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Panel, Series};
 use resonarm::recording::Recording;
 use resonarm::scenario::{READS_IMAGES, Scenario};
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Panel, Series};
+use resonarm_numeric::number::short;
 
 /// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and
 /// C over the force in the impedance head.

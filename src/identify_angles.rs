@@ -12,10 +12,10 @@ use super::failure::{Failure, Verdict};
 use super::output;
 use resonarm::analysis;
 use resonarm::identify::{AngleHistory, AngleSettings, CHANNELS, IdentifyError, Integration, joint_angles};
-use resonarm_numeric::number::{rounded, short};
 use resonarm::recording::Recording;
 use resonarm::rig::InstrumentName;
 use resonarm::scenario::Scenario;
+use resonarm_numeric::number::{rounded, short};
 
 /// The default lower corner over the lowest natural frequency: at half of the natural frequency the gain is 0.9998.
 const CORNER_PART: f64 = 0.25;

@@ -13,14 +13,14 @@ use super::flags::{SpinFlag, ThreadFlags};
 use super::latency_figure::{self, HistogramFlag, LatencyCurve};
 use super::output::{self, OverwriteFlag};
 use super::session::seconds;
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::Color;
 use resonarm::realtime::{
     Finding, LatencyHistogram, Percentiles, Privileges, SampleRate, SpinChoice, SystemClock, ThreadReport, ThreadSetup,
     bare_wakeups,
 };
 use resonarm::recording::Existing;
 use resonarm::run::{Histograms, Mode, Options, RecordTo, RunError, Session, Signals};
+use resonarm_figures::plot::Color;
+use resonarm_numeric::number::short;
 
 /// Measures how late an empty loop and the plant's loop wake up on this machine: in turns, on threads with the same
 /// settings. Says what would improve it.

@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::output::{self, OverwriteFlag};
-use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 use resonarm::realtime::LatencyHistogram;
+use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 
 /// Bars in a decade of latency.
 const BARS: f64 = 20.0;

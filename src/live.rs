@@ -143,20 +143,20 @@ mod serving {
     use std::net::{IpAddr, SocketAddr};
 
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
-    use resonarm::analysis::{BifurcationKind, Branch, Row, segments};
-    use resonarm::arm::Load;
     use crate::output;
     use crate::walk_point::{self, Drawn};
-    use resonarm_live::{
-        About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown,
-        Source, Steering, play, serve,
-    };
-    use resonarm_numeric::number::short;
+    use resonarm::analysis::{BifurcationKind, Branch, Row, segments};
+    use resonarm::arm::Load;
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;
     use resonarm::run::watch;
     use resonarm::scenario::Scenario;
+    use resonarm_live::{
+        About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown,
+        Source, Steering, play, serve,
+    };
+    use resonarm_numeric::number::short;
 
     /// Largest turn between two motions of the computed branch: coarser than in a figure, and faster to compute.
     const TURN_RAD: f64 = 0.1;

@@ -10,7 +10,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 use super::failure::Failure;
 use super::output::printable;
 
-/// Names level and targets: `debug`, `resonarm::bus=trace`, or several with commas between them.
+/// Names level and targets: `debug`, `resonarm_bus=trace`, or several with commas between them.
 const VARIABLE: &str = "RESONARM_LOG";
 
 /// Logs to standard error: warnings, more with `-v`, and the levels of `RESONARM_LOG`.
@@ -43,7 +43,7 @@ fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
         let asked: Targets = directive.parse().map_err(|error| {
             Failure::Usage(format!(
                 "{VARIABLE}: `{directive}`: {error}; it is a level (off, error, warn, info, debug, trace) or target=level, \
-                 as `debug` or `resonarm::bus=trace`"
+                 as `debug` or `resonarm_bus=trace`"
             ))
         })?;
         filter = match asked.default_level() {
@@ -74,17 +74,17 @@ mod tests {
         assert_eq!(logged("", "resonarm::run"), Some(Level::WARN));
         assert_eq!(logged("debug", "resonarm::run"), Some(Level::DEBUG));
         assert_eq!(logged("OFF", "resonarm::run"), None);
-        assert_eq!(logged("resonarm::bus=trace", "resonarm::bus::socketcan"), Some(Level::TRACE));
-        assert_eq!(logged("resonarm::bus=trace", "resonarm::run"), Some(Level::WARN));
+        assert_eq!(logged("resonarm_bus=trace", "resonarm_bus::socketcan"), Some(Level::TRACE));
+        assert_eq!(logged("resonarm_bus=trace", "resonarm::run"), Some(Level::WARN));
         assert_eq!(logged("resonarm::bus", "resonarm::bus"), Some(Level::TRACE));
-        let several = "info, resonarm::bus=error,resonarm::bus::socketcan=debug,";
-        let targets = ["resonarm::run", "resonarm::bus", "resonarm::bus::socketcan"];
+        let several = "info, resonarm_bus=error,resonarm_bus::socketcan=debug,";
+        let targets = ["resonarm::run", "resonarm::bus", "resonarm_bus::socketcan"];
         assert_eq!(targets.map(|target| logged(several, target)), [Level::INFO, Level::ERROR, Level::DEBUG].map(Some));
     }
 
     #[test]
     fn an_invalid_directive_is_reported() {
-        let complaint = filter(LevelFilter::WARN, "info,resonarm::bus=loud").unwrap_err();
-        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm::bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; it is a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm::bus=trace`"#);
+        let complaint = filter(LevelFilter::WARN, "info,resonarm_bus=loud").unwrap_err();
+        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm_bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; it is a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm_bus=trace`"#);
     }
 }

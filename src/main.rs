@@ -64,6 +64,9 @@ mod walk_flags;
 mod walk_point;
 mod zone_figure;
 
+#[cfg(test)]
+mod readme_tests;
+
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -77,7 +80,7 @@ use progress::Progress;
 #[command(name = "resonarm", version, max_term_width = 120)]
 #[command(
     after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
-                        RESONARM_LOG sets what is logged, as `debug` or `resonarm::bus=trace`. Where standard error is no terminal, a line \
+                        RESONARM_LOG sets what is logged, as `debug` or `resonarm_bus=trace`. Where standard error is no terminal, a line \
                         of progress is written every 10 s; the levels `error` and `off` suppress it, too."
 )]
 struct Cli {
@@ -122,7 +125,7 @@ enum Command {
 }
 
 /// Runs the program on the process's arguments.
-pub fn main() -> ExitCode {
+fn main() -> ExitCode {
     file_size::fail_writes_beyond_limit();
     let cli = match parse(std::env::args_os()) {
         Ok(cli) => cli,
@@ -184,7 +187,8 @@ fn uncounted(name: &'static str, execute: impl FnOnce() -> Result<Verdict, Failu
 /// Checks that `arguments`, without the program's name, are a valid command line of this program, without running it.
 ///
 /// # Errors The message that the program would print.
-pub fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(), String> {
+#[cfg(test)]
+fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(), String> {
     let command_line = core::iter::once("resonarm").chain(arguments);
     parse(command_line).map(|_cli| ()).map_err(|error| error.to_string())
 }

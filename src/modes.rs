@@ -14,9 +14,9 @@ use super::flags::{self, ArmFlags};
 use super::output::{self, OverwriteFlag};
 use resonarm::analysis::{Mode, modes};
 use resonarm::arm::Arm;
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 use resonarm::scenario::{ArmSection, Scenario};
+use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
+use resonarm_numeric::number::short;
 
 /// Undamped natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
 ///

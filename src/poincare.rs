@@ -16,9 +16,9 @@ use super::{output, study};
 use resonarm::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
 use resonarm::arm::{Arm, Load, State};
 use resonarm::integrate::{Integrator, Scheme, Sine};
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm::scenario::Scenario;
 use resonarm::study::{Chain, Chains, Point};
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 
 /// Points of the section to keep if a motion doesn't settle: of a single motion, and at each value of a diagram.
 const SECTION_POINTS: usize = 2000;

@@ -14,12 +14,12 @@ use super::{inspect, output};
 use resonarm::bus::{self, Bus, BusAddress};
 use resonarm::control::Length;
 use resonarm::export;
-use resonarm_numeric::number::short;
 use resonarm::protocol::{Frame, Id};
 use resonarm::realtime::SystemClock;
 use resonarm::recording::{Direction, Recording};
 use resonarm::replay::{Compared, Difference, Playback, Regression, ReplayError, play, play_against};
 use resonarm::run::Signals;
+use resonarm_numeric::number::short;
 
 /// Sends the frames of a recording to a bus, with their recorded timing; or shows the recording in a browser (--live).
 ///

@@ -24,10 +24,10 @@ use super::supervise::{Line, supervise};
 use resonarm::bus::{self, BusAddress};
 use resonarm::control::Length;
 use resonarm::node::Outcome as NodeOutcome;
-use resonarm_figures::plot::Color;
 use resonarm::realtime::OverrunPolicy;
 use resonarm::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::Color;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
 #[derive(Debug, Args)]

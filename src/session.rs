@@ -12,10 +12,10 @@ use serde_json::Value;
 use super::failure::Failure;
 use super::supervise::Line;
 use resonarm::bus::{Bus, BusAddress, network_filters};
-use resonarm_numeric::number::short;
 use resonarm::realtime::Percentiles;
 use resonarm::recording::Existing;
 use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+use resonarm_numeric::number::short;
 
 /// Capacity of the ring of events for standard error.
 const EVENTS: usize = 256;

@@ -10,10 +10,10 @@ use super::flags::{self, ArmFlags, parse_scheme};
 use super::output;
 use resonarm::arm::{Load, State};
 use resonarm::integrate::{Integrator, Scheme, Sine};
-use resonarm_numeric::number::short;
 use resonarm::plant::PlantSpecError;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::scenario::{Scenario, SimulationSection};
+use resonarm_numeric::number::short;
 
 /// Simulates the arm under A·sin(2πft), exact inside the step, and prints the state at the end.
 #[derive(Debug, Args)]

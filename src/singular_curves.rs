@@ -10,7 +10,9 @@ use super::ended_early::Early;
 use super::failure::Failure;
 use super::quantity::Quantity;
 use super::walk_flags::WalkFlags;
-use resonarm::analysis::{BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves};
+use resonarm::analysis::{
+    BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves,
+};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.

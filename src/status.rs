@@ -9,10 +9,10 @@ use clap::Args;
 use super::failure::Failure;
 use super::session::seconds;
 use super::supervise::Line;
-use resonarm_numeric::number::short;
 use resonarm::protocol::NodeState;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::{Shown, Signals};
+use resonarm_numeric::number::short;
 
 /// Interval at which the line on a terminal is rewritten, ns.
 const ANEW_NS: u64 = 200_000_000;

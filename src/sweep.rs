@@ -18,10 +18,10 @@ use resonarm::analysis::time_domain::{
 use resonarm::analysis::{EndedEarly, Resonance, forced_response};
 use resonarm::arm::{Arm, Load, Pose};
 use resonarm::integrate::Sine;
-use resonarm_numeric::number::short;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm::study::{Chain, Chains, Point, StudyError, Walk};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -10,8 +10,8 @@ use super::failure::Failure;
 use resonarm::analysis::{AnalysisError, Branch, BranchOptions, Coordinate, ForcedArm, trace};
 use resonarm::arm::{Arm, Load};
 use resonarm::control::{ControlSpec, JointAngles, ResponsePoint};
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
 
 /// A point of a walk, as the controller read it.
 #[derive(Clone, Copy, Debug, Serialize)]

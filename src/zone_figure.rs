@@ -3,8 +3,8 @@
 use super::walk_point::WalkPoint;
 use super::{branch_plot, captions};
 use resonarm::experiment::Score;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 
 /// A zone as it is drawn.
 pub(super) struct View<'a> {

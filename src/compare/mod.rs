@@ -9,12 +9,12 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
-use resonarm::arm::{Load, Parameters};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, OverwriteFlag};
 use crate::walk_point;
+use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
+use resonarm::arm::{Load, Parameters};
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm::text_file;
 

@@ -5,9 +5,9 @@ use std::path::Path;
 use nalgebra::Vector2;
 
 use super::{Bench, BenchPoint, Configuration};
-use resonarm::arm::{Arm, Load};
 use crate::failure::Failure;
 use crate::inspect;
+use resonarm::arm::{Arm, Load};
 use resonarm::control::{JointAngles, ResponsePoint};
 use resonarm::excitation::Phasor;
 use resonarm::recording::Recording;

@@ -11,14 +11,14 @@ use super::flags;
 use super::output;
 use super::protocol::NetworkFlags;
 use super::session::seconds;
+use report::Row;
 use resonarm::bus::{self, BusAddress, BusError};
 use resonarm::conformance::{self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, Settings, SineAmplitude};
-use resonarm_numeric::number::short;
 use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
 use resonarm::recording::{Existing, RecordingError};
 use resonarm::run::Mode;
+use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
-use report::Row;
 
 /// Tests whether a plant or an exciter on a bus conforms to the protocol: acts as the other node, and reports
 /// violations. It makes a plant shake its arm and fault.

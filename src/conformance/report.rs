@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::super::output;
 use resonarm::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range, Refused, Verdict};
-use resonarm_numeric::number::short;
 use resonarm::protocol::Node;
 use resonarm::recording::Summary;
+use resonarm_numeric::number::short;
 
 /// The result of one case.
 #[derive(Serialize)]

@@ -8,8 +8,8 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use resonarm::arm::{Arm, Pose};
 use crate::configuration;
+use resonarm::arm::{Arm, Pose};
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::SessionFlags;
@@ -20,16 +20,16 @@ use crate::zone_figure;
 use resonarm::control::{CancelHarmonics, Length, ModeNumber};
 use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
-use resonarm_numeric::number::short;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::{ExciterEnd, Signals};
 use resonarm::scenario::Scenario;
+use resonarm_numeric::number::short;
 
 /// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response,
 /// the backbone, and stepped sines up and down at controlled force, through shaker, impedance head, frames and
 /// accelerometers, with the force's harmonics 2 and 3 cancelled; all against the computed response.
 #[derive(Debug, Args)]
-pub(in crate) struct Fig9 {
+pub(crate) struct Fig9 {
     #[command(flatten)]
     session: SessionFlags,
     /// Force in the first zone, N.
@@ -111,7 +111,7 @@ struct Computed {
 
 impl Fig9 {
     /// The scenario of the flags.
-    pub(in crate) fn scenario(&self) -> Result<Scenario, Failure> {
+    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         self.session.scenario(scenario)
     }
 
@@ -221,7 +221,7 @@ fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> R
 }
 
 /// The bench of the experiment.
-pub(in crate) fn scenario() -> Result<Scenario, Failure> {
+pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../scenarios/fig9.toml"), "scenarios/fig9.toml")?)
 }
 

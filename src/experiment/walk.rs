@@ -8,9 +8,9 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use resonarm::arm::Load;
 use crate::configuration;
 use crate::continuation::DriveFlags;
+use resonarm::arm::Load;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::SessionFlags;
@@ -19,17 +19,17 @@ use crate::supervise::supervise;
 use crate::walk_point::{self, WalkPoint};
 use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
 use resonarm::excitation::Amplitude;
-use resonarm_numeric::number::short;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::Existing;
 use resonarm::rig::ShakerSpec;
 use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
+use resonarm_numeric::number::short;
 
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
 /// lag of the response behind the load of 10° to 170°. Amplitudes are computed from the accelerometers.
 #[derive(Debug, Args)]
-pub(in crate) struct Walk {
+pub(crate) struct Walk {
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
@@ -73,7 +73,7 @@ struct Document<'a> {
 
 impl Walk {
     /// The scenario of the flags, with the walk in it.
-    pub(in crate) fn scenario(&self) -> Result<Scenario, Failure> {
+    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.session.scenario(|| Ok(Scenario::default()))?;
         scenario.control = Some(ControlSpec::PhaseWalk(self.spec(&scenario)?));
         scenario.excitation = None;

@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use super::failure::{Failure, Verdict};
 use super::output::{self, in_line};
-use resonarm_figures::plot::Figure;
 use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, Statistics, statistics};
+use resonarm_figures::plot::Figure;
 
 /// Shows a recording: its run, its problems and faults, its contents, and whether it is whole (if not, exit code 1).
 #[derive(Debug, Args)]

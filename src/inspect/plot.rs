@@ -1,9 +1,9 @@
 //! A small figure of a recording: angles, load and readings over time.
 
 use crate::failure::Failure;
-use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 use resonarm::recording::channels::{Channel, Kind, Quantity};
 use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
+use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 
 /// Spans of time; each is drawn by its least and its largest value, about two spans a px.
 const SPANS: usize = 1200;

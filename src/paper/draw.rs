@@ -1,7 +1,9 @@
 //! Draws the figures: stable blue, unstable red and dashed.
 
 use resonarm::analysis;
-use resonarm_figures::paper::{Abscissa, Curve, Curves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way};
+use resonarm_figures::paper::{
+    Abscissa, Curve, Curves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
+};
 use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series, Style};
 
 /// Fig. 3, a panel for each preset.

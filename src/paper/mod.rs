@@ -12,10 +12,12 @@ use super::failure::{Failure, Verdict};
 use super::output::{self, OverwriteFlag};
 use super::progress::Progress;
 use resonarm::arm::Preset;
-use resonarm_figures::paper::claims::{self, Report};
-use resonarm_figures::paper::{Figure, MeasuredZones, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies};
-use resonarm_figures::plot;
 use resonarm::realtime::{Clock, SystemClock};
+use resonarm_figures::paper::claims::{self, Report};
+use resonarm_figures::paper::{
+    Figure, MeasuredZones, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies,
+};
+use resonarm_figures::plot;
 
 /// Reproduces the figures of Gierlak & Warmiński (2023), and checks the paper's statements against the computed
 /// results.

@@ -12,8 +12,8 @@ use super::NetworkFlags;
 use super::log_line::LogLine;
 use crate::failure::{Failure, Verdict};
 use crate::output;
-use resonarm_numeric::number::short;
 use resonarm::protocol::{DecodeError, Message, Receiver};
+use resonarm_numeric::number::short;
 
 /// Explains frames, and says whether a receiver accepts them: form, E2E protection, content. Counters are checked from
 /// frame to frame, as by a receiver that listens from the first one on.

@@ -306,7 +306,9 @@ fn a_blocked_driver_blocks_nobody_here() {
     assert_eq!(outcomes.last(), Some(&Sent::QueueFull));
     assert_eq!(bus.receive().unwrap(), None);
     let stuck = bus.close().unwrap_err();
-    assert!(matches!(stuck, BusError::PythonCan(PythonCanError::Stuck { operation: Operation::Close, .. })));
+    let BusError::PythonCan(reason) = &stuck else { panic!("{stuck:?}") };
+    let reason = reason.downcast_ref::<PythonCanError>();
+    assert!(matches!(reason, Some(PythonCanError::Stuck { operation: Operation::Close, .. })), "{reason:?}");
     insta::assert_snapshot!(stuck, @"python-can did not close the bus within 3 s: the driver does not return; unplug the adapter or end this program");
     // Read everything, so that the blocked thread gets out before this process ends.
     Python::attach(|py| {

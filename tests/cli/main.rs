@@ -21,7 +21,6 @@ mod paper;
 mod progress;
 mod protocol;
 mod readings;
-mod readme;
 mod recordings;
 mod signals;
 mod time_domain;

@@ -72,7 +72,8 @@ fn exponential_schemes_are_exact_for_the_linear_arm() {
     for mode in modes(&arm) {
         let amplitude = 1e-9;
         let start = State::new(mode.shape.map(|phi| amplitude * phi), [0.0; 2]);
-        let ends = [Scheme::Exponential, Scheme::Exponential8].map(|scheme| run(&arm, scheme, 1000.0, 1000, start, &Load::default()));
+        let ends = [Scheme::Exponential, Scheme::Exponential8]
+            .map(|scheme| run(&arm, scheme, 1000.0, 1000, start, &Load::default()));
         let omega = core::f64::consts::TAU * mode.frequency_hz;
         let (zeta, damped) = (mode.damping_ratio, omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio));
         let decay = libm::exp(-zeta * omega);

@@ -318,8 +318,8 @@ mod tests {
     use nalgebra::Normed as _;
 
     use super::*;
-    use crate::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
     use crate::tests::arm_at;
+    use crate::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
     use resonarm_dynamics::arm::{Load, Preset};
 
     /// Four stages have order 8: the sum of the weights times any polynomial of degree up to 7 is its integral.

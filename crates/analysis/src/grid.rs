@@ -37,9 +37,9 @@ pub fn frequencies_hz(from_hz: f64, to_hz: f64, points: u32, modes: &[Mode]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::arm_at;
     use crate::{Drive, FrequencyResponse, Quantity, Response, modes};
     use resonarm_dynamics::arm::Preset;
-    use crate::tests::arm_at;
 
     fn largest(linear: &FrequencyResponse, hz: &[f64]) -> f64 {
         let modulus = |hz: &f64| linear.at(Quantity::Accelerance, Drive::ForceY, Response::CY, *hz).unwrap().norm_sqr();

@@ -68,8 +68,8 @@ fn mode(arm: &Arm, lambda: f64, scaled: Vector2<f64>) -> Mode {
 mod tests {
     use super::*;
     use crate::tests::arm_at;
-    use resonarm_dynamics::arm::{Parameters, Pose, Preset};
     use proptest::prelude::*;
+    use resonarm_dynamics::arm::{Parameters, Pose, Preset};
 
     proptest! {
         #[test]

@@ -141,11 +141,11 @@ mod tests {
     use nalgebra::{Normed as _, Vector2};
 
     use super::*;
+    use crate::tests::arm_at;
     use crate::time_domain::{StroboscopicMap, readings};
     use crate::{
         BackboneOptions, BranchOptions, Drive, FrequencyResponse, Quantity, backbone, modes, trace, trace_doublings,
     };
-    use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Load, Preset};
     use resonarm_dynamics::integrate::Sine;
 

@@ -96,8 +96,8 @@ fn falls<'a>(
 mod tests {
     use super::*;
     use crate::modes;
-    use resonarm_dynamics::arm::Preset;
     use crate::tests::arm_at;
+    use resonarm_dynamics::arm::Preset;
 
     /// Under a small load each resonance is as wide as 2ζf and as high as the linear arm's.
     #[test]

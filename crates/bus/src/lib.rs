@@ -25,7 +25,8 @@ pub use error::BusError;
 ///
 /// # Errors
 /// [`BusError`]: what the environment lacks, and how to mend it. [`BusAddress::Memory`] can't be opened by name, see
-/// [`BusError::MemoryIsNotShared`]; nor [`BusAddress::PythonCan`], which the crate `resonarm-python-can` opens.
+/// [`BusError::MemoryIsNotShared`]; nor
+/// [`BusAddress::PythonCan`], which the facade `resonarm` opens: [`BusError::NoPythonCan`].
 pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
     match address {
         BusAddress::SocketCan(interface) => {

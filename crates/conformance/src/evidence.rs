@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use super::{Case, Finding, Settings, Verdict};
 use resonarm_bus::Received;
-use resonarm_protocol::{Frame, Network, Node, dbc};
-use resonarm_realtime::{Clock, SystemClock};
 use resonarm_files::recording::{
     Channel, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, RecordingError, Summary,
 };
+use resonarm_protocol::{Frame, Network, Node, dbc};
+use resonarm_realtime::{Clock, SystemClock};
 
 /// The unit of the recording's sample count, ns: the cases have no sample rate.
 const SAMPLE_NS: u64 = 1_000_000;

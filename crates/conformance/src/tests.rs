@@ -7,8 +7,8 @@ mod verdicts;
 use std::collections::BTreeSet;
 
 use super::*;
-use resonarm_protocol::{Emergency, ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter, Trip};
 use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Stops, Virtual};
+use resonarm_protocol::{Emergency, ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter, Trip};
 
 /// The requirement numbers in the text.
 fn marks(text: &str) -> Vec<&str> {

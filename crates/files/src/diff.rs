@@ -11,8 +11,8 @@ use serde::Serialize;
 
 use crate::export::Part;
 use crate::recording::channels::READINGS;
-use resonarm_numeric::number::short;
 use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
+use resonarm_numeric::number::short;
 
 /// What is compared.
 #[derive(Clone, Debug, PartialEq)]

@@ -86,8 +86,11 @@ pub struct ReadPoint {
 /// stretches.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BranchLines {
+    /// Stable motions; `None` separates stretches.
     pub stable: Vec<Option<[f64; 3]>>,
+    /// Unstable ones.
     pub unstable: Vec<Option<[f64; 3]>>,
+    /// Folds.
     pub folds: Vec<[f64; 3]>,
 }
 

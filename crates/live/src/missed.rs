@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use resonarm_realtime::{OverrunCause, OverrunCauses};
 use resonarm_files::recording::TickRecord;
+use resonarm_realtime::{OverrunCause, OverrunCauses};
 
 /// Samples for which a tick or event waits for its counterpart: at 10 kHz those of 100 ms, each a tick late. Events
 /// come within 50 ms.

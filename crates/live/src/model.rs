@@ -14,8 +14,8 @@ use super::message::{
 use super::missed::Missed;
 use super::rows::{Row, Rows, clipped_bit};
 use super::spectrum::Spectrum;
-use resonarm_dynamics::arm::Arm;
 use resonarm_bench::control::{JointAngles, ResponsePoint, SetPoint};
+use resonarm_dynamics::arm::Arm;
 use resonarm_files::recording::{Event, Record, RecordedFault, TickRecord};
 use resonarm_session::run::{self, CommandRecord};
 

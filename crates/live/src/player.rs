@@ -13,8 +13,8 @@ use super::message::{PlayerOrder, PlayerStatus};
 use super::model::SHOWN_S;
 use super::source::{Played, Player, Source};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_realtime::{Clock, SystemClock};
 use resonarm_files::recording::{Record, Recording, RecordingError, Records, TickRecord};
+use resonarm_realtime::{Clock, SystemClock};
 use resonarm_session::replay::timed_responses;
 
 /// Interval of looking at the clock.

@@ -52,7 +52,9 @@ pub struct Options {
 
 /// The run or recording to show.
 pub struct Shown {
+    /// The model that later viewers are served from.
     pub model: Model,
+    /// Where its records come from.
     pub source: Source,
     /// Computes the branch on which responses should lie.
     pub compute: Option<ComputeBranch>,

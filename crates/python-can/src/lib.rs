@@ -38,13 +38,13 @@ use pyo3::types::{PyDict, PyModule};
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use resonarm_bus::socketcan::Told;
-use resonarm_bus::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
 use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
 use direct::Direct;
 pub use error::{Operation, PythonCanError};
 use message::{ErrorFrames, Incoming};
 use options::{Options, Value};
+use resonarm_bus::socketcan::Told;
+use resonarm_bus::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
 /// Frames and error frames that wait to be received at most; what comes in beyond is lost and counted in
 /// [`Statistics::dropped`].

@@ -71,6 +71,7 @@ impl OverrunCauses {
         self.woke_late + self.step_long + self.bus_long + self.stolen + self.preempted
     }
 
+    /// The count of one cause.
     pub fn of(&mut self, cause: OverrunCause) -> &mut u64 {
         match cause {
             OverrunCause::WokeLate => &mut self.woke_late,

@@ -57,12 +57,29 @@
 
 pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
-pub use resonarm_bus as bus;
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
 pub use resonarm_files::{can_log, diff, export, import, recording, scenario, statistics, text_file, toml_error};
 pub use resonarm_protocol as protocol;
-#[cfg(feature = "python-can")]
-pub use resonarm_python_can as python_can;
 pub use resonarm_realtime as realtime;
 pub use resonarm_session::{experiment, replay, run, study};
+
+/// CAN buses: those of the crate `resonarm-bus`, and with the feature `python-can` any adapter that python-can knows.
+pub mod bus {
+    pub use resonarm_bus::*;
+    #[cfg(feature = "python-can")]
+    pub use resonarm_python_can as python_can;
+
+    /// Opens the bus that `address` names, with the default options of its backend.
+    ///
+    /// # Errors
+    /// [`BusError`]: what the environment lacks, and how to fix it; [`BusError::NoPythonCan`] without the feature
+    /// `python-can`. [`BusAddress::Memory`] can't be opened by name, see [`BusError::MemoryIsNotShared`].
+    pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
+        match address {
+            #[cfg(feature = "python-can")]
+            BusAddress::PythonCan(options) => Ok(Box::new(python_can::PythonCan::open(options)?)),
+            other => resonarm_bus::open(other),
+        }
+    }
+}

@@ -160,12 +160,12 @@ impl core::fmt::Display for Refusal {
 
 impl Settings {
     /// Λ.
-    pub(in crate) fn lambda_scale(&self, lambda: f64) -> f64 {
+    pub(crate) fn lambda_scale(&self, lambda: f64) -> f64 {
         (self.parameter_fraction * lambda.abs()).max(self.parameter_floor)
     }
 
     /// X.
-    pub(in crate) fn size(&self, x: &[f64]) -> f64 {
+    pub(crate) fn size(&self, x: &[f64]) -> f64 {
         norm(x).max(self.state_floor)
     }
 }

@@ -10,7 +10,7 @@ use crate::dense::{dot, norm};
 
 /// Where a branch is cut between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate) enum Cut {
+pub(crate) enum Cut {
     /// By planes that are perpendicular to their chord.
     Chord,
     /// At values of λ.
@@ -19,7 +19,7 @@ pub(in crate) enum Cut {
 
 /// Planes between two points of a branch, to solve for points in between.
 #[derive(Clone, Debug)]
-pub(in crate) struct Slices {
+pub(crate) struct Slices {
     sigma: f64,
     size: f64,
     normal: Vec<f64>,
@@ -114,7 +114,7 @@ impl Slices {
 ///
 /// # Errors
 /// [`AnalysisError::NoSolution`] if Newton's method does not find it.
-pub(in crate) fn at_parameter(
+pub(crate) fn at_parameter(
     system: &mut impl System,
     settings: &Settings,
     ends: [&Point; 2],

@@ -64,7 +64,7 @@ struct Crossing<O: Oscillator> {
 }
 
 /// The Neimark–Sacker point near `guess`.
-pub(in crate) fn neimark_sacker<O: Oscillator + Clone>(
+pub(crate) fn neimark_sacker<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
     guess: &Point,
@@ -75,7 +75,7 @@ pub(in crate) fn neimark_sacker<O: Oscillator + Clone>(
 }
 
 /// The branch point near `guess`.
-pub(in crate) fn branch_point<O: Oscillator + Clone>(
+pub(crate) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
     guess: &Point,

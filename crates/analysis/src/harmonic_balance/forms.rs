@@ -10,7 +10,7 @@ use crate::fourier::{Basis, Harmonics, Motion, mean, uniform};
 
 /// Two series of the same frequencies, on the left and on the right of a matrix.
 #[derive(Clone, Debug)]
-pub(in crate) struct Forms {
+pub(crate) struct Forms {
     /// Their frequencies.
     pub harmonics: Harmonics,
     /// On the left.
@@ -21,7 +21,7 @@ pub(in crate) struct Forms {
 
 /// Computes derivatives of forms; keeps the storage that this takes.
 #[derive(Clone, Debug)]
-pub(in crate) struct FormGradient {
+pub(crate) struct FormGradient {
     basis: Basis,
     weights: Vec<f64>,
     w: Motion,
@@ -137,7 +137,7 @@ impl<O: Oscillator> HarmonicBalance<O> {
     /// What [`HarmonicBalance::truncation_error_rad`] is for the motion, for a variation: for the null vector of a
     /// matrix of [`HarmonicBalance::jacobian`], relative to its size, how far S v + G v̇ + M v̈ is from zero in the
     /// frequencies beyond those of v.
-    pub(in crate) fn variation_error(&self, forms: &Forms) -> f64 {
+    pub(crate) fn variation_error(&self, forms: &Forms) -> f64 {
         let count = forms.harmonics.count();
         let wide = match forms.harmonics {
             Harmonics::Integer(_) => Harmonics::Integer(2 * count),

@@ -259,10 +259,10 @@ impl<O: Oscillator> HarmonicBalance<O> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ArmParameter, ForcedArm};
     use crate::tests::arm_at;
-    use resonarm_dynamics::arm::{Load, Preset};
+    use crate::{ArmParameter, ForcedArm};
     use alloc::vec;
+    use resonarm_dynamics::arm::{Load, Preset};
 
     fn balance(subharmonic: usize) -> HarmonicBalance<ForcedArm> {
         let load = Load { torque_nm: [1.0, 0.3].into(), force_n: [0.5, -0.7].into() };

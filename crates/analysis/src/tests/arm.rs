@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 
 use nalgebra::{Matrix4, Normed as _};
 
-use crate::*;
 use crate::tests::arm_at;
+use crate::*;
 use resonarm_dynamics::arm::{Load, Preset, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme, Sine};
 

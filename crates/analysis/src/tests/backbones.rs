@@ -2,8 +2,8 @@
 
 use alloc::vec::Vec;
 
-use crate::*;
 use crate::tests::arm_at;
+use crate::*;
 use resonarm_dynamics::arm::{Load, Preset};
 
 /// All loads of one unit that a drive has.

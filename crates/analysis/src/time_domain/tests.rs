@@ -3,10 +3,10 @@ use core::f64::consts::TAU;
 use nalgebra::{Normed as _, Vector2};
 
 use super::*;
+use crate::tests::arm_at;
 use crate::{
     ArmParameter, Bifurcation, BifurcationKind, BranchOptions, Coordinate, ForcedArm, FrequencyResponse, Orbit, trace,
 };
-use crate::tests::arm_at;
 use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose, Preset, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme, Sine};
 

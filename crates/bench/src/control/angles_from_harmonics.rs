@@ -5,8 +5,8 @@ use core::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::ResponsePoint;
-use resonarm_dynamics::arm::Arm;
 use crate::excitation::Phasor;
+use resonarm_dynamics::arm::Arm;
 
 /// Samples per period.
 const SAMPLES: usize = 32;

@@ -33,10 +33,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::fourier_filter::unit;
-use resonarm_analysis::FrequencyResponse;
-use resonarm_dynamics::arm::{Arm, Attachment};
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
+use resonarm_analysis::FrequencyResponse;
+use resonarm_dynamics::arm::{Arm, Attachment};
 
 /// The orders that can be cancelled: those that are read beside the fundamental.
 const ORDERS: [u8; 2] = [2, 3];

@@ -180,9 +180,9 @@ pub fn slowest_decay_1_s(control: &Loop) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
     use crate::control::ModeNumber;
     use crate::rig::Converter;
+    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
 
     fn control(mode: ModeNumber, converter: Converter, gain_1_s: f64, delay: usize) -> Loop {
         let pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };

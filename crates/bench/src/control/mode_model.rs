@@ -6,10 +6,10 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use resonarm_analysis::modes;
-use resonarm_dynamics::arm::{Arm, Load};
 use crate::excitation::Phasor;
 use crate::rig::{Measurement, Reading};
+use resonarm_analysis::modes;
+use resonarm_dynamics::arm::{Arm, Load};
 
 /// A mode of the arm, by its number: the lower frequency is the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -2,13 +2,13 @@
 //! with linear theory.
 
 use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
-use resonarm_analysis::FrequencyResponse;
-use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
 use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
-use resonarm_dynamics::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};
 use crate::rig::{AccelerometerSpec, Converter, ForceSensorSpec, RigSpec, Sampling};
 use nalgebra::Vector2;
+use resonarm_analysis::FrequencyResponse;
+use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
+use resonarm_dynamics::integrate::Scheme;
 
 const FORCE_N: f64 = 0.01;
 const RATE_HZ: f64 = 1000.0;

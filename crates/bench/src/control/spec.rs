@@ -9,9 +9,9 @@ use super::{
     Controller, ForceControl, ForceControlError, ForceControlSpec, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
     ResponseControlSpec,
 };
-use resonarm_dynamics::arm::Arm;
 use crate::excitation::Amplitude;
 use crate::rig::Sampling;
+use resonarm_dynamics::arm::Arm;
 
 /// The control law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -14,9 +14,9 @@ use core::f64::consts::TAU;
 
 use super::response::{Orders, Reading};
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
-use resonarm_dynamics::arm::Load;
 use crate::excitation::Window;
 use crate::rig::{Measurement, Sampling};
+use resonarm_dynamics::arm::Load;
 
 /// How long the set-point must be held before a response is read, s.
 const SETTLE_S: f64 = 2.0;

@@ -25,8 +25,8 @@ use nalgebra::Vector2;
 use super::double_integration::{Integration, Integrator, Pair};
 use super::droop::without_droop;
 use super::{CHANNELS, IdentifyError};
-use resonarm_dynamics::arm::Arm;
 use crate::rig::{Converter, RigSpec};
+use resonarm_dynamics::arm::Arm;
 
 /// Length of each end, in periods of the corner: by then about 1e-5 is left of how a record begins and ends.
 const END_PERIODS: f64 = 4.0;

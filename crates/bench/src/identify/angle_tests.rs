@@ -5,11 +5,11 @@ use alloc::string::ToString;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use crate::plant::{Plant, PlantSpec};
+use crate::rig::{AccelerometerSpec, RigSpec};
 use resonarm_analysis as analysis;
 use resonarm_dynamics::arm::{Arm, Load, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
-use crate::plant::{Plant, PlantSpec};
-use crate::rig::{AccelerometerSpec, RigSpec};
 
 const RATE_HZ: f64 = 1000.0;
 const WAYS: [Integration; 2] = [Integration::Frequency, Integration::Time];

@@ -6,13 +6,13 @@ use alloc::vec::Vec;
 
 use nalgebra::Normed as _;
 
+use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
+use crate::plant::{Plant, PlantSpec};
+use crate::rig::RigSpec;
 use resonarm_analysis as analysis;
 use resonarm_analysis::{Drive, FrequencyResponse, Quantity, Response};
 use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
-use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
 use resonarm_dynamics::integrate::Scheme;
-use crate::plant::{Plant, PlantSpec};
-use crate::rig::RigSpec;
 
 const RATE_HZ: f64 = 1000.0;
 const BAND: Band = Band { from_hz: 5.0, to_hz: 80.0 };

@@ -6,9 +6,9 @@ use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::sample;
-use resonarm_dynamics::arm::Load;
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
 use crate::rig::Measurement;
+use resonarm_dynamics::arm::Load;
 
 /// Responses that wait to be fetched.
 const RESPONSES: usize = 16;

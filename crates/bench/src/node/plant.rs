@@ -11,8 +11,8 @@ use resonarm_protocol::node::Link;
 use super::hold::Hold;
 use super::sample;
 use super::{NodeEvent, Refusal, Refusals, Timing};
-use resonarm_dynamics::arm::Load;
 use crate::rig::{Exciter, GateSpec, Measurement};
+use resonarm_dynamics::arm::Load;
 
 /// The plant as a node: publishes samples, takes commands, and lets none through unless armed.
 #[derive(Clone, Debug)]

@@ -15,10 +15,10 @@ mod shaker;
 use nalgebra::Vector2;
 use thiserror::Error;
 
+use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Integrator, Scheme};
 use resonarm_numeric::number::{rounded, short};
-use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use sampling::{End, Filter, Step, Sums};
 use shaker::{Drive, Shaker};
 

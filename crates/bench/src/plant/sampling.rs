@@ -21,9 +21,9 @@ use nalgebra::Vector2;
 
 use super::PlantSpec;
 use super::shaker::Drive;
-use resonarm_dynamics::arm::{Arm, Attachment, Load, State};
 use crate::rig::converter::MOST_ORDER;
 use crate::rig::{Converter, Measurement};
+use resonarm_dynamics::arm::{Arm, Attachment, Load, State};
 
 const CHANNELS: usize = Measurement::CHANNELS;
 /// Coefficients of 1, τ … τ⁴ and of e^{−λτ}.

@@ -2,8 +2,8 @@
 
 use super::tests::{SHAKER, shaken};
 use super::*;
-use resonarm_dynamics::arm::Preset;
 use crate::rig::{Amplifier, Converter, ShakerSpec};
+use resonarm_dynamics::arm::Preset;
 
 /// Fine samples a hold. A transient that decays e^−6.6-fold over a hold is summed to (6.6/1600)²/24 = 7e-7.
 const FINE: u32 = 1600;

@@ -9,10 +9,10 @@
 use nalgebra::Vector2;
 
 use super::PlantSpecError;
-use resonarm_dynamics::arm::{Arm, Load, State};
-use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator};
 use crate::rig::coil::{Coil, Current, LEAST_DECAY, Stroke};
 use crate::rig::{Amplifier, ShakerLimit, ShakerSpec};
+use resonarm_dynamics::arm::{Arm, Load, State};
+use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator};
 
 /// Passes of a step in voltage mode before it counts as one that can't be made.
 const MOST_PASSES: usize = 30;

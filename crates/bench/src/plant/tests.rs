@@ -1,10 +1,10 @@
 //! The plant, sample by sample, with an ideal exciter and with a shaker.
 
 use super::*;
-use resonarm_analysis::{FrequencyResponse, modes};
-use resonarm_dynamics::arm::Preset;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{AccelerometerSpec, Amplifier, Converter, ForceSensorSpec, ShakerSpec};
+use resonarm_analysis::{FrequencyResponse, modes};
+use resonarm_dynamics::arm::Preset;
 
 fn spec() -> PlantSpec {
     PlantSpec {

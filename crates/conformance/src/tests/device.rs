@@ -4,14 +4,14 @@ use std::collections::VecDeque;
 
 use super::super::{BusOff, Stopped, Wire};
 use super::flaws::{Ears, Flaw, Mouth};
-use resonarm_dynamics::arm::Load;
-use resonarm_bus::BusError;
 use resonarm_bench::control::OpenLoop;
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
 use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
+use resonarm_bench::rig::{Converter, Exciter, ExciterSpec, GateSpec, Measurement, Reading};
+use resonarm_bus::BusError;
+use resonarm_dynamics::arm::Load;
 use resonarm_protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use resonarm_protocol::{Frame, Network, SamplesPerFrame, Transmitter};
-use resonarm_bench::rig::{Converter, Exciter, ExciterSpec, GateSpec, Measurement, Reading};
 use resonarm_session::run::Mode;
 
 pub const RATE_HZ: u16 = 1000;

@@ -5,10 +5,10 @@
 //! the states are the same bit for bit, whatever the processor offers. The implicit schemes, the default among them,
 //! don't go side by side: the number of iterations, the pivots and the division of a step differ from motion to motion.
 
-use crate::arm::{Arm, Load, State};
 use crate::arm::external::External;
 use crate::arm::kernel::{Coefficients, Motion};
 use crate::arm::real::{Lanes, Real};
+use crate::arm::{Arm, Load, State};
 use crate::integrate::{DOP853, explicit};
 
 /// Stages of a step.

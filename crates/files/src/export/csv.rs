@@ -12,11 +12,11 @@ use resonarm_protocol::{FrameFormat, Id};
 
 use super::channels::lead;
 use super::{ExportError, ExportedFile, Part, Selection};
-use resonarm_numeric::number::short;
-use resonarm_realtime::OverrunCause;
 use crate::recording::channels::Channels;
 use crate::recording::{Direction, Event, Existing, FrameRecord, Origin, Record, Recording, TickRecord};
 use crate::staged::Staged;
+use resonarm_numeric::number::short;
+use resonarm_realtime::OverrunCause;
 
 /// Names of the columns.
 fn columns(channels: &Channels, part: Part) -> Vec<&'static str> {

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::{ExportFormat, Part};
-use resonarm_numeric::number::short;
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
+use resonarm_numeric::number::short;
 
 /// Why a recording can't be exported.
 #[derive(Debug, Error)]

@@ -17,11 +17,11 @@ use serde_json::{Map, Value, json};
 use super::channels::lead;
 use super::scene::{self, Scene};
 use super::{ExportError, ExportedFile, Part, Selection};
-use resonarm_protocol::dbc::Dbc;
 use crate::recording::channels::Channels;
 use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
 use crate::scenario::Scenario;
 use crate::staged::Staged;
+use resonarm_protocol::dbc::Dbc;
 
 /// Levels of `foxglove.Log` (foxglove.dev, "LogLevel").
 const INFO: u8 = 2;

@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 
 use super::ExportError;
 use super::foxglove::{time, time_schema};
-use resonarm_dynamics::arm::Arm;
 use crate::recording::{Recording, StateRecord};
 use crate::scenario::Scenario;
+use resonarm_dynamics::arm::Arm;
 
 /// The topic.
 pub const TOPIC: &str = "/arm";

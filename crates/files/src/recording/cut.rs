@@ -8,8 +8,8 @@ use super::{
     Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Origin, Record, Recorder, Recording,
     RecordingError, RunTime, Summary, TimeBase,
 };
-use resonarm_numeric::number::short;
 use crate::staged::same_file;
+use resonarm_numeric::number::short;
 
 /// Records that wait for the writer at most.
 const CAPACITY: usize = 8192;

@@ -219,7 +219,9 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
     /// The message of its batches.
     const TYPE: MessageType;
 
+    /// Index of its sample.
     fn sample(&self) -> u64;
+    /// Its numbers, in the order of the table.
     fn values(&self) -> Values;
     /// Whether it is the end of a run, or which readings are clipped.
     fn mark(&self) -> u32;
@@ -405,6 +407,7 @@ impl<R: Numbers> Batch for NumberBatch<R> {
 /// A message for plotting: the numbers of one sample.
 #[derive(Clone, Debug)]
 pub struct Plot {
+    /// The type of the message.
     pub message_type: MessageType,
     /// The sample for which it stands.
     pub sample: u64,

@@ -81,13 +81,21 @@ impl Topic {
 /// What a message is. A topic has messages of one type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageType {
+    /// States and loads of consecutive samples.
     StepBatch,
+    /// Readings of consecutive samples.
     SampleBatch,
+    /// The state at one sample, for plotting.
     State,
+    /// The load at one sample, for plotting.
     Command,
+    /// The readings at one sample, for plotting.
     Sensors,
+    /// Frames on the bus.
     FrameBatch,
+    /// Timing of consecutive ticks of the loop.
     TickBatch,
+    /// Something that happened.
     Event,
 }
 

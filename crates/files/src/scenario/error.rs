@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use resonarm_dynamics::arm::ArmError;
-use resonarm_bus::fault::FaultError;
+use crate::toml_error::TomlError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
-use resonarm_numeric::number::short;
 use resonarm_bench::plant::PlantSpecError;
+use resonarm_bus::fault::FaultError;
+use resonarm_dynamics::arm::ArmError;
+use resonarm_numeric::number::short;
 use resonarm_protocol::NetworkError;
 use resonarm_protocol::bits::BitRates;
-use crate::toml_error::TomlError;
 
 /// Why a scenario can't be used.
 #[derive(Debug, Error)]

@@ -2,9 +2,9 @@
 
 use super::ScenarioError;
 use resonarm_bench::excitation::Amplitude;
+use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
 use resonarm_protocol::Profile;
 use resonarm_protocol::scaling::{FORCE, Scale, TORQUE};
-use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
 
 /// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit
 /// would be refused sample by sample.

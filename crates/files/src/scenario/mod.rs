@@ -18,15 +18,15 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use resonarm_analysis::modes;
-use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
-use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
-use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
-use resonarm_dynamics::integrate::Scheme;
-use resonarm_bench::plant::{self, PlantSpec};
-use resonarm_bench::rig::{Converter, RigSpec, Sampling};
 use crate::text_file;
 use crate::toml_error::TomlError;
+use resonarm_analysis::modes;
+use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
+use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
+use resonarm_bench::plant::{self, PlantSpec};
+use resonarm_bench::rig::{Converter, RigSpec, Sampling};
+use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
+use resonarm_dynamics::integrate::Scheme;
 
 /// The most samples of a run that has an end: 31 years at 1 kHz.
 pub const MOST_SAMPLES: u64 = 1_000_000_000_000;

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Scenario, ScenarioError};
-use resonarm_bus::fault::{self, FaultSpec};
 use resonarm_bench::node::Timing;
+use resonarm_bus::fault::{self, FaultSpec};
 use resonarm_protocol::{Network, Node, Profile, SamplesPerFrame, timing};
 
 /// The longest timeout, s.

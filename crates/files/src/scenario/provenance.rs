@@ -1,9 +1,9 @@
 //! A scenario's way into a recording and back.
 
 use super::{Scenario, ScenarioError};
-use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 use crate::recording::Configuration;
 use resonarm_bench::rig::Converter;
+use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 
 /// The key of the scenario in a recording's configuration.
 const SCENARIO: &str = "scenario";

@@ -10,9 +10,9 @@ mod zone;
 pub use score::{Jump, Score, score};
 pub use zone::{Zone, ZoneExperiment, ZoneMeasured};
 
+use crate::run::{Mode, Options, RunError, Session, Signals};
 use resonarm_bench::control::{ControlSpec, ResponsePoint};
 use resonarm_bench::node::Outcome;
-use crate::run::{Mode, Options, RunError, Session, Signals};
 use resonarm_files::scenario::Scenario;
 
 /// What a controller has read in one run.

@@ -3,14 +3,16 @@
 use core::f64::consts::TAU;
 
 use super::{Measured, measure, session};
+use crate::run::{RunError, Signals};
+use crate::study::on_all_cores;
 use resonarm_analysis::{Mode, modes};
-use resonarm_dynamics::arm::{Arm, ArmError};
-use resonarm_bench::control::{CancelHarmonics, ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
+use resonarm_bench::control::{
+    CancelHarmonics, ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint,
+};
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Waveform};
 use resonarm_bench::rig::{Amplifier, ShakerSpec};
-use crate::run::{RunError, Signals};
+use resonarm_dynamics::arm::{Arm, ArmError};
 use resonarm_files::scenario::{Scenario, ScenarioError};
-use crate::study::on_all_cores;
 
 /// Runs of a zone: walk, backbone, up, down.
 const RUNS: usize = 4;

@@ -18,11 +18,11 @@ use serde::Serialize;
 use super::ReplayError;
 use super::player::{FRAMES_AT_ONCE, LOOK_NS, RETRY_NS, check_speed, due_ns};
 use super::responses::command;
-use resonarm_bus::{Bus, Sent};
-use resonarm_realtime::Clock;
-use resonarm_files::recording::{Direction, Recording};
 use crate::run::Signals;
+use resonarm_bus::{Bus, Sent};
+use resonarm_files::recording::{Direction, Recording};
 use resonarm_files::scenario::Scenario;
+use resonarm_realtime::Clock;
 
 /// Answers that are kept until the recording has come to their sample: more than a sample's frames on their way.
 const ANSWERS: usize = 256;

@@ -3,12 +3,12 @@
 use thiserror::Error;
 
 use super::player::SPEEDS;
-use resonarm_bus::BusError;
-use resonarm_numeric::number::short;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
-use resonarm_protocol::{FrameError, Mismatch};
+use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
 use resonarm_files::scenario::ScenarioError;
+use resonarm_numeric::number::short;
+use resonarm_protocol::{FrameError, Mismatch};
 
 /// Why a recording can't be replayed or simulated again.
 #[derive(Debug, Error)]

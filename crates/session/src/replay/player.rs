@@ -3,11 +3,11 @@
 use core::ops::RangeInclusive;
 
 use super::ReplayError;
+use crate::run::Signals;
 use resonarm_bus::{Bus, Sent};
+use resonarm_files::recording::{Direction, FrameRecord, Recording};
 use resonarm_protocol::{Frame, FrameError, FrameFormat, Id};
 use resonarm_realtime::Clock;
-use resonarm_files::recording::{Direction, FrameRecord, Recording};
-use crate::run::Signals;
 
 /// How long to wait before a full transmit queue is tried again, ns.
 pub(super) const RETRY_NS: u64 = 200_000;

@@ -1,13 +1,13 @@
 //! The run simulated again from its recorded loads, and the verdict.
 
 use super::ReplayError;
+use crate::study::on_all_cores;
+use resonarm_bench::plant::{Plant, PlantSpec};
+use resonarm_bench::rig::Amplifier;
 use resonarm_dynamics::arm::{Load, State};
 use resonarm_files::import::IMPORTED_FROM;
-use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
-use resonarm_bench::rig::Amplifier;
 use resonarm_files::scenario::Scenario;
-use crate::study::on_all_cores;
 
 /// Whether a run, simulated again, is the recorded one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

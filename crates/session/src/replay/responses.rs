@@ -5,9 +5,9 @@ use alloc::collections::BTreeMap;
 use super::ReplayError;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, Outcome};
-use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
 use resonarm_files::recording::{Direction, Recording};
 use resonarm_files::scenario::Scenario;
+use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
 
 /// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the
 /// first fault.

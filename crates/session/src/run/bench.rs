@@ -6,13 +6,13 @@ use super::record_sink::RecordSink;
 use super::report::NodeFrames;
 use super::round_trip::RoundTrips;
 use super::{BusCounts, BusLoss, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
-use resonarm_dynamics::arm::Load;
-use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use resonarm_bench::node::{NodeEvent, PlantNode};
 use resonarm_bench::plant::{Plant, PlantError};
+use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
+use resonarm_dynamics::arm::Load;
+use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
 use resonarm_protocol::{EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
 use resonarm_realtime::Percentiles;
-use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
 const FRAMES_AT_ONCE: usize = 256;

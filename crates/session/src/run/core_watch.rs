@@ -25,8 +25,8 @@ use std::thread::{self, JoinHandle};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Told, Watched};
-use resonarm_realtime::{Clock, CoreShare, OverrunCause, OverrunCauses, STEAL_UNIT_NS, Share, SystemClock, Tick};
 use resonarm_files::recording::{Channel, Event, Record};
+use resonarm_realtime::{Clock, CoreShare, OverrunCause, OverrunCauses, STEAL_UNIT_NS, Share, SystemClock, Tick};
 
 /// From one look to the next.
 const LOOK: Duration = Duration::from_millis(50);

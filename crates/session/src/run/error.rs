@@ -2,13 +2,13 @@
 
 use thiserror::Error;
 
-use resonarm_bus::BusError;
-use resonarm_numeric::number::short;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
-use resonarm_protocol::EncodeError;
-use resonarm_realtime::{HistogramError, PeriodicError, RateError, Shortfall, SpinError};
+use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
 use resonarm_files::scenario::ScenarioError;
+use resonarm_numeric::number::short;
+use resonarm_protocol::EncodeError;
+use resonarm_realtime::{HistogramError, PeriodicError, RateError, Shortfall, SpinError};
 
 use super::{Mode, SpeedError};
 

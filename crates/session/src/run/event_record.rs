@@ -4,10 +4,10 @@ use resonarm_protocol::node::NodeEvent;
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
 use super::Request;
-use resonarm_bus::ControllerState;
 use resonarm_bench::control::SetPoint;
-use resonarm_files::recording::{Clipped, SampleRecord};
 use resonarm_bench::rig::{Measurement, Reading};
+use resonarm_bus::ControllerState;
+use resonarm_files::recording::{Clipped, SampleRecord};
 
 /// The name under which a refusal is recorded.
 const fn refusal_name(refusal: Refusal) -> &'static str {

@@ -7,12 +7,12 @@ use super::event_record::{event_record, request_records, sample_record};
 use super::outage::{self, Outage};
 use super::report::NodeFrames;
 use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
-use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{ExciterNode, Outcome};
+use resonarm_bus::{Bus, BusError, Sent};
+use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_realtime::Clock;
-use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 
 /// Longest sleep between two looks at the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;

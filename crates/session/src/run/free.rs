@@ -5,9 +5,9 @@ use super::exciter::steer;
 use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
 use super::{Ending, Outcome, RunError, Signals, Told, Watched};
-use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::ExciterNode;
+use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
 use resonarm_realtime::{Clock, SampleRate, VirtualClock};
 
 /// How long frames may still be on their way at the end, ns of simulated time.

@@ -11,9 +11,9 @@ use super::pace::{Pace, Speed};
 use super::round_trip::RoundTrips;
 use super::{Ending, Histograms, PlantReport, RunError, Signals};
 use resonarm_bus::Bus;
+use resonarm_files::recording::{Record, TickRecord};
 use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Action, Clock, OverrunPolicy, Periodic, SampleRate, Spin, Tick};
-use resonarm_files::recording::{Record, TickRecord};
 
 /// Runs the plant in real time on the calling thread, until its end or until it is asked to stop. Where deadlines are
 /// missed, `overruns` is told.

@@ -6,12 +6,12 @@ use serde::{Serialize, Serializer};
 
 use super::bench::Bench;
 use super::{BusLoss, RunError, Signals};
-use resonarm_bus::{ControllerErrors, Statistics};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, ExciterNode, PlantNode, Refusals};
+use resonarm_bus::{ControllerErrors, Statistics};
+use resonarm_files::recording::Summary;
 use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
 use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
-use resonarm_files::recording::Summary;
 
 /// How a plant's run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -16,16 +16,16 @@ use super::real_time::real_time;
 use super::record_sink::RecordSink;
 use super::report::NodeFrames;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
-use resonarm_bus::fault::Faulty;
-use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_bench::control::Controller;
 use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
 use resonarm_bench::plant::Plant;
-use resonarm_protocol::Node;
-use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
+use resonarm_bus::fault::Faulty;
+use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Existing, Recorder};
 use resonarm_files::scenario::Scenario;
+use resonarm_protocol::Node;
+use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
 
 /// Records on their way to the writer: at 1 kHz about four seconds of everything.
 const RECORDS_CAPACITY: usize = 1 << 15;

@@ -42,10 +42,12 @@ impl Signals {
         &self.gauges
     }
 
+    /// Sets how many responses the controller has read.
     pub fn set_responses(&self, responses: usize) {
         self.responses.store(responses as u64, Ordering::Relaxed);
     }
 
+    /// Sets how many samples are done.
     pub fn set_done(&self, done: u64) {
         self.done.store(done, Ordering::Relaxed);
     }

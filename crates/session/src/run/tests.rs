@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::lockstep::lockstep;
 use super::real_time::real_time;
 use super::*;
-use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
 use resonarm_bench::node::{self, ExciterNode, Outcome as ExciterOutcome};
-use resonarm_protocol::{EmergencyCode, Frame};
-use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin};
+use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
 use resonarm_files::recording::{Existing, Record, Recording};
 use resonarm_files::scenario::Scenario;
+use resonarm_protocol::{EmergencyCode, Frame};
+use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin};
 
 mod both_ends;
 mod jammed_bus;

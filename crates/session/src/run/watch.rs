@@ -17,8 +17,8 @@ use std::sync::{Arc, mpsc};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use resonarm_dynamics::arm::Load;
 use resonarm_bench::control::{ResponsePoint, SetPoint};
+use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{FrameRecord, Record};
 
 /// What waits in a loop's ring at most: at 1 kHz two seconds.

@@ -33,14 +33,14 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use resonarm_dynamics::arm::{Arm, Load};
 use crate::control::cancellation::Cancellation;
 use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
 use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
-use resonarm_numeric::number::short;
 use crate::rig::{Measurement, Sampling};
+use resonarm_dynamics::arm::{Arm, Load};
+use resonarm_numeric::number::short;
 
 /// Allowed deviation of the force from the wanted one, relative.
 const TOLERANCE: f64 = 3e-3;

@@ -1,13 +1,13 @@
 //! Force control of a shaker on the arm, and the errors for impossible settings.
 
 use super::*;
-use resonarm_dynamics::arm::{Pose, Preset, State};
 use crate::excitation::Amplitude;
-use resonarm_dynamics::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};
 use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::ToString;
 use alloc::vec::Vec;
+use resonarm_dynamics::arm::{Pose, Preset, State};
+use resonarm_dynamics::integrate::Scheme;
 
 fn sampling(rate_hz: f64) -> Sampling {
     Sampling { rate_hz, converter: Converter::default() }

@@ -188,8 +188,8 @@ impl BackboneModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
     use crate::control::ModeNumber;
+    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
 
     /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², with a contribution of the other mode, predict the points
     /// between them.

@@ -40,9 +40,9 @@ use self::spec::BAND;
 use super::cancellation::Cancellation;
 use super::fourier_filter::{real_product, unit, wrapped};
 use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
-use resonarm_dynamics::arm::{Arm, Load};
 use crate::excitation::Phasor;
 use crate::rig::{Measurement, Sampling};
+use resonarm_dynamics::arm::{Arm, Load};
 
 /// Most tries of a point before it is reported as not settled.
 const MOST_TRIES: u32 = 6;

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::PhaseWalkError;
 use super::spec::{BAND, MOST_POINTS, PhaseWalkSpec, size};
-use resonarm_dynamics::arm::Load;
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::Amplitude;
+use resonarm_dynamics::arm::Load;
 
 /// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
 /// followed angle, stable or not (T. Karaağaçlı, H. N. Özgüven, "Experimental Identification of Backbone Curves of

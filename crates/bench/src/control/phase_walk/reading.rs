@@ -2,10 +2,10 @@
 
 use core::f64::consts::TAU;
 
-use resonarm_dynamics::arm::Load;
 use crate::control::{LoadKind, ModeModel, ResponsePoint};
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
+use resonarm_dynamics::arm::Load;
 
 use super::drift_fit::DriftFit;
 use super::unit;

@@ -8,8 +8,8 @@ use thiserror::Error;
 use crate::control::loop_poles::{self, Loop};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::{Amplitude, ExcitationError};
-use resonarm_numeric::number::short;
 use crate::rig::Sampling;
+use resonarm_numeric::number::short;
 
 /// Most points of a walk, since each is stored.
 pub(super) const MOST_POINTS: usize = 10_000;

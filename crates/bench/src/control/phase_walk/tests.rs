@@ -1,14 +1,14 @@
 //! Impossible settings, and the message of a walk that gives up.
 
 use super::*;
-use resonarm_dynamics::arm::{Pose, Preset, State};
 use crate::control::{CancelHarmonics, ModeNumber};
 use crate::excitation::Amplitude;
-use resonarm_dynamics::integrate::Scheme;
 use crate::plant::{Plant, PlantSpec};
 use crate::rig::{AccelerometerSpec, Converter, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
+use resonarm_dynamics::arm::{Pose, Preset, State};
+use resonarm_dynamics::integrate::Scheme;
 
 fn arm(beta2_deg: f64) -> Arm {
     Arm::new(Preset::default().parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg }).unwrap()

@@ -6,10 +6,10 @@
 use core::array;
 
 use super::super::IntegrateError;
-use resonarm_numeric::linear_solve;
 use super::{Slopes, Solution, Stages, Wide};
 use crate::arm::State;
 use crate::arm::real::Real;
+use resonarm_numeric::linear_solve;
 
 /// Where it converges it needs two to five iterations.
 const MOST_ITERATIONS: usize = 8;

@@ -18,9 +18,9 @@ use serde::Serialize;
 
 use super::branch::by_name;
 use super::{PaperError, Settings, Subject};
+use cases::Judgement;
 use resonarm_dynamics::arm::Preset;
 use resonarm_session::study::on_all_cores;
-use cases::Judgement;
 use survey::Survey;
 
 /// Whether a statement holds.

@@ -76,8 +76,8 @@ pub(super) fn amplitude(survey: &Survey<'_>) -> Judgement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_dynamics::arm::Preset;
     use crate::paper::{Settings, Subject};
+    use resonarm_dynamics::arm::Preset;
 
     /// A blow much shorter than the modes' periods gives the arm the momentum JᵀF·2T/π at once: α̇ = M⁻¹ times it, and
     /// C starts with v = J α̇; the motion after it is linear in the force.

@@ -1,8 +1,8 @@
 //! Runs that are watched: what they tell, what they do when they are asked, and that nothing else depends on it.
 
 use super::*;
-use resonarm_bus::memory;
 use resonarm_bench::control::SetPoint;
+use resonarm_bus::memory;
 use resonarm_files::recording::{Direction, Event, FrameRecord};
 
 fn session(folder: &tempfile::TempDir, name: &str) -> Session {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use resonarm::cli;
+use crate::check_arguments;
 
 /// The documents, with the base folder of their links.
 fn documents() -> Vec<(PathBuf, String)> {
@@ -35,7 +35,7 @@ fn every_command_in_the_documents_is_valid() {
     for (path, text) in documents() {
         for line in shell_lines(&text) {
             let Some(arguments) = arguments(line) else { continue };
-            if let Err(message) = cli::check_arguments(arguments.split_whitespace()) {
+            if let Err(message) = check_arguments(arguments.split_whitespace()) {
                 panic!("{}: {line}\n{message}", path.display());
             }
             commands += 1;
@@ -126,7 +126,7 @@ fn every_link_within_the_project_has_its_target() {
 
 #[test]
 fn an_invalid_command_is_found() {
-    assert!(cli::check_arguments(["replay", "run.mcap"]).is_err());
-    assert!(cli::check_arguments(["modes", "--beta-deg", "60"]).is_err());
-    assert!(cli::check_arguments(["modes", "--beta2-deg", "-60"]).is_ok());
+    assert!(check_arguments(["replay", "run.mcap"]).is_err());
+    assert!(check_arguments(["modes", "--beta-deg", "60"]).is_err());
+    assert!(check_arguments(["modes", "--beta2-deg", "-60"]).is_ok());
 }
