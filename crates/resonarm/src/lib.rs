@@ -45,13 +45,12 @@
 //! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
-//! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be stopped and gone on with |
+//! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
-//! | [`cli`] | the program, with its figures, those of the paper, and the live view |
 //!
-//! [`arm`] to [`node`] are pure: no clock, no thread, no file, no socket, and `no_std` without the feature `std`. SI
-//! units throughout; a number that is not in a typed quantity carries its unit in its name. A `sample` is one of the
-//! bench's, a `step` one of the integrator's: a sample takes several.
+//! Each module is a crate or a module of one, see `ARCHITECTURE.md`. [`arm`] to [`node`] are pure: no clock, no thread, no
+//! file, no socket, and `no_std`. SI units throughout; a number that is not in a typed quantity carries its unit in its
+//! name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
 //!
 //! `README.md` says how to run the program, `DESIGN.md` why things are so.
 

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::{ArmError, Parameters};
 
-/// A parameter set that comes with the program, as a TOML file in `src/arm/presets/`.
+/// A parameter set that comes with the program, as a TOML file in `crates/dynamics/src/arm/presets/`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preset {
     /// `irb1600-table1`: Table 1 as printed, and l2 = 0.6 m, our assumption.
