@@ -168,8 +168,8 @@ impl Layout {
     /// As the schema of a batch says.
     pub fn read(message_type: MessageType, schema: &[u8]) -> Result<Layout, ChannelsError> {
         let set = FileSet::decode(schema).map_err(|error| ChannelsError::Schema { cause: error.to_string() })?;
-        let types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
-        let found = types.filter(|(package, of)| format!("{package}.{}", of.name) == message_type.name()).next();
+        let mut types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
+        let found = types.find(|(package, of)| format!("{package}.{}", of.name) == message_type.name());
         let missing = || ChannelsError::Schema { cause: format!("it has no message `{}`", message_type.name()) };
         let (known, mark_name, mark_type): (&[Channel], _, _) = match message_type {
             MessageType::StepBatch => (&STATES, "last_row_is_end", (OPTIONAL, BOOL)),
