@@ -222,14 +222,9 @@ pub struct Values {
 }
 
 impl Values {
-    /// Of these numbers, at most as many as the table has channels.
-    pub(super) fn new(numbers: impl IntoIterator<Item = f64>) -> Values {
-        let mut values = Values { numbers: [0.0; STATES.len()], count: 0 };
-        for (place, number) in values.numbers.iter_mut().zip(numbers) {
-            *place = number;
-            values.count += 1;
-        }
-        values
+    /// Of the first `count` of these numbers.
+    pub(super) const fn new(numbers: [f64; STATES.len()], count: usize) -> Values {
+        Values { numbers, count }
     }
 }
 
@@ -237,6 +232,6 @@ impl Deref for Values {
     type Target = [f64];
 
     fn deref(&self) -> &[f64] {
-        &self.numbers[..self.count]
+        self.numbers.get(..self.count).unwrap_or(&self.numbers)
     }
 }

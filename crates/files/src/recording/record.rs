@@ -52,7 +52,7 @@ impl<Name> Record<Name> {
         match self {
             Record::State(record) => record.values(),
             Record::Sample(record) => record.values(),
-            Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new([]),
+            Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new([0.0; 9], 0),
         }
     }
 }
@@ -85,7 +85,8 @@ impl StateRecord {
     /// Its numbers in the order of [`Topic::States`](super::Topic::States).
     pub fn values(&self) -> Values {
         let ([a, b], [c, d], [e, f], [g, h]) = (self.alpha_rad, self.alpha_dot_rad_s, self.torque_nm, self.force_n);
-        Values::new([a, b, c, d, e, f, g, h].into_iter().chain(self.coil_current_a))
+        let (coil, count) = self.coil_current_a.map_or((0.0, 8), |current_a| (current_a, 9));
+        Values::new([a, b, c, d, e, f, g, h, coil], count)
     }
 }
 
@@ -108,7 +109,7 @@ impl SampleRecord {
     /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
     pub fn values(&self) -> Values {
         let ([a, b], [c, d], [e, f]) = (self.acceleration_b_m_s2, self.acceleration_c_m_s2, self.head_force_n);
-        Values::new([a, b, c, d, e, f])
+        Values::new([a, b, c, d, e, f, 0.0, 0.0, 0.0], 6)
     }
 }
 
