@@ -76,9 +76,9 @@ mod tests {
         assert_eq!(logged("OFF", "resonarm::run"), None);
         assert_eq!(logged("resonarm_bus=trace", "resonarm_bus::socketcan"), Some(Level::TRACE));
         assert_eq!(logged("resonarm_bus=trace", "resonarm::run"), Some(Level::WARN));
-        assert_eq!(logged("resonarm::bus", "resonarm::bus"), Some(Level::TRACE));
+        assert_eq!(logged("resonarm_bus", "resonarm_bus"), Some(Level::TRACE));
         let several = "info, resonarm_bus=error,resonarm_bus::socketcan=debug,";
-        let targets = ["resonarm::run", "resonarm::bus", "resonarm_bus::socketcan"];
+        let targets = ["resonarm_session::run", "resonarm_bus", "resonarm_bus::socketcan"];
         assert_eq!(targets.map(|target| logged(several, target)), [Level::INFO, Level::ERROR, Level::DEBUG].map(Some));
     }
 

@@ -9,7 +9,9 @@ use crate::check_arguments;
 fn documents() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "DESIGN.md", "COMPARE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)).into();
+        ["README.md", "ARCHITECTURE.md", "DESIGN.md", "COMPARE.md", "CONTRIBUTING.md", "CHANGELOG.md"]
+            .map(|name| root.join(name))
+            .into();
     for folder in ["docs", "scenarios", "recordings"] {
         let entries = fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         paths.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "md")));

@@ -277,7 +277,7 @@ mod tests {
 
     /// A player of a recording, at its first sample, and the receiver of what it sends.
     fn playing(play: Play) -> (Playing, mpsc::Receiver<Played>) {
-        let recording = Recording::open("recordings/lockstep-dwell.mcap").unwrap();
+        let recording = Recording::open("../../recordings/lockstep-dwell.mcap").unwrap();
         let ((played, receiver), (_read, responses)) = (mpsc::channel(), mpsc::channel());
         let mut playing = Playing::new(recording, play, played, responses);
         playing.seek(0).unwrap();

@@ -43,7 +43,7 @@ impl Noise {
     ///
     /// G. E. P. Box, M. E. Muller, "A Note on the Generation of Random Normal Deviates", Ann. Math. Statist. 29 (1958):
     /// with u, v uniform, u in (0, 1], √(−2 ln u) cos 2πv is standard normal.
-    pub fn next(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         let u = ((self.bits() >> 11) + 1) as f64 * STEP;
         let v = self.uniform();
         libm::sqrt(-2.0 * libm::log(u)) * libm::cos(TAU * v)
@@ -59,11 +59,11 @@ mod tests {
     fn a_copy_goes_on_as_the_original() {
         let mut noise = Noise::new(3, 2);
         for taken in 0..100 {
-            let (mut copy, number) = (noise.clone(), noise.next());
-            assert_eq!(copy.next().to_bits(), number.to_bits(), "after {taken}");
+            let (mut copy, number) = (noise.clone(), noise.normal());
+            assert_eq!(copy.normal().to_bits(), number.to_bits(), "after {taken}");
             let mut ahead = noise.clone();
             for k in 0..40 {
-                assert_eq!(copy.next().to_bits(), ahead.next().to_bits(), "{k} after {taken}");
+                assert_eq!(copy.normal().to_bits(), ahead.normal().to_bits(), "{k} after {taken}");
             }
         }
     }
@@ -73,7 +73,7 @@ mod tests {
     fn the_numbers_of_a_seed_and_a_stream_are_fixed() {
         let bits = |seed, stream| {
             let mut noise = Noise::new(seed, stream);
-            [(); 3].map(|()| noise.next().to_bits())
+            [(); 3].map(|()| noise.normal().to_bits())
         };
         assert_eq!(bits(0, 0), [0xbfe9_edc0_972c_a3e0, 0x3fe9_2961_3dae_c946, 0xbfde_ed7d_c67f_fd02]);
         assert_eq!(bits(7, 3), [0x3ff8_aaa9_8ca4_8483, 0xbfba_9f35_00f4_f4a1, 0xbff1_5059_af36_b16b]);

@@ -4,10 +4,10 @@
 //! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where
 //! there is one. A caller that is no real-time thread can do without the threads: [`Bus::work_on_caller`].
 //!
-//! **Error frames** of `socketcan` and `gs_usb` mean what they do in [`resonarm_bus::socketcan`], and are counted as there;
+//! **Error frames** of `socketcan` and `gs_usb` mean the same as in [`resonarm_bus::socketcan`], and are counted alike;
 //! bus-off comes out of [`Bus::receive`]. What those of another interface say is its maker's: they are counted as
-//! [`ControllerErrors::other`](resonarm_bus::ControllerErrors::other). Where python-can itself has to filter, because the
-//! adapter can't ([`Bus::set_filters`]), it compares their identifiers, too. `can.BusABC.state` is not asked: no
+//! [`ControllerErrors::other`](resonarm_bus::ControllerErrors::other). Where python-can itself has to filter, because
+//! the adapter can't ([`Bus::set_filters`]), it compares their identifiers, too. `can.BusABC.state` is not asked: no
 //! interface of python-can 4.6 that hands over error frames keeps it up to date, and its PASSIVE is that of a listener
 //! for most.
 //!

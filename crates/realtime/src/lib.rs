@@ -3,7 +3,7 @@
 //! A real-time run sets up a thread of its own ([`ThreadSetup::apply`]), then starts a [`Periodic`] loop on it:
 //!
 //! ```no_run
-//! use resonarm::realtime::{Action, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup};
+//! use resonarm_realtime::{Action, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup};
 //!
 //! let (report, _awake) = ThreadSetup::default().apply();
 //! for shortfall in &report.shortfalls {

@@ -48,9 +48,9 @@
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
 //!
-//! Each module is a crate or a module of one, see `ARCHITECTURE.md`. [`arm`] to [`node`] are pure: no clock, no thread, no
-//! file, no socket, and `no_std`. SI units throughout; a number that is not in a typed quantity carries its unit in its
-//! name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
+//! Each module is a crate or a module of one, see `ARCHITECTURE.md`. [`arm`] to [`node`] are pure: no clock, no thread,
+//! no file, no socket, and `no_std`. SI units throughout; a number that is not in a typed quantity carries its unit in
+//! its name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
 //!
 //! `README.md` says how to run the program, `DESIGN.md` why things are so.
 

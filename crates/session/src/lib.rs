@@ -1,4 +1,5 @@
-//! Runs: both ends of the bench on a bus, in real time, in lockstep or free; recordings replayed; experiments and studies.
+//! Runs: both ends of the bench on a bus, in real time, in lockstep or free; replay of recordings; experiments and
+//! studies.
 
 extern crate alloc;
 

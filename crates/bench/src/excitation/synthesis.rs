@@ -82,7 +82,7 @@ pub(super) fn noise(
     let mut normal = Noise::new(seed, STREAM);
     let mut values = alloc::vec![Complex::new(0.0, 0.0); fft.length()];
     for (k, value) in values.iter_mut().enumerate().skip(first).take(count) {
-        *value = Complex::new(normal.next(), normal.next());
+        *value = Complex::new(normal.normal(), normal.normal());
         if let Some(spectrum) = spectrum {
             *value *= libm::sqrt(spectrum.level(k as f64 * spacing_hz));
         }
@@ -120,7 +120,7 @@ pub(super) fn multisine(
     // all directions.
     let unit = |j: usize| {
         let phase = match phases {
-            Phases::Random => libm::atan2(normal.next(), normal.next()),
+            Phases::Random => libm::atan2(normal.normal(), normal.normal()),
             Phases::Schroeder => -PI * (j as f64 * (j as f64 + 1.0) / count as f64),
         };
         Complex::new(libm::cos(phase), -libm::sin(phase))

@@ -150,7 +150,7 @@ impl Axis {
 
     /// What comes to the converter.
     fn conditioned(&mut self, seen: f64) -> f64 {
-        let noisy = self.gain * seen + self.noise_rms * self.noise.next();
+        let noisy = self.gain * seen + self.noise_rms * self.noise.normal();
         let sensed = noisy.clamp(-self.sensor_range, self.sensor_range);
         let high = self.highpass.as_mut().map_or(sensed, |highpass| highpass.next(sensed));
         let low = self.lowpass.as_mut().map_or(high, |lowpass| lowpass.next(high));

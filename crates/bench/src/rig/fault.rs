@@ -205,7 +205,7 @@ impl Fault {
         match &mut self.effect {
             Effect::Stuck | Effect::Dropout => value,
             Effect::Drift(step) => value + *step * (sample - self.first) as f64,
-            Effect::Noise(rms, noise) => value + *rms * noise[axis].next(),
+            Effect::Noise(rms, noise) => value + *rms * noise[axis].normal(),
             Effect::Spike(amplitude) => value + *amplitude,
         }
     }

@@ -3,7 +3,7 @@
 //! Nothing here knows of the arm: the recorder is handed plain numbers ([`Record`]), and a clock where it needs one.
 //!
 //! ```no_run
-//! use resonarm::recording::{Configuration, Options, Record, Recorder};
+//! use resonarm_files::recording::{Configuration, Options, Record, Recorder};
 //!
 //! # fn records() -> Vec<Record> { Vec::new() }
 //! let configuration = Configuration::new().with("scenario", "preset = \"irb1600-fitted\"").with("seed", 1);
@@ -14,7 +14,7 @@
 //! }
 //! let summary = recorder.finish(&[("overruns", "0".to_string())])?;
 //! println!("{} bytes", summary.bytes);
-//! # Ok::<(), resonarm::recording::RecordingError>(())
+//! # Ok::<(), resonarm_files::recording::RecordingError>(())
 //! ```
 
 mod batch;

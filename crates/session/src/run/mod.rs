@@ -4,9 +4,9 @@
 //! with a controller of one's own at its other end, takes this much:
 //!
 //! ```
-//! use resonarm::bus::memory;
-//! use resonarm::run::{Mode, Options, Outcome, Session, Signals};
-//! use resonarm::scenario::Scenario;
+//! use resonarm_bus::memory;
+//! use resonarm_session::run::{Mode, Options, Outcome, Session, Signals};
+//! use resonarm_files::scenario::Scenario;
 //!
 //! let mut ends = memory::hub(2, 1024);
 //! let (controller, mut plant) = (ends.pop().unwrap(), ends.pop().unwrap());

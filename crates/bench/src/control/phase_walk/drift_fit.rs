@@ -103,7 +103,7 @@ mod tests {
         let mut noise = Noise::new(1, 0);
         let (mut square, mut said) = (0.0, 0.0);
         for _ in 0..runs {
-            let Drift { change, deviation } = fit(|| 0.1 * noise.next());
+            let Drift { change, deviation } = fit(|| 0.1 * noise.normal());
             square += (5.0 * (change.re - 0.002)).powi(2) / f64::from(runs);
             said += deviation / f64::from(runs);
         }

@@ -2,7 +2,7 @@
 //!
 //! A statement that depends on a parameter that the paper does not state (the amplitude of an excitation, the line of
 //! Fig. 6, the length of a pulse) is judged once for each value of a given range,
-//! [`Scan`](crate::paper::settings::Scan): these are its cases.
+//! `Scan` of the settings: these are its cases.
 
 mod bending;
 mod cases;
