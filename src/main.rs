@@ -91,37 +91,58 @@ struct Cli {
     command: Command,
 }
 
-#[derive(Debug, Subcommand)]
-enum Command {
-    Demo(demo::Demo),
-    Run(run::Run),
-    Exciter(exciter::Exciter),
-    Experiment(experiment::Experiment),
-    Simulate(simulate::Simulate),
-    Modes(modes::Modes),
-    Frf(frf::Frf),
-    Integrators(integrators::Integrators),
-    Continue(continuation::Continue),
-    Backbone(backbone::Backbone),
-    Sweep(sweep::Sweep),
-    Poincare(poincare::Poincare),
-    Basins(basins::Basins),
-    Compare(compare::Compare),
-    Paper(paper::Paper),
-    Replay(replay::Replay),
-    Resim(resim::Resim),
-    Identify(identify::Identify),
-    Inspect(inspect::Inspect),
-    Cut(cut::Cut),
-    Merge(cut::Merge),
-    Diff(diff::Diff),
-    Export(export::Export),
-    Import(import::Import),
-    Recover(recover::Recover),
-    Protocol(protocol::Protocol),
-    Conformance(conformance::Conformance),
-    Doctor(doctor::Doctor),
-    Latency(latency::Latency),
+/// Makes the commands from a table: each is the struct of its name in its module. One that does not count its work is
+/// reported by lines that say that it is still running.
+macro_rules! commands {
+    ($($command:ident in $module:ident $(, reported as $name:literal)?;)*) => {
+        #[derive(Debug, Subcommand)]
+        enum Command {
+            $($command($module::$command),)*
+        }
+
+        impl Command {
+            fn execute(self) -> Result<Verdict, Failure> {
+                match self {
+                    $(Command::$command(command) => {
+                        $(let _progress = Progress::uncounted($name);)?
+                        command.execute()
+                    })*
+                }
+            }
+        }
+    };
+}
+
+commands! {
+    Demo in demo;
+    Run in run;
+    Exciter in exciter;
+    Experiment in experiment;
+    Simulate in simulate, reported as "simulate";
+    Modes in modes;
+    Frf in frf;
+    Integrators in integrators;
+    Continue in continuation, reported as "continue";
+    Backbone in backbone, reported as "backbone";
+    Sweep in sweep;
+    Poincare in poincare;
+    Basins in basins;
+    Compare in compare, reported as "compare";
+    Paper in paper;
+    Replay in replay;
+    Resim in resim, reported as "resim";
+    Identify in identify, reported as "identify";
+    Inspect in inspect, reported as "inspect";
+    Cut in cut, reported as "cut";
+    Merge in cut, reported as "merge";
+    Diff in diff, reported as "diff";
+    Export in export, reported as "export";
+    Import in import, reported as "import";
+    Recover in recover, reported as "recover";
+    Protocol in protocol;
+    Conformance in conformance, reported as "conformance";
+    Doctor in doctor;
+    Latency in latency, reported as "latency";
 }
 
 /// Runs the program on the process's arguments.
@@ -135,38 +156,7 @@ fn main() -> ExitCode {
         output::complain(&failure);
         return failure.exit_code();
     }
-    let result = match cli.command {
-        Command::Demo(command) => command.execute(),
-        Command::Run(command) => command.execute(),
-        Command::Exciter(command) => command.execute(),
-        Command::Experiment(command) => command.execute(),
-        Command::Simulate(command) => uncounted("simulate", || command.execute()),
-        Command::Modes(command) => command.execute(),
-        Command::Frf(command) => command.execute(),
-        Command::Integrators(command) => command.execute(),
-        Command::Continue(command) => uncounted("continue", || command.execute()),
-        Command::Paper(command) => command.execute(),
-        Command::Backbone(command) => uncounted("backbone", || command.execute()),
-        Command::Sweep(command) => command.execute(),
-        Command::Poincare(command) => command.execute(),
-        Command::Basins(command) => command.execute(),
-        Command::Compare(command) => uncounted("compare", || command.execute()),
-        Command::Replay(command) => command.execute(),
-        Command::Resim(command) => uncounted("resim", || command.execute()),
-        Command::Identify(command) => uncounted("identify", || command.execute()),
-        Command::Inspect(command) => uncounted("inspect", || command.execute()),
-        Command::Cut(command) => uncounted("cut", || command.execute()),
-        Command::Merge(command) => uncounted("merge", || command.execute()),
-        Command::Diff(command) => uncounted("diff", || command.execute()),
-        Command::Export(command) => uncounted("export", || command.execute()),
-        Command::Import(command) => uncounted("import", || command.execute()),
-        Command::Recover(command) => uncounted("recover", || command.execute()),
-        Command::Protocol(command) => command.execute(),
-        Command::Conformance(command) => uncounted("conformance", || command.execute()),
-        Command::Doctor(command) => command.execute(),
-        Command::Latency(command) => uncounted("latency", || command.execute()),
-    };
-    match result {
+    match cli.command.execute() {
         Ok(Verdict::Positive) => ExitCode::SUCCESS,
         Ok(Verdict::Negative) => ExitCode::from(1),
         // The reader of the output has closed it.
@@ -176,12 +166,6 @@ fn main() -> ExitCode {
             failure.exit_code()
         }
     }
-}
-
-/// Runs a command that does not count its work, with periodic lines that it is still running.
-fn uncounted(name: &'static str, execute: impl FnOnce() -> Result<Verdict, Failure>) -> Result<Verdict, Failure> {
-    let _progress = Progress::uncounted(name);
-    execute()
 }
 
 /// Checks that `arguments`, without the program's name, are a valid command line of this program, without running it.
