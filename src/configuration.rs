@@ -2,12 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::failure::Failure;
+use crate::failure::Failure;
 use resonarm::arm::Load;
 use resonarm::scenario::Scenario;
 
 /// The arm with all its parameters, and its pose: results of every command depend on them.
-pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
+pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
     let mut configuration = json!({
         "preset": scenario.arm.preset,
         "parameters": scenario.parameters()?,
@@ -26,7 +26,7 @@ pub(super) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
 }
 
 /// The same, and the peak load.
-pub(super) fn of(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
+pub(crate) fn of(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
     let mut configuration = of_arm(scenario)?;
     configuration["torque_nm"] = json!(<[f64; 2]>::from(load.torque_nm));
     configuration["force_n"] = json!(<[f64; 2]>::from(load.force_n));

@@ -2,8 +2,8 @@
 
 use clap::{Arg, Command};
 
-use super::failure::Failure;
-use super::{demo, exciter, experiment, run};
+use crate::commands::{demo, exciter, experiment, run};
+use crate::failure::Failure;
 use resonarm::arm::Preset;
 use resonarm::control::PhaseWalkSpec;
 use resonarm::excitation::Amplitude;
@@ -13,7 +13,7 @@ use resonarm_numeric::number::short;
 
 /// The command line with `[default: …]` after the help of every flag whose default comes from a scenario. If an
 /// embedded scenario can't be read, its command shows no defaults; running the command reports why.
-pub(super) fn stated(command: Command) -> Command {
+pub(crate) fn stated(command: Command) -> Command {
     command.mut_subcommands(|sub| {
         if sub.has_subcommands() {
             return stated(sub);
@@ -102,7 +102,7 @@ mod tests {
     use clap::FromArgMatches;
 
     use super::*;
-    use crate::experiment::Kind;
+    use crate::commands::experiment::Kind;
     use crate::{Cli, whole};
 
     /// The other arguments that a command line with this flag needs.

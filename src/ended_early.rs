@@ -4,12 +4,12 @@ use core::fmt::Debug;
 
 use serde_json::{Value, json};
 
-use super::failure::{Failure, Verdict};
-use super::output;
+use crate::failure::{Failure, Verdict};
+use crate::output;
 use resonarm::analysis::{AnalysisError, Backbone, Branch, EndedEarly, SingularCurve};
 
 /// A result that a walk builds point by point.
-pub(super) trait Walked {
+pub(crate) trait Walked {
     /// The number of motions in it.
     fn motions(&self) -> usize;
 }
@@ -34,7 +34,7 @@ impl Walked for Backbone {
 
 /// The reasons why a command's walks ended early.
 #[derive(Debug, Default)]
-pub(super) struct Early(Vec<Failure>);
+pub(crate) struct Early(Vec<Failure>);
 
 impl Early {
     /// Returns the result of a walk, complete or not. `along` names the quantity that varied.
@@ -89,7 +89,7 @@ impl Early {
 }
 
 /// The end of the message of a walk that ended early: how much of it is kept.
-pub(super) fn kept(motions: &usize) -> String {
+pub(crate) fn kept(motions: &usize) -> String {
     match motions {
         0 => String::new(),
         1 => String::from("; the motion before that is in the results"),

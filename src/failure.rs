@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use thiserror::Error;
 
-use super::ended_early;
-use super::walk_flags;
+use crate::ended_early;
+use crate::walk_flags;
 use resonarm::analysis::AnalysisError;
 use resonarm::analysis::time_domain::TimeDomainError;
 use resonarm::arm::ArmError;
@@ -28,7 +28,7 @@ use resonarm_figures::plot::PlotError;
 
 /// The verdict of a command that completed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(crate) enum Verdict {
     Positive,
     Negative,
 }
@@ -41,7 +41,7 @@ impl Verdict {
 
 /// The error that ended a command.
 #[derive(Debug, Error)]
-pub(super) enum Failure {
+pub(crate) enum Failure {
     #[error("{0}")]
     Usage(String),
     #[error(transparent)]

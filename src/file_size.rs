@@ -3,7 +3,7 @@
 /// Makes such a write fail with `EFBIG`. By default it raises SIGXFSZ, which kills the process in the middle of a run
 /// (setrlimit(2), `RLIMIT_FSIZE`).
 #[allow(unsafe_code, reason = "signal(2) has no safe wrapper among the dependencies")]
-pub(super) fn fail_writes_beyond_limit() {
+pub(crate) fn fail_writes_beyond_limit() {
     // SAFETY: SIGXFSZ may be ignored, and no handler of it is installed. The call can fail only for other signals.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }

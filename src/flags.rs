@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 
-use super::failure::Failure;
+use crate::failure::Failure;
 use resonarm::integrate::Scheme;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
@@ -15,12 +15,12 @@ use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
 
 /// The number of points in a range; the maximum fits easily in memory and in a figure.
-pub(super) fn points() -> RangedI64ValueParser<u32> {
+pub(crate) fn points() -> RangedI64ValueParser<u32> {
     RangedI64ValueParser::new().range(2..=1_000_000)
 }
 
 /// Parses one of these values by its name.
-pub(super) fn one_of<T, const N: usize>(
+pub(crate) fn one_of<T, const N: usize>(
     wanted: [T; N],
     name: impl Fn(T) -> &'static str + Clone + Send + Sync + 'static,
 ) -> impl TypedValueParser<Value = T>
@@ -33,9 +33,9 @@ where
     })
 }
 
-/// The arm and its pose. [`defaults`](super::defaults) adds each command's defaults to the help.
+/// The arm and its pose. [`defaults`](crate::defaults) adds each command's defaults to the help.
 #[derive(Clone, Debug, Args)]
-pub(super) struct ArmFlags {
+pub(crate) struct ArmFlags {
     /// Parameter set: irb1600-fitted or irb1600-table1.
     #[arg(long, value_name = "NAME")]
     pub preset: Option<String>,
@@ -52,7 +52,7 @@ pub(super) struct ArmFlags {
 
 /// What the plant and the exciter of a run must agree on.
 #[derive(Clone, Debug, Args)]
-pub(super) struct SessionFlags {
+pub(crate) struct SessionFlags {
     #[command(flatten)]
     pub arm: ArmFlags,
     /// Samples a second, whole Hz.
@@ -71,7 +71,7 @@ pub(super) struct SessionFlags {
 
 /// How strictly a run in real time needs a real-time thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum RealTimeThread {
+pub(crate) enum RealTimeThread {
     /// Uses what the system grants and reports the rest.
     #[default]
     Auto,
@@ -101,7 +101,7 @@ impl fmt::Display for RealTimeThread {
 
 /// Whether the real-time loop spins.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct SpinFlag {
+pub(crate) struct SpinFlag {
     /// Sleep until this many µs before each deadline, then poll the clock; auto measures how late sleeps are, off
     /// sleeps until the deadline. At most a quarter of the period.
     #[arg(long, value_name = "SPIN", default_value_t, allow_hyphen_values = true)]
@@ -110,7 +110,7 @@ pub(super) struct SpinFlag {
 
 /// Thread settings that a run in real time asks of the system.
 #[derive(Clone, Debug, Args)]
-pub(super) struct ThreadFlags {
+pub(crate) struct ThreadFlags {
     /// Real-time scheduling, locked memory and the core: auto takes what the system grants and reports the rest,
     /// require refuses to run without them, off does not ask.
     #[arg(long, value_parser = one_of(RealTimeThread::ALL, RealTimeThread::name), default_value_t)]
@@ -196,11 +196,11 @@ impl SessionFlags {
 }
 
 /// The failure for a flag whose value was refused with `error`.
-pub(super) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
+pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::Usage(format!("{flag}: {error}"))
 }
 
 /// The scheme of this name.
-pub(super) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
+pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
     name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::Usage(error.to_string()))
 }

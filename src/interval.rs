@@ -1,10 +1,10 @@
 //! The interval of the quantity that varies, from flags that carry its unit.
 
-use super::failure::Failure;
+use crate::failure::Failure;
 
 /// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ends {
+pub(crate) struct Ends {
     /// The suffix of `--from` and `--to`, as `-hz`.
     pub unit: &'static str,
     pub from: Option<f64>,
@@ -12,7 +12,7 @@ pub(super) struct Ends {
 }
 
 /// Both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are refused.
-pub(super) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) -> Result<Option<(f64, f64)>, Failure> {
+pub(crate) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) -> Result<Option<(f64, f64)>, Failure> {
     let needs = wanted.map_or_else(String::new, |unit| format!(": its interval is --from{unit} a --to{unit} b"));
     for Ends { unit, from, to } in given.iter().filter(|ends| Some(ends.unit) != wanted) {
         let end = match (from, to) {

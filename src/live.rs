@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::failure::Failure;
-use super::supervise::supervise;
+use crate::failure::Failure;
+use crate::supervise::supervise;
 use resonarm::control::{Length, Steered};
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::Recording;
@@ -16,7 +16,7 @@ const LOOK_NS: u64 = 20_000_000;
 
 /// Whether the live view is served, and where.
 #[derive(Clone, Debug, Args)]
-pub(super) struct LiveFlags {
+pub(crate) struct LiveFlags {
     /// Show the run in a browser, at this address and port; the line that begins with `live view` has the URL. Without
     /// a port a free one is chosen.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1")]
@@ -28,7 +28,7 @@ pub(super) struct LiveFlags {
 
 /// Whether the exciter is steered.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct SteerFlag {
+pub(crate) struct SteerFlag {
     /// Play a sine whose load, frequency and phase are set in the live view, along the scenario's load and in place of
     /// its excitation or control. It begins with no load.
     #[arg(long, requires = "live")]
@@ -50,7 +50,7 @@ impl SteerFlag {
 /// How a recording is shown.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
-pub(super) struct Showing {
+pub(crate) struct Showing {
     /// Recorded seconds a second.
     pub speed: f64,
     /// How often; 0 repeats without end.
@@ -60,7 +60,7 @@ pub(super) struct Showing {
 }
 
 /// Shows a recording until a signal stops it.
-pub(super) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
+pub(crate) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
     let _live = serving::of_recording(flags, recording, showing)?;
     let signals = Arc::new(Signals::default());
     let watched = Arc::clone(&signals);
@@ -75,7 +75,7 @@ pub(super) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) ->
 /// Which role of a session is shown, and on what.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
-pub(super) struct ShownRole {
+pub(crate) struct ShownRole {
     pub role: Role,
     /// The bus, in words.
     pub place: String,
@@ -89,14 +89,14 @@ pub(super) struct ShownRole {
 
 /// A role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
+pub(crate) enum Role {
     Plant,
     Exciter,
     PlantAndExciter,
 }
 
 /// A live view that is served until this is dropped.
-pub(super) struct Serving {
+pub(crate) struct Serving {
     watch: Watch,
     #[cfg(feature = "live")]
     _live: resonarm_live::Live,

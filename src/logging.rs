@@ -7,14 +7,14 @@ use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
-use super::failure::Failure;
-use super::output::printable;
+use crate::failure::Failure;
+use crate::output::printable;
 
 /// Names level and targets: `debug`, `resonarm_bus=trace`, or several with commas between them.
 const VARIABLE: &str = "RESONARM_LOG";
 
 /// Logs to standard error: warnings, more with `-v`, and the levels of `RESONARM_LOG`.
-pub(super) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
+pub(crate) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     let level = match verbose {
         0 => LevelFilter::WARN,
         1 => LevelFilter::INFO,

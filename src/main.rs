@@ -3,66 +3,31 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
 //! input, 3 the environment lacks something.
 
-mod backbone;
-mod basins;
-mod branch_plot;
-mod branch_table;
-mod captions;
-mod compare;
+mod commands;
 mod configuration;
-mod conformance;
-mod continuation;
-mod cut;
 mod defaults;
-mod demo;
-mod demo_report;
-mod diff;
-mod doctor;
 mod ended_early;
-mod exciter;
-mod experiment;
-mod export;
 mod failure;
+mod figures;
 mod file_size;
 mod flags;
-mod frf;
-mod identify;
-mod identify_angles;
-mod identify_missing;
-mod import;
-mod inspect;
-mod integrators;
 mod interval;
-mod latency;
-mod latency_figure;
 mod live;
 mod logging;
-mod modes;
 mod motion_flags;
 mod numbers;
 mod output;
-mod paper;
-mod poincare;
 mod progress;
-mod protocol;
 mod quantity;
 mod readings;
-mod recover;
-mod replay;
-mod resim;
 mod responses;
-mod run;
 mod session;
-mod simulate;
-mod singular_curves;
 mod status;
 mod study;
 mod supervise;
-mod sweep;
 mod time_range;
 mod walk_flags;
 mod walk_point;
-mod zone_figure;
 
 #[cfg(test)]
 mod readme_tests;
@@ -97,7 +62,7 @@ macro_rules! commands {
     ($($command:ident in $module:ident $(, reported as $name:literal)?;)*) => {
         #[derive(Debug, Subcommand)]
         enum Command {
-            $($command($module::$command),)*
+            $($command(commands::$module::$command),)*
         }
 
         impl Command {

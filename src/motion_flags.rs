@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::configuration;
-use super::continuation::DriveFlags;
-use super::failure::Failure;
-use super::flags::ArmFlags;
-use super::output::{self, OverwriteFlag};
+use crate::commands::continuation::DriveFlags;
+use crate::configuration;
+use crate::failure::Failure;
+use crate::flags::ArmFlags;
+use crate::output::{self, OverwriteFlag};
 use resonarm::analysis::time_domain::{Direction, SettleOptions};
 use resonarm::arm::{Load, State};
 use resonarm::plant::PlantSpecError;
@@ -17,7 +17,7 @@ use resonarm::scenario::Scenario;
 
 /// The arm, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
-pub(super) struct MotionFlags {
+pub(crate) struct MotionFlags {
     #[command(flatten)]
     pub arm: ArmFlags,
     #[command(flatten)]
@@ -41,7 +41,7 @@ pub(super) struct MotionFlags {
 
 /// The directions of stepping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum DirectionFlag {
+pub(crate) enum DirectionFlag {
     /// From the lowest value.
     Up,
     /// From the highest value.
@@ -62,7 +62,7 @@ impl DirectionFlag {
 }
 
 /// The name of a direction in results.
-pub(super) const fn direction_name(direction: Direction) -> &'static str {
+pub(crate) const fn direction_name(direction: Direction) -> &'static str {
     match direction {
         Direction::Up => "up",
         Direction::Down => "down",
@@ -116,6 +116,6 @@ impl MotionFlags {
 }
 
 /// A number in a table; empty if there is none.
-pub(super) fn or_empty(value: Option<impl ToString>) -> String {
+pub(crate) fn or_empty(value: Option<impl ToString>) -> String {
     value.map_or(String::new(), |value| value.to_string())
 }

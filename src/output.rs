@@ -10,18 +10,18 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::failure::Failure;
+use crate::failure::Failure;
 use resonarm_figures::plot::{Figure, beside};
 
 /// Writes text to standard output, with its control characters escaped.
-pub(super) fn print(text: &str) -> Result<(), Failure> {
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(printable(text).as_bytes())?;
     Ok(out.flush()?)
 }
 
 /// Writes one JSON document to standard output.
-pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     // Control characters that JSON leaves unescaped occur only in strings, where JSON has an escape for each.
     let text = escape(&serde_json::to_string(value)?, is_control, |letter| format!("\\u{:04x}", u32::from(letter)))
         .into_owned();
@@ -31,12 +31,12 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 /// The text with its control characters, except line feeds and tabs, as escapes such as `\u{1b}`: names in foreign
 /// files must not move a terminal's cursor, rename its window or write backwards. All output to a terminal goes through
 /// this.
-pub(super) fn printable(text: &str) -> Cow<'_, str> {
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     escape(text, is_control, |letter| letter.escape_default().to_string())
 }
 
 /// The same for text within a line: escapes line feeds and tabs, too.
-pub(super) fn in_line(text: &str) -> Cow<'_, str> {
+pub(crate) fn in_line(text: &str) -> Cow<'_, str> {
     let is_wanted = |letter| is_control(letter) || matches!(letter, '\n' | '\t');
     escape(text, is_wanted, |letter| letter.escape_default().to_string())
 }
@@ -57,7 +57,7 @@ fn escape(text: &str, is_wanted: impl Fn(char) -> bool, escaped: impl Fn(char) -
 }
 
 /// Writes a text file, replacing an existing one, and returns its path.
-pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
+pub(crate) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
     match std::fs::write(&path, text) {
         Ok(()) => Ok(path),
         Err(source) => Err(Failure::Write { path, source }),
@@ -65,15 +65,15 @@ pub(super) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
 }
 
 /// Likewise writes a file of one JSON document.
-pub(super) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBuf, Failure> {
+pub(crate) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBuf, Failure> {
     write(path, &(serde_json::to_string(value)? + "\n"))
 }
 
 /// The endings of the files of a figure: the figure, its caption, the data.
-pub(super) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
+pub(crate) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
 
 /// Writes a figure, its caption and its data to `stem` with [`PLOTTED`] appended, and returns the paths.
-pub(super) fn plot(
+pub(crate) fn plot(
     stem: &Path,
     figure: &Figure,
     csv: &str,
@@ -86,25 +86,25 @@ pub(super) fn plot(
 }
 
 /// Lists the written files on standard output.
-pub(super) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
+pub(crate) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
     let names: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
     print(&format!("written to {}\n", names.join(", ")))
 }
 
 /// Writes a line to standard error, with its control characters escaped.
-pub(super) fn note(line: &str) {
+pub(crate) fn note(line: &str) {
     // A failure to write this can't be reported anywhere.
     let _unwritten = writeln!(io::stderr(), "{}", printable(line));
 }
 
 /// Writes to standard error why a command failed.
-pub(super) fn complain(failure: &Failure) {
+pub(crate) fn complain(failure: &Failure) {
     note(&format!("resonarm: {failure}"));
 }
 
 /// Whether existing files may be overwritten. A command that writes files checks before it computes anything.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct OverwriteFlag {
+pub(crate) struct OverwriteFlag {
     /// Overwrite existing files.
     #[arg(long)]
     pub overwrite: bool,
@@ -124,7 +124,7 @@ impl OverwriteFlag {
 }
 
 /// Fails unless the folder of STEM's files exists: commands that compute for minutes check first.
-pub(super) fn check_folder(stem: &Path) -> Result<(), Failure> {
+pub(crate) fn check_folder(stem: &Path) -> Result<(), Failure> {
     let folder = stem.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder.map(std::fs::read_dir) {
         Some(Err(source)) => Err(Failure::Write { path: stem.to_path_buf(), source }),

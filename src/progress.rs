@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::output;
+use crate::output;
 use resonarm::realtime::{Clock, SystemClock};
 
 /// Delay before anything is shown on a terminal, ns.
@@ -20,7 +20,7 @@ const PACE_NS: u64 = 10_000_000_000;
 
 /// The progress of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Done {
+pub(crate) enum Done {
     /// Not known.
     Unknown,
     /// Done, total, and the unit of the count.
@@ -31,7 +31,7 @@ pub(super) enum Done {
 
 /// The times at which lines are due.
 #[derive(Debug)]
-pub(super) struct Pace {
+pub(crate) struct Pace {
     name: &'static str,
     start_ns: u64,
     due_ns: u64,
@@ -54,7 +54,7 @@ impl Pace {
 }
 
 /// Whether the log levels allow lines of progress.
-pub(super) fn are_lines_wanted() -> bool {
+pub(crate) fn are_lines_wanted() -> bool {
     tracing::enabled!(target: "resonarm::progress", tracing::Level::WARN)
 }
 
@@ -70,7 +70,7 @@ fn words(name: &str, done: Done, after_s: u64) -> String {
 }
 
 /// Shows progress until it is dropped: a bar on a terminal after two seconds, elsewhere lines.
-pub(super) struct Progress {
+pub(crate) struct Progress {
     bar: ProgressBar,
     start_ns: u64,
     /// Ends the thread that writes lines when it is dropped.

@@ -1,12 +1,12 @@
 //! The quantities in which a branch can be followed, by their names on the command line.
 
-use super::continuation::DriveFlags;
-use super::failure::Failure;
+use crate::commands::continuation::DriveFlags;
+use crate::failure::Failure;
 use resonarm::analysis::{ArmParameter, Coordinate, UnknownArmParameter};
 
 /// A quantity that can vary.
 #[derive(Clone, Debug)]
-pub(super) struct Quantity {
+pub(crate) struct Quantity {
     /// The name in results, with its unit.
     pub name: &'static str,
     pub coordinate: Coordinate<ArmParameter>,

@@ -12,7 +12,7 @@ use resonarm::excitation::Phasor;
 
 /// Whether to add readings.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct ReadingsFlag {
+pub(crate) struct ReadingsFlag {
     /// Add what a bench reads at B and C to the points in JSON and CSV: the fundamental of displacement, velocity and
     /// acceleration.
     #[arg(long)]
@@ -32,7 +32,7 @@ with a lag from −180° to 180°. At small loads real + i imaginary is A times 
 which the response leads, is the lag with the other sign.";
 
 /// The end of a help text: examples, then the keys, and further remarks on readings.
-pub(super) fn help_after(examples: &str, more: &str) -> String {
+pub(crate) fn help_after(examples: &str, more: &str) -> String {
     format!("{examples}\n\n{HELP}{more}")
 }
 
@@ -67,7 +67,7 @@ fn lag_deg(phasor: Phasor) -> f64 {
 
 /// Readings as they appear in a document.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ReadingsDocument(pub Readings);
+pub(crate) struct ReadingsDocument(pub Readings);
 
 impl ReadingsDocument {
     pub fn value(&self) -> Value {
@@ -106,7 +106,7 @@ impl Serialize for ReadingsDocument {
 
 /// Reads the motions on the branches of one arm.
 #[derive(Clone, Debug)]
-pub(super) struct Reader {
+pub(crate) struct Reader {
     pub forced: ForcedArm,
     pub coordinate: Coordinate<ArmParameter>,
 }
@@ -118,7 +118,7 @@ impl Reader {
 }
 
 /// The columns of a table, a comma before each; empty if they are not wanted.
-pub(super) fn columns(wanted: bool) -> String {
+pub(crate) fn columns(wanted: bool) -> String {
     let mut text = String::new();
     if !wanted {
         return text;

@@ -9,7 +9,7 @@ use resonarm::excitation::Phasor;
 
 /// A response as JSON: phasors against the drive's phase as [in phase, in quadrature], for x and y.
 #[derive(Serialize)]
-pub(super) struct ResponseDocument {
+pub(crate) struct ResponseDocument {
     frequency_hz: f64,
     /// Amplitude of the load's fundamental, N or N·m.
     load: f64,
@@ -48,12 +48,12 @@ impl From<&ResponsePoint> for ResponseDocument {
 }
 
 /// The responses as JSON.
-pub(super) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
+pub(crate) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
     responses.iter().map(ResponseDocument::from).collect()
 }
 
 /// The responses for people, after a blank line; empty if there are none.
-pub(super) fn table(responses: &[ResponsePoint]) -> String {
+pub(crate) fn table(responses: &[ResponsePoint]) -> String {
     let mut text = String::new();
     if !responses.is_empty() {
         text.push_str("\n  frequency     head force   B            C            drift\n");

@@ -9,8 +9,8 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::failure::Failure;
-use super::supervise::Line;
+use crate::failure::Failure;
+use crate::supervise::Line;
 use resonarm::bus::{Bus, BusAddress, network_filters};
 use resonarm::realtime::Percentiles;
 use resonarm::recording::Existing;
@@ -22,7 +22,7 @@ const EVENTS: usize = 256;
 
 /// Where to record.
 #[derive(Clone, Debug, Args)]
-pub(super) struct RecordFlags {
+pub(crate) struct RecordFlags {
     /// Record everything into this MCAP file.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -39,7 +39,7 @@ impl RecordFlags {
 }
 
 /// Converts the value of a flag in seconds.
-pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
+pub(crate) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
         Failure::Usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
     })
@@ -47,7 +47,7 @@ pub(super) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
 
 /// Makes the kernel pass only the frames of the session's network, for a run that neither records nor shows others.
 /// Other adapters may filter in software, and then lose the reports on their controller.
-pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
+pub(crate) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
     match address {
         BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),
         BusAddress::Memory | BusAddress::PythonCan(_) => Ok(()),
@@ -55,12 +55,12 @@ pub(super) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Ses
 }
 
 /// A ring for a run's events, so that its loop need not wait for standard error.
-pub(super) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
+pub(crate) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
     RingBuffer::new(EVENTS)
 }
 
 /// Writes a run's events to standard error: a line each, for people or as JSON.
-pub(super) struct EventLog {
+pub(crate) struct EventLog {
     pub events: Consumer<RunEvent>,
     pub json: bool,
     /// The name of the bus.
@@ -115,7 +115,7 @@ fn in_words(fault: &Fault) -> String {
 }
 
 /// The warning at the end about frames of others under this node's identifiers; `None` if there were none.
-pub(super) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
+pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
     (bus.other_sender > 0).then(|| {
         format!(
             "{} frames of another network arrived under identifiers that only this node sends: {OTHER_SENDER}",
@@ -125,7 +125,7 @@ pub(super) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
 }
 
 /// The counts of a node's frames.
-pub(super) fn frames_text(bus: &BusCounts) -> String {
+pub(crate) fn frames_text(bus: &BusCounts) -> String {
     let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, .. } = bus;
     let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
     if *other_sender > 0 {
@@ -139,7 +139,7 @@ pub(super) fn frames_text(bus: &BusCounts) -> String {
 
 /// The report of a plant's run, with its arm, as JSON.
 #[derive(Serialize)]
-pub(super) struct PlantDocument<'a> {
+pub(crate) struct PlantDocument<'a> {
     /// The arm and its pose.
     pub configuration: Value,
     #[serde(flatten)]
@@ -147,7 +147,7 @@ pub(super) struct PlantDocument<'a> {
 }
 
 /// A run's result for people.
-pub(super) fn report_text(report: &PlantReport) -> String {
+pub(crate) fn report_text(report: &PlantReport) -> String {
     let mut text = format!("samples      {}, of {} integration steps", report.samples, report.steps);
     if report.slipped > 0 {
         let _infallible =
@@ -219,7 +219,7 @@ fn counted(kinds: &[(&str, u64)]) -> Option<String> {
 }
 
 /// Why a run failed its purpose, and what to do; `None` if it did not.
-pub(super) fn complaint(report: &PlantReport) -> Option<String> {
+pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (&report.emergency, report.outcome) {
         (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
         (None, Outcome::NotArmed) => String::from(

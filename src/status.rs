@@ -6,9 +6,9 @@ use core::time::Duration;
 
 use clap::Args;
 
-use super::failure::Failure;
-use super::session::seconds;
-use super::supervise::Line;
+use crate::failure::Failure;
+use crate::session::seconds;
+use crate::supervise::Line;
 use resonarm::protocol::NodeState;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::{Shown, Signals};
@@ -21,7 +21,7 @@ const WINDOW_NS: u64 = 1_000_000_000;
 
 /// The interval of status lines where there is no terminal.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct StatusFlag {
+pub(crate) struct StatusFlag {
     /// Write a line with rate, load, lateness, force and state to standard error at this interval, s, where that is no
     /// terminal. A terminal always shows it.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
@@ -43,7 +43,7 @@ impl StatusFlag {
 }
 
 /// Which kind of line is written.
-pub(super) enum Style {
+pub(crate) enum Style {
     /// For people.
     People {
         /// The interval where there is no terminal; `None` writes none there.
@@ -54,7 +54,7 @@ pub(super) enum Style {
 }
 
 /// Writes the status line.
-pub(super) struct Status {
+pub(crate) struct Status {
     style: Style,
     /// The gauges at the beginning of the window, and its time, ns.
     before: Option<(u64, Shown)>,

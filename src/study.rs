@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::failure::Failure;
-use super::supervise::supervise;
+use crate::failure::Failure;
+use crate::supervise::supervise;
 use resonarm::analysis::time_domain::Outcome;
 use resonarm::control::Length;
 use resonarm::run::Signals;
 use resonarm::study::{BasinWalk, Basins, Chains, Control, StudyError, Walk};
 
 /// Walks along the chains, from where the journal ends. `None` if it was stopped early, which is logged.
-pub(super) fn walk(
+pub(crate) fn walk(
     name: &'static str,
     chains: Chains,
     journal: Option<(&Path, &Value)>,
@@ -29,7 +29,7 @@ pub(super) fn walk(
 }
 
 /// Likewise computes basins, with the outcome of each state.
-pub(super) fn basins(
+pub(crate) fn basins(
     basins: Basins,
     journal: Option<(&Path, &Value)>,
 ) -> Result<Option<(BasinWalk, Vec<Outcome>)>, Failure> {

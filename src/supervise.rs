@@ -11,9 +11,9 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-use super::failure::Failure;
-use super::output;
-use super::progress::{self, Done, Pace};
+use crate::failure::Failure;
+use crate::output;
+use crate::progress::{self, Done, Pace};
 use resonarm::control::Length;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::Signals;
@@ -25,7 +25,7 @@ const PROGRESS: Duration = Duration::from_millis(100);
 const SAME_REQUEST: Duration = Duration::from_millis(500);
 
 /// The last line on a terminal's standard error: a progress bar and a text.
-pub(super) struct Line {
+pub(crate) struct Line {
     bar: ProgressBar,
     length: Length,
     is_on_terminal: bool,
@@ -97,7 +97,7 @@ impl Line {
 /// Does `work` on a separate thread, called `name`. SIGINT (Ctrl-C), SIGTERM and SIGHUP ask it to stop, and it ends
 /// cleanly; another one, half a second later or more, ends the process. `length` is the length of the work, if it is
 /// known; `on_tick` is called periodically with the last line of a terminal, and once at the end.
-pub(super) fn supervise<T: Send + 'static>(
+pub(crate) fn supervise<T: Send + 'static>(
     name: &'static str,
     signals: &Arc<Signals>,
     length: Length,

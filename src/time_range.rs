@@ -4,7 +4,7 @@ use clap::Args;
 
 /// The beginning and the end of the range.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct TimeRange {
+pub(crate) struct TimeRange {
     /// From this simulated time on, s [default: the beginning].
     #[arg(long, value_name = "S")]
     pub from_s: Option<f64>,

@@ -3,13 +3,13 @@
 
 use clap::Args;
 
-use super::failure::Failure;
+use crate::failure::Failure;
 use resonarm::analysis::{AnalysisError, BranchOptions};
 use resonarm_numeric::number::short;
 
 /// Settings of the walk along a branch.
 #[derive(Clone, Debug, Args)]
-pub(super) struct WalkFlags {
+pub(crate) struct WalkFlags {
     /// Most harmonics that a motion may take.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(3..=1000))]
     most_harmonics: u16,
@@ -42,7 +42,7 @@ impl WalkFlags {
 }
 
 /// The flags that help, in brackets after the message.
-pub(super) fn hint(error: &AnalysisError) -> &'static str {
+pub(crate) fn hint(error: &AnalysisError) -> &'static str {
     match error {
         AnalysisError::TooManyHarmonics { .. } => " (--most-harmonics)",
         AnalysisError::TooManyPoints { .. } => " (--most-points, --largest-step)",

@@ -4,9 +4,9 @@ use core::fmt::Write;
 
 use serde::Serialize;
 
-use super::branch_plot;
-use super::captions;
-use super::failure::Failure;
+use crate::failure::Failure;
+use crate::figures::branch_plot;
+use crate::figures::captions;
 use resonarm::analysis::{AnalysisError, Branch, BranchOptions, Coordinate, ForcedArm, trace};
 use resonarm::arm::{Arm, Load};
 use resonarm::control::{ControlSpec, JointAngles, ResponsePoint};
@@ -15,7 +15,7 @@ use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series,
 
 /// A point of a walk, as the controller read it.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct WalkPoint {
+pub(crate) struct WalkPoint {
     pub frequency_hz: f64,
     /// Fundamentals of α1 and α2.
     pub harmonic1_rad: [f64; 2],
@@ -58,7 +58,7 @@ impl WalkPoint {
 }
 
 /// The points for people; `unit` is that of the load.
-pub(super) fn table(points: &[WalkPoint], unit: &str) -> String {
+pub(crate) fn table(points: &[WalkPoint], unit: &str) -> String {
     let mut text = format!("  {:>12}  {:>7}  {:>10}  {:>10}  {:>10}  tries\n", "frequency", "lag", "load", "α1", "α2");
     for point in points {
         let _infallible = writeln!(
@@ -86,7 +86,7 @@ fn remark(point: &WalkPoint) -> &'static str {
 }
 
 /// The points as CSV; `unit` is that of the load.
-pub(super) fn csv(points: &[WalkPoint], unit: &str) -> String {
+pub(crate) fn csv(points: &[WalkPoint], unit: &str) -> String {
     let unit = if unit == "N" { "n" } else { "nm" };
     let mut text = format!(
         "frequency_hz,phase_deg,excitation_{unit},harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
@@ -106,7 +106,7 @@ const SMOOTH_RAD: f64 = 0.05;
 
 /// A point as it is drawn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Drawn {
+pub(crate) struct Drawn {
     pub frequency_hz: f64,
     /// The largest |α1| and |α2|.
     pub amplitude_rad: [f64; 2],
@@ -121,7 +121,7 @@ impl From<&WalkPoint> for Drawn {
 }
 
 /// The points over the computed branch: largest |α1| and |α2| over frequency; `None` without a point.
-pub(super) fn figure(
+pub(crate) fn figure(
     scenario: &Scenario,
     control: &ControlSpec,
     points: &[WalkPoint],
@@ -135,7 +135,7 @@ pub(super) fn figure(
 }
 
 /// The computed branch around `points`, at least one, in steps that turn by `largest_turn_rad` at most.
-pub(super) fn branch(
+pub(crate) fn branch(
     scenario: &Scenario,
     load: &Load,
     points: &[Drawn],
@@ -153,7 +153,7 @@ pub(super) fn branch(
 }
 
 /// Points over a branch.
-pub(super) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Branch, points: &[Drawn]) -> Figure {
+pub(crate) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Branch, points: &[Drawn]) -> Figure {
     let conditions = captions::pose(&scenario.arm).and(captions::load(load));
     let mut figure = Figure::new(title).subtitle(conditions);
     for joint in 0..2 {

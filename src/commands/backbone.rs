@@ -1,0 +1,368 @@
+//! `resonarm backbone`: how the frequency of a resonance changes with its amplitude.
+
+use core::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use crate::commands::continuation::DriveFlags;
+use crate::configuration;
+use crate::ended_early::Early;
+use crate::failure::{Failure, Verdict};
+use crate::figures::branch_plot;
+use crate::figures::branch_table::csv;
+use crate::figures::captions;
+use crate::flags::ArmFlags;
+use crate::output::{self, OverwriteFlag};
+use crate::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
+use crate::walk_flags::WalkFlags;
+use resonarm::analysis::{
+    ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
+    ForcedArm, Readings, backbone, modes, trace,
+};
+use resonarm::arm::Load;
+use resonarm::realtime::{Clock, SystemClock};
+use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style, beside};
+use resonarm_numeric::number::short;
+
+const EXAMPLES: &str = "\
+Examples:
+  resonarm backbone
+  resonarm backbone --torque1-nm 60 --plot backbone
+  resonarm backbone --mode 2 --undamped --beta2-deg 120
+  resonarm backbone --force-x-n 60 --beta1-deg 30 --beta2-deg 120 --json
+
+A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
+
+/// How a motion without a load is read.
+const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quadrature with the mode.";
+
+/// Follows a resonance to larger amplitudes: its frequency, the excitation it needs, whether it hardens or softens.
+///
+/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is at the peak of the
+/// forced response. Without dampers it is a free motion, and the curve a nonlinear normal mode.
+#[derive(Debug, Args)]
+#[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
+pub(crate) struct Backbone {
+    #[command(flatten)]
+    arm: ArmFlags,
+    /// Linear mode in which the curve begins: 1, the slower, or 2.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    mode: u8,
+    /// The nonlinear normal mode of the arm without dampers, which takes no excitation.
+    #[arg(long)]
+    undamped: bool,
+    #[command(flatten)]
+    drive: DriveFlags,
+    /// The curve ends where |α1| or |α2| reaches this, rad, or where the excitation reaches the amplitude given.
+    #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
+    to_rad: f64,
+    #[command(flatten)]
+    walk: WalkFlags,
+    #[command(flatten)]
+    readings: ReadingsFlag,
+    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV
+    /// and JSON beside them, of the forced response STEM-response.csv.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The curve begins at this fraction of the largest amplitude: there the frequency is that of the linear arm to 1e-5 of
+/// its change.
+const SMALLEST_PART: f64 = 1.0 / 300.0;
+/// The largest amplitude that can be asked for, rad: the links have then turned over.
+const LARGEST_RAD: f64 = core::f64::consts::PI;
+/// Largest step of a drawn curve, as a fraction of the motion's size.
+const SMOOTH_STEP: f64 = 0.05;
+
+/// The excitation: its direction, its amplitude if one is given, and its names in results and figures.
+struct Drive {
+    direction: Load,
+    amplitude: Option<f64>,
+    name: &'static str,
+    unit: &'static str,
+}
+
+#[derive(Serialize)]
+struct Document {
+    /// What the results depend on; without an amplitude of the excitation the load is that of the value 1.
+    configuration: Value,
+    mode: u8,
+    kind: &'static str,
+    linear_frequency_hz: f64,
+    bending: Option<&'static str>,
+    frequency_shift_hz: f64,
+    curvature_hz_rad2: [Option<f64>; 2],
+    points: Vec<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ended_early: Option<Value>,
+    wall_s: f64,
+}
+
+impl Backbone {
+    /// The scenario of the flags.
+    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), &[output::PLOTTED, &["-response.csv"]].concat())?;
+        let scenario = self.scenario()?;
+        let arm = scenario.build_arm()?;
+        let drive = self.drive()?;
+        let linear_hz = modes(&arm)[usize::from(self.mode - 1)].frequency_hz;
+        let options = self.options(&drive, linear_hz)?;
+        let clock = SystemClock;
+        let start_ns = clock.now_ns();
+        let damped = ForcedArm::new(arm, drive.direction, 0.0);
+        let mut early = Early::default();
+        let curve = self.curve(&damped, &options, &mut early)?;
+        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        let mut files = Vec::new();
+        if let Some(stem) = &self.plot {
+            let mut options = options;
+            smooth(&mut options.branch);
+            let curve = self.curve(&damped, &options, &mut early)?;
+            files = self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
+        }
+        let configuration = self.configuration(&scenario, &drive)?;
+        let readings = self.read(&damped, &curve);
+        let document = self.document(configuration, linear_hz, &drive, (&curve, &readings), wall_s);
+        let document = Document { ended_early: early.document(), ..document };
+        if let Some(stem) = &self.plot {
+            files.push(output::write(beside(stem, ".csv"), &self.csv(&drive, &curve, &readings))?);
+            files.push(output::write_json(beside(stem, ".json"), &document)?);
+        }
+        if self.json {
+            output::print_json(&document)?;
+        } else {
+            // With --plot the points are in the files.
+            let table = if self.plot.is_none() { self.table(&drive, &curve) } else { String::new() };
+            let head = self.head(&scenario, &document, &drive);
+            output::print(&format!("{head}\n\n{table}{}\n", reading(&document, &curve)))?;
+            if self.plot.is_some() {
+                output::print_written(&files)?;
+            }
+        }
+        early.verdict()
+    }
+
+    /// The excitation; a torque at joint 1 if none is named.
+    fn drive(&self) -> Result<Drive, Failure> {
+        let DriveFlags { torque1_nm, force_x_n, force_y_n } = &self.drive;
+        if torque1_nm.is_none() && force_x_n.is_none() && force_y_n.is_none() {
+            let direction = Load::torque_nm(1.0, 0.0);
+            return Ok(Drive { direction, amplitude: None, name: "torque1_nm", unit: "N·m" });
+        }
+        let (direction, amplitude) = self.drive.direction()?;
+        let (name, unit) = if torque1_nm.is_some() { ("torque1_nm", "N·m") } else { ("force_n", "N") };
+        Ok(Drive { direction, amplitude: Some(amplitude), name, unit })
+    }
+
+    fn options(&self, drive: &Drive, linear_hz: f64) -> Result<BackboneOptions, Failure> {
+        let largest_rad = self.to_rad;
+        if !(largest_rad > 0.0 && largest_rad <= LARGEST_RAD) {
+            let refusal =
+                format!("--to-rad is {}: it must be above 0 and at most {LARGEST_RAD:.4} rad", short(&largest_rad));
+            return Err(Failure::Usage(refusal));
+        }
+        Ok(BackboneOptions {
+            smallest_rad: SMALLEST_PART * largest_rad,
+            largest_rad,
+            largest_drive: drive.amplitude.unwrap_or(f64::INFINITY),
+            branch: self.walk.options(0.1 * linear_hz, 10.0 * linear_hz)?,
+        })
+    }
+
+    fn curve(&self, damped: &ForcedArm, options: &BackboneOptions, early: &mut Early) -> Result<Curve, Failure> {
+        let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
+        early.keep("the backbone", backbone(forced, usize::from(self.mode - 1), ArmParameter::Amplitude, options))
+    }
+
+    fn kind(&self) -> &'static str {
+        if self.undamped { "nonlinear-normal-mode" } else { "phase-quadrature" }
+    }
+
+    /// What the results depend on.
+    fn configuration(&self, scenario: &Scenario, drive: &Drive) -> Result<Value, Failure> {
+        let load = if drive.amplitude.is_some() { self.drive.load()? } else { drive.direction };
+        let mut configuration = configuration::of(scenario, &load)?;
+        configuration["backbone"] = json!({ "undamped": self.undamped, "to_rad": self.to_rad });
+        Ok(configuration)
+    }
+
+    /// The readings of each point, if they are wanted.
+    fn read(&self, damped: &ForcedArm, curve: &Curve) -> Vec<ReadingsDocument> {
+        let read = |point| ReadingsDocument(Readings::of_backbone(damped.arm(), point));
+        curve.points.iter().filter(|_| self.readings.readings).map(read).collect()
+    }
+
+    /// A line for each point, with the units in the names of the columns.
+    fn csv(&self, drive: &Drive, curve: &Curve, readings: &[ReadingsDocument]) -> String {
+        let columns = readings::columns(self.readings.readings);
+        let head = if self.undamped { String::new() } else { format!(",{}", drive.name) };
+        let mut text = format!(
+            "frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad{head}{columns}\n"
+        );
+        for (index, point) in curve.points.iter().enumerate() {
+            let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
+            let amount = if self.undamped { String::new() } else { format!(",{}", point.drive.abs()) };
+            let read = readings.get(index).map_or_else(String::new, ReadingsDocument::cells);
+            let _infallible = writeln!(text, "{},{a1},{a2},{h1},{h2}{amount}{read}", point.frequency_hz);
+        }
+        text
+    }
+
+    fn document(
+        &self,
+        configuration: Value,
+        linear_frequency_hz: f64,
+        drive: &Drive,
+        (curve, readings): (&Curve, &[ReadingsDocument]),
+        wall_s: f64,
+    ) -> Document {
+        let point = |(index, point): (usize, &BackbonePoint)| {
+            let mut map = Map::new();
+            map.insert(String::from("frequency_hz"), json!(point.frequency_hz));
+            map.insert(String::from("amplitude_rad"), json!(point.amplitude_rad));
+            map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
+            if !self.undamped {
+                map.insert(String::from(drive.name), json!(point.drive.abs()));
+            }
+            if let Some(read) = readings.get(index) {
+                map.insert(String::from("readings"), read.value());
+            }
+            Value::Object(map)
+        };
+        Document {
+            configuration,
+            mode: self.mode,
+            kind: self.kind(),
+            linear_frequency_hz,
+            bending: curve.bending().map(Bending::name),
+            frequency_shift_hz: curve.shift_hz(),
+            curvature_hz_rad2: [0, 1].map(|joint| curve.curvature_hz_rad2(joint)),
+            points: curve.points.iter().enumerate().map(point).collect(),
+            ended_early: None,
+            wall_s,
+        }
+    }
+
+    /// The heading of the table.
+    fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
+        let what = if self.undamped {
+            String::from("nonlinear normal mode of the arm without dampers")
+        } else {
+            format!("in phase quadrature with a {}", drive.what())
+        };
+        let arm = &scenario.arm;
+        format!(
+            "{}, β1 = {}, β2 = {}, mode {} from {:.6} Hz: {what}",
+            arm.label(),
+            captions::degrees(arm.beta1_deg),
+            captions::degrees(arm.beta2_deg),
+            self.mode,
+            document.linear_frequency_hz
+        )
+    }
+
+    /// A line for each point, for people.
+    fn table(&self, drive: &Drive, curve: &Curve) -> String {
+        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
+        let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
+        for point in &curve.points {
+            let [a1, a2] = point.amplitude_rad;
+            let amount = if self.undamped { String::new() } else { format!("   {:12.4}", point.drive.abs()) };
+            let _infallible = writeln!(text, "  {:12.6}   {a1:16.8}   {a2:16.8}{amount}", point.frequency_hz);
+        }
+        text.push('\n');
+        text
+    }
+
+    /// Two panels, |α1| and |α2|: the curve over the forced response. Returns the files written, including that of the
+    /// response's points.
+    fn plot(
+        &self,
+        stem: &Path,
+        scenario: &Scenario,
+        forced: (&ForcedArm, &Drive),
+        curve: &Curve,
+        early: &mut Early,
+    ) -> Result<Vec<PathBuf>, Failure> {
+        let (arm, drive) = forced;
+        let response = match drive.amplitude {
+            Some(amplitude) => {
+                self.response(&ForcedArm::new(arm.arm().clone(), drive.direction, amplitude), curve, early)?
+            }
+            None => None,
+        };
+        let branches: Vec<&Branch> = response.iter().collect();
+        let mut files = Vec::new();
+        if response.is_some() {
+            let (forced, coordinate) = (arm.clone(), Coordinate::FrequencyHz);
+            let reader = self.readings.readings.then_some(Reader { forced, coordinate });
+            let table = csv("frequency_hz", &branches, reader.as_ref());
+            files.push(output::write(beside(stem, "-response.csv"), &table)?);
+        }
+        let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
+        let response_to = |amplitude: f64| format!("response to a {} of {amplitude} {}", drive.what(), drive.unit);
+        let with = drive.amplitude.map_or(String::new(), response_to);
+        let mut figure =
+            Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(captions::pose(&scenario.arm).and(with));
+        for joint in 0..2 {
+            let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
+            let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+            let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
+            let panel = branch_plot::with_branches(panel, &branches, joint);
+            let panel = panel.with(Series::line(name, Color::Black, points).style(style));
+            figure = figure.with(if joint == 0 { panel } else { panel.legend(Legend::None) });
+        }
+        Ok([figure.write(stem)?.to_vec(), files].concat())
+    }
+
+    /// The forced response around the curve.
+    fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
+        let [low, high] = curve.window_hz();
+        let mut options = self.walk.options(low, high)?;
+        smooth(&mut options);
+        let walked = trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options);
+        early.keep_any("frequency_hz of the forced response", walked)
+    }
+}
+
+impl Drive {
+    fn what(&self) -> &'static str {
+        if self.name == "torque1_nm" { "torque at joint 1" } else { "force at C" }
+    }
+}
+
+/// Steps small enough for a smooth line.
+fn smooth(options: &mut BranchOptions) {
+    options.walk.largest_step = options.walk.largest_step.min(SMOOTH_STEP);
+}
+
+/// Whether the curve hardens or softens, and by how much.
+fn reading(document: &Document, curve: &Curve) -> String {
+    let Some(last) = curve.points.last() else { return String::from("no points") };
+    let joint = usize::from(last.harmonic1_rad[1] > last.harmonic1_rad[0]);
+    let (shift_hz, part) = (document.frequency_shift_hz, document.frequency_shift_hz / document.linear_frequency_hz);
+    let mut text = format!(
+        "{}: {shift_hz:+.6} Hz ({:+.4} %) at |α{}| = {:.6} rad",
+        document.bending.unwrap_or("straight"),
+        100.0 * part,
+        joint + 1,
+        last.amplitude_rad[joint]
+    );
+    if let Some(curvature) = document.curvature_hz_rad2[joint] {
+        let _infallible = write!(text, "; at small amplitudes a of α{}, df/d(a²) = {curvature:+.5} Hz/rad²", joint + 1);
+    }
+    text
+}

@@ -1,0 +1,293 @@
+//! `resonarm conformance`: whether a node on a bus conforms to the protocol.
+
+mod report;
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum, value_parser};
+
+use crate::commands::protocol::NetworkFlags;
+use crate::failure::{Failure, Verdict};
+use crate::flags;
+use crate::output;
+use crate::session::seconds;
+use report::Row;
+use resonarm::bus::{self, BusAddress, BusError};
+use resonarm::conformance::{self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, Settings, SineAmplitude};
+use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
+use resonarm::recording::{Existing, RecordingError};
+use resonarm::run::Mode;
+use resonarm_numeric::number::short;
+use resonarm_numeric::seed;
+
+/// Tests whether a plant or an exciter on a bus conforms to the protocol: acts as the other node, and reports
+/// violations. It makes a plant shake its arm and fault.
+#[derive(Debug, Args)]
+pub(crate) struct Conformance {
+    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, value_name = "BUS")]
+    bus: String,
+    /// The node under test. An exciter must be restarted whenever it ends, as by a loop in a shell.
+    #[arg(long)]
+    role: Role,
+    /// The mode of the node: each has its specific cases.
+    #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
+    mode: Mode,
+    #[command(flatten)]
+    network: NetworkFlags,
+    /// Only the cases whose names begin with this, such as plant-hello; may be repeated.
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Force commanded to a plant along x, in both directions, N.
+    #[arg(long, value_name = "N", default_value_t = 5.0)]
+    force_n: f64,
+    /// A force that the plant must refuse for its size, N [default: none is tried; in the FD profile 1.01 times the
+    /// limit that the plant states]. A plant that accepts it applies it.
+    #[arg(long, value_name = "N")]
+    beyond_n: Option<f64>,
+    /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that accepts it
+    /// applies it.
+    #[arg(long, value_name = "N/S")]
+    beyond_n_per_s: Option<f64>,
+    /// A force along x that drives the plant beyond its largest travel, N [default: none is tried].
+    #[arg(long, value_name = "N")]
+    beyond_travel_n: Option<f64>,
+    /// How long to wait for the node under test, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
+    patience_s: f64,
+    /// Bit rate of the bus, Hz: some cases are also tried at 70 % of it [default: they are not].
+    #[arg(long, value_name = "HZ", value_parser = value_parser!(u32).range(10_000..=1_000_000))]
+    bit_rate_hz: Option<u32>,
+    /// How long to send random good and bad frames, s; 0 sends none.
+    #[arg(long, value_name = "S", default_value_t = 5.0, allow_hyphen_values = true)]
+    soak_s: f64,
+    /// Frequency of the sine that the exciter is set up to command, Hz, with its amplitude [default: no sine is
+    /// expected].
+    #[arg(long, value_name = "HZ")]
+    expect_frequency_hz: Option<f64>,
+    /// Amplitude of that sine as a force along x, N; a ramp may come before.
+    #[arg(long, value_name = "N")]
+    expect_force_n: Option<f64>,
+    /// Amplitude of that sine as a torque at joint 1, N m; a ramp may come before.
+    #[arg(long, value_name = "NM")]
+    expect_torque_nm: Option<f64>,
+    /// Process of the node under test on this machine, to be stopped for 0.4 s in one case [default: it isn't].
+    #[arg(long, value_name = "PID", value_parser = value_parser!(i32).range(1..))]
+    pid: Option<i32>,
+    /// Seed of the random frames, and the first bit to damage; each further damaged frame has the next bit wrong.
+    #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
+    seed: u64,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+    /// Also write the report as JUnit XML.
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Record every frame, and where each case begins and ends, into this MCAP file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: output::OverwriteFlag,
+}
+
+/// The modes of a node on a bus.
+const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
+
+/// Refuses a force that the profile can't carry.
+fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(), Failure> {
+    let command = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
+    let (Some(force_n), profile) = (force_n, network.profile()) else { return Ok(()) };
+    match command(force_n).check(network) {
+        Err(EncodeError::OutOfRange { limit, .. }) => {
+            let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
+            let (force_n, limit) = (short(&force_n), short(&limit));
+            Err(Failure::Usage(format!(
+                "{flag} is {force_n} N, and commands of the {profile} profile go to ±{limit} N{more}"
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Role {
+    Plant,
+    Exciter,
+}
+
+impl From<Role> for Node {
+    fn from(role: Role) -> Node {
+        match role {
+            Role::Plant => Node::Plant,
+            Role::Exciter => Node::Exciter,
+        }
+    }
+}
+
+impl Conformance {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let (address, network): (BusAddress, _) = (self.bus.parse()?, self.network.network()?);
+        let (settings, cases) = (self.settings(network)?, self.cases()?);
+        self.overwrite.check(self.junit.iter().chain(&self.record).cloned())?;
+        let mut bus = bus::open(&address)?;
+        let evidence = self.evidence(&bus.name(), network, settings)?;
+        let interface = match &address {
+            BusAddress::SocketCan(interface) => Some(interface.as_str()),
+            BusAddress::Memory | BusAddress::PythonCan(_) => None,
+        };
+        let pid = self.pid.and_then(rustix::process::Pid::from_raw);
+        let mut wire = BusWire::new(bus.as_mut(), evidence).with_means(interface, pid);
+        let mut commands = Commands::default();
+        let (rows, lost) = self.rows(&cases, &mut wire, (network, settings), &mut commands)?;
+        let (recording, unrecorded) = match wire.evidence.map(Evidence::finish).transpose() {
+            Ok(recording) => (recording, None),
+            Err(error) => (None, Some(error)),
+        };
+        let document = report::Document::new(self.role.into(), rows, commands, recording);
+        self.write_report(&document)?;
+        lost.map_or_else(|| bus.close(), Err)?;
+        unrecorded.map_or(Ok(()), Err)?;
+        Ok(Verdict::of(document.is_positive()))
+    }
+
+    /// The results of the cases, and the error if the bus was lost: the cases after that are not run.
+    fn rows(
+        &self,
+        cases: &[Case],
+        wire: &mut BusWire,
+        (network, settings): (Network, Settings),
+        commands: &mut Commands,
+    ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
+        let (mut rows, mut lost) = (Vec::new(), None);
+        for case in cases {
+            let row = match lost {
+                Some(_) => Row::not_run(case),
+                None => {
+                    wire.begin(case);
+                    let finding = conformance::run(case, wire, network, settings)
+                        .unwrap_or_else(|error| Finding::lost(lost.insert(error)));
+                    wire.end(case, &finding);
+                    commands.merge(&finding.traffic.commands);
+                    Row::new(case, &finding)
+                }
+            };
+            if !self.json {
+                output::print(&row.text())?;
+            }
+            rows.push(row);
+        }
+        Ok((rows, lost))
+    }
+
+    fn evidence(
+        &self,
+        interface: &str,
+        network: Network,
+        settings: Settings,
+    ) -> Result<Option<Evidence>, RecordingError> {
+        let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let run = (self.role.into(), network, settings);
+        self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
+    }
+
+    /// Prints and writes the report.
+    fn write_report(&self, document: &report::Document) -> Result<(), Failure> {
+        if let Some(path) = &self.junit {
+            output::write(path.clone(), &document.junit())?;
+        }
+        if self.json { output::print_json(document) } else { output::print(&document.summary()) }
+    }
+
+    fn settings(&self, network: Network) -> Result<Settings, Failure> {
+        self.check_forces(network)?;
+        let ns = |flag, given_s| {
+            seconds(flag, given_s).map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).min(u64::MAX / 4))
+        };
+        Ok(Settings {
+            force_n: self.force_n,
+            beyond_n: self.beyond_n,
+            beyond_n_per_s: self.beyond_n_per_s,
+            beyond_travel_n: self.beyond_travel_n,
+            patience_ns: ns("--patience-s", self.patience_s)?,
+            seed: self.seed,
+            bit_rate_hz: self.bit_rate_hz,
+            soak_ns: ns("--soak-s", self.soak_s)?,
+            sine: self.sine()?,
+        })
+    }
+
+    /// Refuses forces that are invalid, beyond the profile's range, or not used for the role.
+    fn check_forces(&self, network: Network) -> Result<(), Failure> {
+        let of_plant = [
+            ("--beyond-n", "N", self.beyond_n),
+            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s),
+            ("--beyond-travel-n", "N", self.beyond_travel_n),
+        ];
+        let of_exciter = [
+            ("--expect-frequency-hz", "Hz", self.expect_frequency_hz),
+            ("--expect-force-n", "N", self.expect_force_n),
+            ("--expect-torque-nm", "N m", self.expect_torque_nm),
+        ];
+        let all = [("--force-n", "N", Some(self.force_n))].into_iter().chain(of_plant).chain(of_exciter);
+        if let Some((flag, unit, _)) =
+            all.into_iter().find(|(.., given)| given.is_some_and(|n| !n.is_finite() || n <= 0.0))
+        {
+            return Err(Failure::Usage(format!("{flag} must be a number above 0 {unit}")));
+        }
+        let (others, other) = match self.role {
+            Role::Plant => (of_exciter, Node::Exciter),
+            Role::Exciter => (of_plant, Node::Plant),
+        };
+        if let Some((flag, ..)) = others.into_iter().find(|(.., given)| given.is_some()) {
+            return Err(Failure::Usage(format!("{flag} is for --role {other}: leave it out")));
+        }
+        for (flag, force_n) in [
+            ("--force-n", Some(self.force_n)),
+            ("--beyond-n", self.beyond_n),
+            ("--beyond-travel-n", self.beyond_travel_n),
+        ] {
+            check_carried(network, flag, force_n)?;
+        }
+        let force_n = self.force_n;
+        for (flag, given) in [("--beyond-n", self.beyond_n), ("--beyond-travel-n", self.beyond_travel_n)] {
+            if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
+                return Err(Failure::Usage(format!(
+                    "{flag} is {beyond_n} N, and --force-n {force_n} N: it must be larger"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn sine(&self) -> Result<Option<ExpectedSine>, Failure> {
+        let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
+            (Some(_), Some(_)) => {
+                let both = "--expect-force-n and --expect-torque-nm exclude each other: a command is one of them";
+                return Err(Failure::Usage(String::from(both)));
+            }
+            (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
+            (None, torque_nm) => torque_nm.map(SineAmplitude::TorqueNm),
+        };
+        match (self.expect_frequency_hz, amplitude) {
+            (None, None) => Ok(None),
+            (Some(frequency_hz), Some(amplitude)) => Ok(Some(ExpectedSine { frequency_hz, amplitude })),
+            _ => {
+                let half = "a sine is expected by its frequency and its amplitude: --expect-frequency-hz with \
+                            --expect-force-n or --expect-torque-nm";
+                Err(Failure::Usage(String::from(half)))
+            }
+        }
+    }
+
+    fn cases(&self) -> Result<Vec<Case>, Failure> {
+        let all = || conformance::cases(self.role.into(), self.mode);
+        if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
+        {
+            let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");
+            return Err(Failure::Usage(format!("there is no case {unknown:?}, only {names}")));
+        }
+        let is_wanted =
+            |case: &Case| self.cases.is_empty() || self.cases.iter().any(|w| case.id.starts_with(w.as_str()));
+        Ok(all().filter(is_wanted).collect())
+    }
+}

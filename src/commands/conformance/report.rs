@@ -1,0 +1,274 @@
+//! The report: text, JSON, JUnit XML.
+
+use core::fmt::Write;
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::output;
+use resonarm::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range, Refused, Verdict};
+use resonarm::protocol::Node;
+use resonarm::recording::Summary;
+use resonarm_numeric::number::short;
+
+/// The result of one case.
+#[derive(Serialize)]
+pub(super) struct Row {
+    case: &'static str,
+    title: &'static str,
+    requirements: &'static [&'static str],
+    verdict: &'static str,
+    reason: Option<String>,
+    measured: Vec<String>,
+    took_s: f64,
+    held_up_ms: f64,
+    silent_ms: f64,
+    /// Frames taken, by message.
+    heard: BTreeMap<String, u64>,
+    /// Frames refused, by message and reason.
+    refused: Vec<RefusedRow>,
+    /// Frames with identifiers that the network doesn't have.
+    others: BTreeMap<String, u64>,
+}
+
+/// Frames of one message that were refused for one reason.
+#[derive(Serialize)]
+struct RefusedRow {
+    message: String,
+    count: u64,
+    /// Expected and received values of the first of them.
+    reason: String,
+    /// The first of them, as candump writes it.
+    frame: String,
+    /// The same with the correct CRC, if its CRC was wrong.
+    expected_frame: Option<String>,
+    /// The whole row, for people.
+    #[serde(skip)]
+    text: String,
+}
+
+impl RefusedRow {
+    fn new(refused: &Refused) -> RefusedRow {
+        RefusedRow {
+            message: refused.error.kind().to_string(),
+            count: refused.count,
+            reason: refused.error.to_string(),
+            frame: refused.frame.to_string(),
+            expected_frame: refused.expected.map(|frame| frame.to_string()),
+            text: refused.to_string(),
+        }
+    }
+}
+
+/// The verdict on a case that was not begun.
+const NOT_RUN: &str = "not run";
+
+impl Row {
+    pub fn new(case: &Case, finding: &Finding) -> Row {
+        let (verdict, reason) = match &finding.verdict {
+            Verdict::Passed => ("passed", None),
+            Verdict::Failed(reason) => ("failed", Some(reason.clone())),
+            Verdict::Inconclusive(reason) => ("inconclusive", Some(reason.clone())),
+            Verdict::Skipped(reason) => ("skipped", Some(reason.clone())),
+        };
+        let traffic = &finding.traffic;
+        let mut others: BTreeMap<_, _> = traffic.others.iter().map(|(id, count)| (id.to_string(), *count)).collect();
+        if traffic.further_others > 0 {
+            others.insert(String::from("more"), traffic.further_others);
+        }
+        Row {
+            verdict,
+            reason,
+            heard: traffic.taken.iter().map(|(kind, count)| (kind.to_string(), *count)).collect(),
+            refused: traffic.refused.iter().map(RefusedRow::new).collect(),
+            others,
+            measured: finding.measured.clone(),
+            took_s: finding.took_ns as f64 * 1e-9,
+            held_up_ms: finding.held_up_ns as f64 * 1e-6,
+            silent_ms: finding.silent_ns as f64 * 1e-6,
+            ..Row::not_run(case)
+        }
+    }
+
+    /// A case after the bus was lost.
+    pub fn not_run(case: &Case) -> Row {
+        Row {
+            case: case.id,
+            title: case.title,
+            requirements: case.requirements,
+            verdict: NOT_RUN,
+            reason: Some(String::from("the bus was lost before")),
+            measured: Vec::new(),
+            took_s: 0.0,
+            held_up_ms: 0.0,
+            silent_ms: 0.0,
+            heard: BTreeMap::new(),
+            refused: Vec::new(),
+            others: BTreeMap::new(),
+        }
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = format!("{:12}  {:26} {}", self.verdict, self.case, self.title);
+        if !self.measured.is_empty() {
+            let _infallible = write!(text, " ({})", self.measured.join("; "));
+        }
+        text.push('\n');
+        if let Some(reason) = &self.reason {
+            let _infallible = writeln!(text, "{:14}{reason}  {}", "", self.requirements.join(" "));
+        }
+        if matches!(self.verdict, "failed" | "inconclusive") {
+            let _infallible = writeln!(text, "{:14}heard: {}", "", counted(&self.heard, "nothing"));
+            if !self.others.is_empty() {
+                let others = counted(&self.others, "");
+                let _infallible = writeln!(text, "{:14}heard with other identifiers: {others}", "");
+            }
+        }
+        for refused in &self.refused {
+            let _infallible = writeln!(text, "{:14}{}", "", refused.text);
+        }
+        text
+    }
+
+    fn junit(&self) -> String {
+        let reason = escaped(self.reason.as_deref().unwrap_or_default());
+        let body = match self.verdict {
+            "passed" => String::new(),
+            "failed" => format!("<failure message=\"{reason}\"/>"),
+            other => format!("<skipped message=\"{other}: {reason}\"/>"),
+        };
+        format!(
+            "    <testcase classname=\"resonarm\" name=\"{}\" time=\"{:.3}\">{body}</testcase>\n",
+            self.case, self.took_s
+        )
+    }
+}
+
+/// Names with their counts.
+fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
+    if counts.is_empty() {
+        return String::from(none);
+    }
+    counts.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Escapes text for an attribute of XML, which has no control characters.
+fn escaped(text: &str) -> String {
+    output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// All cases.
+#[derive(Serialize)]
+pub(super) struct Document {
+    role: String,
+    passed: usize,
+    failed: usize,
+    inconclusive: usize,
+    skipped: usize,
+    not_run: usize,
+    cases: Vec<Row>,
+    /// The ranges of an exciter's commands.
+    commands: CommandsRow,
+    recording: Option<Summary>,
+    /// Requirements that no case can test.
+    untested: Vec<Untested>,
+}
+
+/// The ranges of the commands, smallest and largest; null where there were none.
+#[derive(Serialize)]
+struct CommandsRow {
+    force_x_n: Option<[f64; 2]>,
+    force_y_n: Option<[f64; 2]>,
+    torque1_nm: Option<[f64; 2]>,
+    torque2_nm: Option<[f64; 2]>,
+}
+
+impl CommandsRow {
+    fn new(commands: &Commands) -> CommandsRow {
+        let ends = |range: Option<Range>| range.map(|Range { min, max }| [min, max]);
+        CommandsRow {
+            force_x_n: ends(commands.force_x_n),
+            force_y_n: ends(commands.force_y_n),
+            torque1_nm: ends(commands.torque1_nm),
+            torque2_nm: ends(commands.torque2_nm),
+        }
+    }
+
+    fn text(&self) -> String {
+        let ranges = [
+            ("force_x_n", "N", self.force_x_n),
+            ("force_y_n", "N", self.force_y_n),
+            ("torque1_nm", "N m", self.torque1_nm),
+            ("torque2_nm", "N m", self.torque2_nm),
+        ];
+        let stated = ranges.into_iter().filter_map(|(name, unit, range)| {
+            range.map(|[min, max]| format!("{name} {} to {} {unit}", short(&min), short(&max)))
+        });
+        stated.collect::<Vec<_>>().join(", ")
+    }
+}
+
+#[derive(Serialize)]
+struct Untested {
+    requirement: &'static str,
+    text: &'static str,
+    why: &'static str,
+}
+
+impl Document {
+    pub fn new(tested: Node, cases: Vec<Row>, commands: Commands, recording: Option<Summary>) -> Document {
+        let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
+        let untested = REQUIREMENTS.iter().filter_map(|requirement| match requirement.check {
+            Check::Cases => None,
+            Check::Elsewhere(why) => Some(Untested { requirement: requirement.id, text: requirement.text, why }),
+        });
+        Document {
+            role: tested.to_string(),
+            passed: count("passed"),
+            failed: count("failed"),
+            inconclusive: count("inconclusive"),
+            skipped: count("skipped"),
+            not_run: count(NOT_RUN),
+            untested: untested.collect(),
+            commands: CommandsRow::new(&commands),
+            cases,
+            recording,
+        }
+    }
+
+    /// Whether every case that could be run was passed: an empty bus passes none.
+    pub fn is_positive(&self) -> bool {
+        self.failed + self.inconclusive + self.not_run == 0
+    }
+
+    pub fn summary(&self) -> String {
+        let mut text = format!(
+            "{} passed, {} failed, {} inconclusive, {} skipped, {} not run\n",
+            self.passed, self.failed, self.inconclusive, self.skipped, self.not_run
+        );
+        let commands = self.commands.text();
+        if !commands.is_empty() {
+            let _infallible = writeln!(text, "commanded: {commands}");
+        }
+        if let Some(Summary { path, bytes, lost, .. }) = &self.recording {
+            let lost = lost.values().sum::<u64>();
+            let _infallible = writeln!(text, "recording: {}, {bytes} bytes, {lost} records lost", path.display());
+        }
+        text
+    }
+
+    pub fn junit(&self) -> String {
+        let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
+        let _infallible = writeln!(
+            text,
+            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">",
+            self.role,
+            self.cases.len(),
+            self.failed,
+            self.inconclusive + self.skipped + self.not_run
+        );
+        self.cases.iter().for_each(|row| text.push_str(&row.junit()));
+        text.push_str("  </testsuite>\n</testsuites>\n");
+        text
+    }
+}

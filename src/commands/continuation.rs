@@ -1,0 +1,445 @@
+//! `resonarm continue`: branches of periodic motions, their stability and bifurcations.
+
+use core::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use crate::configuration;
+use crate::ended_early::Early;
+use crate::failure::{Failure, Verdict};
+use crate::figures::branch_plot;
+use crate::figures::branch_table::csv;
+use crate::figures::captions;
+use crate::figures::singular_curves::{CurveFlags, Curves};
+use crate::flags::ArmFlags;
+use crate::interval::{Ends, interval};
+use crate::output::{self, OverwriteFlag};
+use crate::quantity::Quantity;
+use crate::readings::{self, Reader, ReadingsFlag};
+use crate::walk_flags::WalkFlags;
+use resonarm::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
+use resonarm::arm::{Arm, Load};
+use resonarm::realtime::{Clock, SystemClock};
+use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Subtitle, beside};
+use resonarm_numeric::number::short;
+
+const EXAMPLES: &str = "\
+Examples:
+  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --plot branch
+  resonarm continue --force-x-n 20 --beta1-deg 30 --beta2-deg 120 --from-hz 60 --to-hz 20
+  resonarm continue --parameter amplitude --frequency-hz 22.1 --from-nm 0 --to-nm 300
+  resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 --from 40 --to 60
+  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --curves-in amplitude --curves-to 5
+  resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 --doubled
+
+A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
+
+/// Follows periodic motions of the forced arm in a parameter, with stability and bifurcations, around folds.
+#[derive(Debug, Args)]
+#[command(after_long_help = readings::help_after(EXAMPLES, ""))]
+pub(crate) struct Continue {
+    #[command(flatten)]
+    arm: ArmFlags,
+    #[command(flatten)]
+    drive: DriveFlags,
+    /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it.
+    #[arg(long, value_name = "NAME", default_value = "frequency")]
+    parameter: String,
+    #[command(flatten)]
+    range: RangeFlags,
+    /// Excitation frequency if it does not vary, Hz.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    frequency_hz: Option<f64>,
+    #[command(flatten)]
+    walk: WalkFlags,
+    /// Also follow the doubled branches that leave at period doublings.
+    #[arg(long)]
+    doubled: bool,
+    #[command(flatten)]
+    curves: CurveFlags,
+    #[command(flatten)]
+    readings: ReadingsFlag,
+    /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; captions,
+    /// CSV and JSON beside them.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The excitation A·sin(2πft): torque at joint 1, or a force at the tip.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct DriveFlags {
+    /// Amplitude of a torque at joint 1, N·m.
+    #[arg(long, value_name = "A", allow_hyphen_values = true, conflicts_with_all = ["force_x_n", "force_y_n"])]
+    pub torque1_nm: Option<f64>,
+    /// Amplitude of a force at point C along x, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    pub force_x_n: Option<f64>,
+    /// Amplitude of a force at point C along y, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    pub force_y_n: Option<f64>,
+}
+
+/// The interval of what varies, in its unit.
+#[derive(Clone, Debug, Args)]
+struct RangeFlags {
+    /// First frequency, Hz.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    from_hz: Option<f64>,
+    /// Last frequency, Hz; below the first for a walk down.
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    to_hz: Option<f64>,
+    /// First torque amplitude, N·m.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    from_nm: Option<f64>,
+    /// Last torque amplitude, N·m.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    to_nm: Option<f64>,
+    /// First force amplitude, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    from_n: Option<f64>,
+    /// Last force amplitude, N.
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    to_n: Option<f64>,
+    /// First angle, degrees.
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    from_deg: Option<f64>,
+    /// Last angle, degrees.
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    to_deg: Option<f64>,
+    /// First value of a parameter of the arm, in its SI unit.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Last value of a parameter of the arm.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    to: Option<f64>,
+}
+
+/// What varies, with its name in results.
+struct Varied {
+    quantity: Quantity,
+    from: f64,
+    to: f64,
+}
+
+impl Varied {
+    fn is_amplitude(&self) -> bool {
+        self.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude)
+    }
+}
+
+/// The result.
+struct Found {
+    branch: Branch,
+    doubled: Vec<Branch>,
+    curves: Option<Curves>,
+    /// Reads the motions, if readings are wanted.
+    reader: Option<Reader>,
+    early: Early,
+    wall_s: f64,
+}
+
+impl Found {
+    /// Writes the figures and their data, and returns the files.
+    fn plot(
+        &self,
+        stem: &Path,
+        varied: &Varied,
+        conditions: Subtitle,
+        on_curves: Subtitle,
+    ) -> Result<Vec<PathBuf>, Failure> {
+        let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
+        let mut files = branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?.to_vec();
+        files.push(output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches, self.reader.as_ref()))?);
+        if let Some(curves) = &self.curves {
+            let stem = beside(stem, "-curves");
+            files.extend(curves.figure(on_curves).write(&stem)?);
+            files.push(output::write(beside(&stem, ".csv"), &curves.csv())?);
+        }
+        Ok(files)
+    }
+
+    fn document(&self, configuration: Value, varied: &Varied) -> Document {
+        let reader = self.reader.as_ref();
+        let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect();
+        let event = |event: &Bifurcation| bifurcation(varied, event, reader);
+        let events = |branch: &Branch| branch.bifurcations.iter().map(event).collect();
+        let doubled = |branch: &Branch| DoubledBranch { points: points(branch), bifurcations: events(branch) };
+        Document {
+            configuration,
+            points: points(&self.branch),
+            bifurcations: events(&self.branch),
+            doubled: self.doubled.iter().map(doubled).collect(),
+            curves: self.curves.as_ref().map(Curves::document),
+            ended_early: self.early.document(),
+            wall_s: self.wall_s,
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Document {
+    /// What the results depend on; the load is that of the value 1 where the amplitude varies.
+    configuration: Value,
+    points: Vec<Value>,
+    bifurcations: Vec<Value>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    doubled: Vec<DoubledBranch>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    curves: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ended_early: Option<Value>,
+    wall_s: f64,
+}
+
+#[derive(Serialize)]
+struct DoubledBranch {
+    points: Vec<Value>,
+    bifurcations: Vec<Value>,
+}
+
+impl DriveFlags {
+    /// The direction of the load, with a largest component of 1, and its amplitude.
+    pub fn direction(&self) -> Result<(Load, f64), Failure> {
+        let load = match (self.torque1_nm, self.force_x_n, self.force_y_n) {
+            (Some(torque), None, None) => Load::torque_nm(torque, 0.0),
+            (None, x, y) if x.is_some() || y.is_some() => Load::force_n(x.unwrap_or(0.0), y.unwrap_or(0.0)),
+            _ => {
+                return Err(Failure::Usage(String::from(
+                    "give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A",
+                )));
+            }
+        };
+        let amplitude = if self.torque1_nm.is_some() { load.torque_nm.x.abs() } else { load.force_n.norm() };
+        if !amplitude.is_finite() || amplitude == 0.0 {
+            return Err(Failure::Usage(format!(
+                "the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is {}: it must be a finite number other than 0",
+                short(&amplitude)
+            )));
+        }
+        Ok((load.scaled(1.0 / amplitude), amplitude))
+    }
+
+    /// The peak load, exactly as given.
+    pub fn load(&self) -> Result<Load, Failure> {
+        let _checked = self.direction()?;
+        Ok(match self.torque1_nm {
+            Some(torque) => Load::torque_nm(torque, 0.0),
+            None => Load::force_n(self.force_x_n.unwrap_or(0.0), self.force_y_n.unwrap_or(0.0)),
+        })
+    }
+
+    /// Whether a force is named.
+    pub fn is_force(&self) -> bool {
+        self.force_x_n.is_some() || self.force_y_n.is_some()
+    }
+}
+
+impl RangeFlags {
+    fn ends(&self) -> [Ends; 5] {
+        [
+            Ends { unit: "-hz", from: self.from_hz, to: self.to_hz },
+            Ends { unit: "-nm", from: self.from_nm, to: self.to_nm },
+            Ends { unit: "-n", from: self.from_n, to: self.to_n },
+            Ends { unit: "-deg", from: self.from_deg, to: self.to_deg },
+            Ends { unit: "", from: self.from, to: self.to },
+        ]
+    }
+}
+
+impl Continue {
+    /// The scenario of the flags.
+    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.arm.scenario(|| Ok(Scenario::default()))
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(
+            self.plot.as_deref(),
+            &[output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat(),
+        )?;
+        let scenario = self.scenario()?;
+        let arm = scenario.build_arm()?;
+        let varied = self.varied()?;
+        let second = self.curves.second(&varied.quantity, &self.drive)?;
+        let forced = self.forced_arm(arm, &varied)?;
+        let load = self.load(&varied)?;
+        let mut configuration = configuration::of(&scenario, &load)?;
+        configuration["continue"] = json!({
+            "parameter": varied.quantity.name,
+            "from": varied.from,
+            "to": varied.to,
+            "frequency_hz": self.frequency_hz,
+        });
+        let conditions = self.conditions(&scenario, &load, &[&varied.quantity]);
+        let on_curves =
+            second.as_ref().map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, second]));
+        let found = self.follow(forced, &varied, second)?;
+        let document = found.document(configuration, &varied);
+        let mut files = Vec::new();
+        if let Some(stem) = &self.plot {
+            files = found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
+            files.push(output::write_json(beside(stem, ".json"), &document)?);
+        }
+        if self.json {
+            output::print_json(&document)?;
+        } else {
+            output::print(&text(&varied, &found))?;
+            if self.plot.is_some() {
+                output::print_written(&files)?;
+            }
+        }
+        found.early.verdict()
+    }
+
+    /// A figure's subtitle: the arm, its pose and the excitation, without the quantities that vary.
+    fn conditions(&self, scenario: &Scenario, load: &Load, varied: &[&Quantity]) -> Subtitle {
+        let names: Vec<&str> = varied.iter().map(|quantity| quantity.name).collect();
+        let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
+        let has = |coordinate| varied.iter().any(|quantity| quantity.coordinate == coordinate);
+        let load = if has(amplitude) { captions::direction(load) } else { captions::load(load) };
+        let hz = self.frequency_hz.filter(|_| !has(Coordinate::FrequencyHz));
+        let hz = hz.map_or(String::new(), |hz| format!("{hz} Hz"));
+        captions::pose_without(&scenario.arm, &names).and(load).and(hz)
+    }
+
+    fn follow(
+        &self,
+        (forced, frequency_hz): (ForcedArm, f64),
+        varied: &Varied,
+        second: Option<(Quantity, f64)>,
+    ) -> Result<Found, Failure> {
+        let clock = SystemClock;
+        let start_ns = clock.now_ns();
+        let options = self.walk.options(varied.from, varied.to)?;
+        let Quantity { name, coordinate, .. } = varied.quantity;
+        let mut early = Early::default();
+        let branch = early.keep(name, trace(forced.clone(), frequency_hz, coordinate, &options))?;
+        let mut doubled = Vec::new();
+        if self.doubled {
+            for walked in trace_doublings(&forced, &branch, coordinate, &options) {
+                doubled.extend(early.keep_any(name, walked)?);
+            }
+        }
+        let curves = second
+            .map(|second| Curves::trace(&forced, &branch, varied.quantity.clone(), second, &self.walk, &mut early))
+            .transpose()?;
+        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        let reader = self.readings.readings.then_some(Reader { forced, coordinate });
+        Ok(Found { branch, doubled, curves, reader, early, wall_s })
+    }
+
+    /// The excitation. An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
+    fn drive(&self, varied: &Varied) -> Result<DriveFlags, Failure> {
+        if !varied.is_amplitude() {
+            return Ok(self.drive.clone());
+        }
+        if self.drive.torque1_nm.is_some() {
+            let refusal = "the amplitude is what varies: leave --torque1-nm out";
+            return Err(Failure::Usage(String::from(refusal)));
+        }
+        let torque1_nm = if self.drive.is_force() { None } else { Some(1.0) };
+        Ok(DriveFlags { torque1_nm, ..self.drive.clone() })
+    }
+
+    /// The peak load; where the amplitude varies, that of the value 1.
+    fn load(&self, varied: &Varied) -> Result<Load, Failure> {
+        let drive = self.drive(varied)?;
+        if varied.is_amplitude() { Ok(drive.direction()?.0) } else { drive.load() }
+    }
+
+    /// The forced arm at the start, and its excitation frequency.
+    fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
+        let (direction, amplitude) = self.drive(varied)?.direction()?;
+        let frequency_hz = match (varied.quantity.coordinate, self.frequency_hz) {
+            (Coordinate::FrequencyHz, None) => varied.from,
+            (Coordinate::FrequencyHz, Some(_)) => {
+                return Err(Failure::Usage(String::from(
+                    "--frequency-hz is for runs in another parameter: leave it out",
+                )));
+            }
+            (_, Some(hz)) if hz.is_finite() && hz > 0.0 => hz,
+            (_, got) => {
+                let got = got.map_or(String::from("missing"), |hz| short(&hz).to_string());
+                return Err(Failure::Usage(format!("--frequency-hz is {got}: it must be a positive number")));
+            }
+        };
+        Ok((ForcedArm::new(arm, direction, amplitude), frequency_hz))
+    }
+
+    fn varied(&self) -> Result<Varied, Failure> {
+        let quantity = Quantity::parse("--parameter", &self.parameter, &self.drive)?;
+        let parameter = format!("--parameter {}", self.parameter);
+        let (from, to) = interval(&parameter, Some(quantity.unit), &self.range.ends())?.unwrap_or_default();
+        Ok(Varied { quantity, from, to })
+    }
+}
+
+/// A motion as JSON, with the quantity that varies beside the frequency.
+fn point(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
+    let mut map = place(varied, orbit, reader);
+    let multipliers: Vec<[f64; 2]> = orbit.multipliers().iter().map(|z| [z.re, z.im]).collect();
+    map.insert(String::from("amplitude_rad"), json!(orbit.amplitude_rad));
+    map.insert(String::from("harmonic1_rad"), json!(orbit.harmonic1_rad));
+    map.insert(String::from("stable"), json!(orbit.is_stable()));
+    map.insert(String::from("multipliers"), json!(multipliers));
+    Value::Object(map)
+}
+
+fn bifurcation(varied: &Varied, bifurcation: &Bifurcation, reader: Option<&Reader>) -> Value {
+    let mut map = place(varied, &bifurcation.orbit, reader);
+    map.insert(String::from("kind"), json!(bifurcation.kind.name()));
+    map.insert(String::from("harmonic1_rad"), json!(bifurcation.orbit.harmonic1_rad));
+    map.insert(String::from("amplitude_rad"), json!(bifurcation.orbit.amplitude_rad));
+    Value::Object(map)
+}
+
+/// The keys that points and bifurcations share.
+fn place(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Map<String, Value> {
+    let mut map = Map::new();
+    map.insert(String::from("frequency_hz"), json!(orbit.frequency_hz));
+    map.insert(String::from(varied.quantity.name), json!(orbit.value));
+    if let Some(reader) = reader {
+        map.insert(String::from("readings"), reader.read(orbit).value());
+    }
+    map
+}
+
+fn text(varied: &Varied, found: &Found) -> String {
+    let mut text = String::new();
+    for (k, branch) in core::iter::once(&found.branch).chain(&found.doubled).enumerate() {
+        let unstable = branch.orbits.iter().filter(|orbit| !orbit.is_stable()).count();
+        let which = if k == 0 { String::from("branch") } else { format!("doubled branch {k}") };
+        let largest = branch.orbits.iter().fold([0.0_f64; 2], |largest, orbit| {
+            [largest[0].max(orbit.amplitude_rad[0]), largest[1].max(orbit.amplitude_rad[1])]
+        });
+        let _infallible = writeln!(
+            text,
+            "{which}: {} motions, {unstable} of them unstable; largest |α1| {:.6} rad, |α2| {:.6} rad",
+            branch.orbits.len(),
+            largest[0],
+            largest[1]
+        );
+        for event in &branch.bifurcations {
+            let [h1, h2] = event.orbit.harmonic1_rad;
+            let _infallible = writeln!(
+                text,
+                "  {:16} {} = {:.9}   first harmonic α1 {h1:.9} rad, α2 {h2:.9} rad",
+                event.kind.name(),
+                varied.quantity.name,
+                event.orbit.value
+            );
+        }
+    }
+    text.push_str(&found.curves.as_ref().map_or_else(String::new, Curves::text));
+    let _infallible = writeln!(text, "in {:.3} s", found.wall_s);
+    text
+}

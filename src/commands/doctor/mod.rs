@@ -1,0 +1,90 @@
+//! `resonarm doctor`: what this machine supports.
+
+mod queues;
+mod reception;
+
+use core::fmt::Write;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::failure::{Failure, Verdict};
+use crate::output;
+use resonarm::bus::socketcan;
+use resonarm::realtime::{Finding, Privileges};
+
+/// Says what this machine supports (CAN, real-time privileges, clock) and how to fix what is missing.
+#[derive(Debug, Args)]
+pub(crate) struct Doctor {
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document {
+    findings: Vec<Finding>,
+}
+
+impl Doctor {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let mut findings = vec![can(), interfaces(), python_can()];
+        findings.extend(queues::findings());
+        findings.extend(reception::findings());
+        findings.extend(Privileges::probe().findings());
+        if self.json {
+            output::print_json(&Document { findings })?;
+        } else {
+            output::print(&in_words(&findings))?;
+        }
+        Ok(Verdict::Positive)
+    }
+}
+
+/// The findings for people, with the fixes.
+pub(crate) fn in_words(findings: &[Finding]) -> String {
+    let mut text = String::new();
+    for Finding { subject, state, mend } in findings {
+        let mark = if mend.is_none() { "ok  " } else { "fix " };
+        let _infallible = writeln!(text, "{mark}  {subject:21} {state}");
+        if let Some(mend) = mend {
+            let _infallible = writeln!(text, "      {:21} {mend}", "");
+        }
+    }
+    text
+}
+
+fn can() -> Finding {
+    let subject = "SocketCAN";
+    match socketcan::supported() {
+        Ok(()) => Finding { subject, state: String::from("the kernel has it"), mend: None },
+        Err(error) => Finding { subject, state: String::from("not available"), mend: Some(error.to_string()) },
+    }
+}
+
+fn interfaces() -> Finding {
+    let subject = "CAN interfaces";
+    let create = "`sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes a virtual one";
+    match socketcan::interfaces() {
+        Ok(names) if names.is_empty() => {
+            Finding { subject, state: String::from("none"), mend: Some(String::from(create)) }
+        }
+        Ok(names) => Finding { subject, state: names.join(", "), mend: None },
+        Err(error) => Finding { subject, state: error.to_string(), mend: Some(String::from(create)) },
+    }
+}
+
+#[cfg(feature = "python-can")]
+fn python_can() -> Finding {
+    let subject = "python-can";
+    match resonarm::bus::python_can::version() {
+        Ok(version) => Finding { subject, state: version, mend: None },
+        Err(error) => Finding { subject, state: String::from("not available"), mend: Some(error.to_string()) },
+    }
+}
+
+#[cfg(not(feature = "python-can"))]
+fn python_can() -> Finding {
+    let mend = "`cargo build --release --features python-can` makes a build that reaches its adapters";
+    Finding { subject: "python-can", state: String::from("not in this build"), mend: Some(String::from(mend)) }
+}

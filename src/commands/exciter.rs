@@ -1,0 +1,162 @@
+//! `resonarm exciter`: the emulated exciter controller on a bus.
+
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::failure::{Failure, Verdict};
+use crate::flags::{self, SessionFlags, ThreadFlags};
+use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
+use crate::output;
+use crate::responses::{self, ResponseDocument};
+use crate::session::{frames_text, other_sender_warning, seconds, set_filters};
+use crate::status::{Status, StatusFlag, Style};
+use crate::supervise::supervise;
+use resonarm::bus::{self, BusAddress};
+use resonarm::node::Outcome;
+use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
+use resonarm::scenario::Scenario;
+
+/// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the
+/// responses, disarms. Without --scenario it plays a stepped sine below the first resonance.
+#[derive(Debug, Args)]
+pub(crate) struct Exciter {
+    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, value_name = "BUS")]
+    bus: String,
+    /// How the plant runs; in lockstep both ends wait longer for each other.
+    #[arg(long, value_parser = flags::one_of([Mode::RealTime, Mode::Lockstep], Mode::name), default_value_t)]
+    mode: Mode,
+    #[command(flatten)]
+    session: SessionFlags,
+    #[command(flatten)]
+    thread: ThreadFlags,
+    /// How long to wait for a plant that can be armed, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
+    patience_s: f64,
+    /// How often to restart after a fault: reset and arm the plant, and begin from the start.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    rearm: u32,
+    #[command(flatten)]
+    live: LiveFlags,
+    #[command(flatten)]
+    steer: SteerFlag,
+    #[command(flatten)]
+    status: StatusFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document {
+    #[serde(flatten)]
+    end: ExciterEnd,
+    fault: Option<Fault>,
+    partner_fault: Option<Fault>,
+    bus_loss: Option<BusLoss>,
+    error: Option<String>,
+    samples_played: u64,
+    missed_samples: u64,
+    slipped_periods: u64,
+    rearmed: u32,
+    bus: BusCounts,
+    responses: Vec<ResponseDocument>,
+}
+
+/// The default scenario: a stepped sine below the first resonance.
+pub(crate) fn scenario() -> Result<Scenario, Failure> {
+    Ok(Scenario::parse(include_str!("../../scenarios/bench.toml"), "scenarios/bench.toml")?)
+}
+
+impl Exciter {
+    /// The scenario of the flags.
+    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
+        self.session.scenario(scenario)
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.session.refuse_duration("the exciter ends with what it plays")?;
+        let address: BusAddress = self.bus.parse()?;
+        let scenario = self.scenario()?;
+        let options = Options {
+            thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
+            on_shortfall: self.thread.on_shortfall(),
+            patience: Some(seconds("--patience-s", self.patience_s)?),
+            rearm: self.rearm,
+            ..Options::default()
+        };
+        let session = Session::new(scenario, self.mode, options)?;
+        let (session, steered) = self.steer.steered(session)?;
+        let length = session.controller()?.length();
+        session.leave_core();
+        let mut bus = bus::open(&address)?;
+        if self.live.live.is_none() {
+            set_filters(bus.as_mut(), &address, &session)?;
+        }
+        let shown_role =
+            ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
+        let signals = Arc::new(Signals::default());
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = Status::new(Style::People { every: self.status.every()? });
+        let report = supervise(
+            "exciter",
+            &signals,
+            length,
+            |line| status.write(&shown, line),
+            move || {
+                let report = session.exciter(bus.as_mut(), &watched)?;
+                let error = report.error.or(bus.close().err().map(RunError::from));
+                Ok::<_, RunError>(ExciterReport { error, ..report })
+            },
+        )??;
+        self.print(&report)?;
+        other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));
+        let complaint = complaint(&report);
+        complaint.iter().for_each(|text| tracing::error!("{text}"));
+        match report.error {
+            Some(error) => Err(error.into()),
+            None => Ok(Verdict::of(complaint.is_none())),
+        }
+    }
+
+    fn print(&self, report: &ExciterReport) -> Result<(), Failure> {
+        let end = ExciterEnd::from(report);
+        if self.json {
+            return output::print_json(&Document {
+                end,
+                fault: report.fault().map(Fault::from),
+                partner_fault: report.partner_fault.as_ref().map(Fault::from),
+                bus_loss: report.bus_loss,
+                error: report.error.as_ref().map(RunError::to_string),
+                samples_played: report.samples_played,
+                missed_samples: report.missed_samples,
+                slipped_periods: report.slipped_periods,
+                rearmed: report.rearmed,
+                bus: report.bus,
+                responses: responses::documents(&report.responses),
+            });
+        }
+        let mut text = format!(
+            "{} after {} samples, {} missed; frames: {}\n",
+            end.outcome,
+            report.samples_played,
+            report.missed_samples,
+            frames_text(&report.bus)
+        );
+        text.push_str(&responses::table(&report.responses));
+        output::print(&text)
+    }
+}
+
+/// Why the exciter did not complete its task, and what to do; `None` if it did, or if an error says so.
+pub(crate) fn complaint(report: &ExciterReport) -> Option<String> {
+    match report.outcome {
+        Some(Outcome::Stopped) if report.samples_played == 0 => {
+            Some(String::from("stopped before the plant was armed, so nothing was played"))
+        }
+        _ => ExciterEnd::of_controller(report).reason,
+    }
+}

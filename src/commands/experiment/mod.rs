@@ -1,0 +1,30 @@
+//! `resonarm experiment`: whole experiments in one process, through the encoder and decoder of the wire.
+
+pub(crate) mod fig9;
+mod walk;
+
+use clap::{Args, Subcommand};
+
+use crate::failure::{Failure, Verdict};
+
+/// Whole experiments of plant and controller in one process, in simulated time, through the frames of the wire.
+#[derive(Debug, Args)]
+pub(crate) struct Experiment {
+    #[command(subcommand)]
+    pub(crate) experiment: Kind,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Kind {
+    Fig9(fig9::Fig9),
+    Walk(walk::Walk),
+}
+
+impl Experiment {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        match &self.experiment {
+            Kind::Fig9(fig9) => fig9.execute(),
+            Kind::Walk(walk) => walk.execute(),
+        }
+    }
+}

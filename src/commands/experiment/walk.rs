@@ -1,0 +1,191 @@
+//! `resonarm experiment walk`: the response at constant load through a resonance, with or without folds, or the
+//! backbone, in a closed loop.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::commands::continuation::DriveFlags;
+use crate::configuration;
+use resonarm::arm::Load;
+
+use crate::failure::{Failure, Verdict};
+use crate::flags::SessionFlags;
+use crate::output::{self, OverwriteFlag};
+use crate::supervise::supervise;
+use crate::walk_point::{self, WalkPoint};
+use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
+use resonarm::excitation::Amplitude;
+use resonarm::realtime::{Clock, SystemClock};
+use resonarm::recording::Existing;
+use resonarm::rig::ShakerSpec;
+use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, Session, Signals};
+use resonarm::scenario::Scenario;
+use resonarm_numeric::number::short;
+
+/// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
+/// lag of the response behind the load of 10° to 170°. Amplitudes are computed from the accelerometers.
+#[derive(Debug, Args)]
+pub(crate) struct Walk {
+    #[command(flatten)]
+    session: SessionFlags,
+    #[command(flatten)]
+    drive: DriveFlags,
+    /// Amplitude of a force at point C in the direction of the scenario's shaker, N. If no load is given the walk takes
+    /// that of the scenario's control or excitation.
+    #[arg(long, value_name = "A", conflicts_with_all = ["torque1_nm", "force_x_n", "force_y_n"])]
+    force_n: Option<f64>,
+    /// The mode whose resonance is walked through, 1 or 2.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
+    mode_number: Option<u8>,
+    /// Walk the backbone: a lag of 90° at loads from a tenth of the given one up to it.
+    #[arg(long)]
+    backbone: bool,
+    /// Number of points.
+    #[arg(long, value_name = "N")]
+    points: Option<usize>,
+    /// Record everything into this MCAP file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Draw the points over the computed branch to STEM.svg and STEM.png, with the caption in STEM.txt and their data
+    /// in STEM.csv and STEM.json.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    configuration: Value,
+    points: &'a [WalkPoint],
+    #[serde(flatten)]
+    end: &'a ExciterEnd,
+    simulated_s: f64,
+    wall_s: f64,
+}
+
+impl Walk {
+    /// The scenario of the flags, with the walk in it.
+    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
+        let mut scenario = self.session.scenario(|| Ok(Scenario::default()))?;
+        scenario.control = Some(ControlSpec::PhaseWalk(self.spec(&scenario)?));
+        scenario.excitation = None;
+        Ok(scenario)
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let scenario = self.scenario()?;
+        let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let record = self.record.clone().map(|path| RecordTo { path, existing });
+        let options = Options { record, ..Options::default() };
+        let session = Session::new(scenario.clone(), Mode::Free, options)?;
+        let length = session.controller()?.length();
+        let start_ns = SystemClock.now_ns();
+        let signals = Arc::new(Signals::default());
+        let watched = Arc::clone(&signals);
+        let report = supervise("walk", &signals, length, |_line| {}, move || session.both(&watched, |_| {}))??;
+        let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        self.conclude(&scenario, report, &signals, wall_s)
+    }
+
+    /// The walk of the flags, or of the scenario, or the default.
+    fn spec(&self, scenario: &Scenario) -> Result<PhaseWalkSpec, Failure> {
+        let of_scenario = match &scenario.control {
+            Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
+            Some(ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_)) | None => None,
+        };
+        let amplitude = self.amplitude(scenario)?;
+        let mut spec = of_scenario.map_or(PhaseWalkSpec::new(amplitude), |spec| PhaseWalkSpec { amplitude, ..spec });
+        if self.backbone {
+            let PhaseWalkSpec { amplitude, mode_number, points, .. } = spec;
+            spec = PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::backbone(amplitude) };
+        }
+        if let Some(mode) = self.mode_number {
+            spec.mode_number = ModeNumber::try_from(mode).map_err(|error| Failure::Usage(error.to_string()))?;
+        }
+        spec.points = self.points.unwrap_or(spec.points);
+        Ok(spec)
+    }
+
+    /// The load of the flags, or that of the scenario's control or excitation.
+    fn amplitude(&self, scenario: &Scenario) -> Result<Amplitude, Failure> {
+        let drive = &self.drive;
+        let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
+        let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
+        match (self.force_n, &scenario.rig.shaker, of_scenario) {
+            (Some(force_n), Some(shaker), _) => Ok(along(shaker, force_n)),
+            (Some(force_n), None, _) => Err(Failure::Usage(format!(
+                "--force-n {} acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n",
+                short(&force_n)
+            ))),
+            (None, _, Some(amplitude)) if drive.torque1_nm.is_none() && !drive.is_force() => Ok(*amplitude),
+            (None, _, _) => {
+                let Load { torque_nm, force_n } = drive.load()?;
+                let (force_x_n, force_y_n) = (force_n.x, force_n.y);
+                Ok(Amplitude { force_x_n, force_y_n, torque1_nm: torque_nm.x, torque2_nm: torque_nm.y })
+            }
+        }
+    }
+
+    fn conclude(
+        &self,
+        scenario: &Scenario,
+        report: BothReport,
+        signals: &Signals,
+        wall_s: f64,
+    ) -> Result<Verdict, Failure> {
+        let end = ExciterEnd::of(report.exciter_outcome(signals).as_ref());
+        let BothReport { plant, exciter } = report;
+        if let Some(error) = plant.error.or(exciter.error) {
+            return Err(error.into());
+        }
+        let arm = scenario.build_arm()?;
+        let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
+        let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
+        let unit = scenario.control.as_ref().map_or("", |control| control.amplitude().unit());
+        let load = scenario.control.as_ref().map_or(Load::default(), |control| control.amplitude().load());
+        let configuration = configuration::of(scenario, &load)?;
+        let document = Document { configuration, points: &points, end: &end, simulated_s, wall_s };
+        let mut files = Vec::new();
+        if let (Some(stem), Some(control)) = (&self.plot, &scenario.control)
+            && let Some(figure) = walk_point::figure(scenario, control, &points)?
+        {
+            files = output::plot(stem, &figure, &walk_point::csv(&points, unit), &document)?;
+        }
+        if self.json {
+            output::print_json(&document)?;
+        } else {
+            let settled = points.iter().filter(|point| point.settled).count();
+            if self.plot.is_none() {
+                output::print(&walk_point::table(&points, unit))?;
+            }
+            output::print(&format!(
+                "{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
+                end.outcome,
+                points.len()
+            ))?;
+            if !files.is_empty() {
+                output::print_written(&files)?;
+            }
+        }
+        if let Some(reason) = &end.reason {
+            tracing::error!("{reason}");
+        }
+        Ok(Verdict::of(end.is_finished() && points.iter().all(|point| point.settled)))
+    }
+}
+
+/// A force along a shaker; components due to rounding of its direction are 0.
+fn along(shaker: &ShakerSpec, force_n: f64) -> Amplitude {
+    let component = |share: f64| if share.abs() < 1e-12 { 0.0 } else { share * force_n };
+    let direction = shaker.direction();
+    Amplitude { force_x_n: component(direction.x), force_y_n: component(direction.y), ..Amplitude::default() }
+}

@@ -1,0 +1,103 @@
+//! `resonarm export`: a recording in the formats of other tools.
+
+use core::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::commands::inspect;
+use crate::failure::{Failure, Verdict};
+use crate::time_range::TimeRange;
+use crate::{flags, output};
+use resonarm::export::{ExportFormat, ExportedFile, Part, Selection, export};
+use resonarm::recording::Recording;
+
+/// The end of the help text.
+const HELP: &str = "\
+Formats and their files:
+  csv      STEM-PART.csv  a table a part; the names of the columns have the units
+  candump  STEM.log       the frames, as `candump -L` writes them and canplayer plays them
+  asc      STEM.asc       the frames, for Vector's tools and what reads their logs
+  blf      STEM.blf       the frames, the same in binary
+  foxglove STEM-foxglove.mcap  a copy for Foxglove, Lichtblick and PlotJuggler: a JSON message for every state and sample
+  uff58    STEM.uff       states and samples as functions of time, for tools of modal analysis: dataset 58, ASCII
+  wav      STEM-PART.wav  states and samples as channels of 32-bit floating-point numbers, in SI units
+Parquet and MF4 are written by the Python package: python3 -m resonarm export RECORDING --to parquet (docs/python.md).
+Times are simulated time; a log of a run in real time has the machine's. Readings are of a \
+time before their sample, by the delay of the converters: their time_s says so.";
+
+/// Writes a recording in the formats of other tools, record by record, so it may be larger than the memory. Names the
+/// files on standard error before it writes them.
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+pub(crate) struct Export {
+    /// The recording, an MCAP file.
+    file: PathBuf,
+    /// The format: csv, candump, asc, blf, foxglove, uff58, wav.
+    #[arg(long, value_name = "FORMAT", value_parser = str::parse::<ExportFormat>)]
+    to: ExportFormat,
+    /// Where the files go: STEM is the beginning of their names, or a folder in which they have the recording's name
+    /// [default: that name, in the current folder].
+    #[arg(long, value_name = "STEM")]
+    out: Option<PathBuf>,
+    /// Which records, separated by commas: states, samples, frames, ticks, events [default: all that the format holds].
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(Part::ALL, Part::name))]
+    parts: Vec<Part>,
+    #[command(flatten)]
+    range: TimeRange,
+    /// Add the moving arm for 3D views, its vibrations drawn X times as large; only foxglove.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    moving_arm: Option<f64>,
+    #[command(flatten)]
+    overwrite: output::OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Export {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let recording = Recording::open(&self.file)?;
+        if let Some(note) = inspect::integrity_note(recording.integrity()) {
+            tracing::warn!("{note}");
+        }
+        let stem = self.stem();
+        let TimeRange { from_s, to_s } = self.range;
+        let chosen = Selection::of(&recording, self.to, &self.parts, from_s, to_s)?;
+        let selection = Selection { magnification: self.moving_arm, ..chosen };
+        self.to.check(&selection)?;
+        let targets: Vec<PathBuf> = self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path).collect();
+        self.overwrite.check(targets.iter().cloned())?;
+        output::check_folder(&stem)?;
+        let names: Vec<_> = targets.iter().map(|path| path.display().to_string()).collect();
+        output::note(&format!("writing {}", names.join(", ")));
+        let files = export(&recording, self.to, &selection, &stem)?;
+        if self.json {
+            output::print_json(&serde_json::json!({ "format": self.to.name(), "files": files }))?;
+        } else {
+            output::print(&text(&files))?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    /// The beginning of the names of the files.
+    fn stem(&self) -> PathBuf {
+        let name = self.file.file_stem().unwrap_or(self.file.as_os_str());
+        match &self.out {
+            None => PathBuf::from(name),
+            Some(folder) if folder.is_dir() => folder.join(name),
+            Some(stem) => stem.clone(),
+        }
+    }
+}
+
+fn text(files: &[ExportedFile]) -> String {
+    let mut text = String::new();
+    for ExportedFile { path, rows, columns } in files {
+        let _infallible = match columns[..] {
+            [] => writeln!(text, "{}: {rows} frames", path.display()),
+            _ => writeln!(text, "{}: {rows} rows of {}", path.display(), columns.join(", ")),
+        };
+    }
+    text
+}

@@ -1,0 +1,113 @@
+//! Which of the scenario arm's modes were identified, and why the others were not.
+
+use core::fmt::{self, Display, Formatter};
+
+use serde::Serialize;
+
+use resonarm::analysis::Mode;
+use resonarm::identify::{Band, Identification, IdentifiedMode, MOST_NOISE_SHARE, Rejection};
+
+/// Largest relative distance of a found mode from the arm's: arms of the same make differ by less.
+const SAME_MODE: f64 = 0.15;
+/// Largest relative distance of a peak from the mode it is attributed to.
+const NEAR: f64 = 0.05;
+
+/// A mode of the scenario's arm that was not found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct MissingMode {
+    /// Its number.
+    pub mode: u8,
+    /// Its undamped natural frequency in the scenario, Hz.
+    pub frequency_hz: f64,
+    #[serde(flatten)]
+    pub reason: Reason,
+}
+
+/// Why it was not found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "reason")]
+pub(crate) enum Reason {
+    /// No peak is near it.
+    NoPeak,
+    /// There is a peak, but no mode can be fitted to it.
+    NoPole {
+        /// Its frequency, Hz.
+        peak_hz: f64,
+    },
+    /// There is a peak, but the head reads too little force there.
+    ForceInNoise {
+        /// Its frequency, Hz.
+        peak_hz: f64,
+        /// Share of the head's noise in the force's power.
+        noise_share: f64,
+    },
+}
+
+impl Display for MissingMode {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let MissingMode { mode, frequency_hz, reason } = self;
+        write!(f, "mode {mode}, at {frequency_hz:.2} Hz by the scenario's arm, is missing: ")?;
+        match reason {
+            Reason::NoPeak => write!(f, "no peak stands out near it; record for longer, or raise the force"),
+            Reason::NoPole { peak_hz } => write!(
+                f,
+                "there is a peak at {peak_hz:.2} Hz, but the record is as well described without a mode; excite for longer, \
+                 by a random force or a swept sine"
+            ),
+            Reason::ForceInNoise { peak_hz, noise_share } => write!(
+                f,
+                "there is a peak at {peak_hz:.2} Hz, but {:.0} % of the force's power there is the head's noise, more than \
+                 {:.0} %; excite for longer, by a random force or a swept sine",
+                100.0 * noise_share,
+                100.0 * MOST_NOISE_SHARE
+            ),
+        }
+    }
+}
+
+/// The number of each mode that was found: that of the nearest of the arm's modes, each used once.
+pub(crate) fn numbers(found: &[IdentifiedMode], arm: &[Mode; 2]) -> Vec<Option<u8>> {
+    let off = |mode: &IdentifiedMode, of: &Mode| libm::fabs(libm::log(mode.frequency_hz / of.frequency_hz));
+    let nearest = |of: &Mode| {
+        let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of) < SAME_MODE);
+        // If a found mode is near both, it belongs to the nearer one.
+        let candidates = near.filter(|(_, mode)| arm.iter().all(|other| off(mode, of) <= off(mode, other)));
+        candidates.min_by(|(_, a), (_, b)| off(a, of).total_cmp(&off(b, of))).map(|(index, _)| index)
+    };
+    let [first, second] = [nearest(&arm[0]), nearest(&arm[1])];
+    (0..found.len())
+        .map(|index| match Some(index) {
+            index if index == first => Some(1),
+            index if index == second => Some(2),
+            _ => None,
+        })
+        .collect()
+}
+
+/// The arm's modes in the band that were not found.
+pub(crate) fn missing(found: &Identification, numbers: &[Option<u8>], arm: &[Mode; 2], band: Band) -> Vec<MissingMode> {
+    let is_missing = |(number, mode): &(u8, &Mode)| {
+        (band.from_hz..=band.to_hz).contains(&mode.frequency_hz) && !numbers.contains(&Some(*number))
+    };
+    let reason = |frequency_hz: f64| {
+        let off = |peak_hz: f64| libm::fabs(peak_hz / frequency_hz - 1.0);
+        let near = found.rejected.iter().filter(|peak| off(peak.frequency_hz) < NEAR);
+        match near.min_by(|a, b| off(a.frequency_hz).total_cmp(&off(b.frequency_hz))) {
+            None => Reason::NoPeak,
+            Some(peak) => match peak.reason {
+                Rejection::NoPole => Reason::NoPole { peak_hz: peak.frequency_hz },
+                Rejection::ForceInNoise { share } => {
+                    Reason::ForceInNoise { peak_hz: peak.frequency_hz, noise_share: share }
+                }
+            },
+        }
+    };
+    let modes = (1..).zip(arm).filter(is_missing);
+    modes
+        .map(|(mode, Mode { frequency_hz, .. })| MissingMode {
+            mode,
+            frequency_hz: *frequency_hz,
+            reason: reason(*frequency_hz),
+        })
+        .collect()
+}

@@ -1,0 +1,80 @@
+//! `resonarm import`: a log of another tool as a recording.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::failure::{Failure, Verdict};
+use crate::{flags, output};
+use resonarm::can_log::LogFormat;
+use resonarm::import::{ImportOptions, Imported, import};
+use resonarm::recording::Existing;
+use resonarm::scenario::Scenario;
+
+/// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
+/// `resim` does not accept it. The log is read twice and never held in memory.
+#[derive(Debug, Args)]
+pub(crate) struct Import {
+    /// The log: of `candump -L`, or ASC or BLF of Vector's tools.
+    log: PathBuf,
+    /// The new recording.
+    output: PathBuf,
+    /// The format of the log [default: by its ending, .log for candump, .asc, .blf].
+    #[arg(long, value_name = "FORMAT", value_parser = flags::one_of(LogFormat::ALL, LogFormat::name))]
+    from: Option<LogFormat>,
+    /// TOML file with the scenario that was logged: its network, and its rate; it goes into the recording.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// The interface, or the channel, whose frames are imported; needed if the log has more than one.
+    #[arg(long, value_name = "NAME")]
+    interface: Option<String>,
+    /// Overwrite the new recording if it exists.
+    #[arg(long)]
+    overwrite: bool,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Import {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let format = match self.from {
+            Some(format) => format,
+            None => self.by_ending()?,
+        };
+        let options = ImportOptions {
+            scenario: self.scenario.as_deref().map(Scenario::read).transpose()?,
+            interface: self.interface.clone(),
+            existing: if self.overwrite { Existing::Overwrite } else { Existing::Refuse },
+        };
+        let imported = import(&self.log, format, &self.output, &options)?;
+        if self.json {
+            output::print_json(&imported)?;
+        } else {
+            output::print(&text(&imported))?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    fn by_ending(&self) -> Result<LogFormat, Failure> {
+        let name = self.log.to_string_lossy().to_ascii_lowercase();
+        let found = LogFormat::ALL.into_iter().find(|format| name.ends_with(format.ending()));
+        found.ok_or_else(|| {
+            let log = self.log.display();
+            let names = LogFormat::ALL.map(LogFormat::name).join(", ");
+            Failure::Usage(format!("{log}: the ending does not say the format: give it by --from, one of {names}"))
+        })
+    }
+}
+
+fn text(imported: &Imported) -> String {
+    let Imported { path, frames, of_other_interfaces, others, duration_s } = imported;
+    let frames_of = if *frames == 1 { "frame of" } else { "frames of" };
+    let others_of =
+        if *others == 1 { "line or object that is no frame" } else { "lines or objects that are no frames" };
+    format!(
+        "{}: {frames} {frames_of} {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
+         {others} {others_of}\n",
+        path.display()
+    )
+}

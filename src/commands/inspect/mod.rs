@@ -1,0 +1,200 @@
+//! `resonarm inspect`: shows the contents of a recording.
+
+mod plot;
+
+use core::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::failure::{Failure, Verdict};
+use crate::output::{self, in_line};
+use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
+use resonarm::statistics::{ChannelStatistics, Statistics, statistics};
+use resonarm_figures::plot::Figure;
+
+/// Shows a recording: its run, its problems and faults, its contents, and whether it is whole (if not, exit code 1).
+#[derive(Debug, Args)]
+pub(crate) struct Inspect {
+    /// The recording, an MCAP file.
+    file: PathBuf,
+    /// Add least, largest, mean and root-mean-square value of every channel, and counts of messages, of refused and
+    /// lost frames and of events.
+    #[arg(long)]
+    statistics: bool,
+    /// Draw angles, load and readings over time to STEM.svg and STEM.png, with the caption in STEM.txt.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: output::OverwriteFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    summary: &'a RecordingSummary,
+    /// Problems of the run or its recording.
+    problems: Vec<Problem>,
+    /// With --statistics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    statistics: Option<Statistics>,
+}
+
+impl Inspect {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), &Figure::ENDINGS)?;
+        let recording = Recording::open(&self.file)?;
+        let summary = recording.summary();
+        let statistics = if self.statistics { Some(statistics(&recording)?) } else { None };
+        let problems = problems(&summary, statistics.as_ref());
+        let written = match &self.plot {
+            Some(stem) => plot::figure(&recording, &summary)?.write(stem)?.to_vec(),
+            None => Vec::new(),
+        };
+        if self.json {
+            output::print_json(&Document { summary: &summary, problems, statistics })?;
+        } else {
+            output::print(&text(&summary, &problems, statistics.as_ref()))?;
+            if !written.is_empty() {
+                output::print_written(&written)?;
+            }
+        }
+        Ok(Verdict::of(summary.integrity == Integrity::Complete))
+    }
+}
+
+/// A problem of a run or its recording.
+#[derive(Clone, Debug, Serialize)]
+struct Problem {
+    /// `fault`, `other sender`, `clipped`, `gap`, `lost` or `refused`.
+    kind: &'static str,
+    /// Its description.
+    what: String,
+}
+
+/// Problems of a run or its recording, except its integrity.
+fn problems(summary: &RecordingSummary, statistics: Option<&Statistics>) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    let mut problem = |kind, what| problems.push(Problem { kind, what });
+    summary.faults.iter().for_each(|fault| problem("fault", fault.to_string()));
+    if summary.other_sender_frames > 0 {
+        let frames = summary.other_sender_frames;
+        problem(
+            "other sender",
+            format!("{frames} frames of another network under identifiers that only the plant sends"),
+        );
+    }
+    if let clipped @ 1.. = summary.clipped_samples {
+        problem("clipped", format!("{clipped} samples with a reading beyond the range of its sensor"));
+    }
+    for (name, topic) in summary.topics.iter().filter(|(_, topic)| topic.gaps > 0) {
+        problem("gap", format!("{name} has {} gaps", topic.gaps));
+    }
+    for (channel, lost) in summary.lost.iter().filter(|(_, lost)| **lost > 0) {
+        problem("lost", format!("{lost} records of channel {channel}"));
+    }
+    for (reason, count) in statistics.iter().flat_map(|statistics| &statistics.refused_frames) {
+        problem("refused", format!("{count} frames, {reason}"));
+    }
+    if let Some(lost) = statistics.map(|statistics| statistics.lost_frames).filter(|lost| *lost > 0) {
+        problem("lost", format!("{lost} frames on the bus, according to the counters"));
+    }
+    problems
+}
+
+/// The note on a recording that is not whole.
+pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
+    let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
+    match integrity {
+        Integrity::Complete => None,
+        Integrity::Unfinished => Some(String::from("the recording was recovered from a truncated or damaged one")),
+        Integrity::Truncated { readable_bytes, file_bytes, last_sample } => Some(format!(
+            "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
+            last(last_sample)
+        )),
+        Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => Some(format!(
+            "the recording is damaged ({cause}): {readable_bytes} of {file_bytes} bytes can be read, {}",
+            last(last_sample)
+        )),
+    }
+}
+
+fn time_text(origin: &Origin) -> String {
+    let time = match origin.time {
+        RunTime::Simulated => "simulated time",
+        RunTime::Lockstep => "lockstep",
+        RunTime::RealTime => "real time",
+    };
+    match origin.start_unix_ns {
+        Some(start_ns) => format!("{time}, begun {:.3} s after the UNIX epoch", start_ns as f64 * 1e-9),
+        None => time.to_string(),
+    }
+}
+
+fn plotting_text(origin: &Origin) -> String {
+    match origin.plot_every_samples {
+        0 => String::from("nothing"),
+        1 => String::from("every sample"),
+        every => format!("one of {every} samples, filtered against aliases"),
+    }
+}
+
+fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&Statistics>) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        let _infallible = writeln!(text, "{:12} {}", in_line(name), in_line(&value));
+    };
+    line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
+    line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
+    if let Some((first, last)) = summary.samples {
+        line(
+            "samples",
+            format!("{first} to {last}, {:.3} s at {} s a sample", summary.duration_s, summary.origin.dt_s),
+        );
+    }
+    for problem in problems {
+        line(problem.kind, problem.what.clone());
+    }
+    line("format", format!("{}, {}", summary.origin.format, time_text(&summary.origin)));
+    line("plotting", plotting_text(&summary.origin));
+    line("bus", summary.origin.interface.clone());
+    line(
+        "build",
+        format!(
+            "{} {}, {}",
+            summary.origin.build.version, summary.origin.build.git_commit, summary.origin.build.target
+        ),
+    );
+    for (topic, contents) in &summary.topics {
+        line(topic, format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes));
+    }
+    for (key, value) in &summary.statistics {
+        line(key, value.clone());
+    }
+    if let Some(statistics) = statistics {
+        text.push_str(&statistics_text(statistics));
+    }
+    for (key, value) in &summary.configuration {
+        let _infallible = write!(text, "\n[{}]\n{}\n", in_line(key), value.trim_end());
+    }
+    text
+}
+
+fn statistics_text(statistics: &Statistics) -> String {
+    let mut text = format!("\n{:24} {:>12} {:>12} {:>12} {:>12}\n", "channel", "least", "largest", "mean", "rms");
+    for ChannelStatistics { name, least, largest, mean, rms } in &statistics.channels {
+        let _infallible = writeln!(text, "{name:24} {least:12.4e} {largest:12.4e} {mean:12.4e} {rms:12.4e}");
+    }
+    let counts = statistics.messages.iter().map(|(name, count)| (*name, count));
+    for (name, count) in counts.chain(statistics.events.iter().map(|(name, count)| (name.as_str(), count))) {
+        let _infallible = writeln!(text, "{:24} {count:12}", in_line(name));
+    }
+    let Statistics { lost_frames, foreign_frames, .. } = statistics;
+    let _infallible =
+        writeln!(text, "{:24} {lost_frames:12}\n{:24} {foreign_frames:12}", "lost frames", "foreign frames");
+    text
+}

@@ -1,0 +1,33 @@
+//! The commands: one file each, its flags and what it prints.
+
+pub mod backbone;
+pub mod basins;
+pub mod compare;
+pub mod conformance;
+pub mod continuation;
+pub mod cut;
+pub mod demo;
+pub mod demo_report;
+pub mod diff;
+pub mod doctor;
+pub mod exciter;
+pub mod experiment;
+pub mod export;
+pub mod frf;
+pub mod identify;
+pub mod identify_angles;
+pub mod identify_missing;
+pub mod import;
+pub mod inspect;
+pub mod integrators;
+pub mod latency;
+pub mod modes;
+pub mod paper;
+pub mod poincare;
+pub mod protocol;
+pub mod recover;
+pub mod replay;
+pub mod resim;
+pub mod run;
+pub mod simulate;
+pub mod sweep;

@@ -1,0 +1,89 @@
+//! `resonarm protocol`: the specification, DBC and C header of the wire, and decoding and encoding of frames.
+
+mod decode;
+mod encode;
+mod log_line;
+
+use clap::{Args, Subcommand};
+
+use crate::failure::{Failure, Verdict};
+use crate::{flags, output};
+use resonarm::protocol::{DEFAULT_BASE, Network, Node, Profile, SPEC, dbc, header};
+
+/// Prints the specification, DBC and C header of the wire; decodes and encodes frames.
+#[derive(Debug, Args)]
+pub(crate) struct Protocol {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Prints the specification, in Markdown.
+    Spec,
+    /// Prints the DBC of a network, for cantools, SavvyCAN, Vector's tools and the like.
+    Dbc(NetworkFlags),
+    /// Prints the C header of a network: identifiers, data ids, lengths, scaling, times, hash of the DBC.
+    Header(NetworkFlags),
+    Decode(decode::Decode),
+    Encode(encode::Encode),
+}
+
+/// Which network.
+#[derive(Debug, Args)]
+pub(crate) struct NetworkFlags {
+    /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
+    #[arg(long, value_name = "ID", value_parser = identifier, default_value_t = Hexadecimal(DEFAULT_BASE))]
+    base: Hexadecimal,
+    /// Node id of the plant, 1 to 127.
+    #[arg(long, value_name = "N", default_value_t = Network::default().node_id(Node::Plant))]
+    plant_id: u8,
+    /// Node id of the exciter, 1 to 127.
+    #[arg(long, value_name = "N", default_value_t = Network::default().node_id(Node::Exciter))]
+    exciter_id: u8,
+    /// Frames of commands and samples.
+    #[arg(long, value_parser = flags::one_of(Profile::ALL, Profile::name), default_value_t)]
+    profile: Profile,
+}
+
+/// A number that is shown in hexadecimal.
+#[derive(Clone, Copy, Debug)]
+struct Hexadecimal(u16);
+
+impl core::fmt::Display for Hexadecimal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{:#x}", self.0)
+    }
+}
+
+/// A number, decimal or, after 0x, hexadecimal.
+fn identifier(text: &str) -> Result<Hexadecimal, String> {
+    let number = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
+        Some(digits) => u16::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map(Hexadecimal).map_err(|error| format!("{error}; write it as 0x200 or as 512"))
+}
+
+impl NetworkFlags {
+    pub fn network(&self) -> Result<Network, Failure> {
+        Network::new(self.base.0)
+            .and_then(|network| network.with_node_ids(self.plant_id, self.exciter_id))
+            .map(|network| network.with_profile(self.profile))
+            .map_err(|error| Failure::Usage(error.to_string()))
+    }
+}
+
+impl Protocol {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        match &self.action {
+            Action::Spec => output::print(SPEC).map(|()| Verdict::Positive),
+            Action::Dbc(flags) => output::print(&dbc::Dbc(flags.network()?).to_string()).map(|()| Verdict::Positive),
+            Action::Header(flags) => {
+                output::print(&header::Header(flags.network()?).to_string()).map(|()| Verdict::Positive)
+            }
+            Action::Decode(decode) => decode.execute(),
+            Action::Encode(encode) => encode.execute(),
+        }
+    }
+}

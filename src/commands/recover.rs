@@ -1,0 +1,57 @@
+//! `resonarm recover`: repairs a truncated or damaged recording.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::commands::inspect;
+use crate::failure::{Failure, Verdict};
+use crate::output;
+use resonarm::recording::{Existing, Recovered, recover};
+
+/// Writes the readable records of a truncated or damaged recording into a whole one, for tools that accept only whole
+/// files. Damaged chunks are left out and listed. The old file is not changed; if it has no readable record, no file is
+/// written (exit code 1).
+#[derive(Debug, Args)]
+pub(crate) struct Recover {
+    /// The recording, an MCAP file that `inspect` calls truncated or damaged.
+    file: PathBuf,
+    /// The new file.
+    output: PathBuf,
+    /// Overwrite the new file if it exists.
+    #[arg(long)]
+    overwrite: bool,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Recover {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let recovered = recover(&self.file, &self.output, existing)?;
+        if self.json {
+            output::print_json(&recovered)?;
+        } else {
+            output::print(&text(&recovered))?;
+        }
+        Ok(Verdict::Positive)
+    }
+}
+
+fn text(recovered: &Recovered) -> String {
+    let mut text = inspect::integrity_note(&recovered.source).unwrap_or_default() + "\n";
+    let mut line = |line: String| text.extend([&line, "\n"]);
+    for chunk in &recovered.lost_chunks {
+        let times = chunk.log_times_ns.map_or(String::new(), |(first, last)| {
+            format!(", which states log times from {:.3} to {:.3} s", first as f64 * 1e-9, last as f64 * 1e-9)
+        });
+        line(format!("{} bytes from byte {} are gone{times}: {}", chunk.bytes, chunk.offset, chunk.cause));
+    }
+    for missing in &recovered.missing_samples {
+        line(format!("samples {} to {} are gone", missing.first, missing.last));
+    }
+    let (messages, path, bytes) = (recovered.messages, recovered.path.display(), recovered.bytes);
+    line(format!("{messages} messages recovered into {path}, {bytes} bytes"));
+    text
+}

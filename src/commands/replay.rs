@@ -1,0 +1,221 @@
+//! `resonarm replay`: sends recorded frames to a bus, for any listener or against a live controller.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::{Args, ValueEnum};
+
+use crate::commands::inspect;
+use crate::failure::{Failure, Verdict};
+use crate::live::{self, LiveFlags, Showing};
+use crate::output;
+use crate::session::seconds;
+use crate::supervise::supervise;
+use crate::time_range::TimeRange;
+use resonarm::bus::{self, Bus, BusAddress};
+use resonarm::control::Length;
+use resonarm::export;
+use resonarm::protocol::{Frame, Id};
+use resonarm::realtime::SystemClock;
+use resonarm::recording::{Direction, Recording};
+use resonarm::replay::{Compared, Difference, Playback, Regression, ReplayError, play, play_against};
+use resonarm::run::Signals;
+use resonarm_numeric::number::short;
+
+/// Sends the frames of a recording to a bus, with their recorded timing; or shows the recording in a browser (--live).
+///
+/// With --against it acts as the plant for a live controller: it sends the recorded plant's frames, waits for the
+/// controller's answers, and compares them with the recorded commands, sample by sample (exit code 1 at a difference).
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+                        resonarm replay run.mcap --bus vcan0 --direction sent --id 203,204 --loop 0\n  \
+                        resonarm replay run.mcap --bus can0 --against --limit-n 0.1")]
+pub(crate) struct Replay {
+    /// The recording, an MCAP file.
+    file: PathBuf,
+    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
+    bus: Option<String>,
+    /// Times the recorded speed, from 0.001 to 1000000, with --live to 1000; 0 is as fast as possible, not with --live.
+    #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
+    speed: f64,
+    #[command(flatten)]
+    selection: SelectionFlags,
+    #[command(flatten)]
+    against: AgainstFlags,
+    #[command(flatten)]
+    live: LiveFlags,
+    /// With --live: stay at the first sample until the first viewer connects.
+    #[arg(long, requires = "live", conflicts_with = "bus")]
+    wait: bool,
+    /// Print one JSON document.
+    #[arg(long, conflicts_with = "live")]
+    json: bool,
+}
+
+/// Which frames are sent, and how often.
+#[derive(Debug, Args)]
+struct SelectionFlags {
+    /// Which frames, from the plant's point of view.
+    #[arg(long, value_enum, value_name = "DIRECTION", default_value_t = Which::Both, conflicts_with = "live")]
+    direction: Which,
+    /// Only frames with these identifiers, separated by commas: 3 hexadecimal digits, 8 for an extended one, as in
+    /// candump.
+    #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = identifier, conflicts_with = "live")]
+    id: Vec<Id>,
+    /// Identifiers to replace by others, separated by commas, as 203=213. The checks of protected frames then fail.
+    #[arg(long, value_name = "ID=ID,…", value_delimiter = ',', value_parser = mapping, conflicts_with = "live")]
+    map: Vec<(Id, Id)>,
+    #[command(flatten)]
+    range: TimeRange,
+    /// How often, in succession; 0 repeats until it is stopped. With --live it then stays at its end.
+    #[arg(long = "loop", value_name = "N", default_value_t = 1)]
+    times: u32,
+}
+
+/// Settings for a live controller and the tolerances.
+#[derive(Debug, Args)]
+struct AgainstFlags {
+    /// Compare the commands of a live controller on the bus with the recorded ones.
+    #[arg(long, conflicts_with_all = ["direction", "id", "map", "from_s", "to_s", "times", "live"])]
+    against: bool,
+    /// Largest accepted difference of a commanded force, N; 0 is equal on the wire.
+    #[arg(long, value_name = "N", default_value_t = 0.0)]
+    limit_n: f64,
+    /// Largest accepted difference of a commanded torque, N·m.
+    #[arg(long, value_name = "N", default_value_t = 0.0)]
+    limit_nm: f64,
+    /// How long to wait for the controller, and for each of its answers, s.
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    patience_s: f64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Which {
+    /// Those the plant received and those it sent.
+    Both,
+    /// Those the plant received: the exciter's commands.
+    Received,
+    /// Those the plant sent: the sensors.
+    Sent,
+}
+
+/// An identifier as candump writes it.
+fn identifier(text: &str) -> Result<Id, String> {
+    let frame = format!("{text}#").parse::<Frame>();
+    frame.map(|frame| frame.id()).map_err(|error| format!("{error}; write 3 hexadecimal digits, or 8"))
+}
+
+/// Two identifiers.
+fn mapping(text: &str) -> Result<(Id, Id), String> {
+    let (from, to) = text.split_once('=').ok_or("write it as 203=213")?;
+    Ok((identifier(from)?, identifier(to)?))
+}
+
+impl Replay {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let address = self.bus.as_deref().map(str::parse::<BusAddress>).transpose()?;
+        let recording = Recording::open(&self.file)?;
+        if let Some(note) = inspect::integrity_note(recording.integrity()) {
+            tracing::warn!("{note}");
+        }
+        let Some(address) = address else {
+            let SelectionFlags { range, times, .. } = &self.selection;
+            if range.from_s.or(range.to_s).is_some() {
+                return Err(Failure::Usage(String::from(
+                    "--from-s and --to-s are for --bus: `resonarm cut` copies a range of time",
+                )));
+            }
+            live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;
+            return Ok(Verdict::Positive);
+        };
+        if self.against.against {
+            let regression = self.regression()?;
+            let compared =
+                on_bus(&address, move |bus, signals| play_against(&recording, bus, &SystemClock, regression, signals))?;
+            return self.print_compared(&compared);
+        }
+        let playback = self.playback(&recording)?;
+        let played = on_bus(&address, move |bus, signals| play(&recording, bus, &SystemClock, &playback, signals))?;
+        if self.json {
+            output::print_json(&played)?;
+        } else {
+            output::print(&format!(
+                "{} frames of {:.3} recorded seconds sent to {address}, the latest {:.3} ms late\n",
+                played.frames,
+                played.recorded_s,
+                played.latest_s * 1e3
+            ))?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    fn playback(&self, recording: &Recording) -> Result<Playback, Failure> {
+        let SelectionFlags { direction, id, map, range: TimeRange { from_s, to_s }, times } = &self.selection;
+        let samples = match (from_s, to_s) {
+            (None, None) => None,
+            _ => Some(export::samples(recording, *from_s, *to_s)?),
+        };
+        let direction = match direction {
+            Which::Both => None,
+            Which::Received => Some(Direction::Received),
+            Which::Sent => Some(Direction::Sent),
+        };
+        Ok(Playback { speed: self.speed, direction, ids: id.clone(), mapped: map.clone(), samples, times: *times })
+    }
+
+    fn regression(&self) -> Result<Regression, Failure> {
+        let AgainstFlags { limit_n, limit_nm, patience_s, .. } = self.against;
+        for (flag, limit) in [("--limit-n", limit_n), ("--limit-nm", limit_nm)] {
+            if limit < 0.0 {
+                return Err(Failure::Usage(format!("{flag} is {}: it must be 0 or more", short(&limit))));
+            }
+        }
+        Ok(Regression { speed: self.speed, limit_n, limit_nm, patience: seconds("--patience-s", patience_s)? })
+    }
+
+    fn print_compared(&self, compared: &Compared) -> Result<Verdict, Failure> {
+        if self.json {
+            output::print_json(compared)?;
+        } else {
+            output::print(&text(compared))?;
+        }
+        Ok(Verdict::of(compared.first_difference.is_none()))
+    }
+}
+
+/// Runs `work` on the bus until it is done or stopped by a signal.
+fn on_bus<T: Send + 'static>(
+    address: &BusAddress,
+    work: impl FnOnce(&mut dyn Bus, &Signals) -> Result<T, ReplayError> + Send + 'static,
+) -> Result<T, Failure> {
+    let mut bus = bus::open(address)?;
+    let signals = Arc::new(Signals::default());
+    let watched = Arc::clone(&signals);
+    let result = supervise(
+        "replay",
+        &signals,
+        Length::Unknown,
+        |_line| {},
+        move || {
+            let result = work(bus.as_mut(), &watched);
+            let closed = bus.close();
+            result.and_then(|done| closed.map(|()| done).map_err(Into::into))
+        },
+    )?;
+    Ok(result?)
+}
+
+fn text(compared: &Compared) -> String {
+    let Compared { frames, commands, largest_force_difference_n, largest_torque_difference_nm, first_difference } =
+        compared;
+    let mut text = format!(
+        "{frames} frames of the plant sent, {commands} commands compared; largest differences {} N, {} N\u{b7}m\n",
+        short(largest_force_difference_n),
+        short(largest_torque_difference_nm)
+    );
+    if let Some(Difference { sample, kind }) = first_difference {
+        text += &format!("first difference at sample {sample}: {kind}\n");
+    }
+    text
+}

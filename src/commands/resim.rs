@@ -1,0 +1,60 @@
+//! `resonarm resim`: simulates a recorded run again.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::commands::inspect;
+use crate::failure::{Failure, Verdict};
+use crate::output;
+use resonarm::recording::{Recording, build_info};
+use resonarm::replay::{self, resimulate};
+
+/// Simulates a recorded run again from its recorded loads and says whether every state is identical (if not, or if the
+/// recording is damaged, exit code 1).
+#[derive(Debug, Args)]
+pub(crate) struct Resim {
+    /// The recording, an MCAP file.
+    file: PathBuf,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Resim {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let recording = Recording::open(&self.file)?;
+        let (then, now) = (&recording.origin().build, build_info());
+        if *then != now {
+            tracing::warn!(
+                "recorded by another build ({} {} for {}), so differences are possible",
+                then.version,
+                then.git_commit,
+                then.target
+            );
+        }
+        let verdict = resimulate(&recording)?;
+        if self.json {
+            output::print_json(&verdict)?;
+        } else {
+            output::print(&text(&verdict))?;
+        }
+        Ok(Verdict::of(verdict.identical))
+    }
+}
+
+fn text(verdict: &replay::Verdict) -> String {
+    let mut text = inspect::integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
+    let samples = verdict.samples;
+    text += &match (verdict.first_divergence, verdict.identical) {
+        (Some(sample), _) => {
+            let drift_rad = verdict.max_drift_rad;
+            format!(
+                "differs from sample {sample} on; largest drift of an angle {drift_rad:.3e} rad in {samples} samples\n"
+            )
+        }
+        (None, true) => format!("identical: {samples} samples, bit for bit\n"),
+        (None, false) => format!("not identical: only {samples} samples can be compared, which agree bit for bit\n"),
+    };
+    text
+}

@@ -1,0 +1,261 @@
+//! `resonarm run`: the plant on a bus.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::configuration;
+
+use crate::failure::{Failure, Verdict};
+use crate::figures::latency_figure::{self, HistogramFlag, LatencyCurve};
+use crate::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
+use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
+use crate::output;
+use crate::responses::{self, ResponseDocument};
+use crate::session::{
+    EventLog, PlantDocument, RecordFlags, complaint, event_ring, other_sender_warning, report_text, seconds,
+    set_filters,
+};
+use crate::status::{Status, StatusFlag, Style};
+use crate::supervise::{Line, supervise};
+use resonarm::bus::{self, BusAddress};
+use resonarm::control::Length;
+use resonarm::node::Outcome as NodeOutcome;
+use resonarm::realtime::OverrunPolicy;
+use resonarm::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
+use resonarm::scenario::Scenario;
+use resonarm_figures::plot::Color;
+
+/// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
+#[derive(Debug, Args)]
+pub(crate) struct Run {
+    /// The bus: vcan0, can0, python-can:interface=I,channel=C. Not for --mode free.
+    #[arg(long, value_name = "BUS")]
+    bus: Option<String>,
+    /// Which run loop drives the plant: real-time takes samples at deadlines of the clock; lockstep waits for the
+    /// command that answers each sample; free runs plant and exciter of the scenario in one loop, without a bus.
+    #[arg(long, value_parser = flags::one_of(Mode::ALL, Mode::name), default_value_t)]
+    mode: Mode,
+    #[command(flatten)]
+    session: SessionFlags,
+    /// Simulated seconds a second in lockstep and free; 0 is as fast as possible.
+    #[arg(long, value_name = "X", default_value_t = 0.0, allow_hyphen_values = true)]
+    speed: f64,
+    #[command(flatten)]
+    record: RecordFlags,
+    /// End when the controller disarms the plant, or the armed plant faults.
+    #[arg(long)]
+    stop_on_disarm: bool,
+    /// How long to wait for a controller to arm the plant, s [default: without end].
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    patience_s: Option<f64>,
+    /// Reaction to a missed deadline in real time: slip, continue, fault, stop.
+    #[arg(long, value_name = "POLICY", default_value_t)]
+    overrun: OverrunPolicy,
+    #[command(flatten)]
+    thread: ThreadFlags,
+    #[command(flatten)]
+    spin: SpinFlag,
+    #[command(flatten)]
+    histogram: HistogramFlag,
+    #[command(flatten)]
+    live: LiveFlags,
+    #[command(flatten)]
+    steer: SteerFlag,
+    #[command(flatten)]
+    status: StatusFlag,
+    /// Print one JSON document.
+    #[arg(long)]
+    json: bool,
+    /// Write events to standard error as JSON, one object a line: ready, armed, disarmed, faulted, slipped …
+    #[arg(long)]
+    json_events: bool,
+}
+
+type Result<T> = core::result::Result<T, Failure>;
+
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    plant: PlantDocument<'a>,
+    /// How the exciter ended, in a free run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exciter: Option<ExciterEnd>,
+    /// The responses it read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    responses: Option<Vec<ResponseDocument>>,
+}
+
+/// The default scenario; that of a free run includes an excitation.
+pub(crate) fn default_scenario(mode: Mode) -> Result<Scenario> {
+    if mode == Mode::Free { crate::commands::exciter::scenario() } else { Ok(Scenario::default()) }
+}
+
+impl Run {
+    /// The scenario of the flags.
+    pub(crate) fn scenario(&self) -> Result<Scenario> {
+        self.session.scenario(|| default_scenario(self.mode))
+    }
+
+    pub fn execute(&self) -> Result<Verdict> {
+        let options = Options {
+            record: self.record.target(),
+            speed: Speed::new(self.speed).map_err(RunError::from)?,
+            overrun: self.overrun,
+            spin: self.spin.spin,
+            thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
+            on_shortfall: self.thread.on_shortfall(),
+            end_on_disarm: self.stop_on_disarm,
+            patience: self.patience_s.map(|given_s| seconds("--patience-s", given_s)).transpose()?,
+            ..Options::default()
+        };
+        self.histogram.check(self.record.overwrite)?;
+        let session = Session::new(self.scenario()?, self.mode, options)?;
+        if let (Mode::Free, Some(path)) = (self.mode, &self.histogram.histogram) {
+            return Err(Failure::Usage(format!(
+                "--histogram {}: a run in the mode free has no schedule to be late for; take real-time or lockstep",
+                path.display()
+            )));
+        }
+        match self.mode {
+            Mode::Free => self.run_free(session),
+            Mode::RealTime | Mode::Lockstep => self.run_on_bus(session),
+        }
+    }
+
+    fn run_on_bus(&self, session: Session) -> Result<Verdict> {
+        let Some(bus) = &self.bus else {
+            return Err(Failure::Usage(format!(
+                "--bus is missing: name the bus, as --bus vcan0; --mode {} has one, --mode free has none",
+                self.mode
+            )));
+        };
+        if self.steer.steer {
+            return Err(Failure::Usage(format!(
+                "--steer is for --mode free; in the mode {} the exciter on the bus is steered: `resonarm exciter --live --steer`",
+                self.mode
+            )));
+        }
+        let configuration = configuration::of_arm(session.scenario())?;
+        let address: BusAddress = bus.parse()?;
+        session.leave_core();
+        let mut bus = bus::open(&address)?;
+        if self.record.record.is_none() && self.live.live.is_none() {
+            set_filters(bus.as_mut(), &address, &session)?;
+        }
+        let shown_role = ShownRole {
+            role: Role::Plant,
+            place: address.to_string(),
+            interface: bus.name(),
+            json: self.json_events,
+            steered: None,
+        };
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
+        let signals = Arc::new(Signals::default());
+        let (mut event_sender, events) = event_ring();
+        let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
+        let length = session.scenario().duration_samples()?.map_or(Length::Unknown, Length::Samples);
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = self.status()?;
+        let report = supervise(
+            "plant",
+            &signals,
+            length,
+            |line| {
+                log.write(line);
+                status.write(&shown, line);
+            },
+            move || {
+                // If the ring is full, events are missing from the log, but not from the recording.
+                let report = session.plant(bus.as_mut(), &watched, |event| _ = event_sender.push(event))?;
+                Ok::<_, RunError>(close(report, bus.close()))
+            },
+        )??;
+        self.conclude(configuration, report, None)
+    }
+
+    fn run_free(&self, session: Session) -> Result<Verdict> {
+        if self.bus.is_some() {
+            return Err(RunError::FreeHasNoBus.into());
+        }
+        let configuration = configuration::of_arm(session.scenario())?;
+        let (session, steered) = self.steer.steered(session)?;
+        let signals = Arc::new(Signals::default());
+        let length = match session.scenario().duration_samples()? {
+            Some(samples) => Length::Samples(samples),
+            None => session.controller()?.length(),
+        };
+        let shown_role = ShownRole {
+            role: Role::PlantAndExciter,
+            place: String::from("a virtual bus"),
+            interface: session.interface_of_both().to_owned(),
+            json: self.json_events,
+            steered,
+        };
+        let (session, _serving) = self.live.watched(session, &shown_role)?;
+        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
+        let mut status = self.status()?;
+        let on_tick = |line: &mut Line| status.write(&shown, line);
+        let report = supervise("plant", &signals, length, on_tick, move || session.both(&watched, |_| {}))??;
+        self.conclude(configuration, report.plant, Some(&report.exciter))
+    }
+
+    fn status(&self) -> Result<Status> {
+        match (self.json_events, self.status.every()?) {
+            (false, every) => Ok(Status::new(Style::People { every })),
+            (true, None) => Ok(Status::new(Style::Off)),
+            (true, Some(_)) => Err(Failure::Usage(String::from(
+                "--status-s and --json-events both write to standard error: give one of them",
+            ))),
+        }
+    }
+
+    /// Draws the latencies of a run with a schedule.
+    fn draw(&self, path: &Path, report: &PlantReport) -> Result<()> {
+        let latency =
+            [("late", Color::Blue, &report.histograms.wakeup), ("work", Color::Vermillion, &report.histograms.exec)];
+        let curves = latency.into_iter().filter_map(|(name, color, histogram)| {
+            histogram.as_ref().map(|histogram| LatencyCurve { name, color, counted: vec![histogram] })
+        });
+        let thread = report.thread.as_ref().map_or(String::from("an ordinary thread"), ToString::to_string);
+        let subtitle = format!("{} samples, {} overruns, {thread}", report.samples, report.overruns);
+        latency_figure::write(path, &subtitle, &[(None, curves.collect())])
+    }
+
+    /// Prints the report, however the run ended; then reports what went wrong.
+    fn conclude(&self, configuration: Value, report: PlantReport, exciter: Option<&ExciterReport>) -> Result<Verdict> {
+        if let Some(path) = &self.histogram.histogram {
+            self.draw(path, &report)?;
+        }
+        if self.json {
+            let responses = exciter.map(|report| responses::documents(&report.responses));
+            let plant = PlantDocument { configuration, report: &report };
+            output::print_json(&Document { plant, exciter: exciter.map(ExciterEnd::from), responses })?;
+        } else {
+            let read = exciter.map_or(String::new(), |report| responses::table(&report.responses));
+            output::print(&(report_text(&report) + &read))?;
+        }
+        // With a duration the plant may leave before the excitation is over: no complaint.
+        let complaints = [
+            complaint(&report),
+            exciter
+                .filter(|report| report.outcome != Some(NodeOutcome::PlantLeft))
+                .and_then(crate::commands::exciter::complaint),
+        ];
+        other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));
+        complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
+        match report.error {
+            Some(error) => Err(error.into()),
+            None => Ok(Verdict::of(complaints.iter().all(Option::is_none) && report.outcome.is_good())),
+        }
+    }
+}
+
+/// Adds an error on closing the bus to the report, unless it has an error already.
+fn close(report: PlantReport, closed: core::result::Result<(), bus::BusError>) -> PlantReport {
+    let error = report.error.or(closed.err().map(RunError::from));
+    PlantReport { error, ..report }
+}

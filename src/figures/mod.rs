@@ -1,0 +1,8 @@
+//! Figures and tables of several commands.
+
+pub mod branch_plot;
+pub mod branch_table;
+pub mod captions;
+pub mod latency_figure;
+pub mod singular_curves;
+pub mod zone_figure;

@@ -1,0 +1,170 @@
+//! Curves of folds and period doublings in the plane of two parameters.
+
+use core::fmt::Write;
+
+use clap::Args;
+use serde_json::{Map, Value, json};
+
+use crate::commands::continuation::DriveFlags;
+use crate::ended_early::Early;
+use crate::failure::Failure;
+use crate::quantity::Quantity;
+use crate::walk_flags::WalkFlags;
+use resonarm::analysis::{
+    BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves,
+};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
+
+/// Which second parameter the bifurcations of the branch are followed in, and how far.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct CurveFlags {
+    /// Also follow the folds and period doublings of the branch in a second parameter: a name as for --parameter.
+    #[arg(long, value_name = "NAME", requires = "curves_to")]
+    curves_in: Option<String>,
+    /// Where the curves end, in the unit of the second parameter; they begin at its value on the branch.
+    #[arg(long, value_name = "X", allow_hyphen_values = true, requires = "curves_in")]
+    curves_to: Option<f64>,
+}
+
+/// The curves of a branch's bifurcations, in the plane of two quantities.
+pub(crate) struct Curves {
+    first: Quantity,
+    second: Quantity,
+    curves: Vec<BifurcationCurve>,
+}
+
+struct BifurcationCurve {
+    kind: BifurcationKind,
+    curve: SingularCurve,
+}
+
+/// The largest step along a curve, relative to its local size: short enough for a smooth drawing.
+const LARGEST_STEP: f64 = 0.08;
+
+impl CurveFlags {
+    /// The second quantity and where the curves end, if curves are wanted.
+    pub fn second(&self, first: &Quantity, drive: &DriveFlags) -> Result<Option<(Quantity, f64)>, Failure> {
+        let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };
+        let second = Quantity::parse("--curves-in", name, drive)?;
+        if second.name == first.name {
+            return Err(Failure::Usage(format!(
+                "--curves-in {name} is what the branch is followed in already: name another parameter"
+            )));
+        }
+        Ok(Some((second, to)))
+    }
+}
+
+impl Curves {
+    /// Follows each fold and each period doubling of the branch in `second` from its value there to `to`. A curve that
+    /// returns through another of them represents both.
+    pub fn trace(
+        forced: &ForcedArm,
+        branch: &Branch,
+        first: Quantity,
+        (second, to): (Quantity, f64),
+        walk: &WalkFlags,
+        early: &mut Early,
+    ) -> Result<Curves, Failure> {
+        let mut options = walk.options(0.0, to)?;
+        options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
+        let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
+        let mut curves = Vec::new();
+        for (kind, walked) in walked {
+            curves.extend(early.keep_any(second.name, walked)?.map(|curve| BifurcationCurve { kind, curve }));
+        }
+        Ok(Curves { first, second, curves })
+    }
+
+    /// The curves as JSON.
+    pub fn document(&self) -> Value {
+        let place = |point: &SingularPoint| {
+            let mut map = Map::new();
+            map.insert(String::from(self.first.name), json!(point.lambda));
+            map.insert(String::from(self.second.name), json!(point.mu));
+            map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
+            map
+        };
+        let point = |point: &SingularPoint| Value::Object(place(point));
+        let curve = |curve: &BifurcationCurve| {
+            let points: Vec<Value> = curve.curve.points.iter().map(point).collect();
+            let turns: Vec<Value> = curve
+                .curve
+                .turns
+                .iter()
+                .map(|turn| {
+                    let mut map = place(&turn.point);
+                    map.insert(String::from("kind"), json!(turn_name(turn)));
+                    Value::Object(map)
+                })
+                .collect();
+            json!({ "kind": curve.kind.name(), "points": points, "turns": turns })
+        };
+        Value::Array(self.curves.iter().map(curve).collect())
+    }
+
+    /// A line for each point, with the units in the names of the columns. `curve` counts from 0.
+    pub fn csv(&self) -> String {
+        let (first, second) = (self.first.name, self.second.name);
+        let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
+        for (number, BifurcationCurve { kind, curve }) in self.curves.iter().enumerate() {
+            for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in &curve.points {
+                let _infallible = writeln!(text, "{number},{},{lambda},{mu},{h1},{h2}", kind.name());
+            }
+        }
+        text
+    }
+
+    /// The ends of each curve.
+    pub fn text(&self) -> String {
+        let (first, second) = (self.first.name, self.second.name);
+        if self.curves.is_empty() {
+            return String::from("no fold or period doubling to follow\n");
+        }
+        let mut text = String::new();
+        for BifurcationCurve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
+            let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
+            let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
+            let _infallible =
+                writeln!(text, "curve of {}s: {} points from {} to {}", kind.name(), points.len(), ends[0], ends[1]);
+            for turn in turns {
+                let SingularPoint { lambda, mu, .. } = turn.point;
+                let _infallible = writeln!(text, "  {} at {first} = {lambda:.9}, {second} = {mu:.9}", turn_name(turn));
+            }
+        }
+        text
+    }
+
+    /// The plane of both quantities with the curves in it.
+    pub fn figure(&self, conditions: Subtitle) -> Figure {
+        let mut panel = Panel::new(Axis::linear(&self.first.label), Axis::linear(&self.second.label));
+        for (kind, label, color, dash) in [
+            (BifurcationKind::Fold, "fold", Color::Black, Dash::Solid),
+            (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion, Dash::Chain),
+        ] {
+            let of_kind = self.curves.iter().filter(|curve| curve.kind == kind);
+            for (k, curve) in of_kind.enumerate() {
+                let line = Series::line(label, color, curve.curve.points.iter().map(|p| (p.lambda, p.mu)).collect())
+                    .style(Style::Line { color, width: 1.6, dash });
+                panel = panel.with(if k == 0 { line } else { line.unlabelled() });
+            }
+        }
+        // A curve that returns to the branch also ends on it.
+        let starts: Vec<_> =
+            self.curves.iter().flat_map(|curve| curve.curve.on_the_branch()).map(|p| (p.lambda, p.mu)).collect();
+        if !starts.is_empty() {
+            panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
+        }
+        let cusps = self.curves.iter().flat_map(|curve| &curve.curve.turns).filter(|turn| turn.is_cusp);
+        let cusps: Vec<_> = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
+        if !cusps.is_empty() {
+            panel = panel.with(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
+        }
+        Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
+    }
+}
+
+/// The name of a turn in results.
+fn turn_name(turn: &Turn) -> &'static str {
+    if turn.is_cusp { "cusp" } else { "turn" }
+}

@@ -1,0 +1,92 @@
+//! Measured resonance zones over the computed responses.
+
+use crate::figures::{branch_plot, captions};
+use crate::walk_point::WalkPoint;
+use resonarm::experiment::Score;
+use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
+
+/// A zone as it is drawn.
+pub(crate) struct View<'a> {
+    /// The joint that moves most in it, 0 or 1.
+    pub joint: usize,
+    pub force_n: f64,
+    pub score: &'a Score,
+    pub walk: &'a [WalkPoint],
+    pub backbone: &'a [WalkPoint],
+    pub up: &'a [WalkPoint],
+    pub down: &'a [WalkPoint],
+}
+
+/// Above: the amplitudes of both links over all frequencies. Below: each zone where its response bends.
+pub(crate) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> Figure {
+    let forces: Vec<_> = views.iter().map(|view| format!("{} N", view.force_n)).collect();
+    let conditions = captions::pose(&scenario.arm).and(format!("along x at C: {}", forces.join(" and ")));
+    let conditions = conditions.and(if interrupted { "interrupted" } else { "" });
+    let mut figure = Figure::new("Resonance zones, measured on the bench and computed").subtitle(conditions);
+    figure.columns = 2;
+    for joint in 0..2 {
+        let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
+        let panel = panel.title(format!("Link {}", joint + 1));
+        // One legend, on the far right: its panel has both zones.
+        let panel = panel.legend(if joint == 1 { Legend::Outside } else { Legend::None });
+        figure = figure.with(views.iter().fold(panel, |panel, view| with_view(panel, view, joint)));
+    }
+    for (index, view) in views.iter().enumerate() {
+        let (low_hz, high_hz) = range(view);
+        let x = Axis::linear("frequency (Hz)").range(low_hz, high_hz);
+        let panel = Panel::new(x, Axis::linear(captions::largest(view.joint)));
+        let panel = panel.title(format!("Zone {}, {} N", index + 1, view.force_n)).legend(Legend::None);
+        figure = figure.with(with_view(panel, view, view.joint));
+    }
+    figure
+}
+
+/// The computed response and backbone, and the measured points over them.
+fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
+    let panel = branch_plot::with_branches(panel, &[&view.score.branch], joint);
+    let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint]));
+    let thin = Style::Line { color: Color::Black, width: 0.8, dash: Dash::Chain };
+    let mut panel = panel.with(Series::line("backbone", Color::Black, backbone.collect()).style(thin));
+    for (label, color, shape, points) in [
+        ("sine up", Color::Vermillion, Marker::Triangle, view.up),
+        ("sine down", Color::Purple, Marker::Square, view.down),
+        ("phase walk", Color::Green, Marker::Circle, view.walk),
+        ("phase lock", Color::Black, Marker::Diamond, view.backbone),
+    ] {
+        panel = marked(panel, label, (color, shape), points, joint);
+    }
+    panel
+}
+
+/// Settled points; the others are only in the data.
+fn marked(panel: Panel, label: &str, (color, shape): (Color, Marker), points: &[WalkPoint], joint: usize) -> Panel {
+    let settled = points.iter().filter(|point| point.settled);
+    let places: Vec<_> = settled.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+    if places.is_empty() {
+        return panel;
+    }
+    let style = Style::Markers { color, shape, size: 5.0, filled: false };
+    panel.with(Series::markers(label, color, shape, places).style(style))
+}
+
+/// The range where a zone bends: five times the distance of its folds, or where the walk's lag is from 20° to 160°, or
+/// the whole zone.
+fn range(view: &View) -> (f64, f64) {
+    let ends = |hz: &mut dyn Iterator<Item = f64>| {
+        hz.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), hz| (low.min(hz), high.max(hz)))
+    };
+    let folds = ends(&mut view.score.folds_hz.iter().copied());
+    let inner = view.walk.iter().filter(|point| (20.0..=160.0).contains(&point.phase_deg));
+    let inner = ends(&mut inner.map(|point| point.frequency_hz));
+    let ((low, high), margin) = if folds.0 < folds.1 {
+        (folds, 2.0)
+    } else if inner.0 <= inner.1 {
+        (inner, 0.1)
+    } else {
+        (ends(&mut view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz)), 0.0)
+    };
+    // A single point gets a thousandth to each side.
+    let margin_hz = if low < high { margin * (high - low) } else { 1e-3 * high };
+    (low - margin_hz, high + margin_hz)
+}
