@@ -1,7 +1,7 @@
 //! Logs of other tools as recordings.
 //!
 //! An imported recording holds frames alone. It can be replayed; with the scenario of the network that was logged, what
-//! its controller read can be read again (`replay::responses` of the crate `resonarm-session`). It has no states, so that
+//! its controller read can be read again (`replay::responses` of the crate `resonarm-session`). It has no states, so
 //! it can't be simulated again.
 
 use std::fs;
