@@ -201,7 +201,7 @@ def test_what_is_no_address_is_said(programs, given):
     run = programs.resonarm("run", "--mode", "free", "--live", given)
     assert run.wait() == 2
     expected = "not an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080"
-    assert run.stderr == f"resonarm: --live is `{given}`: {expected}\n"
+    assert run.stderr == f"resonarm: --live is `{given}`, {expected}\n"
 
 
 def test_nothing_listens_unless_it_is_asked_for(programs):

@@ -207,7 +207,7 @@ def test_whoever_ends_first_is_told(tmp_path, programs, end, status, said):
     ("arguments", "status", "said"),
     [
         (["vcan0"], 2, "--frequencies-hz: 1 to 16 of them"),
-        (["vcan0", "--frequencies-hz", "12,nan"], 2, "--frequencies-hz: 1 to 16 numbers with commas between them"),
+        (["vcan0", "--frequencies-hz", "12,nan"], 2, "--frequencies-hz: 1 to 16 numbers separated by commas"),
         (["vcan0", "--frequencies-hz", "100"], 2, "--frequencies-hz: above 0.001 Hz and at most a twelfth of the rate"),
         (["vcan0", *HELD, "--base", "0x201"], 2, "--base: a multiple of 0x10 from 0x180 to 0x570"),
         (["vcan0", *HELD, "--plant-id", "2"], 2, "--plant-id, --exciter-id: two numbers from 1 to 127"),
